@@ -15,7 +15,7 @@ from hpop.planners import Lattice
 from hpop.runtime.status import Budget
 from hpop.runtime.sweep import processes
 from hpop.scenario import load_scenario
-from hpop.search.machinery.approximation import ANYTHING, thinned
+from hpop.search.machinery.approximation import ANYTHING, thin_front
 from hpop.search.machinery.kernels import least_covered
 from hpop.world.content.content import Landmark, Person, Zone
 from tests.own_criteria import NEEDED
@@ -158,5 +158,5 @@ def test_the_least_that_a_cost_covers_is_found_up_to_the_largest_numbers(cost, e
 def test_thinning_does_not_overflow():
     costs = np.array([[1, ANYTHING], [ANYTHING, 1]], np.int64)
     none = np.zeros((0, 2), np.int64)
-    assert thinned(costs, none, 1e6, np.array([ANYTHING, ANYTHING])).tolist() == [1]
-    assert thinned(costs, none, 0.0, np.zeros(2, np.int64)).tolist() == [0, 1]
+    assert thin_front(costs, none, 1e6, np.array([ANYTHING, ANYTHING])).tolist() == [1]
+    assert thin_front(costs, none, 0.0, np.zeros(2, np.int64)).tolist() == [0, 1]

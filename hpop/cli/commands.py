@@ -335,7 +335,7 @@ def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:
             f"plans with {', '.join(planner.name for planner in chosen)}; "
             + ("plan with one of them at a time" if keeping else "leave it out, or take one of these")
         )
-    Checkpoint(checkpoint).place()
+    Checkpoint(checkpoint).checked_path()
     kept: Any = replace(cast(Any, keeping[0]), checkpoint=checkpoint)
     return tuple(kept if planner is keeping[0] else planner for planner in chosen)
 

@@ -22,7 +22,7 @@ from hpop.drive.closings import Closing, chains_closed, closed_arcs, no_way_out,
 from hpop.frontier import is_nondominated
 from hpop.motions import Motions, States
 from hpop.planners.base import Candidates
-from hpop.planners.graphs.assemble import assemble, claimed_with_known, search_stats
+from hpop.planners.graphs.assemble import assemble, claim_with_known_paths, search_stats
 from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED, with_ends
 from hpop.planners.graphs.query import Query
 from hpop.planners.graphs.state_graph import StateGraph
@@ -322,7 +322,9 @@ class DriveGraph:
             kept.open(np.flatnonzero(before.closed & ~self.closed))
             kept.close(np.flatnonzero(self.closed & ~before.closed))
             return kept
-        made = Prepared(self.graph if self.query.tie_broken is None else self.query.tie_broken, self.query.goals)
+        made = Prepared(
+            self.graph if self.query.graph_with_tie_break is None else self.query.graph_with_tie_break, self.query.goals
+        )
         made.close(np.flatnonzero(self.closed))
         return made
 
@@ -373,7 +375,7 @@ class DriveGraph:
         """Return paths from a node as candidates of the planner that laid out the graph, with their claim."""
         query = replace(self.query, start=node, closed=self.closed)
         reason = self.closed_in(node) if paths.status is Status.NO_PATH else ""
-        claim, stats = claimed_with_known(paths, query.where), search_stats(paths, paths.gap)
+        claim, stats = claim_with_known_paths(paths, query.where), search_stats(paths, paths.gap)
         return assemble(self.name, query, paths, claim, reason=reason, stats=stats)
 
     def closed_in(self, node: int) -> str:

@@ -25,7 +25,7 @@ from hpop.drive.plan import SAME, closed_trajectories, joined, part
 from hpop.drive.surroundings import DriveSurroundings
 from hpop.motions import States
 from hpop.planners.base import Candidates
-from hpop.planners.graphs.assemble import assemble, at_memory_limit, claimed_with_known, search_stats
+from hpop.planners.graphs.assemble import assemble, claim_with_known_paths, memory_limit_notes, search_stats
 from hpop.planners.graphs.timed.assembly import timed_graph
 from hpop.planners.graphs.timed.clock import TimeOptions
 from hpop.planners.graphs.timed.notice import MovingPeople
@@ -230,11 +230,11 @@ class TimedDriveGraph:
         timing = Timing(self.timed, node, self.options, people, commit.time - self.since, late)
         goals, seconds = [*self.untimed.query.goals], self.timed.seconds
         query = on_clock(timing, self.objectives, node, goals, build_seconds=seconds, closed=self.untimed.closed)
-        claim, stats = claimed_with_known(paths, query.where, query.rounded), search_stats(paths, paths.gap)
+        claim, stats = claim_with_known_paths(paths, query.where, query.rounded), search_stats(paths, paths.gap)
         reason = ""
         if paths.status is Status.NO_PATH and not timing.is_open_alone(query):
             reason = self.untimed.closed_in(node)
-        return assemble(name, query, paths, claim, reason=reason, notes=at_memory_limit(paths), stats=stats)
+        return assemble(name, query, paths, claim, reason=reason, notes=memory_limit_notes(paths), stats=stats)
 
 
 def _start(state: States, time: float) -> Start:

@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Deferred(Sequence[Trajectory]):
-    """Trajectories that are built on first use: all at once, or only selected rows.
+    """Sequence of trajectories that are built on first use: all at once, or only selected rows.
 
-    number  of trajectories
-    make    builds the trajectories of given rows
+    number  number of trajectories
+    make    function that builds the trajectories of given rows
     """
 
     number: int
@@ -65,18 +65,18 @@ T = TypeVar("T", bound=type)
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Candidates:
-    """Candidate trajectories of a planner, with their costs and its claim.
+    """Candidate trajectories of a planner, with their planned costs and the planner's claim.
 
-    objectives    the criteria that it optimised, in the order of the columns of ``planned``
-    filters       further criteria that it could not optimise, but by which the front is filtered
-    trajectories  n of them; the sequence may build them on first use
-    planned       (n, k) costs as the planner added them up, in the criteria's units
-    tolerance     (n, k) by how much a re-evaluated cost may differ from the planned one
+    objectives    criteria that the planner optimised, in the order of the columns of ``planned``
+    filters       criteria that the planner could not optimise, but by which the front is filtered
+    trajectories  n trajectories; the sequence may build them on first use
+    planned       (n, k) costs as the planner added them up, in the units of the criteria
+    tolerance     (n, k) largest difference between a planned and a re-evaluated cost
     status        how the planner ended
-    certificate   the claim, in words
-    provenance    one JSON-able dict a trajectory
-    notes         for the user: an objective that stands in for another, a door that blocks the path
-    stats         counts and seconds by name, JSON-able, which `hpop plan` prints
+    certificate   claim of the planner, as text
+    provenance    one dict per trajectory: planner, options and stage; JSON-able
+    notes         remarks for the user: an objective that stands in for another, a door that blocks the path
+    stats         counts and seconds by name, JSON-able; `hpop plan` prints them
     """
 
     objectives: tuple[Criterion, ...]
@@ -96,9 +96,9 @@ class Candidates:
         return replace(self, status=status, certificate=f"{self.certificate}; the exact search is not done")
 
     def spread(self, number: int) -> Candidates:
-        """Return the best candidate of each planned cost, and more at equal intervals in the order of the costs.
+        """Return at most ``number`` candidates: the best of each planned cost, and others spread over the front.
 
-        ``number`` bounds how many are returned.
+        The others lie at equal intervals in the lexicographic order of the costs.
         """
         order = np.lexsort(self.planned.T[::-1])
         count = min(max(0, number - self.planned.shape[1]), order.size)
@@ -106,7 +106,7 @@ class Candidates:
         return self.subset(np.unique(np.concatenate([self.planned.argmin(axis=0), spaced])))
 
     def subset(self, indices: Sequence[int] | IntArray) -> Candidates:
-        """Return the candidates of some rows, in that order; claim, notes and stats stay."""
+        """Return the candidates of some rows, in that order, with the same claim, notes and stats."""
         rows, trajectories = [int(i) for i in indices], self.trajectories
         return replace(
             self,
@@ -163,13 +163,13 @@ class Planner(Protocol):
         candidates that ``solve`` did not find. After Ctrl-C in a stage its candidates are INTERRUPTED and no other
         stage follows. A planner that sweeps takes its executor here as well.
         """
-        return _solved(self, problem, progress, **on_executor)
+        return _only_stage(self, problem, progress, **on_executor)
 
     def anchored(self) -> Planner:
         """Return a planner with these options on a graph that does not depend on the start; itself by default."""
         return self
 
-    if TYPE_CHECKING:  # the defaults are set by `_completed`, so that a dataclass may have a field of each name
+    if TYPE_CHECKING:  # the defaults are set by `_with_defaults`, so that a dataclass may have a field of each name
 
         @property
         def needs(self) -> frozenset[str]: ...
@@ -234,10 +234,10 @@ def stages_of(
     yield from planner.stages(problem, progress, **on_executor)
 
 
-def _solved(
+def _only_stage(
     self: Planner, problem: Problem, progress: ProgressCallback | None = None, **on_executor: Any
 ) -> Iterator[Candidates]:
-    """Yield the result of ``solve`` as the only stage."""
+    """Yield the result of ``solve`` as the only stage: the default of :meth:`Planner.stages`."""
     yield self.solve(problem, progress, **on_executor)
 
 
@@ -255,17 +255,17 @@ _DEFAULTS: dict[str, Any] = {
     "graph_options": (),
     "graph_of_drives": None,
     "time_options": None,
-    "stages": _solved,
+    "stages": _only_stage,
     "anchored": lambda planner: planner,
 }
 """Defaults of the attributes that a planner class does not define."""
 
 
 def joined(before: Candidates | None, now: Candidates) -> Candidates:
-    """Return the candidates of a stage with those of earlier stages.
+    """Return the candidates of a stage, ``now``, together with those of earlier stages, ``before``.
 
-    A final answer is joined only with earlier candidates that it does not cover: if it is approximate, or if criteria
-    filter the front, in which an earlier path may be better.
+    An exact final answer stands alone. If it is approximate, or if criteria filter the front, an earlier candidate may
+    be better in some cost, and the earlier candidates that the answer does not cover are added.
     """
     if before is None or not before.trajectories:
         return now
@@ -291,7 +291,7 @@ def joined(before: Candidates | None, now: Candidates) -> Candidates:
 
 
 def motions_key(trajectory: Trajectory) -> tuple[Any, ...]:
-    """Return a hashable key of a trajectory: its motions and states."""
+    """Return a hashable key that is equal for trajectories with equal motions and states."""
     states = trajectory.states
     return (trajectory.kinds, *(getattr(states, name).tobytes() for name in states.names))
 
@@ -309,13 +309,13 @@ def planner(name: str) -> Callable[[T], T]:
         if not dataclasses.is_dataclass(cls) or not callable(getattr(cls, "solve", None)):
             raise OptionError(f"planner {name!r} must be a dataclass with a method solve(problem, progress)")
         setattr(cls, "name", name)  # noqa: B010  (a type variable has no attribute to assign)
-        planners.add(name, _completed(cls))
+        planners.add(name, _with_defaults(cls))
         return checked_arguments(cls)
 
     return declare
 
 
-def _completed(cls: Any) -> Any:
+def _with_defaults(cls: Any) -> Any:
     """Add the defaults of the contract to a planner class."""
     with_optional_members(cls, _DEFAULTS)
     if not isinstance(cls.needs, frozenset | property):
@@ -325,7 +325,7 @@ def _completed(cls: Any) -> Any:
 
 @checked_arguments
 def make_planner(spec: PlannerSpec, options: Mapping[str, Any] | None = None) -> Planner:
-    """Return a planner from its name and options, from ``{name: {option: value}}`` as in a scenario, or itself.
+    """Return the planner that a spec names: a name with options, ``{name: {option: value}}``, or a planner.
 
     Raises UnknownName for a name that is not registered and OptionError for unknown options.
     """
@@ -341,5 +341,5 @@ def make_planner(spec: PlannerSpec, options: Mapping[str, Any] | None = None) ->
             f"solve(problem), got {shown(spec)}"
         )
     if not all(hasattr(spec, attribute) for attribute in _DEFAULTS):
-        _completed(type(spec))
+        _with_defaults(type(spec))
     return spec

@@ -33,31 +33,32 @@ EPSILON_TOLERANCE = 1e-3  # relative: a re-evaluated cost may exceed its bound b
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """Faults of candidates.
+    """Result of judging n candidates.
 
-    costs    (n, k) re-evaluated; NaN for trajectories that miss an end or leave the map
-    reasons  n, why each is rejected; "" for accepted ones
+    costs    (n, k) re-evaluated costs; NaN for trajectories that miss an end or leave the map
+    reasons  for each candidate the reason of its rejection; "" if it is accepted
     """
 
     costs: FloatArray
     reasons: tuple[str, ...]
 
     @property
-    def kept(self) -> IntArray:
+    def accepted_rows(self) -> IntArray:
         """Indices of the accepted candidates."""
         return np.flatnonzero([not reason for reason in self.reasons])
 
     @property
-    def dropped(self) -> dict[str, int]:
+    def rejection_counts(self) -> dict[str, int]:
         """Numbers of rejected candidates, by reason."""
         return dict(Counter(reason for reason in self.reasons if reason))
 
     def notes(self, planner: str) -> tuple[str, ...]:
-        """Return a line with the number of rejected candidates and the reasons, or nothing if all are accepted."""
-        if not self.dropped:
+        """Return one note with the number of rejected candidates and the reasons, or () if all are accepted."""
+        if not self.rejection_counts:
             return ()
-        why = ", ".join(f"{reason} ({count})" for reason, count in sorted(self.dropped.items()))
-        return (f"{planner}: {len(self.reasons) - self.kept.size} of {len(self.reasons)} candidates dropped: {why}",)
+        why = ", ".join(f"{reason} ({count})" for reason, count in sorted(self.rejection_counts.items()))
+        rejected = len(self.reasons) - self.accepted_rows.size
+        return (f"{planner}: {rejected} of {len(self.reasons)} candidates dropped: {why}",)
 
 
 @checked_arguments
@@ -70,7 +71,7 @@ def judge(
     planned: FloatArray | None = None,
     tolerance: FloatArray | None = None,
 ) -> Judgement:
-    """Re-evaluate candidates and return the gravest fault of each.
+    """Re-evaluate candidates and reject those with a fault; the gravest fault of each is reported.
 
     Collisions are checked on the model's planning geometry, which never misses one.
 
@@ -92,7 +93,7 @@ def judge(
         problem.world,
         table=table if len(usable) == count > 1 else None,
     )
-    free = _free(problem, table, trajectories, usable)
+    free = _free_trajectories(problem, table, trajectories, usable)
     for i in usable:
         if not free[i]:
             reasons[i] = "collides"
@@ -131,14 +132,14 @@ def trusted(
         candidates = replace(candidates, status=Status.INTERRUPTED)
         judged = judge(problem, candidates.objectives, candidates.trajectories, **limits)
     return replace(
-        candidates.subset(judged.kept),
+        candidates.subset(judged.accepted_rows),
         notes=(*candidates.notes, *judged.notes(planner)),
-        stats={**candidates.stats, "dropped": judged.dropped},
+        stats={**candidates.stats, "dropped": judged.rejection_counts},
     )
 
 
 def accepted(epsilon: FloatArray, objectives: Sequence[Criterion]) -> FloatArray:
-    """Return the largest accepted costs (k,) under bounds: the tolerance or half a quantum above them."""
+    """Return the largest accepted costs (k,) for bounds ``epsilon`` (k,): a tolerance or half a quantum more."""
     quanta = np.array([0.5 * criterion.quantum for criterion in objectives])
     return np.asarray(epsilon + np.maximum(EPSILON_TOLERANCE * np.abs(epsilon), quanta))
 
@@ -160,7 +161,7 @@ def are_free(problem: Problem, trajectories: Sequence[Trajectory]) -> BoolArray:
     """Return whether each trajectory (n,) is free of collisions throughout, on the exact geometry."""
     if not len(trajectories):
         return np.zeros(0, dtype=bool)
-    return _free(problem, MotionTable.of(trajectories), trajectories, range(len(trajectories)))
+    return _free_trajectories(problem, MotionTable.of(trajectories), trajectories, range(len(trajectories)))
 
 
 def _faults_of_ends(problem: Problem, table: MotionTable) -> list[str]:
@@ -178,13 +179,13 @@ def _faults_of_ends(problem: Problem, table: MotionTable) -> list[str]:
     return reasons
 
 
-def _free(
+def _free_trajectories(
     problem: Problem, table: MotionTable, trajectories: Sequence[Trajectory], selected: Sequence[int]
 ) -> BoolArray:
-    """Return whether each trajectory of a table is free; those with curves are checked only if listed in ``selected``.
+    """Return whether each trajectory of a table is free, (n,).
 
-    A motion that several trajectories share is checked once. Curves depend on their neighbours, so they are checked
-    with their trajectory, as are trajectories without motions.
+    A motion that several trajectories share is checked once. Curves depend on their neighbours, so trajectories with
+    curves, and those without motions, are checked one by one, and only if ``selected`` lists them.
     """
     collision = problem.model.collision(problem.world)
     colliding = np.zeros(len(table), dtype=bool)
@@ -201,7 +202,7 @@ def _free(
 
 
 def on_map(problem: Problem, states: States) -> BoolArray:
-    """Return whether the base (M,) is within the bounds of the world; True for a robot without a base."""
+    """Return whether the base is within the bounds of the world in each state (M,); True for a robot without a base."""
     if "base" not in problem.model.provides:
         return np.ones(states.size, dtype=bool)
     base, (x_min, y_min, x_max, y_max) = problem.model.pose("base", states), problem.world.bounds
@@ -223,10 +224,10 @@ def evaluable_in_time(
     evaluate: Callable[[Candidates], object],
     clock: Callable[[], float] = perf_counter,
 ) -> Candidates:
-    """Return as many candidates, spread over all, as can be evaluated in the remaining time, and note the omission.
+    """Return as many candidates, spread over the front, as can be evaluated in the remaining time; note the omission.
 
-    The best point of each cost is always among them, and a few points are returned even if no time remains. Without a
-    limit, and after Ctrl-C, all are returned.
+    The best candidate of each cost is always returned, and a few candidates even if no time remains. Without a limit,
+    and after Ctrl-C, all candidates are returned.
 
     Parameters
     ----------
@@ -238,7 +239,7 @@ def evaluable_in_time(
     if left() is None or len(candidates.trajectories) <= few:
         return candidates
     try:
-        number = _number(candidates, few, left, evaluate, clock)
+        number = _affordable_number(candidates, few, left, evaluate, clock)
     except KeyboardInterrupt:
         return replace(candidates, status=Status.INTERRUPTED)
     if number >= len(candidates.trajectories):
@@ -256,14 +257,14 @@ def evaluable_in_time(
     )
 
 
-def _number(
+def _affordable_number(
     candidates: Candidates,
     few: int,
     left: Callable[[], float | None],
     evaluate: Callable[[Candidates], object],
     clock: Callable[[], float],
 ) -> int:
-    """Return how many points can be evaluated in the remaining time, estimated from samples."""
+    """Return the number of candidates that can be evaluated in the remaining time, estimated from ``few`` and more."""
     count = len(candidates.trajectories)
     evaluate(candidates.spread(1))  # computes the fields, a cost that occurs once
     size, took = 0, 0.0

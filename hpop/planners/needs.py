@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def refuse_unsupported(planner: Planner, model: Model) -> None:
-    """Raise UnsupportedModel where a model lacks capabilities that a planner needs; names planners that work."""
+    """Raise UnsupportedModel if a model lacks capabilities that a planner needs; the error names suitable planners."""
     lacking = planner.needs - model.provides
     if not lacking:
         return
@@ -53,7 +53,7 @@ def people_move(problem: Problem) -> bool:
 
 
 def refuse_moving(problem: Problem, what: str) -> None:
-    """Raise QueryError where people move; ``what`` names the planner that has no clock."""
+    """Raise QueryError if people move; ``what`` names the planner, which has no clock."""
     people = problem.world.content.people
     moving = [person.name or f"number {i}" for i, person in enumerate(people) if person.moves]
     if moving:
@@ -66,13 +66,13 @@ def refuse_moving(problem: Problem, what: str) -> None:
 
 
 def in_plane(model: Model) -> PlanarModel:
-    """Return a model that provides "plane", typed as such; UnsupportedModel for others."""
-    return cast(PlanarModel, _having(model, "plane"))
+    """Return the model as a PlanarModel; raise UnsupportedModel unless it provides "plane"."""
+    return cast(PlanarModel, _with_capability(model, "plane"))
 
 
 def on_wheels(model: Model) -> Wheeled:
-    """Return a model that provides "wheels" and has the law of curves, typed as such; UnsupportedModel for others."""
-    if "drive" not in _having(model, "wheels").laws:
+    """Return the model as a Wheeled one; raise UnsupportedModel unless it provides "wheels" and the law of curves."""
+    if "drive" not in _with_capability(model, "wheels").laws:
         raise UnsupportedModel(
             f"curves are planned by the law 'drive', hpop.models.driven.Drive(), which {model.name} does not have: its "
             f"laws are {', '.join(model.laws)}"
@@ -81,7 +81,7 @@ def on_wheels(model: Model) -> Wheeled:
 
 
 def reaches(model: PlanarModel, world: World) -> tuple[tuple[Heights, float], ...]:
-    """Return height ranges with different obstacles, each with the largest reach of the robot's parts there, m."""
+    """Return the height ranges of the robot's parts and, for each, the largest reach of these parts, m."""
     by_space: dict[int, tuple[Heights, float]] = {}
     for part in model.platform:
         z = (part.z_min, part.z_max)
@@ -90,7 +90,7 @@ def reaches(model: PlanarModel, world: World) -> tuple[tuple[Heights, float], ..
     return tuple(by_space.values())
 
 
-def _having(model: Model, what: str) -> Model:
+def _with_capability(model: Model, what: str) -> Model:
     if what not in model.provides:
         raise UnsupportedModel(f"this needs a model with {what}, which {model.name} does not provide")
     return model
@@ -101,43 +101,43 @@ End = tuple[float, float, float | None]
 
 
 def start_of(problem: Problem) -> tuple[float, float, float]:
-    """Return the start of the problem in the plane."""
-    return cast(tuple[float, float, float], _in_plane(problem, problem.start))
+    """Return the start of the problem in the plane: x, m, y, m, and yaw, rad."""
+    return cast(tuple[float, float, float], _end_in_plane(problem, problem.start))
 
 
 def goals_of(problem: Problem) -> tuple[End, ...]:
-    """Return the goals of the problem in the plane; QueryError for a goal that is no set of states."""
-    return tuple(_in_plane(problem, goal) for goal in problem.goals)
+    """Return the goals of the problem in the plane; raise QueryError for a goal that is no set of states."""
+    return tuple(_end_in_plane(problem, goal) for goal in problem.goals)
 
 
 def one_goal(problem: Problem, what: str) -> End:
-    """Return the only goal; QueryError for several, which names the planners that take them."""
+    """Return the only goal; raise QueryError for several goals, with the planners that take several."""
     goals = goals_of(problem)
     if len(goals) > 1:
-        able = _able(problem, "goal_sets")
+        able = _capable_planners(problem, "goal_sets")
         raise QueryError(f"{what} takes one goal, got a set of {len(goals)}; planners that take a set are {able}")
     return goals[0]
 
 
 def check_goal(problem: Problem, planner: Planner) -> None:
-    """Raise QueryError where a planner does not take the problem's kind of goal; names planners that do."""
+    """Raise QueryError if a planner does not take the problem's kind of goal; the error names suitable planners."""
     if problem.target.listed and not planner.goal_sets:
         one_goal(problem, planner.name)
     if not problem.target.listed and not planner.any_goal:
         raise QueryError(
             f"{planner.name} needs a goal that is a state, or a list of states, got {problem.target}; planners that "
-            f"take any goal are {_able(problem, 'any_goal')}"
+            f"take any goal are {_capable_planners(problem, 'any_goal')}"
         )
 
 
-def _able(problem: Problem, kind: Literal["goal_sets", "any_goal"]) -> str:
-    """Return the names of the planners that take goals of a kind and the problem's model."""
+def _capable_planners(problem: Problem, kind: Literal["goal_sets", "any_goal"]) -> str:
+    """Return the names of the planners that take this kind of goal and the problem's model, as text."""
     provided = problem.model.provides
     able = [name for name, planner in planners.items() if planner.needs <= provided]
     return ", ".join(name for name in able if getattr(planners[name], kind))
 
 
-def _in_plane(problem: Problem, values: Values) -> End:
+def _end_in_plane(problem: Problem, values: Values) -> End:
     by_name = dict(zip(problem.model.space.names, values, strict=True))
     return cast(End, tuple(by_name[name] for name in ("x", "y", "yaw")))
 
@@ -151,16 +151,16 @@ BLOCK = 512
 
 
 def nearest_free(model: Model, world: World, state: States) -> States | None:
-    """Return the state (1,) moved to the nearest position where the robot is free, with coordinates of few decimals.
+    """Return the state (1,) moved to the nearest position at which the robot is free, with rounded coordinates.
 
-    A free heading (NaN) becomes one of eight, other free angles 0. None where no position within 300 m is free, or the
-    robot's states have no x and y.
+    A heading that may have any value (NaN) becomes one of eight headings, other such angles 0. Returns None if no
+    position within 300 m is free, or if the robot's states have no x and y.
     """
     if not {"x", "y"} <= set(model.space.names):
         return None
     collision = model.collision(world)
     for positions in _positions(world, float(state.x[0]), float(state.y[0])):
-        tried = _at(state, positions)
+        tried = _states_at(state, positions)
         free = np.flatnonzero(collision.states_free(tried))
         if free.size:
             return tried.take(free[:1])
@@ -168,7 +168,7 @@ def nearest_free(model: Model, world: World, state: States) -> States | None:
 
 
 def elsewhere(model: Model, world: World, state: States) -> str:
-    """Return a sentence on the nearest free position, to follow the reason why a state (1,) is blocked, or ""."""
+    """Return a sentence for errors that names the nearest free position of a blocked state (1,), or ""."""
     free = nearest_free(model, world, state)
     if free is None:
         return ""
@@ -194,8 +194,8 @@ def _positions(world: World, x: float, y: float) -> Iterator[FloatArray]:
         inner = reach
 
 
-def _at(state: States, positions: FloatArray) -> States:
-    """Return the state at each of some positions (N, 2), at each heading that is tried."""
+def _states_at(state: States, positions: FloatArray) -> States:
+    """Return the state moved to positions (N, 2), m; with each of the eight headings if the heading may be any."""
     headings = np.arange(HEADINGS) * 2 * np.pi / HEADINGS if np.isnan(getattr(state, "yaw", np.zeros(1))[0]) else None
     count = 1 if headings is None else headings.size
     columns = {name: np.full(len(positions) * count, np.nan_to_num(getattr(state, name)[0])) for name in state.names}

@@ -67,11 +67,11 @@ def integral_of(mean: Criterion) -> Criterion:
 
 @dataclass(frozen=True)
 class Objectives:
-    """Criteria split by how a planner with additive edge costs treats them.
+    """Criteria of a problem, split by how a planner with costs of edges treats them.
 
     optimised  criteria that add up or take the worst edge; the integral replaces each time-mean
-    means      the time-means that are only reported
-    filters    criteria with memory: evaluated on the trajectories found, and used to filter them
+    means      time-means, which are only reported
+    filters    criteria with memory, which are evaluated on the trajectories found and filter these
     notes      one line for each criterion that is not optimised
     """
 
@@ -86,13 +86,13 @@ class Objectives:
 
     @property
     def names(self) -> str:
-        """The optimised criteria, in words."""
+        """Names of the optimised criteria, as text."""
         return ", ".join(criterion.name for criterion in self.optimised)
 
     def at_most(self, max_turns: int | None) -> list[int | None]:
-        """Return bounds (k,) on the costs, or an empty list where turns are not bounded.
+        """Return an upper bound or None for each cost, or [] if turns are not bounded.
 
-        Raises OptionError where turns are bounded but are none of the costs.
+        Raises OptionError if turns are bounded but not a cost.
         """
         if max_turns is None:
             return []
@@ -108,8 +108,8 @@ class Objectives:
     def certificate(self) -> str:
         """Return the claim for criteria that were not optimised.
 
-        An optimum of the integral need not be one of the mean. If the duration is minimised too, it is: a trajectory
-        that is better in the mean and no worse in the other costs would also be better in the integral.
+        A trajectory that is optimal in the integral need not be optimal in the mean. If the duration is minimised too,
+        it is: a trajectory better in the mean and no worse in the other costs would also be better in the integral.
         """
         parts = []
         if self.means:
@@ -163,10 +163,11 @@ def edge_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objecti
 
 
 def quantised(costs: FloatArray, criterion: Criterion) -> IntArray:
-    """Edge costs (M,) as integers of the criterion's quantum; GraphError comes later if sums overflow.
+    """Return costs (M,) of edges as counts of the criterion's quantum, rounded up.
 
-    Costs are rounded up: a turn that costs no more than two turns in its place then still does, so that the search may
-    merge turns at a position. Rounded to the nearest, 0.4 + 0.4 would be 0, but 0.8 would be 1.
+    The search merges two turns at a position into one, if this costs no more. Rounding up keeps that property; rounding
+    to the nearest would not: 0.4 + 0.4 would become 0, but 0.8 would become 1. If sums overflow, the graph raises
+    GraphError later.
     """
     largest = float(costs.max(initial=0.0)) / criterion.quantum
     if largest > 2**52:

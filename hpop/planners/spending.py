@@ -42,10 +42,10 @@ OPTIONS = {Status.TIME_LIMIT: "time_limit", Status.MEMORY_LIMIT: "max_memory"}
 
 
 class Exhausted(limits.LimitPassed):
-    """Limit passed during building; planners catch it and report it in their result.
+    """Exception of a limit that is passed while a graph is built; planners report it in their result.
 
     status  the limit
-    doing   activity at that moment, in words
+    doing   description of the activity at that moment
     """
 
     def __init__(self, status: Status, doing: str) -> None:
@@ -62,7 +62,7 @@ class Limits(Budget):
 
     @classmethod
     def of(cls, budget: Budget | None) -> Limits:
-        """Return limits themselves, or those of a budget; None is no limit."""
+        """Return the limits of a budget, without checkpoint and progress; return Limits unchanged; None is no limit."""
         if isinstance(budget, Limits):
             return budget
         budget = budget or Budget()
@@ -72,37 +72,37 @@ class Limits(Budget):
 class Spending:
     """Account of a planning run: its limits, and the time and memory spent so far. Compiling is not charged.
 
-    limits  of the whole run
-    memory  bytes held by the parts built so far
+    limits  limits of the whole run
+    memory  bytes of the parts built so far
     cores   number of threads that build
     """
 
     def __init__(
         self, limits: Budget | None = None, *, spent: float = 0.0, memory: int = 0, cores: int | None = None
     ) -> None:
-        """Open the account; ``spent`` seconds and ``memory`` bytes are already used, such as for reading the map."""
+        """Open the account; ``spent`` seconds and ``memory`` bytes are used already, for example to read the map."""
         self.limits, self.cores = Limits.of(limits), cores or CORES
         self.memory = memory
         self._began = perf_counter() - spent
-        self._compiled = _compiling()
+        self._compiled = _compiling_seconds()
         self._beside = LATER if "hpop.runtime.compiled" in sys.modules else BESIDE
-        self._resident, self._looked = _resident() if self.limits.max_memory is not None else 0, 0.0
+        self._resident_bytes, self._looked = _resident_bytes() if self.limits.max_memory is not None else 0, 0.0
 
     def seconds(self) -> float:
         """Return the seconds since planning started, without compiling."""
-        return perf_counter() - self._began - (_compiling() - self._compiled)
+        return perf_counter() - self._began - (_compiling_seconds() - self._compiled)
 
     def until_limit(self) -> float | None:
-        """Return the seconds until the time limit, negative after it; None without one."""
+        """Return the seconds until the time limit, negative after it; None if there is no time limit."""
         return None if self.limits.time_limit is None else self.limits.time_limit - self.seconds()
 
     def report(self, stage: str) -> None:
-        """Tell the progress callback, if there is one, which stage begins."""
+        """Report the stage that begins to the progress callback, if there is one."""
         if self.limits.progress:
             self.limits.progress(Progress(stage))
 
     def left(self) -> Limits:
-        """Return the limits of a search that takes all that remains; raises Exhausted if nothing remains."""
+        """Return the limits of a search that may use all remaining time and memory; raise Exhausted if none remains."""
         self.check("the search was to begin")
         limit, most = self.limits.time_limit, self.limits.max_memory
         return replace(
@@ -112,13 +112,13 @@ class Spending:
         )
 
     def share(self, seconds: float) -> Limits:
-        """Return the limits of an early stage: some seconds, at most a quarter of the remaining time, no checkpoint."""
+        """Return the limits of an early stage without a checkpoint: ``seconds``, at most a quarter of the rest."""
         left = replace(self.left(), checkpoint=None)
         return replace(left, time_limit=seconds if left.time_limit is None else min(seconds, left.time_limit / 4))
 
     @contextmanager
     def paused(self) -> Iterator[None]:
-        """Stop the clock, for time that the caller takes, such as to draw the candidates of a stage."""
+        """Stop the clock during a ``with`` block, in which the caller may, for example, draw candidates."""
         before = self.seconds()
         try:
             yield
@@ -126,16 +126,16 @@ class Spending:
             self._began += self.seconds() - before  # compiling is not charged anyway
 
     def check(self, doing: str, memory: int = 0) -> None:
-        """Raise Exhausted where a limit is passed, or would be with ``memory`` bytes more.
+        """Raise Exhausted if a limit is passed, or would be with ``memory`` bytes more; ``doing`` says where.
 
-        A part of the time limit is reserved for evaluating the candidates. Memory that is not charged shows in the size
-        of the process, where the system reports it (Linux).
+        A part of the time limit is reserved for evaluating the candidates. Where the system reports the size of the
+        process (Linux), memory that is not charged counts as well.
         """
         limit, most = self.limits.time_limit, self.limits.max_memory
         if most is not None and self.memory + memory > most:
             raise Exhausted(Status.MEMORY_LIMIT, f"{doing}, which takes {_megabytes(self.memory + memory)}")
         if most is not None and perf_counter() - self._looked > EVERY:
-            grown, self._looked = _resident() - self._resident, perf_counter()
+            grown, self._looked = _resident_bytes() - self._resident_bytes, perf_counter()
             if grown > MORE * most + self._beside:
                 activity = f"{doing}, where the process had grown by {_megabytes(grown)}"
                 raise Exhausted(Status.MEMORY_LIMIT, activity)
@@ -143,16 +143,16 @@ class Spending:
             raise Exhausted(Status.TIME_LIMIT, doing)
 
     def hold(self, memory: int, doing: str) -> None:
-        """Charge bytes that stay allocated, before they are allocated."""
+        """Charge bytes that will stay allocated; raise Exhausted, before they are allocated, if they are too many."""
         self.check(doing, memory)
         self.memory += memory
 
     def release(self, memory: int) -> None:
-        """Return charged bytes."""
+        """Take bytes off the account that were charged and are freed."""
         self.memory -= memory
 
     def each(self, work: Callable[[A], B], blocks: Iterable[A], doing: str) -> Iterator[B]:
-        """Yield the results of ``work`` on each block, in order; raises Exhausted between blocks.
+        """Yield the result of ``work`` for each block, in order; raise Exhausted if a limit is passed in between.
 
         The first block runs alone: it computes the fields that all blocks read, and compiles kernels. Fields check the
         limits themselves, and count as memory.
@@ -194,18 +194,18 @@ class Limited(Protocol):
     """Planner with limits that include reading the map."""
 
     def budget(self) -> Budget:
-        """Return its limits."""
+        """Return the limits of the planner."""
 
 
 def common_spending(planners: Iterable[object]) -> Spending:
     """Return the account for work shared by several planners, such as reading a map: the largest of their limits."""
     budgets = [planner.budget() if isinstance(planner, Limited) else Budget() for planner in planners]
     seconds, memory = [budget.time_limit for budget in budgets], [budget.max_memory for budget in budgets]
-    return Spending(Budget(time_limit=_most(seconds), max_memory=_most(memory)))
+    return Spending(Budget(time_limit=_largest_limit(seconds), max_memory=_largest_limit(memory)))
 
 
-def _most(amounts: Sequence[N | None]) -> N | None:
-    """Return the largest of some limits, or None, no limit, if one is None."""
+def _largest_limit(amounts: Sequence[N | None]) -> N | None:
+    """Return the largest of some limits; None, which is no limit, if one of them is None."""
     limits = [amount for amount in amounts if amount is not None]
     return max(limits) if limits and len(limits) == len(amounts) else None
 
@@ -217,9 +217,9 @@ def _megabytes(size: int) -> str:
 def stopped(
     name: str, objectives: Objectives, stop: Exhausted, spending: Spending, first: Candidates | None = None
 ) -> Candidates:
-    """Return the result of the planner ``name`` after a limit was passed before its search, with advice.
+    """Return the result of the planner ``name`` if a limit was passed before its search, with advice in a note.
 
-    The result is the ``first`` answer, found on a part of its graph, or empty without one.
+    The result is the ``first`` answer, found on a part of the graph; without a first answer, it is empty.
     """
     costs = len(objectives.optimised)
     helps = f"take a larger step or fewer samples, fewer criteria, or raise {OPTIONS[stop.status]}"
@@ -246,8 +246,8 @@ def stopped(
     )
 
 
-def _resident() -> int:
-    """Return the bytes of memory of this process; 0 where the system does not report them."""
+def _resident_bytes() -> int:
+    """Return the bytes of memory of this process; 0 if the system does not report them."""
     try:
         with open("/proc/self/statm") as sizes:
             return int(sizes.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
@@ -255,7 +255,7 @@ def _resident() -> int:
         return 0
 
 
-def _compiling() -> float:
+def _compiling_seconds() -> float:
     """Return the seconds that this process has spent on compiling kernels; 0 before numba is imported."""
     compiled = sys.modules.get("hpop.runtime.compiled")
     return compiled.compiling_seconds() if compiled else 0.0

@@ -14,7 +14,7 @@ from hpop.base.text import shown
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.planners.base import Candidates, planner
-from hpop.planners.graphs.assemble import OFF, ROUNDED, assemble, looked_at
+from hpop.planners.graphs.assemble import OFF, ROUNDED, assemble, checked_edges_text
 from hpop.planners.graphs.family import GraphFamily, GraphSpec, NotBuilt, make_family
 from hpop.planners.graphs.lattice.family import LatticeGraph
 from hpop.planners.graphs.query import Query, built_query, refuse_unanswerable
@@ -32,7 +32,7 @@ Weights = tuple[tuple[float, ...], ...]
 
 
 def checked_weights(divisions: int | None, weights: Any) -> Weights | None:
-    """Return rows of weights as floats; raises OptionError for weights that are invalid for any costs."""
+    """Return rows of weights as floats, or None; raise OptionError for invalid weights, or weights and divisions."""
     if divisions is not None:
         divisions = checked_divisions(divisions)
     if weights is None:
@@ -47,7 +47,7 @@ def checked_weights(divisions: int | None, weights: Any) -> Weights | None:
 
 
 def check_count(weights: Weights | None, criteria: Sequence[Criterion]) -> None:
-    """Raise OptionError where a row does not have one weight for each criterion."""
+    """Raise OptionError if a row does not have one weight for each criterion."""
     for row in weights or ():
         if len(row) != len(criteria):
             names = ", ".join(criterion.name for criterion in criteria)
@@ -186,7 +186,7 @@ class WeightedSum:
             "weighted-sum",
             query,
             paths,
-            self._claim(paths.status.is_final, str(paths.status), query) + looked_at(query, paths),
+            self._claim(paths.status.is_final, str(paths.status), query) + checked_edges_text(query, paths),
             provenance=[{"weights": rows.tolist()} for rows in paths.weights],
             notes=paths.notes,
             stats=stats,

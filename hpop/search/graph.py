@@ -15,7 +15,7 @@ from hpop.base.arrays import BoolArray, IntArray, inserted
 from hpop.base.options import whole
 from hpop.base.text import shown
 from hpop.errors import GraphError
-from hpop.search.networks import Edges, network, unknown_label
+from hpop.search.networks import Edges, network_arrays, unknown_label
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -38,12 +38,12 @@ class Graph:
 
     indptr      (n + 1,)  int64  the arcs that leave node u are indptr[u] : indptr[u + 1]
     heads       (m,)      int32  the node to which an arc leads
-    costs       (m, k)    int64  non-negative, k from 1 to 6
+    costs       (m, k)    int64  costs of each arc, non-negative, k from 1 to 6
     arc         (m,)      int32  the index of the arc in the caller's arrays
     aggregates  (k,)      "sum" or "max" for every cost
     labels      (n,)      the caller's names of the nodes, or None
-    edges                 the edges and costs of a graph from networkx, or None
-    base                  the graph that this one extends (:meth:`extended`), or None
+    edges                 edges and exact costs of the networkx graph, if the graph was built from one, or None
+    base                  the graph to which this graph adds nodes and arcs (:meth:`extended`), or None
 
     Read-only arrays of these types are used without a copy.
 
@@ -151,7 +151,7 @@ class Graph:
         indptr = np.zeros(n + 1, np.int64)
         np.cumsum(np.bincount(tails_, minlength=n), out=indptr[1:])
         kinds = _aggregates(aggregates, costs_)
-        _own(indptr, heads_, costs_, order)
+        _make_read_only(indptr, heads_, costs_, order)
         return cls(indptr, cast(Any, heads_), costs_, cast(Any, order), kinds)
 
     @classmethod
@@ -171,7 +171,7 @@ class Graph:
         costs_ = _integers(costs, "costs", np.int64)
         order = np.arange(len(costs_) if costs_.ndim else 0, dtype=np.int32)
         kinds = _aggregates(aggregates, costs_)
-        _own(costs_, order)
+        _make_read_only(costs_, order)
         return cls(cast(Any, indptr), cast(Any, heads), costs_, order, kinds)
 
     @classmethod
@@ -205,7 +205,7 @@ class Graph:
         >>> graph.costs.tolist(), graph.node("room"), graph.arc.tolist()
         ([[7, 1], [7, 1]], 1, [0, 0])
         """
-        read = network(g, costs, quanta)
+        read = network_arrays(g, costs, quanta)
         plain = cls.from_arcs(len(read.labels), read.tails, read.heads, read.costs, aggregates=aggregates)
         return replace(plain, arc=cast(Any, read.edge[plain.arc]), labels=read.labels, edges=read.edges)
 
@@ -258,7 +258,7 @@ class Graph:
         stays = np.flatnonzero(~left_out).astype(np.int32)
         before = np.append(0, np.cumsum(left_out))
         indptr, heads, costs = self.indptr - before[self.indptr], self.heads[stays], self.costs[stays]
-        _own(indptr, heads, costs, stays)
+        _make_read_only(indptr, heads, costs, stays)
         return replace(self, indptr=indptr, heads=heads, costs=costs, arc=stays)
 
     def extended(
@@ -286,7 +286,7 @@ class Graph:
         all_heads = cast("NDArray[np.int32]", inserted(self.heads, before, heads))
         all_costs: IntArray = inserted(self.costs, before, np.asarray(costs))
         arcs = np.arange(self.arcs + tails.size, dtype=np.int32)
-        _own(all_heads, all_costs, arcs)
+        _make_read_only(all_heads, all_costs, arcs)
         graph = type(self)(rows + more, all_heads, all_costs, arcs, self.aggregates)
         object.__setattr__(graph, "base", self if is_reused else None)
         return graph
@@ -317,9 +317,10 @@ class Graph:
         return {label: i for i, label in enumerate(self.labels or ())}
 
     def __repr__(self) -> str:
-        return f"<Graph: {self.nodes:,} nodes, {self.arcs:,} arcs, {self.criteria} costs ({', '.join(self._costs())})>"
+        costs = ", ".join(self._cost_descriptions())
+        return f"<Graph: {self.nodes:,} nodes, {self.arcs:,} arcs, {self.criteria} costs ({costs})>"
 
-    def _costs(self) -> tuple[str, ...]:
+    def _cost_descriptions(self) -> tuple[str, ...]:
         """Return a short description of each cost, for the repr."""
         if self.edges is None:
             return self.aggregates
@@ -352,7 +353,7 @@ def _integers(values: ArrayLike, name: str, dtype: Any) -> NDArray[Any]:
     return np.array(array, dtype, order="C")
 
 
-def _own(*arrays: NDArray[Any]) -> None:
+def _make_read_only(*arrays: NDArray[Any]) -> None:
     """Mark new arrays as read-only, so that they are not copied again."""
     for array in arrays:
         array.setflags(write=False)

@@ -22,7 +22,7 @@ from hpop.frontier import is_nondominated
 from hpop.runtime.status import Budget, Progress, ProgressCallback, Status
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import proven_gap
-from hpop.search.machinery.checkpoint import Arrays, Keeper, not_kept
+from hpop.search.machinery.checkpoint import Arrays, Keeper, invalid_checkpoint
 from hpop.search.queries import ParetoPaths
 
 # One blocked arc suffices to reject a path, so one arc of each path is checked at a time, until one is blocked. The
@@ -38,7 +38,7 @@ Free = Callable[[IntArray], BoolArray]
 
 
 class ArcStates:
-    """States of the arcs of a graph, checked on demand.
+    """Table of the arcs of a graph that are known to be free or blocked; arcs are checked on demand.
 
     state  (m,)  UNKNOWN, FREE or BLOCKED
     """
@@ -63,16 +63,16 @@ class ArcStates:
             np.add.at(self._blocked, ends, ~free)
 
     def settle(self, arcs: IntArray, lengths: IntArray, late: Callable[[], bool]) -> bool:
-        """Check arcs until each path is free, or has a blocked arc; return False if the time was over before.
+        """Check arcs until each path is known to be free or blocked; return False if the time is over earlier.
 
         Parameters
         ----------
-        arcs : (N,) of all paths, path by path
-        lengths : (n,) of the paths
+        arcs : (N,) arcs of all paths, path after path
+        lengths : (n,) number of arcs of each path
         late : returns whether the time is over; called every AT_ONCE arcs
         """
         checked = 0
-        while (batch := self._next(arcs, lengths)[:AT_ONCE]).size:
+        while (batch := self._arcs_to_check(arcs, lengths)[:AT_ONCE]).size:
             if checked >= AT_ONCE and late():
                 return False
             self.record(batch, self.free(batch))
@@ -83,7 +83,7 @@ class ArcStates:
         """Return which paths (n,) are known to be free; arcs and lengths as in :meth:`settle`."""
         return ~_have_marked(self.state[arcs] != FREE, lengths)
 
-    def _next(self, arcs: IntArray, lengths: IntArray) -> IntArray:
+    def _arcs_to_check(self, arcs: IntArray, lengths: IntArray) -> IntArray:
         """Return, for each path that may be free, the unchecked arc that is most likely to be blocked."""
         path = np.repeat(np.arange(lengths.size), lengths)
         unchecked = (self.state[arcs] == UNKNOWN) & ~_have_marked(self.state[arcs] == BLOCKED, lengths)[path]
@@ -92,7 +92,10 @@ class ArcStates:
         return distinct(arcs[np.unique(path, return_index=True)[1]])
 
     def _risk(self, arcs: IntArray) -> FloatArray:
-        """Return the sum of the shares of blocked arcs at both ends of arcs (N,); half if no arc is checked."""
+        """Return a score (N,) of arcs: the sum of the shares of blocked arcs among the checked arcs at both ends.
+
+        A node without checked arcs has the share one half.
+        """
         tails, heads = ((self._blocked[ends] + 0.5) / (self._known[ends] + 1.0) for ends in self._ends(arcs))
         return np.asarray(tails + heads)
 
@@ -103,7 +106,7 @@ class ArcStates:
 
 
 def _have_marked(marked: BoolArray, lengths: IntArray) -> BoolArray:
-    """Return which paths (n,) have a marked arc (N,)."""
+    """Return which paths (n,) contain a marked arc; ``marked`` (N,) lists the arcs path after path."""
     path = np.repeat(np.arange(lengths.size), lengths)
     return np.asarray(np.bincount(path, marked, minlength=lengths.size) > 0)
 
@@ -114,7 +117,7 @@ SAVED = ("arcs_free", "arcs_blocked", "arcs_left_out", "rounds")  # in a checkpo
 
 
 class LazyRun:
-    """Lazy search for one query."""
+    """Run of a lazy search: rounds of searching, checking arcs and removing blocked arcs."""
 
     def __init__(
         self,
@@ -126,71 +129,71 @@ class LazyRun:
         keeper: Keeper | None,
         tolerance: IntArray,
     ) -> None:
-        """Begin, or resume from the keeper's checkpoint.
+        """Start a new run, or resume from the keeper's checkpoint.
 
         Parameters
         ----------
-        free : checks arcs, each at most once
-        search : finds the paths of a part of the graph, within the remaining budget
-        tolerance : (k,) of the search
+        free : check of arcs, called at most once for each arc
+        search : returns the front of a graph without the removed arcs, within the remaining budget
+        tolerance : (k,) absolute tolerance of the search in each cost
         """
         self.graph, self.search, self.tolerance = graph, search, tolerance
         self.budget, self.progress, self.keeper = budget, progress, keeper
-        self.states = ArcStates(graph, self._reported(free))
-        self.left_out = np.zeros(graph.arcs, np.bool_)  # arcs removed from the searched graph
+        self.states = ArcStates(graph, self._with_progress(free))
+        self.removed = np.zeros(graph.arcs, np.bool_)  # arcs removed from the searched graph
         self.counts = np.zeros(COUNTS, np.int64)
-        self.before = self.counts.copy()  # of the finished rounds
+        self.before = self.counts.copy()  # counts of the finished rounds
         self.bounds_seconds = self.compiled = 0.0
         self.peak = 0
         self.began = perf_counter()
-        self.paths: ParetoPaths | None = None  # of the last round
-        self.cover: ParetoPaths | None = None  # of the last round with a complete search
+        self.paths: ParetoPaths | None = None  # front of the last round
+        self.cover: ParetoPaths | None = None  # front of the last round with a complete search
         if keeper is not None:
             if keeper.saved is not None:
                 self._resume(keeper.saved.arrays, keeper.path)
             keeper.begin(self._arrays())
 
     def go(self) -> ParetoPaths:
-        """Search, check and remove arcs, until a front is free or a limit is passed."""
+        """Repeat rounds until all paths of a front are free or a limit is passed; return the free paths."""
         try:
-            status = self._until_free()
+            status = self._search_until_free()
         except KeyboardInterrupt:
             status = Status.INTERRUPTED
         if self.paths is None:
             raise KeyboardInterrupt
         if status.is_final:
-            return self._counted(self.paths)
-        self._note(self.paths)
+            return self._with_statistics(self.paths)
+        self._close_blocked_arcs(self.paths)
         if self.keeper is not None:
             self.keeper.save()
-        return self._stopped(self.paths, status)
+        return self._free_part(self.paths, status)
 
-    def _until_free(self) -> Status:
+    def _search_until_free(self) -> Status:
         while True:
-            paths = self.paths = self._searched()
-            settled = self.states.settle(paths.all_arcs, paths.lengths, self._late)
-            if not paths.status.is_final or self._rows(paths).all():
+            paths = self.paths = self._search_unblocked()
+            settled = self.states.settle(paths.all_arcs, paths.lengths, self._is_late)
+            if not paths.status.is_final or self._are_free(paths).all():
                 return paths.status
             if not settled:
                 return Status.TIME_LIMIT
-            self._note(paths)
+            self._close_blocked_arcs(paths)
             if self.keeper is not None:
-                self.keeper.keep()
+                self.keeper.save_if_due()
 
-    def _note(self, paths: ParetoPaths) -> None:
-        """Remove the blocked arcs if a search was complete, and pass the states of arcs to the checkpoint."""
+    def _close_blocked_arcs(self, paths: ParetoPaths) -> None:
+        """Remove the blocked arcs if the search was complete, and hand the states of all arcs to the checkpoint."""
         is_complete = paths.status.is_final
         if is_complete:
-            self.cover, self.left_out, self.before = paths, self.states.blocked, self.counts.copy()
+            self.cover, self.removed, self.before = paths, self.states.blocked, self.counts.copy()
         if self.keeper is not None:
-            self.keeper.begin(self._arrays()) if is_complete else self.keeper.amend(self._arrays())
+            self.keeper.begin(self._arrays()) if is_complete else self.keeper.update_extra(self._arrays())
 
     # A round
 
-    def _searched(self) -> ParetoPaths:
-        """Return the paths of the graph without removed arcs, with arcs as indices in the whole graph."""
+    def _search_unblocked(self) -> ParetoPaths:
+        """Search the graph without the removed arcs; return its front with arcs as indices of the whole graph."""
         limit, most = self.budget.time_limit, self.budget.max_labels
-        part = self.graph.without(self.left_out)
+        part = self.graph.without(self.removed)
         size = part.costs.nbytes + part.heads.nbytes + part.arc.nbytes + part.indptr.nbytes + self.states.state.nbytes
         room = self.budget.max_memory
         left = replace(
@@ -211,13 +214,13 @@ class LazyRun:
         """Return the seconds since the search began, without compiling."""
         return perf_counter() - self.began - self.compiled
 
-    def _late(self) -> bool:
+    def _is_late(self) -> bool:
         """Return whether the time limit is passed."""
         limit = self.budget.time_limit
         return limit is not None and self._seconds() >= limit
 
-    def _reported(self, free: Free) -> Free:
-        """Return the check of arcs with progress reports."""
+    def _with_progress(self, free: Free) -> Free:
+        """Return a check of arcs that reports progress before each call of ``free``."""
 
         def check(arcs: IntArray) -> BoolArray:
             if self.progress is not None:
@@ -229,14 +232,14 @@ class LazyRun:
 
         return check
 
-    def _rows(self, paths: ParetoPaths) -> BoolArray:
+    def _are_free(self, paths: ParetoPaths) -> BoolArray:
         """Return which paths (n,) are known to be free."""
         return self.states.are_free(paths.all_arcs, paths.lengths)
 
     # The result
 
-    def _counted(self, paths: ParetoPaths) -> ParetoPaths:
-        """Return paths with the statistics of all rounds."""
+    def _with_statistics(self, paths: ParetoPaths) -> ParetoPaths:
+        """Return the paths with the statistics of all rounds together."""
         rounds, generated, expanded = self.counts.tolist()
         stats = replace(
             paths.stats,
@@ -252,47 +255,49 @@ class LazyRun:
         )
         return replace(paths, stats=stats, blocked=np.flatnonzero(self.states.blocked))
 
-    def _stopped(self, paths: ParetoPaths, status: Status) -> ParetoPaths:
-        """Return the free paths among these and the last complete front, with the gap to missing ones.
+    def _free_part(self, paths: ParetoPaths, status: Status) -> ParetoPaths:
+        """Return the free paths of the stopped round and of the last complete front, with the gap to missing paths.
 
-        Every missing vector is covered by a vector of the last front, within its gap. So the gap follows from comparing
-        the free paths with the paths of that front that are not known to be free.
+        The last complete front covers every missing vector within its own gap. So the total gap follows from comparing
+        the free paths with those paths of the complete front that are not known to be free.
         """
         cover = paths if self.cover is None else self.cover
         merged = paths if cover is paths else paths.and_those_of(cover)
-        rows = np.flatnonzero(self._rows(merged))
+        rows = np.flatnonzero(self._are_free(merged))
         rows = rows[np.lexsort(merged.costs[rows].T[::-1])]
         rows = rows[is_nondominated(merged.costs[rows].astype(np.float64))] if rows.size else rows
         free = merged.select(merged.costs, rows)
-        front, lost = (np.maximum(costs - self.tolerance, 0) for costs in (free.costs, cover.costs[~self._rows(cover)]))
+        front, lost = (
+            np.maximum(costs - self.tolerance, 0) for costs in (free.costs, cover.costs[~self._are_free(cover)])
+        )
         gap = (1 + cover.gap) * (1 + proven_gap(front, lost)) - 1
-        return self._counted(replace(free, status=status, gap=gap))
+        return self._with_statistics(replace(free, status=status, gap=gap))
 
     # A checkpoint
 
     def _arrays(self) -> Arrays:
-        """Return the arrays of a checkpoint beside those of the search, with a checksum."""
+        """Return the states of the arcs as arrays of a checkpoint, with a checksum."""
         states = (np.flatnonzero(self.states.state == state) for state in (FREE, BLOCKED))
-        saved = dict(zip(SAVED, (*states, np.flatnonzero(self.left_out), self.before), strict=True))
+        saved = dict(zip(SAVED, (*states, np.flatnonzero(self.removed), self.before), strict=True))
         return {**saved, "known": _checksum(list(saved.values()))}
 
     def _resume(self, arrays: Arrays, path: Path) -> None:
-        """Restore the states of arcs; raises CheckpointError for invalid ones."""
+        """Restore the states of the arcs from a checkpoint; raise CheckpointError if they are invalid."""
         if any(name not in arrays or arrays[name].ndim != 1 for name in (*SAVED, "known")):
-            raise not_kept(path, "it lacks the states of the arcs")
-        free, blocked, left_out, rounds = saved = [arrays[name] for name in SAVED]
+            raise invalid_checkpoint(path, "it lacks the states of the arcs")
+        free, blocked, removed, rounds = saved = [arrays[name] for name in SAVED]
         if _checksum(saved).tolist() != arrays["known"].tolist() or len(rounds) != COUNTS or (rounds < 0).any():
-            raise not_kept(path, "the states of its arcs do not match their checksum")
-        for indices in (free, blocked, left_out):
+            raise invalid_checkpoint(path, "the states of its arcs do not match their checksum")
+        for indices in (free, blocked, removed):
             if (np.diff(indices) <= 0).any() or not (
                 0 <= indices.min(initial=0) <= indices.max(initial=0) < self.graph.arcs
             ):
-                raise not_kept(path, "it names other arcs than this graph has")
+                raise invalid_checkpoint(path, "it names arcs that this graph does not have")
         self.states.record(blocked, np.zeros(blocked.size, np.bool_))
-        if self.states.state[free].any() or (self.states.state[left_out] != BLOCKED).any():
-            raise not_kept(path, "an arc cannot be free and blocked")
+        if self.states.state[free].any() or (self.states.state[removed] != BLOCKED).any():
+            raise invalid_checkpoint(path, "an arc in it is both free and blocked, or removed without being blocked")
         self.states.record(free, np.ones(free.size, np.bool_))
-        self.left_out[left_out] = True
+        self.removed[removed] = True
         self.before = rounds
 
 

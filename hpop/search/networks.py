@@ -29,10 +29,10 @@ Edge = tuple[Hashable, ...]
 class Edges:
     """Edges of the networkx graph from which a graph was built, with their exact costs.
 
-    ends    E       (tail, head), of a multigraph (tail, head, key): indices of `g.edges[...]`
-    names   k       attributes that are the costs
-    values  (E, k)  int64 if all of them are whole numbers, else float64
-    quanta  (k,)    of the graph's integer costs, in the units of the values
+    ends    E       (tail, head), or (tail, head, key) in a multigraph: keys of `g.edges[...]`
+    names   k       names of the attributes that are the costs
+    values  (E, k)  exact costs: int64 if all are whole numbers, else float64
+    quanta  (k,)    value of one count of each integer cost, in the unit of the attribute
     """
 
     ends: tuple[Edge, ...]
@@ -42,7 +42,14 @@ class Edges:
 
 
 class NetworkArrays(NamedTuple):
-    """Networkx graph as arrays: labels of nodes, arcs (m,), the edge of each, integer costs (m, k), and the edges."""
+    """Networkx graph as arrays.
+
+    labels        n       labels of the nodes
+    tails, heads  (m,)    nodes of each arc
+    edge          (m,)    index of the edge of each arc
+    costs         (m, k)  integer costs of each arc
+    edges                 edges with their exact costs
+    """
 
     labels: tuple[Hashable, ...]
     tails: IntArray
@@ -57,12 +64,14 @@ def is_network(graph: object) -> bool:
     return any(cls.__module__.partition(".")[0] == "networkx" for cls in type(graph).__mro__)
 
 
-def network(
+def network_arrays(
     g: nx.Graph[Any], costs: Sequence[str], quanta: Mapping[str, float] | Sequence[float] | None = None
 ) -> NetworkArrays:
-    """Return a networkx graph as arrays; an undirected edge becomes two arcs, each parallel edge an arc of its own.
+    """Convert a networkx graph to arrays; an undirected edge becomes two arcs, each parallel edge an arc of its own.
 
-    Raises GraphError for another object, a missing attribute, and invalid costs or quanta.
+    costs   names of the attributes; quanta as in :meth:`.Graph.from_networkx`
+
+    Raises GraphError for an object of another type, a missing attribute, and invalid costs or quanta.
     """
     if not is_network(g):
         raise GraphError(
@@ -97,14 +106,14 @@ def _names(costs: Sequence[str], data: Sequence[Mapping[str, Any]]) -> tuple[str
 
 
 def _column(name: str, ends: Sequence[Edge], data: Sequence[Mapping[str, Any]]) -> FloatArray | IntArray:
-    """Return an attribute of all edges (E,); GraphError unless all are finite numbers of at least 0."""
+    """Return the values (E,) of an attribute; raise GraphError unless all are finite numbers of at least 0."""
     values = [python_value(row.get(name)) for row in data]
     lacking = [edge for edge, value in enumerate(values) if value is None]
     if lacking:
         names = {attribute for row in data for attribute in row if isinstance(attribute, str)}
         subject = f"{len(lacking):,} of {len(ends):,} edges have" if len(lacking) > 1 else "one edge has"
         raise GraphError(
-            f"{subject} no attribute {shown(name)}, the first is {_in_words(ends[lacking[0]])}{_attributes(data)}."
+            f"{subject} no attribute {shown(name)}, the first is {_edge_text(ends[lacking[0]])}{_attributes(data)}."
             f"{did_you_mean(name, names - {name})}"
         )
     for edge, value in enumerate(values):
@@ -112,7 +121,7 @@ def _column(name: str, ends: Sequence[Edge], data: Sequence[Mapping[str, Any]]) 
             hint = "; shift or flip what is to be maximised" if isinstance(value, Real) and value < 0 else ""
             raise GraphError(
                 f"costs must be finite numbers of at least 0, got {shown(value)} as {shown(name)} of "
-                f"{_in_words(ends[edge])}{hint}"
+                f"{_edge_text(ends[edge])}{hint}"
             )
     try:
         if all(isinstance(value, int) for value in values):
@@ -150,7 +159,7 @@ def _quanta(
 
 
 def _counts(name: str, column: NDArray[Any], quantum: float, ends: Sequence[Edge]) -> IntArray:
-    """Return a column (E,) in whole quanta, rounded up."""
+    """Return the values of a cost (E,) as counts of the quantum, rounded up."""
     if quantum == 1.0 and column.dtype.kind == "i":
         return column
     with np.errstate(over="ignore"):
@@ -158,7 +167,7 @@ def _counts(name: str, column: NDArray[Any], quantum: float, ends: Sequence[Edge
     if (beyond := np.flatnonzero(quotients > MOST_QUANTA)).size:
         edge = int(beyond[0])
         raise GraphError(
-            f"{shown(name)} of {_in_words(ends[edge])} is {column[edge]:.6g}, more quanta of {quantum:.6g} than "
+            f"{shown(name)} of {_edge_text(ends[edge])} is {column[edge]:.6g}, more quanta of {quantum:.6g} than "
             "float64 tells apart; use a coarser quantum"
         )
     counts: IntArray = np.ceil(quotients - WHOLE).astype(np.int64)
@@ -172,7 +181,7 @@ def unknown_label(labels: Sequence[Hashable], label: object) -> str:
     return f"no node is called {shown(label)}; the {len(labels):,} nodes are called {examples}{near}"
 
 
-def _in_words(edge: Edge) -> str:
+def _edge_text(edge: Edge) -> str:
     tail, head, *keys = edge
     return f"edge {shown(tail)} - {shown(head)}{''.join(f' (key {shown(key)})' for key in keys)}"
 

@@ -20,11 +20,11 @@ from hpop.search.queries import (
     UNLIMITED,
     ParetoPaths,
     SearchStats,
-    asked_in_words,
     bounds_of,
     checked_node,
     checked_targets,
     precision_of,
+    query_text,
 )
 
 if TYPE_CHECKING:
@@ -40,12 +40,13 @@ SAMPLE = 10_000  # arcs sampled to count the values of a cost
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
-    """Query of a search.
+class SearchQuery:
+    """Query of a search: the paths of a graph from a source to targets.
 
+    source     node
     targets    (t,)  nodes
-    precision  how near to every non-dominated vector a returned one must be
-    at_most    (k,)  bounds on the costs, or empty
+    precision  precision of the front
+    at_most    (k,)  upper bounds on the costs of a path, or empty
     """
 
     graph: Graph
@@ -57,11 +58,13 @@ class Question:
     def search(
         self, method: str, order: tuple[int, ...], h: IntArray, groups: Groups, clock: Clock, *, jointly: bool
     ) -> Search:
-        """Return the search of a method, with the costs in the order of :func:`chosen_order`; may raise TooWide.
+        """Set up the search of a method for this query; raise TooWide if the costs do not fit "staircase".
 
-        h        (k, n)  bounds
-        groups   of the index cost, or none, for the method "staircase"
-        jointly  whether it may use joint bounds
+        method   "staircase" or "general"
+        order    columns of the costs, of :func:`choose_order`
+        h        (k, n)  lower bounds of the remaining costs
+        groups   groups of turns; for "staircase" those of the index cost, or single nodes
+        jointly  whether the search may use joint bounds
         """
         ends = self.graph, self.source, self.targets
         if method == "staircase":
@@ -74,8 +77,15 @@ class Question:
         return General(*ends, h, order, groups, clock, self.precision, self.at_most)
 
 
-def chosen_method(graph: Graph, method: str, samples: IntArray) -> tuple[str, int]:
-    """Return the method of "auto", and the column of the smallest cost that is a small integer, or -1."""
+def choose_method(graph: Graph, method: str, samples: IntArray) -> tuple[str, int]:
+    """Return the method, chosen if it is "auto", and the column of the index cost, or -1.
+
+    The index cost is the summed cost of small integers that is smallest along the paths of `samples`.
+
+    samples  (k, k)  costs of the least path of each cost, of :func:`.lower_bounds`
+
+    Raises OptionError if the method is "staircase" and the graph does not fit.
+    """
     reach = samples.min(axis=0) if len(samples) else np.zeros(graph.criteria, np.int64)
     fit = [j for j in range(graph.criteria) if graph.aggregates[j] == "sum" and reach[j] < SMALL]
     fit = [j for j in fit if graph.largest[j] < SMALL]
@@ -93,17 +103,18 @@ def chosen_method(graph: Graph, method: str, samples: IntArray) -> tuple[str, in
     return method, index
 
 
-def chosen_order(
+def choose_order(
     graph: Graph, method: str, index: int, samples: IntArray, least: IntArray, groups: Groups
 ) -> tuple[int, ...]:
-    """Return the order of the costs; for the method "staircase" the index cost is the second.
+    """Return the columns of the costs in the order of the search; for "staircase" the index cost is the second.
 
-    method, index   of :func:`chosen_method`
-    samples, least  costs (k, k) of the paths least in each cost, and these (k,)
+    method, index  result of :func:`choose_method`
+    samples        (k, k)  costs of the least path of each cost, row by row
+    least          (k,)    least value of each cost
     """
     by_spread = _by_spread(samples, least)
     if method != "staircase":
-        return _free_first(graph, by_spread, groups)
+        return _with_turn_free_first(graph, by_spread, groups)
     remaining = [j for j in by_spread if j != index]
     remaining.sort(key=lambda j: _is_raised(graph, j, index, groups))  # costs that turns do not raise come first
     return (remaining[0], index, *remaining[1:])
@@ -118,21 +129,22 @@ def _is_raised(graph: Graph, j: int, index: int, groups: Groups) -> bool:
 
 
 def _by_spread(samples: IntArray, least: IntArray) -> list[int]:
-    """Return an order of the costs: by their least relative growth on the path that is best in another cost.
+    """Return the columns of the costs, sorted by their least relative growth on the best path of another cost.
 
-    This order was found by measurement. On museum lattices the length comes first, which takes 0.6 of the time of
-    starting with the exposure, and turns, which take five times as long, never do.
+    This order was found by measurement. On museum lattices the length comes first; the search then takes 0.6 of the
+    time of a search with the exposure first. Turns never come first, as the search would take five times as long.
     """
     ratios = (samples + 1.0) / (least + 1.0)  # (k, k)  row i: the path best in i
     np.fill_diagonal(ratios, np.inf)
     return [int(j) for j in np.argsort(ratios.min(axis=0), kind="stable")]
 
 
-def _free_first(graph: Graph, by_spread: list[int], groups: Groups) -> tuple[int, ...]:
-    """Return an order that begins with costs that no turn of a group raises, so that turns are taken together.
+def _with_turn_free_first(graph: Graph, by_spread: list[int], groups: Groups) -> tuple[int, ...]:
+    """Return an order that begins with the costs that no turn raises, so that turns are taken together.
 
-    Of several such costs the sum with most values comes first: it drops out of the sets of vectors, which are smaller
-    if the other costs have few values. Proximity before length took 0.6 to 1.2 of the time, and less memory.
+    Of several such costs, the sum with most distinct values comes first. The first cost drops out of the sets of
+    vectors, and these sets are smaller if the other costs have few values. Proximity before length took 0.6 to 1.2 of
+    the time of the reverse order, and less memory.
     """
     free = [j for j in by_spread if groups.column >= 0 and not groups.dearest[:, j].any()]
     sample = graph.costs[:SAMPLE]
@@ -208,7 +220,7 @@ def pareto_paths(
     """
     if not isinstance(method, str) or method not in METHODS:
         raise OptionError(f"method must be one of {', '.join(METHODS)}; got {shown(method)}")
-    graph = _graph(graph, costs, quanta, aggregates)
+    graph = _converted(graph, costs, quanta, aggregates)
     start, targets = checked_node(graph, source, "source"), checked_targets(graph, target)
     from hpop.search.machinery.checkpoint import Keeper
     from hpop.search.machinery.slices import Clock  # numba: on first use
@@ -238,7 +250,11 @@ def pareto_paths(
 
 
 class _ParetoRun:
-    """Run of one query: bounds, choice of the method and of the order, search."""
+    """Run of one query: lower bounds, choice of the method and of the order of costs, search.
+
+    search        search of the query, None before it is set up
+    after_bounds  s, time at which the lower bounds were complete
+    """
 
     def __init__(
         self,
@@ -259,7 +275,7 @@ class _ParetoRun:
         self.after_bounds = 0.0
 
     def go(self, clock: Clock) -> Status:
-        """Run the query; `search` has the results."""
+        """Run the query; the results are in ``search``."""
         prepared = self._prepare(clock)
         if isinstance(prepared, Status):
             return prepared
@@ -273,7 +289,7 @@ class _ParetoRun:
             return self.go(clock)
 
     def _prepare(self, clock: Clock) -> Search | Status:
-        """Return the search with its own tables, so that the bounds can be freed, or the status that prevents it."""
+        """Return the search, set up with tables of its own, or the status that ends the query before a search."""
         from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
         from hpop.search.machinery.turns import Groups, NoRoom
 
@@ -285,27 +301,27 @@ class _ParetoRun:
         self.after_bounds = clock.seconds()
         if status is not None:
             return status
-        self.method, index = chosen_method(self.graph, self.method, samples)
+        self.method, index = choose_method(self.graph, self.method, samples)
         if h[0, self.source] >= UNREACHABLE:
             return Status.NO_PATH
-        question = Question(self.graph, self.source, self.targets, self.precision, self.at_most)
+        query = SearchQuery(self.graph, self.source, self.targets, self.precision, self.at_most)
         costs = samples, h[:, self.source]
-        self.order = chosen_order(self.graph, self.method, index, *costs, groups)
+        self.order = choose_order(self.graph, self.method, index, *costs, groups)
         if self.method == "staircase":
             from hpop.search.staircase.tables import TooWide
 
             if groups.column != index:
-                groups = Groups.none(self.graph, clock)
+                groups = Groups.single_nodes(self.graph, clock)
             try:
-                return question.search("staircase", self.order, h, groups, clock, jointly=self.keeper is None)
+                return query.search("staircase", self.order, h, groups, clock, jointly=self.keeper is None)
             except TooWide:
-                self.method, self.order = "general", chosen_order(self.graph, "general", index, *costs, groups)
-        return question.search(self.method, self.order, h, groups, clock, jointly=False)
+                self.method, self.order = "general", choose_order(self.graph, "general", index, *costs, groups)
+        return query.search(self.method, self.order, h, groups, clock, jointly=False)
 
     def result(self, clock: Clock, status: Status, *, proven: bool = True) -> ParetoPaths:
-        """Return the paths found; with ``proven`` also the gap, which takes seconds for millions of open labels.
+        """Return the paths found so far; compute the gap only if ``proven``, and after Ctrl-C only if it is quick.
 
-        After Ctrl-C the gap is computed only if there are so few open labels that it takes a tenth of a second.
+        The gap takes seconds for millions of open labels.
         """
         k = self.graph.criteria
         costs = np.zeros((0, k), np.int64)
@@ -313,7 +329,7 @@ class _ParetoRun:
         counts: dict[str, Any] = {}
         end = clock.seconds()
         if self.search is not None:
-            vectors, labels, generated, expanded, waiting = self.search.found()
+            vectors, labels, generated, expanded, waiting = self.search.results()
             costs = np.empty((len(vectors), k), np.int64)
             costs[:, list(self.order)] = vectors[:, : len(self.order)]
             rows = np.lexsort(costs.T[::-1])
@@ -336,12 +352,12 @@ class _ParetoRun:
             seconds_compiled=clock.compiled,
             **counts,
         )
-        asked = asked_in_words(self.graph, self.precision, self.at_most)
+        asked = query_text(self.graph, self.precision, self.at_most)
         return ParetoPaths(costs, status, stats, self.graph, self.source, paths, gap=gap, asked=asked)
 
 
-def _graph(graph: Any, costs: Any, quanta: Any, aggregates: Any) -> Graph:
-    """Return the graph to search, converted if it is one of networkx."""
+def _converted(graph: Any, costs: Any, quanta: Any, aggregates: Any) -> Graph:
+    """Return the graph to search; convert a graph of networkx."""
     if isinstance(graph, Graph):
         if costs is not None or quanta is not None or aggregates is not None:
             raise OptionError("costs, quanta and aggregates are for graphs of networkx; this Graph has its own")
@@ -350,7 +366,10 @@ def _graph(graph: Any, costs: Any, quanta: Any, aggregates: Any) -> Graph:
 
 
 def main_kernels(aggregates: Sequence[str], turns: int) -> tuple[Any, Any]:
-    """Return the slowest kernels to compile of the likely search for such costs, and of its first answer."""
+    """Return the slowest kernel of the search that costs of these kinds will use, and the kernel of a first answer.
+
+    turns  column of the cost that counts turns, or -1
+    """
     from hpop.search.supported.weighted_path import weighted_path
 
     if turns >= 0 and len(aggregates) == 3:

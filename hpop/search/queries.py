@@ -61,10 +61,10 @@ class SearchStats:
 class ParetoPaths:
     """Front of cost vectors with their paths.
 
-    costs   (n, k)  int64  in the caller's columns, rows in lexicographic order
-    status  COMPLETE, NO_PATH, or what stopped the search
-    stats   what the search did
-    gap     every missing vector is covered by one of these within the factor 1 + gap, beside the query's tolerance
+    costs   (n, k)  int64  columns as in the graph, rows in lexicographic order
+    status  COMPLETE, NO_PATH, or the limit that stopped the search
+    stats   statistics of the search
+    gap     relative: every missing vector p has a returned r <= (1 + gap) p + tolerance
     blocked (b,)  indices of the checked arcs that are blocked
     asked   tolerance and bounds of the query, in words, for the certificate
     """
@@ -85,15 +85,15 @@ class ParetoPaths:
         return len(self.costs)
 
     def select(self, costs: IntArray, rows: IntArray) -> ParetoPaths:
-        """Return the paths of some rows, in that order, with other costs (n, k)."""
+        """Return the paths of some rows, in that order, with ``costs`` (n, k) instead of their costs."""
         return replace(self, costs=costs[rows], _paths=tuple(self._paths[row] for row in rows))
 
     def on(self, graph: Graph) -> ParetoPaths:
-        """Return these paths on the whole graph, if their graph is a part of it by :meth:`.Graph.without`."""
+        """Return these paths of a part, made by :meth:`.Graph.without`, with arcs of the whole graph."""
         return replace(self, _graph=graph, _paths=tuple(self._graph.arc[path].astype(np.int64) for path in self._paths))
 
     def and_those_of(self, other: ParetoPaths) -> ParetoPaths:
-        """Return these paths and others on the same graph, together."""
+        """Return the paths of both fronts, which are on the same graph; dominated paths stay."""
         return replace(self, costs=np.concatenate([self.costs, other.costs]), _paths=self._paths + other._paths)
 
     def nodes(self, i: int) -> IntArray:
@@ -171,11 +171,11 @@ class ParetoPaths:
 
     @property
     def all_arcs(self) -> IntArray:
-        """Indices (N,) in the graph of the arcs of all paths, path by path."""
+        """Indices (N,) in the graph of the arcs of all paths, path after path."""
         return np.concatenate([np.zeros(0, np.int64), *self._paths])
 
     def through(self, rows: IntArray) -> tuple[IntArray, IntArray]:
-        """Return the nodes (N,) of the paths of some rows (r,), path by path, and the numbers (r,) of nodes."""
+        """Return the nodes (N,) of the paths of some rows (r,), path after path, and the number (r,) of nodes."""
         paths = [self._paths[row] for row in rows]
         sizes = np.array([path.size for path in paths], dtype=np.int64) + 1
         nodes = np.full(sizes.sum(), self._source, dtype=np.int64)
@@ -184,7 +184,7 @@ class ParetoPaths:
         return nodes, sizes
 
     def suffixes(self, node: int) -> list[IntArray]:
-        """Return the remaining arcs of each path after a node that it passes, as indices in the graph."""
+        """Return, for each path through a node, the arcs after this node, as indices in the graph."""
         suffixes = []
         for i, path in enumerate(self._paths):
             at = np.flatnonzero(self.nodes(i) == node)
@@ -203,7 +203,7 @@ class ParetoPaths:
 
 
 def costs_along(graph: Graph, paths: Sequence[IntArray]) -> IntArray:
-    """Return the costs (n, k) of paths, given by indices of arcs in the graph; a path without arcs costs 0."""
+    """Return the costs (n, k) of n paths, each an array of indices of arcs; a path without arcs costs 0."""
     worst = np.array(graph.aggregates) == "max"
     costs = np.zeros((len(paths), graph.criteria), np.int64)
     for row, arcs in zip(costs, paths, strict=True):
@@ -222,7 +222,10 @@ def checked_graph(graph: Any) -> Graph:
 
 
 def checked_node(graph: Graph, node: Any, name: str) -> int:
-    """Return the number of a node, given by its label if the graph has labels; raises QueryError if there is none."""
+    """Return the number of a node, given by its label if the graph has labels; raise QueryError for an unknown node.
+
+    ``name`` says in the error which argument is wrong.
+    """
     if graph.labels is None:
         hint = "only a graph from networkx has names"
         return whole(name, node, 0, graph.nodes - 1, "a node", hint=hint, error=QueryError)
@@ -233,7 +236,7 @@ def checked_node(graph: Graph, node: Any, name: str) -> int:
 
 
 def checked_targets(graph: Graph, target: Any) -> IntArray:
-    """Return the sorted numbers of one or several nodes; raises QueryError for anything else."""
+    """Return the sorted numbers (t,) of one node or several; raise QueryError for an unknown node."""
     target = python_value(target)
     if graph.number(target) is not None or isinstance(target, int | str):
         return np.array([checked_node(graph, target, "target")], np.int64)
@@ -251,8 +254,8 @@ def checked_targets(graph: Graph, target: Any) -> IntArray:
 
 
 def bounds_of(graph: Graph, at_most: Any) -> tuple[int, ...]:
-    """Return one bound per cost (k,), ANYTHING for no bound, or () if no cost is bounded."""
-    values = _one_a_cost(graph, at_most, "at_most", "a whole number or None", None)
+    """Return the upper bound of each cost in counts, ANYTHING for no bound; () if no cost is bounded."""
+    values = _value_per_cost(graph, at_most, "at_most", "a whole number or None", None)
     name = f"at_most is a whole number or None for each of {graph.criteria} costs: a bound"
     first = "" if graph.edges is None else graph.edges.names[0]
     hint = f"or give bounds by name, in units, such as {{{first!r}: 30.0}}" * bool(first)
@@ -262,11 +265,11 @@ def bounds_of(graph: Graph, at_most: Any) -> tuple[int, ...]:
 
 def precision_of(graph: Graph, eps: float, tolerance: Any) -> Precision:
     """Return the precision of a factor and of a tolerance per cost; raises OptionError for invalid values."""
-    return Precision(eps, _one_a_cost(graph, tolerance, "tolerance", "a whole number", 0))
+    return Precision(eps, _value_per_cost(graph, tolerance, "tolerance", "a whole number", 0))
 
 
-def asked_in_words(graph: Graph, precision: Precision, at_most: tuple[int, ...]) -> str:
-    """Return the bounds and the tolerance of a query, in words, as part of a certificate."""
+def query_text(graph: Graph, precision: Precision, at_most: tuple[int, ...]) -> str:
+    """Return the bounds and the tolerance of a query as text, for the certificate."""
     names = graph.edges.names if graph.edges is not None else [f"cost {j}" for j in range(graph.criteria)]
     quanta = graph.edges.quanta.tolist() if graph.edges is not None else [1] * graph.criteria
     steps, bounds = precision.of(range(graph.criteria)).tolist(), at_most or [ANYTHING] * graph.criteria
@@ -275,8 +278,12 @@ def asked_in_words(graph: Graph, precision: Precision, at_most: tuple[int, ...])
     return f" of at most {', '.join(within)}" * bool(within) + f" within a tolerance of {', '.join(near)}" * bool(near)
 
 
-def _one_a_cost(graph: Graph, values: Any, name: str, kind: str, missing: int | None) -> tuple[Any, ...]:
-    """Return one count per cost, from a list of counts or from amounts by name, ``missing`` for costs not named."""
+def _value_per_cost(graph: Graph, values: Any, name: str, kind: str, missing: int | None) -> tuple[Any, ...]:
+    """Return one count per cost, from a list of counts, or from amounts by name of the cost.
+
+    name, kind  of the argument, for errors
+    missing     value of a cost that is not named
+    """
     if isinstance(values, Mapping):
         if graph.edges is None:
             raise OptionError(

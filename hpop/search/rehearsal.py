@@ -16,7 +16,7 @@ import numpy as np
 from hpop.runtime import garbage
 from hpop.runtime.status import Budget
 from hpop.search.graph import Graph
-from hpop.search.machinery.beside import name_of
+from hpop.search.machinery.beside import kernel_name
 from hpop.search.machinery.bounds import lower_bounds
 from hpop.search.machinery.kernels import is_ready, make_ready
 from hpop.search.machinery.slices import Clock, Search
@@ -29,7 +29,10 @@ NICENESS = 5
 
 
 class _Rehearsal(Clock):
-    """Clock that compiles kernels, or runs them as plain Python."""
+    """Clock that compiles kernels and prints their names, or runs kernels as plain Python.
+
+    compiles  whether kernels are compiled
+    """
 
     def __init__(self) -> None:
         super().__init__(Budget(), None)
@@ -37,7 +40,7 @@ class _Rehearsal(Clock):
 
     def prepare(self, compiled: Any, *arguments: Any) -> None:
         if self.compiles and not is_ready(compiled, *arguments):
-            print(name_of(compiled), flush=True)  # noqa: T201
+            print(kernel_name(compiled), flush=True)  # noqa: T201
             make_ready(compiled, *arguments)
             print(flush=True)  # noqa: T201
 
@@ -50,7 +53,10 @@ class _Rehearsal(Clock):
 
 
 def rehearse(part: str, aggregates: Sequence[str], turns: int) -> None:
-    """Search a tiny lattice, and compile the kernels of one part."""
+    """Search a tiny lattice, and compile the kernels of one part: "search", "bounds" or "weights".
+
+    turns  column of the cost that counts turns, or -1
+    """
     graph, target = lattice(aggregates, turns), np.array([SIDE * SIDE * HEADINGS - 1])
     clock = _Rehearsal()
     groups = Groups.of(graph, clock)
@@ -76,11 +82,11 @@ def rehearse(part: str, aggregates: Sequence[str], turns: int) -> None:
         search = General(graph, 0, target, h, tuple(range(graph.criteria)), groups, clock)
     clock.compiles = True
     search.run(clock)
-    search.paths(search.found()[1], clock)
+    search.paths(search.results()[1], clock)
 
 
 def lattice(aggregates: Sequence[str], turns: int) -> Graph:
-    """Return a small lattice with random costs."""
+    """Return a small lattice of positions and headings with random costs; column ``turns`` counts turns."""
     rng = np.random.default_rng(0)
     positions = np.arange(SIDE * SIDE)[:, None] * HEADINGS
     a, b = np.nonzero(~np.eye(HEADINGS, dtype=bool))

@@ -19,10 +19,19 @@ from tests.worlds import ONE_WALL
 ROOM = ONE_WALL.replace("step: 0.25", "step: 0.25, time_limit: 5")
 #: What the first answer takes, what the exact front does, and what later first answers do, as far as it is compiled.
 FIELDS = {"nearest", "ball_volumes", "_primitive", "spline", "_weights"}
-SEARCH = {"number_groups", "part_arcs", "tell_turns", "no_dearer_than_two", "fill_tables", "advance", "trace", "widen"}
-SEARCH |= {"reverse", "cost_to_go", "enter", "leave", "bits", "cost_along", "open_next", "sift_down", "least_covered"}
-SEARCH |= {"lower", "enter_stairs"}
-AHEAD = {"arcs_onward", "reduce_costs", "weighted_path", "push", "drop_first", "precedes", "compare", "weigh"}
+SEARCH = {"number_groups", "separate_turns", "write_turn_costs", "no_dearer_than_two", "fill_tables", "advance"}
+SEARCH |= {"trace_paths", "copy_to_double_width", "sort_arcs_by_head", "cost_to_go", "put_on_pile", "take_from_pile"}
+SEARCH |= {"bits", "costs_of_least_path", "open_next", "sift_down", "least_covered", "lower", "enter_stairs"}
+AHEAD = {
+    "arcs_onward",
+    "reduce_costs",
+    "weighted_path",
+    "push",
+    "drop_first",
+    "precedes",
+    "compare",
+    "write_weighted_cost",
+}
 
 
 def plan(folder: Path) -> subprocess.CompletedProcess[str]:

@@ -98,7 +98,7 @@ def test_a_planner_that_takes_one_goal_says_who_takes_a_set(planner: str) -> Non
 def test_stages_on_a_part_of_the_lattice_end_at_a_member_too(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lattice_planner, "MOST_FIRST", 20)
     monkeypatch.setattr(Spending, "share", lambda spending, seconds: spending.left())  # no stage ends by the clock
-    monkeypatch.setattr(exact_search, "_at_once", lambda *asked: None)
+    monkeypatch.setattr(exact_search, "_quick_exact_answer", lambda *asked: None)
     asked = problem(OFF)
     *before, last = Lattice(step=0.25).stages(asked)
     assert before

@@ -27,8 +27,8 @@ ABOVE = through((1.5, 3.8, 1.3), (4.5, 3.8, 0), (5, 2, -1.3))
 def test_a_good_trajectory_is_kept_with_its_exact_costs():
     judged = judge(PROBLEM, OBJECTIVES, [ABOVE])
     assert judged.reasons == ("",)
-    assert judged.kept.tolist() == [0]
-    assert judged.dropped == {}
+    assert judged.accepted_rows.tolist() == [0]
+    assert judged.rejection_counts == {}
     assert judged.notes("x") == ()
     assert judged.costs[0, 0] == pytest.approx(2 * np.hypot(0.5, 1.8) + 3.0)
 
@@ -46,7 +46,7 @@ def test_a_good_trajectory_is_kept_with_its_exact_costs():
 def test_what_is_wrong_is_named(trajectory, reason):
     judged = judge(PROBLEM, OBJECTIVES, [ABOVE, trajectory])
     assert judged.reasons == ("", reason)
-    assert judged.dropped == {reason: 1}
+    assert judged.rejection_counts == {reason: 1}
     assert judged.notes("p") == (f"p: 1 of 2 candidates dropped: {reason} (1)",)
 
 

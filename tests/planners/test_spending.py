@@ -152,7 +152,7 @@ def test_what_is_spent_is_taken_from_what_the_search_may_spend():
 def test_time_that_others_take_is_not_charged(monkeypatch):
     clock, compiling = [10.0], [0.0]
     monkeypatch.setattr(spending, "perf_counter", lambda: clock[0])
-    monkeypatch.setattr(spending, "_compiling", lambda: compiling[0])
+    monkeypatch.setattr(spending, "_compiling_seconds", lambda: compiling[0])
     spent = Spending(Budget(time_limit=1.0))
     clock[0] = 12.0
     with spent.paused():

@@ -14,7 +14,7 @@ from hpop.planners.graphs.query import Query
 from hpop.planners.lattice import Lattice
 from hpop.search import pareto_paths, supported_paths
 from hpop.search.machinery import beside
-from hpop.search.machinery.beside import ORDER, PARTS, Onset, first_is_awaited, words
+from hpop.search.machinery.beside import ORDER, PARTS, Onset, description, is_first_kernel_missing
 from hpop.search.machinery.kernels import signature
 from hpop.search.machinery.slices import Clock
 from hpop.search.pareto_paths import main_kernels
@@ -62,21 +62,36 @@ def test_a_rehearsal_compiles_what_the_search_of_a_lattice_takes(kind: str, monk
     query = planner.query(problem)
     search = taken(query, monkeypatch)
     ahead = rehearsed(list(query.graph.aggregates), CRITERIA[kind].index("turns"), monkeypatch)
-    assert {"advance", "trace", "cost_to_go", "reverse", "cost_along", "weighted_path"} <= ahead.keys()
+    assert {
+        "advance",
+        "trace_paths",
+        "cost_to_go",
+        "sort_arcs_by_head",
+        "costs_of_least_path",
+        "weighted_path",
+    } <= ahead.keys()
     for name, types in ahead.items():
         assert types & search[name], name
-    assert set(search) <= {*ORDER, "build", "sweep", "order_chains", "arcs_onward", "reduce_costs", "weighted_path"}
+    assert set(search) <= {
+        *ORDER,
+        "build_tables",
+        "fill_layers",
+        "order_chains",
+        "arcs_onward",
+        "reduce_costs",
+        "weighted_path",
+    }
 
 
 def test_what_is_compiled_is_told_with_how_far_it_is() -> None:
     from hpop.search.staircase.kernel import advance
 
-    assert words(advance) == f"advance, {ORDER.index('advance') + 1} of {len(ORDER)} parts of the search (once)"
+    assert description(advance) == f"advance, {ORDER.index('advance') + 1} of {len(ORDER)} parts of the search (once)"
 
 
 def test_nothing_is_compiled_beside_unless_asked_for() -> None:
-    beside.begin()
-    assert not first_is_awaited()
+    beside.start_compilers()
+    assert not is_first_kernel_missing()
     assert not beside._processes
 
 
@@ -93,11 +108,11 @@ def test_what_is_compiled_beside_begins_after_a_first_answer_and_ends_with_the_c
         def stop(self) -> None:
             compiling.clear()
 
-    monkeypatch.setattr(beside, "_Process", Process)
+    monkeypatch.setattr(beside, "_Compiler", Process)
     monkeypatch.setattr(hpop.runtime.compiled, "is_cached", lambda made: False)
     with beside.compiling_beside(["sum", "sum", "sum"], 1, Onset.AFTER_FIRST, main_kernels) as onset:
-        assert (onset, first_is_awaited(), compiling) == (Onset.AFTER_FIRST, True, [])
-        beside.begin()
-        beside.begin()
+        assert (onset, is_first_kernel_missing(), compiling) == (Onset.AFTER_FIRST, True, [])
+        beside.start_compilers()
+        beside.start_compilers()
         assert sorted(compiling) == sorted(PARTS)
-    assert (first_is_awaited(), compiling) == (False, [])
+    assert (is_first_kernel_missing(), compiling) == (False, [])

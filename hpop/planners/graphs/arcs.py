@@ -44,7 +44,7 @@ class Arcs(NamedTuple):
 
     @classmethod
     def sorted(cls, size: int, edges: Sequence[tuple[IntArray, IntArray]]) -> Arcs:
-        """Sort edges, given by tails and heads for each kind (moves first), between ``size`` states."""
+        """Return the arcs of edges, given as tails and heads of each kind (moves first), between ``size`` states."""
         kinds = [*range(1, len(edges)), MOVE]
         tails, heads = (np.concatenate([edges[kind][side] for kind in kinds]) for side in (0, 1))
         order = np.argsort(tails, kind="stable")
@@ -54,7 +54,7 @@ class Arcs(NamedTuple):
         return cls(start, heads[order].astype(np.int32), of_kind[order]).frozen()
 
     def frozen(self) -> Arcs:
-        """Make the arrays read-only, so that a graph does not copy them."""
+        """Make the arrays read-only, so that a search graph need not copy them; return the arcs."""
         for array in self:
             array.setflags(write=False)
         return self
@@ -79,13 +79,13 @@ class Arcs(NamedTuple):
 
 
 def blocks(size: int, each: int = 1) -> Iterator[slice]:
-    """Split ``size`` items, each as much work as ``each`` arcs, into ranges of bounded work."""
+    """Yield consecutive ranges of ``size`` items with bounded work; an item is as much work as ``each`` arcs."""
     step = max(1, BLOCK // each)
     return (slice(begin, min(begin + step, size)) for begin in range(0, size, step))
 
 
 class Quanta:
-    """A column of costs in quanta, in the smallest integers that hold them."""
+    """Column of costs in quanta, stored in the smallest unsigned integers that hold them."""
 
     def __init__(self, size: int) -> None:
         self.counts: Counts = np.zeros(size, np.uint16)
@@ -99,7 +99,7 @@ class Quanta:
 
 
 def table(columns: list[Counts], size: int) -> IntArray:
-    """Return columns (m,) as one table (m, k)."""
+    """Return k columns (m,) of costs as one read-only table (m, k)."""
     costs = np.empty((size, len(columns)), np.int64)
     for part in blocks(size):
         for j, column in enumerate(columns):
@@ -116,13 +116,15 @@ TIE_TURNS = 2**18  # more turns than any path makes
 COPIED = "costs were copied, to break ties by turns"
 
 
-def tie_broken(graph: Graph, turned: NDArray[np.int8], spending: Spending) -> Graph | None:
-    """Return the graph with turns, (m,) in each arc, as a last tie-break; None where a cost charges for every turn.
+def graph_with_tie_break(graph: Graph, turned: NDArray[np.int8], spending: Spending) -> Graph | None:
+    """Return the graph with the number of turns as a tie-break in its first summed cost.
 
-    Raises Exhausted where a limit of the spending is passed.
+    turned  (m,)  number of turns in each arc
+
+    Returns None if no tie-break is needed, since a cost charges for every turn. Raises Exhausted at a limit.
     """
-    columns = summed(graph)
-    if not columns or not turned.any() or any(_charges(graph, j, turned) for j in columns):
+    columns = summed_columns(graph)
+    if not columns or not turned.any() or any(_charges_every_turn(graph, j, turned) for j in columns):
         return None
     spending.check(COPIED, graph.costs.nbytes)
     costs, first = graph.costs.copy(), columns[0]
@@ -138,12 +140,12 @@ def tie_broken(graph: Graph, turned: NDArray[np.int8], spending: Spending) -> Gr
     return broken
 
 
-def summed(graph: Graph) -> list[int]:
-    """Return the columns of the costs that add up."""
+def summed_columns(graph: Graph) -> list[int]:
+    """Return the columns of the costs that are sums."""
     return [j for j, aggregate in enumerate(graph.aggregates) if aggregate == "sum"]
 
 
-def _charges(graph: Graph, column: int, turned: NDArray[np.int8]) -> bool:
+def _charges_every_turn(graph: Graph, column: int, turned: NDArray[np.int8]) -> bool:
     """Return whether a cost charges for every arc that turns."""
     return all((graph.costs[part, column][turned[part] > 0] > 0).all() for part in blocks(graph.arcs))
 
@@ -158,13 +160,13 @@ REACHED = 1e-6  # m or rad: largest difference of a chain's end from the state t
 
 @dataclass(frozen=True, eq=False)
 class MotionChains:
-    """Chains (C,) of motions between nodes, all with the same legs; a leg may be absent.
+    """Chains (C,) of motions between nodes: each is a sequence of legs of the same kinds, some of them absent.
 
-    graph         for collision checks
+    graph         graph whose model and world check collisions
     tails, heads  (C,)  nodes
-    kinds         of the legs by which the model connects states
+    kinds         kind of motion of each leg
     corners       states (C,) before the first leg and after each leg
-    present       mask (C,) for each leg: whether it is a motion
+    present       mask (C,) for each leg: False if the leg is absent
     """
 
     graph: TrajectoryGraph
@@ -176,7 +178,7 @@ class MotionChains:
 
     @classmethod
     def connecting(cls, graph: TrajectoryGraph, tails: IntArray, heads: IntArray, a: States, b: States) -> MotionChains:
-        """Return the chains from states a (C,) to b, free or not; coordinates that are NaN in b may have any value."""
+        """Return the chains from states a (C,) to b (C,), free or not; a NaN in b stands for any value."""
         kinds, corners, present = zip(*graph.model.connect(a, b), strict=True)
         if unknown := set(kinds) - graph.model.laws.keys():
             raise ModelError(f"connect leads by {sorted(unknown)}; this model has the laws {sorted(graph.model.laws)}")
@@ -184,13 +186,13 @@ class MotionChains:
 
     @classmethod
     def between(cls, graph: TrajectoryGraph, tails: IntArray, heads: IntArray, a: States, b: States) -> MotionChains:
-        """Return the chains from states a (C,) to b that are free and reach b; a model need not connect all states."""
+        """Return only those chains from states a (C,) to b (C,) that are free of collisions and reach b."""
         chains = cls.connecting(graph, tails, heads, a, b)
         return chains.take(np.flatnonzero(chains.free() & chains.reach(b)))
 
     @classmethod
     def all_of(cls, parts: Sequence[MotionChains]) -> MotionChains:
-        """Return the chains of several parts, in order."""
+        """Return the chains of several parts, concatenated."""
         corners = [
             States(**{name: np.concatenate([getattr(s, name) for s in states]) for name in states[0].names})
             for states in zip(*(part.corners for part in parts), strict=True)
@@ -222,14 +224,14 @@ class MotionChains:
         return ranked[np.searchsorted(keys[ranked], wanted)]
 
     def count(self, kinds: Sequence[str]) -> IntArray:
-        """Return the number (C,) of motions of some kinds in each chain."""
+        """Return the number of motions of the given kinds in each chain, (C,)."""
         number = np.zeros(self.tails.size, np.int64)
         for kind, present in zip(self.kinds, self.present, strict=True):
             number += present & (kind in kinds)
         return number
 
     def motions(self) -> Iterator[tuple[IntArray, Motions]]:
-        """Yield the first motions, the second ones and so on, with the rows of their chains."""
+        """Yield, leg by leg, the rows of the chains that have this leg, and its motions."""
         graph = self.graph
         for i, kind in enumerate(self.kinds):
             rows = np.flatnonzero(self.present[i])
@@ -249,7 +251,7 @@ class MotionChains:
         return np.asarray(~np.any([np.abs(column) > REACHED for column in off], axis=0))
 
     def costs(self, criteria: Sequence[Criterion]) -> IntArray:
-        """Return costs (C, k) in quanta, rounded once a chain."""
+        """Return the costs (C, k) of the chains in quanta, rounded once per chain."""
         costs = np.zeros((self.tails.size, len(criteria)))
         for rows, motions in self.motions():
             for j, criterion in enumerate(criteria):
@@ -259,9 +261,9 @@ class MotionChains:
         return np.stack([quantised(costs[:, j], criterion) for j, criterion in enumerate(criteria)], axis=1)
 
     def stretches(self, sizes: IntArray) -> Stretches:
-        """Join consecutive chains, ``sizes`` (n,) of them each, to parts of trajectories that are not yet checked.
+        """Join consecutive chains to n parts of trajectories, which are not yet checked.
 
-        Each chain begins where the one before it ends, up to whole turns of angles.
+        sizes  (n,)  number of chains of each part; a chain begins where the previous one ends, up to whole turns
         """
         some = sizes > 0
         first = (np.cumsum(sizes) - sizes)[some]

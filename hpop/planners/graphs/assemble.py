@@ -30,11 +30,12 @@ SHARE = "this stage's share of the time"
 class Plans:
     """Paths of a search as trajectories, with costs and tolerances, for graphs with and without a clock.
 
-    planned       (n, k)  costs, in the criteria's units
-    tolerance     (n, k)  largest differences of re-evaluated costs
-    trajectories  function that makes the trajectories of some rows (r,)
-    provenance    n
-    claim         words to add to the claim
+    planned       (n, k)  costs, in the units of the criteria
+    tolerance     (n, k)  largest differences of re-evaluated costs from planned ones
+    trajectories  function that builds the trajectories of some rows (r,)
+    provenance    n dicts, one per path
+    claim         text to append to the claim of the search
+    notes, stats  to add to those of the candidates
     """
 
     planned: FloatArray
@@ -61,9 +62,10 @@ def assemble(
 
     Parameters
     ----------
-    claim : the claim for all paths, in words
-    provenance : of each path, besides the options of the graph
-    reason : why there is no path, if the caller knows; otherwise the query finds out
+    claim : the claim for all paths, as text
+    provenance : entries for each path, besides the options of the graph
+    notes, stats : to add to those of the query
+    reason : why there is no path, if the caller knows; otherwise the query determines the reason
     """
     objectives, space = query.objectives, query.space
     plans = query.plans(paths, {"planner": name, **space.options}, provenance)
@@ -92,10 +94,13 @@ def assemble(
     )
 
 
-def plans_of(
+def static_plans(
     query: Query, paths: ParetoPaths, common: Mapping[str, Any], own: Sequence[Mapping[str, Any]] | None
 ) -> Plans:
-    """Return paths of a graph without a clock as trajectories, with common provenance and their own."""
+    """Return the plans of paths on a graph without a clock.
+
+    Provenance consists of ``common`` entries and of the ``own`` entries of each path.
+    """
     space, edges = query.space, paths.lengths
 
     def trajectories(rows: IntArray) -> tuple[Trajectory, ...]:
@@ -112,24 +117,27 @@ def plans_of(
         planned=paths.costs * query.quanta,
         tolerance=rounds * query.quanta,
         trajectories=trajectories,
-        provenance=_origins(common, edges.tolist(), own),
-        notes=tuple(_coarse(query, paths, rounds)),
+        provenance=_path_provenance(common, edges.tolist(), own),
+        notes=tuple(_rounding_notes(query, paths, rounds)),
         stats=counts,
     )
 
 
-def _origins(
+def _path_provenance(
     common: Mapping[str, Any], edges: Sequence[int], own: Sequence[Mapping[str, Any]] | None
 ) -> tuple[dict[str, Any], ...]:
-    """Return the provenance of each path; equal ones are one object."""
+    """Return the provenance of each path, with its number of ``edges``; paths with equal provenance share one dict."""
     if own is not None:
         return tuple({**common, "edges": count, **each} for count, each in zip(edges, own, strict=True))
     alike = {count: {**common, "edges": count} for count in set(edges)}
     return tuple(alike[count] for count in edges)
 
 
-def _coarse(query: Query, paths: ParetoPaths, rounds: IntArray) -> list[str]:
-    """Note each cost with a rounding error, edge by edge, of more than a hundredth of its range."""
+def _rounding_notes(query: Query, paths: ParetoPaths, rounds: IntArray) -> list[str]:
+    """Return a note for each cost whose rounding errors, edge by edge, may exceed a hundredth of its range.
+
+    rounds  (n, k)  number of roundings of each cost along each path
+    """
     if not len(paths):
         return []
     error = rounds.max(axis=0) * query.quanta
@@ -143,7 +151,7 @@ def _coarse(query: Query, paths: ParetoPaths, rounds: IntArray) -> list[str]:
 
 
 def search_stats(paths: ParetoPaths | TimedPaths, gap: float) -> dict[str, Any]:
-    """Return the counts of a search by name, and its gap where that is known."""
+    """Return the counts of a search by name, with its gap, or None if the gap is infinite."""
     stats = paths.stats
     return {
         "method": stats.method,
@@ -155,8 +163,8 @@ def search_stats(paths: ParetoPaths | TimedPaths, gap: float) -> dict[str, Any]:
     }
 
 
-def looked_at(query: Query, paths: ParetoPaths | TimedPaths) -> str:
-    """Say how many edges were checked; empty where all are known to be free."""
+def checked_edges_text(query: Query, paths: ParetoPaths | TimedPaths) -> str:
+    """Return text for a claim: how many edges were checked; "" if the graph has free edges only."""
     if query.space.is_checked:
         return ""
     stats = paths.stats
@@ -171,7 +179,7 @@ def looked_at(query: Query, paths: ParetoPaths | TimedPaths) -> str:
 
 
 class SearchOutcome(Protocol):
-    """A result of a search with its status and gap."""
+    """Result of a search, with a status, a gap and a number of paths."""
 
     @property
     def status(self) -> Status: ...
@@ -182,7 +190,7 @@ class SearchOutcome(Protocol):
     def __len__(self) -> int: ...
 
 
-def claimed(
+def search_claim(
     paths: SearchOutcome,
     where: str,
     rounded: str = ROUNDED,
@@ -193,22 +201,22 @@ def claimed(
     gap: float | None = None,
     stage: bool = False,
 ) -> str:
-    """Return the claim of a search for all optimal vectors, or for a cover within ``eps`` and a tolerance, in words.
+    """Return the claim of a search for all optimal vectors, or for a cover within ``eps`` and a tolerance.
 
     Parameters
     ----------
-    where : graph and criteria, in words
-    rounded : how costs were rounded, in words
-    optimal : claim for each point where the search ended early
-    gap : a bound on missing points, if it is better than the search's
+    where : graph and criteria, as text
+    rounded : how costs were rounded, as text
+    optimal : claim for each point if the search ended early
+    gap : bound on missing points, if it is smaller than that of the search
     stage : whether a later stage follows, so that a time limit is this stage's share of the time
     """
-    factor = within(eps, tolerance or {})
+    factor = precision_text(eps, tolerance or {})
     if not paths.status.is_final:
         each = f"points are within {factor} of optimal" if factor else optimal
         each = each if len(paths) else "the search itself found none"
         ended = SHARE if stage and paths.status is Status.TIME_LIMIT else paths.status
-        missing = how_far(paths.gap if gap is None else gap, tolerance or {})
+        missing = gap_text(paths.gap if gap is None else gap, tolerance or {})
         return f"incomplete ({ended}): {each} on {where}, others are missing{missing}"
     if factor:
         covered = f"every optimal cost vector on {where} is covered within {factor}"
@@ -216,23 +224,23 @@ def claimed(
     return f"exact on {where}; {OFF}; {rounded}"
 
 
-def claimed_with_known(paths: SearchOutcome, where: str, rounded: str = ROUNDED) -> str:
-    """Return the claim of a search that begins with known paths, in words."""
+def claim_with_known_paths(paths: SearchOutcome, where: str, rounded: str = ROUNDED) -> str:
+    """Return the claim of a search that begins with known paths."""
     if paths.status.is_final:
         return f"exact on {where}; {OFF}; {rounded}"
     return (
-        f"incomplete ({paths.status}): known ways and what was found on {where}, points need not be optimal, others "
-        f"are missing{how_far(paths.gap, {})}"
+        f"incomplete ({paths.status}): known paths and paths found on {where}, points need not be optimal, others "
+        f"are missing{gap_text(paths.gap, {})}"
     )
 
 
-def within(eps: float, tolerance: Mapping[str, float]) -> str:
-    """Return how far a point may be from the vectors that it covers, in words; empty for exact points."""
-    return " and ".join(([f"a factor {1 + eps:g}"] if eps else []) + _amounts(tolerance))
+def precision_text(eps: float, tolerance: Mapping[str, float]) -> str:
+    """Return the precision of a search as text, such as "a factor 1.01 and 2 in turns"; "" for an exact search."""
+    return " and ".join(([f"a factor {1 + eps:g}"] if eps else []) + _tolerance_texts(tolerance))
 
 
-def how_far(gap: float, tolerance: Mapping[str, float]) -> str:
-    """Return how much better than the returned points a missing one may be, in words.
+def gap_text(gap: float, tolerance: Mapping[str, float]) -> str:
+    """Return text for a claim: how much better than the returned points a missing point may be.
 
     >>> how_far(0.1, {"turns": 2.0})
     '; for each of them, a point here is at most 10 % worse in every cost, besides 2 in turns'
@@ -240,11 +248,11 @@ def how_far(gap: float, tolerance: Mapping[str, float]) -> str:
     if not math.isfinite(gap):
         return "; how much better they may be is not known"
     worse = f"; for each of them, a point here is at most {_percent(gap)} % worse in every cost"
-    amounts = " and ".join(_amounts(tolerance))
+    amounts = " and ".join(_tolerance_texts(tolerance))
     return f"{worse}, besides {amounts}" if amounts else worse
 
 
-def _amounts(tolerance: Mapping[str, float]) -> list[str]:
+def _tolerance_texts(tolerance: Mapping[str, float]) -> list[str]:
     return [f"{value:g} in {name}" for name, value in tolerance.items() if value]
 
 
@@ -261,8 +269,8 @@ def _percent(gap: float) -> str:
     return f"{percent:,.0f}" if percent >= 10 else f"{percent:.2g}"
 
 
-def at_memory_limit(paths: ParetoPaths | TimedPaths) -> list[str]:
-    """Return a note on how far a search came that ran out of memory."""
+def memory_limit_notes(paths: ParetoPaths | TimedPaths) -> list[str]:
+    """Return a note with the labels of a search that ran out of memory, and advice; [] for another search."""
     if paths.status is not Status.MEMORY_LIMIT:
         return []
     made, waiting = paths.stats.labels_generated, paths.stats.labels_open

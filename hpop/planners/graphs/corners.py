@@ -59,7 +59,7 @@ class CornersGraph(GraphFamily):
         set_wholes(self, "max_positions", least=0, optional=True)
 
     def has_clock(self, problem: Problem) -> bool:
-        """Return True: a roadmap of positions can be put on a clock."""
+        """Return True: a robot can hold at the positions of this roadmap."""
         return True
 
     def build(self, problem: Problem, objectives: Objectives, spending: Spending) -> BuiltGraph:
@@ -67,43 +67,50 @@ class CornersGraph(GraphFamily):
         begun = time.perf_counter()
         budget, limit, progress = spending.limits, spending.limits.time_limit, spending.limits.progress
         half = None if limit is None else max(LEAST, 0.5 * limit)  # the other half is for the roadmap
-        first, until = _first_of(self._lattice(budget, half), problem, progress), spending.until_limit()
-        if not first.trajectories and first.status is Status.TIME_LIMIT and until is not None and until > 0.0:
+        lattice_paths, until = _lattice_paths(self._lattice(budget, half), problem, progress), spending.until_limit()
+        if (
+            not lattice_paths.trajectories
+            and lattice_paths.status is Status.TIME_LIMIT
+            and until is not None
+            and until > 0.0
+        ):
             all_left = problem.read_seconds + until
-            first = _first_of(self._lattice(budget, all_left), problem, progress)
-        if first.status is Status.INTERRUPTED or not first.trajectories:
-            raise NotBuilt(_lattice_only(first))
+            lattice_paths = _lattice_paths(self._lattice(budget, all_left), problem, progress)
+        if lattice_paths.status is Status.INTERRUPTED or not lattice_paths.trajectories:
+            raise NotBuilt(_without_roadmap(lattice_paths))
         seconds = time.perf_counter() - begun
         try:
-            used = _bent_in_time(problem, first, spending)
-            problem = _on_headings(problem, used.trajectories)
-            roadmap, notes = self.roadmap(problem, used, spending)
+            affordable = _affordable_paths(problem, lattice_paths, spending)
+            problem = _with_lattice_headings(problem, affordable.trajectories)
+            roadmap, notes = self.roadmap(problem, affordable, spending)
             ends = Ends(roadmap, roadmap.start, roadmap.goals)
         except KeyboardInterrupt:
-            raise NotBuilt(_lattice_only(replace(first, status=Status.INTERRUPTED))) from None
+            raise NotBuilt(_without_roadmap(replace(lattice_paths, status=Status.INTERRUPTED))) from None
         except Exhausted as stop:
             ended = stopped("any-angle", objectives, stop, spending)
-            notes = tuple(dict.fromkeys((*first.notes, *ended.notes)))
-            raise NotBuilt(_lattice_only(replace(first, status=stop.status, notes=notes))) from None
-        if used is not first:
-            notes += (_few_bent(len(used.trajectories), len(first.trajectories)),)
-        stats = {"lattice_points": len(used.trajectories), "lattice_seconds": seconds}
-        return BuiltGraph(ends, problem, notes, status=used.status, stats=stats, first=_lattice_only(first))
+            notes = tuple(dict.fromkeys((*lattice_paths.notes, *ended.notes)))
+            raise NotBuilt(_without_roadmap(replace(lattice_paths, status=stop.status, notes=notes))) from None
+        if affordable is not lattice_paths:
+            notes += (_few_paths_note(len(affordable.trajectories), len(lattice_paths.trajectories)),)
+        stats = {"lattice_points": len(affordable.trajectories), "lattice_seconds": seconds}
+        return BuiltGraph(
+            ends, problem, notes, status=affordable.status, stats=stats, first=_without_roadmap(lattice_paths)
+        )
 
     def _lattice(self, budget: Budget, time_limit: float | None) -> Planner:
-        """Return the planner for the paths that give the corners, with a time limit, s, of its own."""
+        """Return the lattice planner whose paths give the corners, with a time limit, s."""
         options = {"time_limit": time_limit, "max_labels": budget.max_labels, "max_memory": budget.max_memory}
         return make_planner({"lattice": {"step": self.step, "headings": self.headings, **options}})
 
     def roadmap(
-        self, problem: Problem, first: Candidates, spending: Spending | None = None
+        self, problem: Problem, lattice_paths: Candidates, spending: Spending | None = None
     ) -> tuple[StateRoadmap, tuple[str, ...]]:
-        """Return the roadmap of the corners of the lattice's paths, and a note if some corners are left out."""
+        """Return the roadmap of the corners of lattice paths, and a note if some corners are left out."""
         ends = checked_ends(problem)
-        corners = _corners(problem, first.trajectories, ends.positions)
+        corners = _corners(problem, lattice_paths.trajectories, ends.positions)
         positions = np.concatenate([ends.positions, corners[: self.max_positions]])
         count = len(positions) - len(ends.positions)
-        incomplete = "" if first.status.is_final else f"incomplete ({first.status}) "
+        incomplete = "" if lattice_paths.status.is_final else f"incomplete ({lattice_paths.status}) "
         roadmap = StateRoadmap(
             in_plane(problem.model),
             problem.world,
@@ -121,8 +128,8 @@ class CornersGraph(GraphFamily):
         return roadmap, (few,) if count < len(corners) else ()
 
 
-def _first_of(lattice: Planner, problem: Problem, progress: ProgressCallback | None) -> Candidates:
-    """Return the paths of the lattice, of its last stage or until a limit."""
+def _lattice_paths(lattice: Planner, problem: Problem, progress: ProgressCallback | None) -> Candidates:
+    """Return the paths of the lattice planner: its exact answer, or those of all stages until a limit."""
     result: Candidates | None = None
     for stage in lattice.stages(problem, progress):
         result = stage if stage.status.is_final else joined(result, stage)
@@ -130,29 +137,31 @@ def _first_of(lattice: Planner, problem: Problem, progress: ProgressCallback | N
     return result
 
 
-def _lattice_only(first: Candidates) -> Candidates:
-    """Return the paths of the lattice, with a note that no roadmap was searched."""
-    words = "these are the lattice's own paths" if first.trajectories else "the lattice has no path to make one of"
-    return replace(first, notes=(*first.notes, f"any-angle: no roadmap was searched, {words}"))
+def _without_roadmap(lattice_paths: Candidates) -> Candidates:
+    """Return the paths of the lattice as the result, with a note that no roadmap was searched."""
+    words = (
+        "these are the lattice's own paths" if lattice_paths.trajectories else "the lattice has no path to make one of"
+    )
+    return replace(lattice_paths, notes=(*lattice_paths.notes, f"any-angle: no roadmap was searched, {words}"))
 
 
-def _bent_in_time(problem: Problem, first: Candidates, spending: Spending) -> Candidates:
-    """Return as many of the lattice's paths as their bends can be computed in a part of the remaining time."""
+def _affordable_paths(problem: Problem, lattice_paths: Candidates, spending: Spending) -> Candidates:
+    """Return as many paths of the lattice as a part of the remaining time allows to compute corners for."""
 
     def left() -> float | None:
         return None if (until := spending.until_limit()) is None else until / 5
 
     ends = checked_ends(problem).positions
-    return evaluable_in_time(first, left, lambda paths: _corners(problem, paths.trajectories, ends))
+    return evaluable_in_time(lattice_paths, left, lambda paths: _corners(problem, paths.trajectories, ends))
 
 
-def _few_bent(some: int, all_: int) -> str:
-    """Return a note on how many of the lattice's paths gave corners."""
+def _few_paths_note(some: int, all_: int) -> str:
+    """Return a note that corners come from only ``some`` of ``all_`` paths of the lattice."""
     return f"any-angle: corners are those of {some:,} of the {all_:,} paths of the lattice, for lack of time"
 
 
-def _on_headings(problem: Problem, trajectories: Sequence[Trajectory]) -> Problem:
-    """Return the problem with the lattice's headings at its ends, in place of yaws rounded to few decimals."""
+def _with_lattice_headings(problem: Problem, trajectories: Sequence[Trajectory]) -> Problem:
+    """Return the problem with the exact headings of the lattice at start and goals, instead of rounded yaws."""
     (x, y, _), goals = start_of(problem), list(goals_of(problem))
     for i, (goal_x, goal_y, yaw) in enumerate(goals):
         for states in (trajectory.states for trajectory in trajectories):
@@ -168,9 +177,9 @@ def _on_headings(problem: Problem, trajectories: Sequence[Trajectory]) -> Proble
 
 
 def _corners(problem: Problem, trajectories: Sequence[Trajectory], ends: FloatArray) -> FloatArray:
-    """Return positions (n, 2), m, where paths turn, hold, end or bend when pulled taut, except the ``ends`` given.
+    """Return the positions (n, 2), m, at which paths turn, hold, end, or bend when pulled taut.
 
-    Positions shared by most paths come first.
+    Positions shared by most paths come first; those at ``ends`` (E, 2), m, are left out.
     """
     points, marked = [], []
     for t in trajectories:
@@ -188,10 +197,13 @@ def _corners(problem: Problem, trajectories: Sequence[Trajectory], ends: FloatAr
 
 
 def _bends(problem: Problem, along: FloatArray, path: IntArray) -> BoolArray:
-    """Mark the positions (N, 2) along paths, with path numbers (N,), that stay when the paths are pulled taut.
+    """Mark the positions at which paths bend when they are pulled taut.
 
-    From the start, then from each bend, the next bend is the last position before one out of sight. All paths are
-    followed at once, one position a round.
+    along  (N, 2)  positions of all paths, m
+    path   (N,)    number of the path of each position
+
+    From the start, then from each bend, the next bend is the last position before the first one out of sight. All paths
+    are followed at once, one position per round.
     """
     collision, law = problem.model.collision(problem.world), problem.model.laws["move"]
 

@@ -38,10 +38,10 @@ if TYPE_CHECKING:
 def shortest_path(
     name: str, space: TrajectoryGraph, start: int, goals: list[int], objectives: Objectives
 ) -> Candidates:
-    """Return the shortest path of a graph with its costs in all objectives, as a stage of the planner ``name``.
+    """Return the shortest path of a graph as an early stage of the planner ``name``.
 
-    Only lengths are computed for all edges, in a small part of the time of other costs, which are evaluated along the
-    path. Its memory is released again. Raises Exhausted where a limit is passed.
+    Lengths are computed for all edges, which is fast; all other costs are evaluated along the path only. The memory is
+    released afterwards. Raises Exhausted if a limit is passed.
     """
     spending, length = space.spending, edge_objectives([make_criterion("length")], name)
     held = spending.memory
@@ -73,13 +73,13 @@ class BuiltGraph:
     """A graph of trajectories for a problem, with the problem's start and goals on it.
 
     ends      the graph, its start and its goals
-    problem   that the paths solve; its yaws may be those of the nearest headings of the graph
-    notes     on the graph, for the user
-    part      name of a part or a smaller graph that is searched first; "" for the whole graph
+    problem   problem that the paths solve; its yaws may be those of the nearest headings of the graph
+    notes     remarks on the graph, for the user
+    part      name of the part, if this is a part or a smaller graph that is searched first; "" for the whole graph
     is_large  whether an exact search may take so long that a coarse result should come first
-    status    COMPLETE, or the status of the search that gave the graph's corners
-    stats     counts and seconds of building it, by name
-    first     paths found while it was built, the result if a limit ends the search before it finds any
+    status    COMPLETE, or the status of the lattice search whose paths gave the corners
+    stats     counts and seconds of building the graph, by name
+    first     paths found while the graph was built; the result if a limit ends the search before it finds a path
     """
 
     ends: Ends
@@ -93,7 +93,7 @@ class BuiltGraph:
 
 
 class NotBuilt(Exception):
-    """A graph could not be built; the candidates found on the way are the planner's result."""
+    """Exception of a graph that could not be built; the candidates found meanwhile are the planner's result."""
 
     def __init__(self, candidates: Candidates) -> None:
         super().__init__("the graph was not built")
@@ -101,7 +101,7 @@ class NotBuilt(Exception):
 
 
 class GraphFamily:
-    """A kind of graph that is built for a problem; a subclass is a frozen dataclass with the graph's options as fields.
+    """Kind of graph that can be built for a problem; a subclass is a frozen dataclass with the options as fields.
 
     Every search runs on every family. A planner with the options of both is a class that inherits from both, as
     ``class Lattice(ExactSearch, LatticeGraph)`` does.
@@ -110,8 +110,8 @@ class GraphFamily:
     goal_sets         whether the goal may be a list of states
     any_goal          whether the goal may be of any kind (:class:`hpop.goals.Goal`)
     is_remade         whether the options in a front's provenance build the same graph again, as a drive needs
-    is_judged         whether every candidate is evaluated again on the exact geometry before it is returned
-    answers_by_parts  whether :meth:`graphs` yields parts first even if only the last result is wanted
+    is_judged         whether every candidate is checked on the exact geometry before it is returned
+    answers_by_parts  whether :meth:`graphs` yields parts first even if only the final result is requested
     """
 
     name: ClassVar[str]
@@ -136,17 +136,17 @@ class GraphFamily:
         return self
 
     def build(self, problem: Problem, objectives: Objectives, spending: Spending) -> BuiltGraph:
-        """Build the graph with the problem's ends; its costs are computed later.
+        """Build the graph with the problem's start and goals; costs of arcs are computed later.
 
-        Raises QueryError for ends that are not usable, Exhausted where a limit of ``spending`` is passed, NotBuilt
-        where only candidates were found on the way.
+        Raises QueryError for a start or goals that are not usable, Exhausted if a limit of ``spending`` is passed,
+        NotBuilt if no graph, but candidates were found.
         """
         raise NotImplementedError
 
     def graphs(
         self, problem: Problem, objectives: Objectives, spending: Spending, *, in_stages: bool = False
     ) -> Iterator[BuiltGraph]:
-        """Yield the whole graph; ``in_stages``: parts of it, or smaller graphs, before."""
+        """Yield the whole graph; if ``in_stages``, first yield parts of it or smaller graphs."""
         yield self.build(problem, objectives, spending)
 
     def has_clock(self, problem: Problem) -> bool:
@@ -154,9 +154,9 @@ class GraphFamily:
         return False
 
     def first_answer(self, name: str, built: BuiltGraph, objectives: Objectives) -> Candidates | None:
-        """Return a path or a few as candidates of the planner ``name``, in case a limit ends the costing of arcs.
+        """Return a few quick paths as candidates of the planner ``name``; None if the costs of arcs are cached.
 
-        Called if there is a time limit. None where the costs are cached.
+        They are the result if a limit ends the computation of costs. Called only if there is a time limit.
         """
         space = built.ends.space
         return None if space.costed(objectives.optimised) else shortest_path(name, *built.ends, objectives)
@@ -170,7 +170,7 @@ class GraphFamily:
     ) -> Query:
         """Return the query of the problem on its graph, with all arcs checked and costed.
 
-        Raises QueryError where people move, or no graph can be built, and as :meth:`build` does.
+        Raises QueryError if people move or no graph can be built, and the errors of :meth:`build`.
         """
         refuse_moving(problem, f"this search of {self.name}")
         objectives = objectives or edge_objectives(problem.criteria, self.name)
@@ -181,12 +181,12 @@ class GraphFamily:
         return built_query(checked, objectives)
 
     def states(self, problem: Problem) -> StateGraph | None:
-        """Return the graph of states without the problem's ends; None for a graph without places."""
+        """Return the graph of states without the problem's start and goals; None for a graph without places."""
         objectives = edge_objectives(problem.criteria, self.name)
         return self._built_or_refused(problem, objectives, Spending()).ends.space.states_alone
 
     def _built_or_refused(self, problem: Problem, objectives: Objectives, spending: Spending) -> BuiltGraph:
-        """Build the graph; raise QueryError where only candidates were found on the way."""
+        """Build the graph; raise QueryError if no graph, but candidates were found."""
         try:
             return self.build(problem, objectives, spending)
         except NotBuilt as stop:
@@ -195,10 +195,13 @@ class GraphFamily:
             raise QueryError(f"there is no graph {self.name!r}: {'; '.join(stop.candidates.notes)}") from None
 
     def update(self, before: World, after: World, model: Model, criteria: Sequence[Criterion]) -> None:
-        """Let a changed world reuse the parts of cached graphs that the change leaves unchanged; none by default."""
+        """Copy the parts of cached graphs that a change of the world leaves unchanged to the cache of the new world.
+
+        By default nothing is copied.
+        """
 
     def anchored(self) -> Self:
-        """Return a family with a graph that depends less on the start, or not at all, so that it can be reused."""
+        """Return a family whose graph depends less on the start, or not at all, so that more queries can reuse it."""
         return self
 
 
@@ -258,7 +261,7 @@ class OnGraph:
         return replace(self, on=self.family.anchored().spec)
 
     def take_needs(self) -> None:
-        """Copy the family's requirements of models and goals; called once, after the options are set."""
+        """Copy the family's requirements of models and goals to the planner; called once, after the options are set."""
         family = self.family
         for attribute in ("needs", "goal_sets", "any_goal"):
             object.__setattr__(self, attribute, getattr(family, attribute))

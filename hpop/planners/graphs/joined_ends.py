@@ -34,7 +34,12 @@ START, GOAL = "start", "goal"
 
 
 class Ends(NamedTuple):
-    """A graph with the nodes of the start and the goals."""
+    """Graph with the nodes of the start and the goals.
+
+    space  the graph
+    start  node of the start
+    goals  nodes of the goals
+    """
 
     space: TrajectoryGraph
     start: int
@@ -42,21 +47,22 @@ class Ends(NamedTuple):
 
     @property
     def inside(self) -> tuple[list[int], list[int]]:
-        """States of the graph for the start and for the goals; of a joined end the states joined to it, nearest first.
+        """States of the graph for the start and for the goals.
 
-        Empty where start and goal are joined only to each other.
+        A joined end is replaced by the states joined to it, nearest first. Both lists are empty if start and goal are
+        joined only to each other.
         """
         return self.space.inside([self.start]), self.space.inside(self.goals)
 
 
 def with_ends(graph: StateGraph, problem: Problem, reach: float) -> Ends:
-    """Return the graph with its start and goals; ends beside its states are joined to the states within reach.
+    """Return the graph with the problem's start and goals; ends that are no states of it are joined to near states.
 
-    Raises QueryError where the start, or every goal, is blocked or cannot be joined.
+    Raises QueryError if the start or every goal is blocked or cannot be joined.
 
     Parameters
     ----------
-    reach : m
+    reach : m, largest distance of joined states
     """
     space, goals = problem.model.space, problem.goals
     ends = {START: space.state(problem.start)}
@@ -80,7 +86,7 @@ def with_ends(graph: StateGraph, problem: Problem, reach: float) -> Ends:
 
 
 def states_at(graph: StateGraph, end: States) -> list[int]:
-    """Return the ids of the free states at an end (1,); coordinates that are NaN match any value."""
+    """Return the ids of the free states of the graph that equal an end (1,); a NaN in the end matches any value."""
     ids = graph.near(float(end.x[0]), float(end.y[0]), UNMOVED)
     states = graph.states(ids)
     free = graph.collision.states_free(states)
@@ -88,7 +94,7 @@ def states_at(graph: StateGraph, end: States) -> list[int]:
 
 
 def matches(space: StateSpace, states: States, end: States) -> BoolArray:
-    """Mark the states (M,) equal to an end with angles to three decimals; coordinates that are NaN match any value."""
+    """Mark the states (M,) that equal an end (1,), angles to three decimals; a NaN in the end matches any value."""
     is_end = np.ones(states.size, dtype=np.bool_)
     for name, off in space.differences(end, states).items():
         is_end &= ~(np.abs(off) > (HEADING_TOLERANCE if name in space.angles else UNMOVED))
@@ -97,11 +103,11 @@ def matches(space: StateSpace, states: States, end: States) -> BoolArray:
 
 @dataclass(frozen=True, eq=False)
 class JoinedEnds(TrajectoryGraph):
-    """A graph of states with a start, goals or both beside it, each a node after those of the graph.
+    """Graph of states with additional nodes for a start and goals that are no states of it.
 
-    inner  the graph
-    ends   states (1,) of "start" and goals, in this order; coordinates that are NaN are free
-    reach  m, within which states are joined to an end by a free turn, straight move and turn
+    inner  graph of states; the additional nodes follow its states
+    ends   name -> state (1,): "start" and goals, in this order; NaN in coordinates that may have any value
+    reach  m, distance within which states are joined to an end by a free turn, straight move and turn
     """
 
     has_clock = True
@@ -116,7 +122,7 @@ class JoinedEnds(TrajectoryGraph):
         return self.inner
 
     def node(self, what: str) -> int:
-        """Return the node of an end."""
+        """Return the node of the end with a name, a key of ``ends``."""
         return self.inner.size + list(self.ends).index(what)
 
     @property
@@ -139,21 +145,21 @@ class JoinedEnds(TrajectoryGraph):
 
     @cached_property
     def joins(self) -> MotionChains:
-        """The arcs that join the ends, by tail."""
-        parts = [self._joins(what) for what in self.ends]
-        parts += [self._straight(what) for what in self.ends if START in self.ends and what != START]
+        """Arcs that join the ends to states and to each other, sorted by tail."""
+        parts = [self._joins_of(what) for what in self.ends]
+        parts += [self._direct_join(what) for what in self.ends if START in self.ends and what != START]
         joins = MotionChains.all_of(parts)
         return joins.take(np.argsort(joins.tails, kind="stable"))
 
-    def _straight(self, goal: str) -> MotionChains:
-        """Return the join from the start to a goal, if they are within reach and it is free."""
+    def _direct_join(self, goal: str) -> MotionChains:
+        """Return the join from the start to a goal, or none if they are out of reach or the join is not free."""
         ends = [self.ends[what] for what in (START, goal)]
         near = np.flatnonzero(_distance(*ends) <= self.reach)
         tails, heads = (np.full(near.size, self.node(what)) for what in (START, goal))
         return MotionChains.between(self.inner, tails, heads, *(end.take(near) for end in ends))
 
-    def _joins(self, what: str) -> MotionChains:
-        """Return the free joins between an end and the states within reach."""
+    def _joins_of(self, what: str) -> MotionChains:
+        """Return the free joins between the named end and the states within reach."""
         end = self.ends[what]
         ids = self.inner.near(float(end.x[0]), float(end.y[0]), self.reach)
         nodes = np.full(ids.size, self.node(what))
@@ -163,7 +169,7 @@ class JoinedEnds(TrajectoryGraph):
         return MotionChains.between(self.inner, ids, nodes, states, end)
 
     def joined(self, what: str) -> IntArray:
-        """Return the states of the inner graph joined to an end, nearest first."""
+        """Return the states of the inner graph that are joined to the named end, nearest first."""
         node, end = self.node(what), self.ends[what]
         from_it, to_it = self.joins.tails == node, self.joins.heads == node
         ids = np.concatenate([self.joins.heads[from_it], self.joins.tails[to_it]])
@@ -172,7 +178,7 @@ class JoinedEnds(TrajectoryGraph):
         return ids[np.argsort(_distance(states, end), kind="stable")]
 
     def inside(self, nodes: list[int]) -> list[int]:
-        """Return nodes with each end replaced by the states joined to it."""
+        """Return nodes, with each end replaced by the states joined to it."""
         ends = list(self.ends)
         parts = [
             [node] if node < self.inner.size else self.joined(ends[node - self.inner.size]).tolist() for node in nodes
@@ -180,18 +186,18 @@ class JoinedEnds(TrajectoryGraph):
         return [node for part in parts for node in part]
 
     def checked(self, goals: Sequence[str]) -> dict[str, list[int]]:
-        """Return the node of each end; unusable goals have none, as long as another of the ``goals`` is usable.
+        """Return the nodes of each end by name: one node, or [] for a goal that cannot be used.
 
-        Raises QueryError where the start, or every goal, is blocked or cannot be joined.
+        Raises QueryError if the start, or every one of ``goals``, is blocked or cannot be joined.
         """
         reached = {*self.joins.tails.tolist(), *self.joins.heads.tolist()}
         lost = [what for what in self.ends if self.node(what) not in reached]
         if START in lost or set(goals) <= set(lost):
-            raise QueryError(" ".join(map(self._refusal, [START] if START in lost else lost)))
+            raise QueryError(" ".join(map(self._reason_unusable, [START] if START in lost else lost)))
         return {what: [] if what in lost else [self.node(what)] for what in self.ends}
 
-    def _refusal(self, what: str) -> str:
-        """Return in words why an end cannot be used."""
+    def _reason_unusable(self, what: str) -> str:
+        """Return the reason why the named end cannot be used, as text."""
         end = self.ends[what]
         whole = States(**{name: np.nan_to_num(column) for name, column in end.__dict__.items()})
         blocked = self.collision.why_blocked(whole)
@@ -203,7 +209,7 @@ class JoinedEnds(TrajectoryGraph):
         return f"the {what} ({end.x[0]:.3f}, {end.y[0]:.3f}) is not usable: {reason}.{hint}"
 
     def places(self, ids: IntArray) -> IntArray:
-        """Return the places (N,) of states in the inner graph; each end has a place of its own, below 0."""
+        """Return the place (N,) of each state in the inner graph; each end has a negative place of its own."""
         places = self.inner.size - 1 - ids
         inside = ids < self.inner.size
         places[inside] = self.inner.places(ids[inside])
@@ -283,19 +289,19 @@ class JoinedEnds(TrajectoryGraph):
         return Stretches.joined(
             self.model.space,
             [
-                self._joined(ids[begins], ids[after], from_start),
+                self._joins_between(ids[begins], ids[after], from_start),
                 self.inner.stretches(ids[inside], inner),
-                self._joined(ids[before], ids[ends - 1], to_goal),
+                self._joins_between(ids[before], ids[ends - 1], to_goal),
             ],
         )
 
-    def _joined(self, tails: IntArray, heads: IntArray, there: BoolArray) -> Stretches:
-        """Return the joins between nodes (n,) where ``there`` (n,) is set."""
-        rows = self.joins.rows(tails[there], heads[there])
-        return self.joins.take(rows).stretches(there.astype(np.int64))
+    def _joins_between(self, tails: IntArray, heads: IntArray, is_present: BoolArray) -> Stretches:
+        """Return the motions of the joins between nodes (n,); none where ``is_present`` (n,) is False."""
+        rows = self.joins.rows(tails[is_present], heads[is_present])
+        return self.joins.take(rows).stretches(is_present.astype(np.int64))
 
     def what_separates(self, start: int, goals: list[int]) -> str:
-        """Say in words why no path leads on, by the states joined to the ends."""
+        """Return the reason why no path leads from start to goals, from the states joined to these, as text."""
         return self.inner.what_separates(self.inside([start])[0], self.inside(goals))
 
 

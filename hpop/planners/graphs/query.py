@@ -16,16 +16,16 @@ from hpop.base.options import MOST, MOST_COUNTED, amounts
 from hpop.errors import CriterionError, OptionError, did_you_mean
 from hpop.frontier import is_nondominated
 from hpop.planners.base import Candidates
-from hpop.planners.graphs.arcs import TIE_TURNS, summed, tie_broken
+from hpop.planners.graphs.arcs import TIE_TURNS, graph_with_tie_break, summed_columns
 from hpop.planners.graphs.assemble import (
     ROUNDED,
     Plans,
     assemble,
-    at_memory_limit,
-    claimed,
-    looked_at,
-    plans_of,
+    checked_edges_text,
+    memory_limit_notes,
+    search_claim,
     search_stats,
+    static_plans,
 )
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.needs import refuse_moving
@@ -48,7 +48,7 @@ TIED = "no path is better in every cost than a point"
 
 
 def refuse_unanswerable(problem: Problem, objectives: Objectives, what: str) -> None:
-    """Raise for queries that a graph without a clock, ``what``, cannot answer: moving people, or too many costs."""
+    """Raise QueryError if people move, OptionError for too many costs; ``what`` names the graph without a clock."""
     refuse_moving(problem, what)
     refuse_too_many(objectives)
 
@@ -63,7 +63,10 @@ def refuse_too_many(objectives: Objectives) -> None:
 
 
 def tolerance_counts(objectives: Objectives, tolerance: Mapping[str, float]) -> IntArray:
-    """Return tolerances (k,) in quanta, rounded down; raise OptionError for an unknown cost or an invalid amount."""
+    """Return the tolerances of all costs (k,) in quanta, rounded down, from amounts by name of the cost.
+
+    Raises OptionError for an unknown cost or an invalid amount.
+    """
     names = [criterion.name for criterion in objectives.optimised]
     for name in tolerance:
         if name not in names:
@@ -78,17 +81,17 @@ def tolerance_counts(objectives: Objectives, tolerance: Mapping[str, float]) -> 
 
 @dataclass(frozen=True, eq=False)
 class Query:
-    """A query to a graph of trajectories, for static, timed and prepared searches and for drives.
+    """Query to a graph of trajectories, for static, timed and prepared searches and for drives.
 
-    space          the graph, with exact ends joined (:mod:`.joined_ends`)
-    objectives     the optimised criteria, and how they are reported
-    graph          arcs with their integer costs, in `quanta`
+    space          graph of trajectories, with exact ends joined (:mod:`.joined_ends`)
+    objectives     optimised criteria, and how they are reported
+    graph          arcs with their integer costs, in ``quanta``
     start, goals   nodes
-    build_seconds  s
-    notes          on the ends, for the user
+    build_seconds  s, time to build the graph
+    notes          remarks on start and goals, for the user
     max_turns      count  paths with more turns are left out; None for no bound
-    closed         (m,)  mask of closed arcs; None for none
-    timing         clock, moving people and departure; None where no person moves
+    closed         (m,)  mask of closed arcs; None if all are open
+    timing         clock, moving people and departure; None if no person moves
     """
 
     space: TrajectoryGraph
@@ -113,7 +116,7 @@ class Query:
 
     @property
     def free(self) -> Free | None:
-        """Function that marks free arcs; None where all arcs are known to be free."""
+        """Function that marks the free ones of some arcs; None if all arcs of the graph are known to be free."""
         return None if self.space.is_checked else self.space.arcs_free
 
     def at_most(self) -> list[int | None]:
@@ -122,17 +125,17 @@ class Query:
 
     @property
     def names(self) -> str:
-        """The optimised criteria, in words."""
+        """Names of the optimised criteria, as text."""
         return self.objectives.names
 
     @property
     def part(self) -> str:
-        """The part of the graph that is searched, in words."""
+        """Description of the graph that is searched, as text for a claim."""
         return f"{'' if self.space.is_checked else 'the free part of '}{self.space.words}"
 
     @property
     def where(self) -> str:
-        """The graph, clock, criteria, bounds and closed arcs for which a claim holds, in words."""
+        """Description of what a claim holds for: graph, clock, criteria, bounds and closed arcs."""
         in_time = "" if self.timing is None else f", {self.timing.words},"
         words = f"{self.part}{in_time} for ({self.names})"
         if self.max_turns is not None:
@@ -142,21 +145,21 @@ class Query:
 
     @property
     def rounded(self) -> str:
-        """The rounding of costs, in words."""
+        """Description of how costs are rounded, as text for a claim."""
         return ROUNDED if self.timing is None else self.timing.rounded(self.objectives)
 
     # Searches
 
     def paths(self, limits: Limits, *, eps: float = 0.0, slack: IntArray | None = None) -> ParetoPaths | TimedPaths:
-        """Find all non-dominated paths, or a cover within ``eps`` and a slack (k,), in quanta of the objectives."""
+        """Find all non-dominated paths, or paths that cover them within ``eps`` and ``slack`` (k,), in quanta."""
         slack = np.zeros(len(self.objectives.optimised), np.int64) if slack is None else slack
         if self.timing is not None:
             return self.timing.paths(self, limits, eps, slack)
 
         def search(graph: Graph) -> ParetoPaths:
             counts = slack.copy()
-            if graph is self.tie_broken:
-                counts[summed(graph)[0]] *= TIE_TURNS
+            if graph is self.graph_with_tie_break:
+                counts[summed_columns(graph)[0]] *= TIE_TURNS
             return pareto_paths(
                 graph,
                 self.start,
@@ -182,10 +185,10 @@ class Query:
         covered: float = math.inf,
         stage: bool = False,
     ) -> Candidates:
-        """Find all non-dominated paths, or a cover within ``eps``, as the candidates of the planner ``name``.
+        """Find all non-dominated paths, or paths that cover them, as the candidates of the planner ``name``.
 
-        Every non-dominated cost vector p is then covered by one that is at most (1 + eps) p + tolerance, the tolerance
-        in the units of the costs that it names.
+        For every non-dominated cost vector p, a vector of at most (1 + eps) p + tolerance is returned; the tolerance
+        is given by name, in the unit of the cost.
 
         Parameters
         ----------
@@ -195,10 +198,14 @@ class Query:
         slack = tolerance_counts(self.objectives, tolerance or {})
         paths = self.paths(Limits.of(limits), eps=eps, slack=slack)
         gap = min(paths.gap, covered)
-        words: dict[str, Any] = {} if self.timing is not None or self.tie_broken is None else {"optimal": TIED}
-        claim = claimed(paths, self.where, self.rounded, eps=eps, tolerance=tolerance, gap=gap, stage=stage, **words)
-        claim += looked_at(self, paths)
-        return assemble(name, self, paths, claim, notes=at_memory_limit(paths), stats=search_stats(paths, gap))
+        words: dict[str, Any] = (
+            {} if self.timing is not None or self.graph_with_tie_break is None else {"optimal": TIED}
+        )
+        claim = search_claim(
+            paths, self.where, self.rounded, eps=eps, tolerance=tolerance, gap=gap, stage=stage, **words
+        )
+        claim += checked_edges_text(self, paths)
+        return assemble(name, self, paths, claim, notes=memory_limit_notes(paths), stats=search_stats(paths, gap))
 
     def answer(
         self, name: str, paths: Sequence[IntArray], claim: str, *, status: Status = Status.COMPLETE
@@ -207,8 +214,8 @@ class Query:
 
         Parameters
         ----------
-        paths : the arcs of each, as indices in `graph`, from the start to a goal
-        claim : the planner's claim, in words
+        paths : for each path its arcs, as indices in ``graph``, from the start to a goal
+        claim : the planner's claim, as text
         status : how the search ended; a COMPLETE search without a path becomes NO_PATH
         """
         ended = Status.NO_PATH if not paths and status is Status.COMPLETE else status
@@ -217,10 +224,10 @@ class Query:
         return assemble(name, self, result, claim)
 
     def first_answer(self, name: str, limits: Limits, *, quickly: bool = False) -> Candidates:
-        """Return the first points found within some limits as a stage of the planner ``name``.
+        """Return the points found within some limits as an early stage of the planner ``name``.
 
-        They are supported points; where a cost is a maximum, or arcs are not checked, they are the first points of the
-        exact search. ``quickly``: points of weighted sums only, as that search is compiled first.
+        Points are supported points. If a cost is a maximum, or arcs are not checked yet, they are the first points of
+        the exact search. If ``quickly``, they are optima of a few weights, found without compiled kernels.
         """
         exactly = "max" in self.graph.aggregates or self.free is not None
         quickly &= self.free is None
@@ -252,13 +259,13 @@ class Query:
     def plans(
         self, paths: ParetoPaths | TimedPaths, common: Mapping[str, Any], own: Sequence[Mapping[str, Any]] | None
     ) -> Plans:
-        """Return paths as trajectories; their provenance has ``common`` entries and ``own`` ones of each path."""
+        """Return paths as plans; provenance consists of ``common`` entries and of the ``own`` entries of each path."""
         if self.timing is not None:
             return self.timing.plans(cast("TimedPaths", paths), common)
-        return plans_of(self, cast(ParetoPaths, paths), common, own)
+        return static_plans(self, cast(ParetoPaths, paths), common, own)
 
     def what_blocks(self, paths: ParetoPaths | TimedPaths) -> str:
-        """Say in words why there is no path: turns, people, or a wall between start and goal."""
+        """Return the reason why there is no path, as text: too few turns allowed, people, or a wall in between."""
         if self.timing is not None:
             return self.timing.what_blocks(self)
         for j, bound in enumerate(self.at_most()):
@@ -273,37 +280,38 @@ class Query:
     # Ties
 
     @cached_property
-    def tie_broken(self) -> Graph | None:
-        """The graph with turns as a last tie-break; None where a cost charges for every turn."""
-        return tie_broken(self.graph, self.space.turned, self.space.spending)
+    def graph_with_tie_break(self) -> Graph | None:
+        """Graph with the number of turns as a tie-break; None if a cost charges for every turn."""
+        return graph_with_tie_break(self.graph, self.space.turned, self.space.spending)
 
     def break_ties(self) -> None:
-        """Make the graph with broken ties now, so that the search does not count on its memory."""
-        _ = self.tie_broken
+        """Build the graph with the tie-break now, so that the search accounts for the memory of this copy."""
+        _ = self.graph_with_tie_break
 
     def drop_ties(self) -> None:
-        """Free the memory of the graph with broken ties, after the last search in it."""
-        broken: Graph | None = vars(self).pop("tie_broken", None)
+        """Free the memory of the graph with the tie-break, after its last search."""
+        broken: Graph | None = vars(self).pop("graph_with_tie_break", None)
         if broken is not None:
             self.space.spending.release(broken.costs.nbytes)
 
     def with_fewest_turns(self, search: Callable[[Graph], ParetoPaths]) -> ParetoPaths:
-        """Search, and keep of paths with equal costs one with the fewest turns, even if no cost charges for turns.
+        """Run a search; of paths with equal costs, return one with the fewest turns, even if no cost charges for turns.
 
-        A complete search loses nothing, as paths that differ only in turns are dropped afterwards. A stopped one may
-        keep a point that ties with a better one in the first summed cost.
+        The search runs on the graph with the tie-break; paths that differ only in turns are dropped afterwards, so a
+        complete search loses nothing. A stopped search may return a point that another point dominates, if both have
+        the same first summed cost.
         """
-        if self.tie_broken is None:
-            return self._within(search(self.graph))
-        paths, first = search(self.tie_broken), summed(self.graph)[0]
+        if self.graph_with_tie_break is None:
+            return self._within_turn_bound(search(self.graph))
+        paths, first = search(self.graph_with_tie_break), summed_columns(self.graph)[0]
         costs = paths.costs.copy()
         turns = costs[:, first] % TIE_TURNS
         costs[:, first] //= TIE_TURNS
         order = np.lexsort((turns, *costs.T[::-1]))
         return paths.select(costs, order[is_nondominated(costs[order])])
 
-    def _within(self, paths: ParetoPaths) -> ParetoPaths:
-        """Return the paths within the bound on turns, which a search may have ignored."""
+    def _within_turn_bound(self, paths: ParetoPaths) -> ParetoPaths:
+        """Return the paths that keep the bound on turns, as a search may have ignored the bound."""
         bounds = [math.inf if bound is None else bound for bound in self.at_most()]
         rows = np.flatnonzero((paths.costs <= np.array(bounds or math.inf)).all(axis=1))
         return paths if rows.size == len(paths) else paths.select(paths.costs, rows)
@@ -312,10 +320,11 @@ class Query:
 def built_query(
     built: BuiltGraph, objectives: Objectives, began: float | None = None, max_turns: int | None = None
 ) -> Query:
-    """Cost all arcs of a built graph, and return its query; raises Exhausted where a limit is passed.
+    """Compute the costs of all arcs of a built graph, and return its query; raise Exhausted if a limit is passed.
 
-    Where a criterion cannot cost motions that collide, all arcs are checked first. ``began``: when building began, s of
-    :func:`time.perf_counter`; None for now.
+    If a criterion cannot cost motions that collide, all arcs are checked first.
+
+    began  time at which building began, s of :func:`time.perf_counter`; None for now
     """
     began = time.perf_counter() if began is None else began
     (space, start, goals), notes = built.ends, built.notes

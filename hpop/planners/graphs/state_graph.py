@@ -68,7 +68,7 @@ class StateGraph(TrajectoryGraph):
         return stays.astype(np.int64)
 
     def near(self, x: float, y: float, radius: float) -> IntArray:
-        """Return the ids (N,), rising, of states within a radius, m, of a position; some may not be free."""
+        """Return the ids (N,), rising, of states within a radius, m, of a position x, y, m; some may not be free."""
         near = [np.zeros(0, dtype=np.int64)]
         for begin in range(0, self.size, BATCH):
             ids = np.arange(begin, min(begin + BATCH, self.size))
@@ -79,7 +79,7 @@ class StateGraph(TrajectoryGraph):
     def reach(self, problem: Problem) -> float:
         """Return the distance, m, within which a start or goal beside the graph is joined to states.
 
-        It is the distance of the start from its twelfth nearest place.
+        By default, this is the distance of the start from its twelfth nearest place.
         """
         start, states = problem.model.space.state(problem.start), self.states(np.arange(self.size))
         distances = np.unique(np.hypot(states.x - start.x, states.y - start.y))
@@ -107,7 +107,7 @@ class StateGraph(TrajectoryGraph):
         return cast(PlaneCollision, collision_of(self.model, self.world))
 
     def motions(self, kind: str, tails: IntArray, heads: IntArray) -> Motions:
-        """Return edges (M,) as motions; angles turn the shorter way, half a turn counter-clockwise."""
+        """Return edges (M,) of a kind as motions; angles take the shorter direction, half a turn counter-clockwise."""
         law, start = self.model.laws[kind], self.states(tails)
         end = onward(law, self.model.space, start, self.states(heads))
         kept = {name: getattr(start, name) for name in start.names if name not in law.varies}
@@ -115,17 +115,17 @@ class StateGraph(TrajectoryGraph):
 
     @cached_property
     def arcs(self) -> Arcs:
-        """All free motions."""
+        """Arcs of all free motions."""
         return Arcs.sorted(self.size, [self.edges(kind) for kind in self.kinds])
 
     def batches(self) -> Iterator[tuple[IntArray, IntArray, Motions]]:
-        """Yield all edges as tails, heads and motions, in batches of bounded size."""
+        """Yield tails, heads and motions of all arcs, in batches of bounded size."""
         for part in blocks(self.arcs.heads.size):
             for _, tails, heads, motions in self._batches(part):
                 yield tails, heads, motions
 
     def _batches(self, part: slice) -> Iterator[tuple[BoolArray, IntArray, IntArray, Motions]]:
-        """Yield the arcs of a range, law by law: a mask of them, their tails and heads, and their motions."""
+        """Yield the arcs of a range, law by law: a mask over the range, tails, heads and motions of these arcs."""
         tails, heads = self.arcs.ends(part)
         for number, kind in sorted(enumerate(self.kinds), reverse=True):
             own = self.arcs.kinds[part] == number
@@ -134,40 +134,40 @@ class StateGraph(TrajectoryGraph):
 
     @cached_property
     def key(self) -> Hashable:
-        """Cache key of the graph in its world, equal for equal graphs; None where nothing is cached."""
+        """Cache key of the graph in its world, equal for equal graphs; None if nothing is cached."""
         return None
 
     def shared(self, name: Hashable, make: Callable[[], A]) -> A:
-        """Return a part from the world's cache, shared by all equal graphs; make and cache it where it is missing."""
-        part = self.kept_part(name)
+        """Return a named part of the graph from the world's cache; if it is missing, ``make`` the part and cache it."""
+        part = self.cached_part(name)
         if part is None:  # made without the cache's lock, by several threads
             part = make()
-            self.keep_part(name, part)
+            self.cache_part(name, part)
         return cast(A, part)
 
     def costed(self, criteria: Sequence[Criterion]) -> bool:
         """Return whether the costs of all edges are cached from an earlier planning run."""
-        return all(self.kept_part(self.name_of(criterion)) is not None for criterion in criteria)
+        return all(self.cached_part(self.cache_name(criterion)) is not None for criterion in criteria)
 
-    def kept_part(self, name: Hashable) -> Any:
-        """Return a part from the world's cache; None where it is missing."""
+    def cached_part(self, name: Hashable) -> Any:
+        """Return a named part of the graph from the world's cache; None if it is missing."""
         return None if None in (self.key, name) else self.world.cache.find((self.key, name))
 
-    def keep_part(self, name: Hashable, value: Any) -> None:
-        """Cache a part in the world, if the graph has a key."""
+    def cache_part(self, name: Hashable, value: Any) -> None:
+        """Store a named part of the graph in the world's cache, if the graph has a key."""
         if None not in (self.key, name):
             self.world.cache.keep((self.key, name), value)
 
     @staticmethod
-    def name_of(criterion: Criterion) -> Hashable:
-        """Return the cache name of a criterion's costs, equal for equal criteria; None for a mutable criterion."""
+    def cache_name(criterion: Criterion) -> Hashable:
+        """Return the name under which a criterion's costs are cached; None for a mutable criterion, never cached."""
         try:
             return identity(criterion), criterion.quantum
         except TypeError:
             return None
 
     def motions_of(self, places: IntArray) -> Iterator[tuple[IntArray, Motions]]:
-        """Yield some arcs, by their indices (N,) in `arcs`, as motions, in portions with the indices of their arcs."""
+        """Yield some arcs, given by indices (N,) in ``arcs``, as motions, in batches: the indices and the motions."""
         tails = np.searchsorted(self.arcs.start, places, side="right") - 1
         for number, kind in enumerate(self.kinds):
             own = np.flatnonzero(self.arcs.kinds[places] == number)
@@ -179,23 +179,23 @@ class StateGraph(TrajectoryGraph):
 
     @property
     def is_reused(self) -> bool:
-        """True if the graph is cached with its costs, since other queries will use it."""
+        """True if other queries will use this graph, so that it is cached with its costs."""
         return False
 
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
-        """Return the graph with one integer cost a criterion: edge costs in quanta, rounded once."""
-        names = tuple(self.name_of(criterion) for criterion in criteria)
+        """Return the search graph with one integer cost per criterion: costs of arcs in quanta, rounded once."""
+        names = tuple(self.cache_name(criterion) for criterion in criteria)
         if not self.is_reused or None in names:
-            return self._graph(criteria)
-        graph: Graph | None = self.kept_part(("graph", names))
+            return self._costed_graph(criteria)
+        graph: Graph | None = self.cached_part(("graph", names))
         if graph is None:
-            graph = self._graph(criteria)
-            self.keep_part(("graph", names), graph)
+            graph = self._costed_graph(criteria)
+            self.cache_part(("graph", names), graph)
         else:
             self.spending.hold(graph.arcs * (8 * len(criteria) + ARC), f"{self.words} was taken from before")
         return graph
 
-    def _graph(self, criteria: Sequence[Criterion]) -> Graph:
+    def _costed_graph(self, criteria: Sequence[Criterion]) -> Graph:
         arcs = self.arcs
         self.spending.hold(arcs.heads.size * (8 * len(criteria) + ARC), f"{self.words} was built")
         return Graph.from_csr(
@@ -206,8 +206,8 @@ class StateGraph(TrajectoryGraph):
         )
 
     def _columns(self, criteria: Sequence[Criterion]) -> list[Counts]:
-        """Return costs (m,) of all arcs in each criterion; missing ones are computed together, block by block."""
-        columns = [self.kept_part(self.name_of(criterion)) for criterion in criteria]
+        """Return the costs (m,) of all arcs by each criterion; those not cached are computed together, in blocks."""
+        columns = [self.cached_part(self.cache_name(criterion)) for criterion in criteria]
         missing = [j for j, column in enumerate(columns) if column is None]
         size = self.arcs.heads.size
         made = [Quanta(size) for _ in missing]
@@ -227,19 +227,22 @@ class StateGraph(TrajectoryGraph):
         for j, column in zip(missing, made, strict=True):
             column.counts.setflags(write=False)
             columns[j] = column.counts
-            self.keep_part(self.name_of(criteria[j]), column.counts)
+            self.cache_part(self.cache_name(criteria[j]), column.counts)
         return columns
 
     def costed_in(self, world: World) -> Self:
-        """Return the graph with its arcs, free or not, to be costed in another world, without caching there.
+        """Return the graph with the same arcs, free or not, in another world, whose cache is not used.
 
-        So costs after a change of people or doors are computed without laying out the graph again.
+        So costs after a change of people or doors are computed without building the graph again.
         """
         _ = self.arcs, self.size  # computed in this world, not in the other
         return copied(self, without={"collision"}, world=world, key=None)
 
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
-        """Return trajectories, not yet checked, through states (N,), ``sizes`` (n,) for each: one motion an edge."""
+        """Return n trajectories, not yet checked, through states (N,), one motion per arc.
+
+        sizes  (n,)  number of states of each trajectory
+        """
         kinds = np.zeros(ids.size, np.int64)
         kinds[1:] = self.kinds_between(ids[:-1], ids[1:])
         laws = [self.model.laws[kind] for kind in self.kinds]
@@ -247,7 +250,7 @@ class StateGraph(TrajectoryGraph):
 
 
 def identity(value: Any) -> Hashable:
-    """Return a hashable that identifies an immutable value; for a dataclass by all its fields, compared or not.
+    """Return a hashable that identifies an immutable value; a dataclass is identified by all its fields.
 
     Raises TypeError for a mutable value.
     """

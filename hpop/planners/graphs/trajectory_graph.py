@@ -32,9 +32,9 @@ BLOCK = 2**20  # angles added up at once
 
 
 class Stretches(NamedTuple):
-    """Trajectories or parts of them, one after another.
+    """Stretches: n trajectories, or parts of trajectories, one after another in common arrays.
 
-    states  (N,)  angles are continuous within each part
+    states  (N,)  states of all parts; angles are continuous within each part
     kinds   (N,)  index, in the kinds of the graph, of the motion that ends in each state; arbitrary for first states
     sizes   (n,)  number of states of each part; 0 for an absent part
     """
@@ -47,9 +47,11 @@ class Stretches(NamedTuple):
     def through(
         cls, space: StateSpace, laws: Sequence[Law], states: States, kinds: IntArray, sizes: IntArray
     ) -> Stretches:
-        """Return motions through states (N,), ``sizes`` (n,) of them for each part; angles turn the shorter way.
+        """Return the stretches through given states (N,); angles take the shorter direction.
 
-        laws  of the kinds
+        laws   law of each kind of motion
+        kinds  (N,)  kind of the motion that ends in each state
+        sizes  (n,)  number of states of each part
         """
         columns = dict(states.__dict__)
         begins = (np.cumsum(sizes) - sizes)[sizes > 0]
@@ -68,9 +70,9 @@ class Stretches(NamedTuple):
 
     @classmethod
     def joined(cls, space: StateSpace, parts: Sequence[Stretches]) -> Stretches:
-        """Join stretches end to end: the first ones of all ``parts`` make one, the second ones the next, and so on.
+        """Join stretches end to end: stretch i of the result consists of the stretches i of all ``parts``, in order.
 
-        Each begins where the one before it ends, up to whole turns of angles.
+        Each stretch begins where the previous one ends, up to whole turns of angles.
         """
         lengths = np.array([part.sizes for part in parts])  # (p, n)
         present = lengths > 0
@@ -103,7 +105,7 @@ class Stretches(NamedTuple):
         return cls(States(**columns), kinds, sizes)
 
     def trajectories(self, model: Model, kinds: tuple[str, ...]) -> tuple[Trajectory, ...]:
-        """Return the trajectories, of motions of these kinds; raise ModelError for an impossible motion."""
+        """Return the trajectories; ``kinds`` are the names of the kinds. Raises ModelError for an impossible motion."""
         states = self.states
         for name in states.names:
             getattr(states, name).setflags(write=False)
@@ -122,7 +124,7 @@ class Stretches(NamedTuple):
 
 
 def _running(steps: FloatArray, sizes: IntArray) -> FloatArray:
-    """Return the running sums (N,) of steps within stretches of ``sizes`` (n,)."""
+    """Return the running sums (N,) of steps (N,), starting anew in each stretch of ``sizes`` (n,)."""
     running = np.empty(steps.size)
     ends = np.append(0, np.cumsum(sizes))
     at_once = max(1, BLOCK // max(1, int(sizes.max(initial=0))))
@@ -141,10 +143,12 @@ N = TypeVar("N", bound=np.generic)
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryGraph(ABC):
-    """States of a model in a world, numbered from 0, and arcs between them, each a motion or a chain of motions.
+    """Graph whose nodes are states of a model in a world, and whose arcs are motions or chains of motions.
+
+    States are numbered from 0.
 
     model, world
-    spending   time and memory for building it
+    spending   account of time and memory for building the graph
     has_clock  whether the graph can be put on a clock, so that people may move (:mod:`hpop.planners.graphs.timed`)
     """
 
@@ -176,14 +180,14 @@ class TrajectoryGraph(ABC):
     @property
     @abstractmethod
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of its motions."""
+        """Names of the kinds of motions in this graph."""
 
     @abstractmethod
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
-        """Return the graph with one integer cost a criterion: costs of arcs in quanta, rounded once.
+        """Return the search graph with one integer cost per criterion: costs of arcs in quanta, rounded once.
 
         Raises CriterionError that names the criterion with a cost that is negative, not a number or of the wrong shape,
-        and Exhausted where a limit of the spending is passed.
+        and Exhausted if a limit of the spending is passed.
         """
 
     @property
@@ -196,12 +200,12 @@ class TrajectoryGraph(ABC):
         return self
 
     def costed(self, criteria: Sequence[Criterion]) -> bool:
-        """Return whether the costs of all arcs are cached; True as well where no path can be known before them."""
+        """Return whether the costs of all arcs are cached; by default True, so that no quick first answer is tried."""
         return True
 
     @property
     def counts(self) -> dict[str, int]:
-        """Sizes of its parts, by name, for statistics."""
+        """Sizes of the graph, by name, for statistics."""
         return {}
 
     @property
@@ -237,21 +241,21 @@ class TrajectoryGraph(ABC):
         return np.ones(places.size, dtype=np.bool_)
 
     def without(self, places: IntArray) -> TrajectoryGraph:
-        """Return a graph that is not checked without some arcs (N,), which are blocked."""
+        """Return the graph without some blocked arcs (N,), if arcs are checked only on demand."""
         raise NotImplementedError
 
     @property
     @abstractmethod
     def turned(self) -> NDArray[np.int8]:
-        """Number (m,) of motions in each arc of `graph` that break ties: a path should have few of them."""
+        """Number (m,) of turns, or other motions, in each arc of `graph`; it breaks ties between equal costs."""
 
     @abstractmethod
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
-        """Return trajectories, not yet checked, through states (N,), ``sizes`` (n,) of them for each."""
+        """Return n trajectories, not yet checked, through states (N,); ``sizes`` (n,) are their numbers of states."""
 
     @abstractmethod
     def what_separates(self, start: int, goals: list[int]) -> str:
-        """Say in words why no path leads from a state to any of the goals."""
+        """Return the reason why no path leads from a state to any of the goals, as text."""
 
     @cached_property
     def collision(self) -> Collision:

@@ -107,8 +107,9 @@ class WarmStarts(NamedTuple):
         """Return the warm starts that are free with exact ends, polylines, costs (n, k), and notes on the others."""
         polylines = [Polyline.of(trajectory, problem) for trajectory in self.trajectories]
         judged = judge(problem, criteria, [polyline.trajectory(problem.model) for polyline in polylines])
-        free = self._replace(trajectories=[self.trajectories[i] for i in judged.kept])
-        return free, [polylines[i] for i in judged.kept], judged.costs[judged.kept], judged.notes("warm starts")
+        rows = judged.accepted_rows
+        free = self._replace(trajectories=[self.trajectories[i] for i in rows])
+        return free, [polylines[i] for i in rows], judged.costs[rows], judged.notes("warm starts")
 
     def ended(self, status: Status) -> Status:
         """Return the status of a plan that started from these and ended with ``status``."""

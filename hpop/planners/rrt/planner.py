@@ -26,7 +26,7 @@ from hpop.planners.graphs.roadmap.headings import checked_ends
 from hpop.planners.judgement import trusted
 from hpop.planners.needs import in_plane, on_wheels, one_goal, start_of
 from hpop.planners.objectives import Objectives, edge_objectives
-from hpop.planners.rrt.query import NEAR, STEP, Base, TreeQuery, close, of_wheels
+from hpop.planners.rrt.query import NEAR, STEP, Base, TreeQuery, close_gap, of_wheels
 from hpop.runtime.status import Budget, ProgressCallback, Status, Watch
 from hpop.runtime.sweep import Sweep
 
@@ -47,11 +47,12 @@ _alone = threading.Lock()  # the seed of OMPL's random numbers is global to the 
 
 
 class TreeRun(NamedTuple):
-    """Result of one run.
+    """Result of growing one tree.
 
-    controls    (n, 3)  accelerations, m/s² and rad/s², and duration, s, of each drive; empty if the run failed
-    failure     why it failed, or ""
-    extensions  number of extensions of the tree, with the failed ones
+    controls    (n, 3)  acceleration, m/s², angular acceleration, rad/s², and duration, s, of each drive; empty if the
+                run failed
+    failure     reason of a failure, or ""
+    extensions  number of extensions of the tree, failed ones included
     missed      m, from the goal to the nearest position at which the tree could stop; 0 if it is near enough, inf if
                 unknown
     """
@@ -63,7 +64,7 @@ class TreeRun(NamedTuple):
 
 
 def run(query: TreeQuery, seed: int) -> TreeRun:
-    """Grow one tree; the result depends on the arguments alone, unless it is `LATE`."""
+    """Grow one tree; the result depends on the arguments alone, unless its failure is LATE."""
     if query.arrived:
         return TreeRun(np.empty((0, 3)), "", 0)
     with _alone:
@@ -71,14 +72,14 @@ def run(query: TreeQuery, seed: int) -> TreeRun:
     if controls is None:
         failure = "did not reach the goal" if extensions >= query.extensions else LATE
         return TreeRun(np.empty((0, 3)), failure, extensions, missed)
-    closed = close(query, controls)
+    closed = close_gap(query, controls)
     if closed is None:
         return TreeRun(np.empty((0, 3)), "ended near the goal, from where it could not be led to it", extensions)
     return TreeRun(closed, "", extensions)
 
 
 def load_ompl() -> tuple[Any, Any, Any]:
-    """Return the modules base, control and util of OMPL; raises OptionError where it is not installed."""
+    """Return the modules base, control and util of OMPL; raise OptionError if OMPL is not installed."""
     try:
         return import_module("ompl.base"), import_module("ompl.control"), import_module("ompl.util")
     except ImportError as error:
@@ -88,7 +89,10 @@ def load_ompl() -> tuple[Any, Any, Any]:
 
 
 def grow(query: TreeQuery, seed: int) -> tuple[FloatArray | None, int, float]:
-    """Return controls (n, 3) to rest near the goal, or None, the number of extensions, and the remaining gap, m."""
+    """Grow a tree until a drive ends at rest near the goal.
+
+    Returns the controls (n, 3), or None, the number of extensions, and the remaining gap to the goal, m.
+    """
     ob, oc, util = load_ompl()
     level = util.getLogLevel()
     util.setLogLevel(util.LOG_NONE)
@@ -102,22 +106,22 @@ def grow(query: TreeQuery, seed: int) -> tuple[FloatArray | None, int, float]:
         space.setup()
         definition = ob.ProblemDefinition(space)
         start = space.allocState()
-        _write(start, Base(*query.start, 0.0, 0.0))
+        _write_base(start, Base(*query.start, 0.0, 0.0))
         definition.addStartState(start)
-        definition.setGoal(_goal(query, ob, space))
+        definition.setGoal(_goal_region(query, ob, space))
         tree = oc.RRT(space)
         tree.setProblemDefinition(definition)
         tree.setup()
         extensions = 0
 
-        def enough() -> bool:
+        def is_over() -> bool:
             nonlocal extensions
             if query.until is not None and time() >= query.until:
                 return True
             extensions += 1
             return extensions > query.extensions
 
-        tree.solve(ob.PlannerTerminationCondition(enough))
+        tree.solve(ob.PlannerTerminationCondition(is_over))
         if not definition.hasExactSolution():
             missed = NEAR * float(definition.getSolutionDifference()) if definition.hasSolution() else math.inf
             return None, min(extensions, query.extensions), missed
@@ -127,7 +131,7 @@ def grow(query: TreeQuery, seed: int) -> tuple[FloatArray | None, int, float]:
 
 
 def _spaces(query: TreeQuery, ob: Any, oc: Any) -> tuple[Any, Any]:
-    """Return the state space, poses with velocities, and the control space, the accelerations of both wheels."""
+    """Return OMPL's state space, of poses with velocities, and its control space, of accelerations of both wheels."""
     limits, (x_min, y_min, x_max, y_max) = query.limits, query.world.bounds
 
     def bounds(*ranges: tuple[float, float]) -> Any:
@@ -148,17 +152,17 @@ def _spaces(query: TreeQuery, ob: Any, oc: Any) -> tuple[Any, Any]:
     return states, controls
 
 
-def _goal(query: TreeQuery, ob: Any, space: Any) -> Any:
-    """Return the goal region; every twentieth extension goes towards the goal at rest."""
+def _goal_region(query: TreeQuery, ob: Any, space: Any) -> Any:
+    """Return OMPL's goal region; every twentieth extension is towards the goal at rest."""
 
     class RestNearGoal(ob.GoalSampleableRegion):  # type: ignore[misc]
         def distanceGoal(self, state: Any) -> float:  # noqa: N802  (OMPL's name)
-            return query.distance(_read(state))
+            return query.distance(_base_of(state))
 
         def sampleGoal(self, state: Any) -> None:  # noqa: N802
             x, y, yaw = query.goal
             bearing = math.atan2(y - query.start[1], x - query.start[0])
-            _write(state, Base(x, y, bearing if yaw is None else yaw, 0.0, 0.0))
+            _write_base(state, Base(x, y, bearing if yaw is None else yaw, 0.0, 0.0))
 
         def maxSampleCount(self) -> int:  # noqa: N802
             return 1
@@ -169,18 +173,21 @@ def _goal(query: TreeQuery, ob: Any, space: Any) -> Any:
 
 
 def _propagate(query: TreeQuery, state: Any, control: Any, duration: float, result: Any) -> None:
-    """Write the end of a drive; a drive that breaks a limit or collides ends at a negative speed, which is invalid."""
-    base = _read(state)
+    """Write the end state of a drive to ``result``; a drive that breaks a limit or collides gets a negative speed.
+
+    A negative speed is invalid, so OMPL rejects the drive.
+    """
+    base = _base_of(state)
     end = query.drive(base, *of_wheels(query.model, control[0], control[1]), duration)
-    _write(result, base._replace(speed=-1.0) if end is None else end)
+    _write_base(result, base._replace(speed=-1.0) if end is None else end)
 
 
-def _read(state: Any) -> Base:
+def _base_of(state: Any) -> Base:
     pose, velocity = state[0], state[1]
     return Base(pose.getX(), pose.getY(), pose.getYaw(), velocity[0], velocity[1])
 
 
-def _write(state: Any, base: Base) -> None:
+def _write_base(state: Any, base: Base) -> None:
     pose, velocity = state[0], state[1]
     pose.setXY(base.x, base.y)
     pose.setYaw(math.remainder(base.yaw, 2.0 * math.pi))
@@ -188,13 +195,13 @@ def _write(state: Any, base: Base) -> None:
 
 
 def _controls(query: TreeQuery, path: Any) -> FloatArray:
-    """Return the controls (n, 3) of a path of OMPL, a row per step, and of the braking at its end."""
+    """Return the controls (n, 3) of an OMPL path, one row per step, and of braking at its end."""
     rows = []
     for i in range(path.getControlCount()):
         wheels = path.getControl(i)
         steps = round(path.getControlDuration(i) / STEP)
         rows += [(*of_wheels(query.model, wheels[0], wheels[1]), STEP)] * steps
-    last = _read(path.getState(path.getStateCount() - 1))
+    last = _base_of(path.getState(path.getStateCount() - 1))
     return np.concatenate([np.array(rows).reshape(-1, 3), query.braking(last)])
 
 
@@ -304,7 +311,11 @@ class RRT:
 
 @dataclass(frozen=True, eq=False)
 class _FinishedRuns:
-    """Finished runs, and the candidates that are selected from them."""
+    """Finished runs of an RRT planner, from which candidates are selected.
+
+    finished  index of a run -> its result
+    runs      results in the order of the seeds
+    """
 
     planner: RRT
     problem: Problem
@@ -315,7 +326,7 @@ class _FinishedRuns:
     status: Status
 
     def candidates(self) -> Candidates:
-        """Judge the trajectories of the runs, and select."""
+        """Judge the trajectories of the runs, and return the selected candidates."""
         reached = {i: tree_run for i, tree_run in self.finished.items() if not tree_run.failure}
         trajectories = tuple(self.query.trajectory(tree_run.controls) for tree_run in reached.values())
         optimised, world, seeds = self.objectives.optimised, self.problem.world, self.planner._seeds()
@@ -342,7 +353,7 @@ class _FinishedRuns:
         )
         candidates = trusted(candidates, self.problem, "rrt")
         count = len(candidates.trajectories)
-        sign_changes, lengths = trajectory_costs(self._selecting, candidates.trajectories, world).T
+        sign_changes, lengths = trajectory_costs(self._selection_criteria, candidates.trajectories, world).T
         changes = sign_changes.astype(int).tolist()
         origins = [
             {"planner": "rrt", **origin, "curvature_sign_changes": n}
@@ -358,8 +369,8 @@ class _FinishedRuns:
         )
 
     @property
-    def _selecting(self) -> list[Criterion]:
-        """Criteria of the selection: curvature sign changes, as the problem defines them if it does, and length."""
+    def _selection_criteria(self) -> list[Criterion]:
+        """Criteria of the selection: curvature sign changes and length, with the problem's options if it has these."""
         return [
             next((c for c in self.problem.criteria if c.name == name), make_criterion(name))
             for name in ("curvature_sign_changes", "length")
@@ -384,11 +395,13 @@ class _FinishedRuns:
             times = f"{least}" if least == most else f"{least} to {most}"
             notes.append(f"rrt: curvature changes its sign {times} times on the {sign_changes.size} found")
         else:
-            close = f" The nearest that a tree came to the goal is about {least:.1f} m." if math.isfinite(least) else ""
+            close_gap = (
+                f" The nearest that a tree came to the goal is about {least:.1f} m." if math.isfinite(least) else ""
+            )
             helps = "take more runs or max_extensions" if runs else "raise time_limit"
             why = "" if runs else ": the time was up before a tree was at the goal"
             notes.append(
-                f"rrt found nothing{why}, which does not mean that there is no path.{close} Trees reach goals "
+                f"rrt found nothing{why}, which does not mean that there is no path.{close_gap} Trees reach goals "
                 f"some tens of metres away: {helps}, or plan with lattice or roadmap, which find longer paths"
             )
         return tuple(notes)

@@ -46,7 +46,7 @@ class WheelLimits(NamedTuple):
 
     @classmethod
     def of(cls, model: Wheeled, share: float = 1.0) -> WheelLimits:
-        """Return the limits that follow from a model, or a share of each."""
+        """Return a share of the limits that follow from a model."""
         half = 0.5 * model.wheel_base
         return cls(
             share * model.speed,
@@ -57,7 +57,7 @@ class WheelLimits(NamedTuple):
 
 
 class Base(NamedTuple):
-    """State of the base: x, m, y, m, yaw, rad, speed, m/s, and turn rate, rad/s."""
+    """State of the base: x, m; y, m; yaw, rad; speed, m/s; turn rate, rad/s."""
 
     x: float
     y: float
@@ -71,9 +71,9 @@ class TreeQuery:
     """Query that all runs share, with the motions of their trees; picklable.
 
     start       (x m, y m, yaw rad)
-    goal        (x m, y m, yaw rad); a yaw of None is free
-    extensions  limit of extensions of a tree
-    until       s since 1970, so that workers share it: trees unfinished by then are dropped; None for no limit
+    goal        (x m, y m, yaw rad); yaw is None if any heading will do
+    extensions  largest number of extensions of a tree
+    until       s since 1970, the same in all workers: trees unfinished by then are dropped; None for no limit
     """
 
     model: Wheeled
@@ -85,7 +85,7 @@ class TreeQuery:
 
     @cached_property
     def limits(self) -> WheelLimits:
-        """Limits that trees keep."""
+        """Limits on wheels and base within which trees grow."""
         return WheelLimits.of(self.model, SHARE)
 
     @property
@@ -95,7 +95,7 @@ class TreeQuery:
         return self.start[:2] == self.goal[:2] and turn == 0.0
 
     def trajectory(self, controls: FloatArray) -> Trajectory:
-        """Return the trajectory of some drives from the start, or of none."""
+        """Return the trajectory of drives with controls (n, 3) from the start; n may be 0."""
         if not len(controls):
             return Trajectory.from_poses(self.model, [self.start])
         return driven(self.model, self.start, controls.tolist())
@@ -106,14 +106,15 @@ class TreeQuery:
         return tuple((self.world.free_space((part.z_min, part.z_max)), part.reach) for part in self.model.platform)
 
     def clear(self, x: FloatArray, y: FloatArray, margin: float) -> bool:
-        """Return whether the circles that the robot's parts sweep about positions (P,) have a margin, m."""
+        """Return whether the circles that the robot's parts sweep about all positions (P,) have a margin, m."""
         return all(bool((space.clearance(x, y) >= reach + margin).all()) for space, reach in self.spaces)
 
     def drive(self, base: Base, acceleration: float, turn_acceleration: float, duration: float) -> Base | None:
-        """Return the end of a drive; None if it breaks a limit or is not clear.
+        """Return the end state of a drive from a state; None if the drive breaks a limit or is not clear.
 
-        Positions between two samples are within half their distance of one. The quadrature may err slightly;
-        trajectories are judged exactly when they are complete.
+        The drive has a constant acceleration, m/s², and angular acceleration, rad/s², for a duration, s. Positions
+        between two samples are within half the distance of the samples from one of these. The quadrature may err
+        slightly; complete trajectories are judged exactly.
         """
         speed, turn_rate = base.speed + acceleration * duration, base.turn_rate + turn_acceleration * duration
         limits, half = self.limits, 0.5 * self.model.wheel_base
@@ -135,7 +136,7 @@ class TreeQuery:
         return Base(float(x[-1]), float(y[-1]), base.yaw + turned, max(0.0, speed), turn_rate)
 
     def braking(self, base: Base) -> FloatArray:
-        """Return controls (n, 3) that stop the robot, both wheels at once, as quickly as a tree may."""
+        """Return controls (n, 3) that stop both wheels at the same time, as quickly as the limits of trees allow."""
         wheel = base.speed + 0.5 * self.model.wheel_base * abs(base.turn_rate)
         lasts = wheel / self.limits.wheel_acceleration
         if lasts == 0.0:
@@ -144,7 +145,7 @@ class TreeQuery:
         return np.tile([-base.speed / lasts, -base.turn_rate / lasts, lasts / count], (count, 1))
 
     def distance(self, base: Base) -> float:
-        """Return the distance from the goal to the end of braking, 1 for NEAR; inf if the robot cannot brake."""
+        """Return the distance from the goal to the end of braking, in units of NEAR; inf if the robot cannot brake."""
         off = math.hypot(base.x - self.goal[0], base.y - self.goal[1])
         braking = self.braking(base)
         if off > NEAR + base.speed * braking[:, 2].sum():  # braking cannot make up for that
@@ -159,7 +160,7 @@ class TreeQuery:
 
 
 def of_wheels(model: Wheeled, left: T, right: T) -> tuple[T, T]:
-    """Return acceleration, m/s², and angular acceleration, rad/s², of the base from those of the wheels."""
+    """Return acceleration, m/s², and angular acceleration, rad/s², of the base from accelerations of both wheels."""
     return 0.5 * (left + right), (right - left) / model.wheel_base
 
 
@@ -169,10 +170,10 @@ NEWTON = 12  # steps; gaps up to NEAR usually need four to six
 SLOPE = 1e-6  # m/s²: difference quotients; Newton's method corrects their error
 
 
-def close(query: TreeQuery, controls: FloatArray) -> FloatArray | None:
-    """Return controls (n, 3) that end at rest exactly at the goal, free of collisions; None if the search fails.
+def close_gap(query: TreeQuery, controls: FloatArray) -> FloatArray | None:
+    """Close the gap to the goal: return controls (n, 3) that end at rest exactly at the goal, or None on failure.
 
-    The last 16 drives are changed, then 32 and so on, until the trajectory is free.
+    The last 16 drives are changed, then the last 32 and so on, until the trajectory is free of collisions.
     """
     trajectory = query.trajectory(controls)
     n, changed = len(controls), 0
@@ -180,26 +181,26 @@ def close(query: TreeQuery, controls: FloatArray) -> FloatArray | None:
         changed = min(n, max(LEAST_CHANGED, 2 * changed))
         unchanged, last = controls[: n - changed], controls[n - changed :]
         base = Base(*(float(getattr(trajectory.states, name)[n - changed]) for name in Base._fields))
-        ending = _ending(query, base, last)
+        ending = _controls_to_goal(query, base, last)
         if ending is not None:
             closed = np.concatenate([unchanged, ending])
-            if _free(query, closed):
+            if _is_free(query, closed):
                 return closed
     return None
 
 
-def _free(query: TreeQuery, controls: FloatArray) -> bool:
+def _is_free(query: TreeQuery, controls: FloatArray) -> bool:
     """Return whether a trajectory is free of collisions, exactly."""
     collision = query.model.collision(query.world)
     trajectory = query.trajectory(controls)
     return all(bool(collision.motions_free(motions).all()) for _, motions in trajectory.batches(query.world))
 
 
-def _ending(query: TreeQuery, base: Base, controls: FloatArray) -> FloatArray | None:
-    """Return controls (k, 3) from a state to rest at the goal, near the given ones; None if they break a limit.
+def _controls_to_goal(query: TreeQuery, base: Base, controls: FloatArray) -> FloatArray | None:
+    """Return controls (k, 3) from a state to rest at the goal, close to the given controls; None beyond a limit.
 
-    This is Newton's method on the end state as a function of all wheel accelerations. There are more accelerations than
-    state variables, so each step is the one of least norm, which spreads the gap over all drives.
+    Newton's method solves for the end state as a function of all wheel accelerations. There are more accelerations than
+    state variables; each step is the one of least norm, which spreads the gap over all drives.
     """
     half, lasts = 0.5 * query.model.wheel_base, controls[:, 2]
     wheels = np.stack([controls[:, 0] - half * controls[:, 1], controls[:, 0] + half * controls[:, 1]], axis=1)
@@ -207,7 +208,7 @@ def _ending(query: TreeQuery, base: Base, controls: FloatArray) -> FloatArray | 
     goal = np.array([*query.goal[:2], query.goal[2] or 0.0, 0.0, 0.0])
     counts = np.array([1.0, 1.0, query.goal[2] is not None, 1.0, 1.0])
     for _ in range(NEWTON):
-        ends = _ends(query.model, base, wheels + tried, lasts)
+        ends = _end_states(query.model, base, wheels + tried, lasts)
         off = counts * (ends[0] - goal)
         off[2] = wrap(off[2])
         if np.abs(off).max() < CLOSED:
@@ -217,12 +218,16 @@ def _ending(query: TreeQuery, base: Base, controls: FloatArray) -> FloatArray | 
     return None
 
 
-def _ends(model: Wheeled, base: Base, wheels: FloatArray, lasts: FloatArray) -> FloatArray:
-    """Return end states (B, 5) from a state, by k drives each with wheel accelerations (B, k, 2)."""
+def _end_states(model: Wheeled, base: Base, wheels: FloatArray, lasts: FloatArray) -> FloatArray:
+    """Return the end states (B, 5) of B sequences of k drives from a state.
+
+    wheels  (B, k, 2)  accelerations of both wheels, m/s²
+    lasts   (k,)       durations, s
+    """
     acceleration, turn_acceleration = of_wheels(model, wheels[..., 0], wheels[..., 1])
-    speed = _summed(base.speed, acceleration * lasts)  # (B, k + 1)
-    turn_rate = _summed(base.turn_rate, turn_acceleration * lasts)
-    yaw = _summed(base.yaw, 0.5 * (turn_rate[:, 1:] + turn_rate[:, :-1]) * lasts)
+    speed = _running_sums(base.speed, acceleration * lasts)  # (B, k + 1)
+    turn_rate = _running_sums(base.turn_rate, turn_acceleration * lasts)
+    yaw = _running_sums(base.yaw, 0.5 * (turn_rate[:, 1:] + turn_rate[:, :-1]) * lasts)
     still = np.zeros(acceleration.size)
     columns = {"yaw": yaw, "speed": speed, "turn_rate": turn_rate}
     begins = States(x=still, y=still, clock=still, **{name: c[:, :-1].ravel() for name, c in columns.items()})
@@ -232,7 +237,10 @@ def _ends(model: Wheeled, base: Base, wheels: FloatArray, lasts: FloatArray) -> 
 
 
 def _within_limits(query: TreeQuery, base: Base, wheels: FloatArray, lasts: FloatArray) -> FloatArray | None:
-    """Return controls (k, 3) of wheel accelerations (k, 2), or None beyond a limit; speeds are extreme at ends."""
+    """Return the controls (k, 3) of wheel accelerations (k, 2), or None beyond a limit.
+
+    Speeds are extreme at the ends of drives, so they are checked there.
+    """
     limits = WheelLimits.of(query.model)
     acceleration, turn_acceleration = of_wheels(query.model, wheels[:, 0], wheels[:, 1])
     speed = base.speed + np.cumsum(acceleration * lasts)
@@ -249,6 +257,6 @@ def _within_limits(query: TreeQuery, base: Base, wheels: FloatArray, lasts: Floa
     return np.stack([acceleration, turn_acceleration, lasts], axis=1)
 
 
-def _summed(first: float, rows: FloatArray) -> FloatArray:
-    """Return running sums (B, k + 1) of rows (B, k), from the first value."""
+def _running_sums(first: float, rows: FloatArray) -> FloatArray:
+    """Return the running sums (B, k + 1) of rows (B, k), starting from ``first``."""
     return np.cumsum(np.concatenate([np.full((len(rows), 1), first), rows], axis=1), axis=1)

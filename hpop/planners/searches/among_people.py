@@ -74,7 +74,7 @@ def answers_among_people(
 
 
 def _first_points(candidates: Candidates) -> Candidates:
-    """Return candidates with the stage in their provenance."""
+    """Return candidates with the name of this stage in their provenance."""
     return replace(candidates, provenance=tuple(origin | {"stage": "first points"} for origin in candidates.provenance))
 
 

@@ -25,7 +25,7 @@ from hpop.planners.searches.mean import Detour, DetourSpec, exact_mean, mean_cri
 from hpop.planners.spending import Exhausted, Limits, Spending, stopped
 from hpop.runtime.status import Budget, ProgressCallback, Status
 from hpop.search.machinery.approximation import Precision
-from hpop.search.machinery.beside import Onset, begin, compiling_beside, first_is_awaited, is_compiling
+from hpop.search.machinery.beside import Onset, compiling_beside, is_compiling, is_first_kernel_missing, start_compilers
 from hpop.search.machinery.checkpoint import Checkpoint, CheckpointSpec
 from hpop.search.pareto_paths import main_kernels
 
@@ -124,10 +124,10 @@ class ExactSearch:
         return candidates
 
     def stages(self, problem: Problem, progress: ProgressCallback | None = None) -> Iterator[Candidates]:
-        """Yield a first answer soon, such as on a part of a large graph, then the exact one.
+        """Yield a first answer soon, for example on a part of a large graph, then the exact answer.
 
-        Without :attr:`answers_in_stages` only the exact one. After Ctrl-C it yields what was found and ends. Raises as
-        :meth:`solve` does.
+        Without :attr:`answers_in_stages`, only the exact answer is yielded. After Ctrl-C, the paths found so far are
+        the last answer. Raises the errors of :meth:`solve`.
         """
         yield from self._answers(problem, progress, in_stages=self.answers_in_stages)
 
@@ -152,7 +152,7 @@ class ExactSearch:
         return self.max_detour is None
 
     def _answers(self, problem: Problem, progress: ProgressCallback | None, *, in_stages: bool) -> Iterator[Candidates]:
-        """Yield answers on each part of the graph that is built, then on the whole graph."""
+        """Yield answers on each part of the graph that the family builds, then on the whole graph."""
         moving, family = people_move(problem), self.family
         if moving and self.max_detour is not None and family.has_clock(problem):
             raise OptionError(
@@ -165,7 +165,7 @@ class ExactSearch:
         refuse_too_many(objectives)
         tolerance_counts(objectives, self.tolerance or {})  # else only the last stage would find an error in these two
         if self.checkpoint is not None:
-            Checkpoint.of(self.checkpoint).place()
+            Checkpoint.of(self.checkpoint).checked_path()
         spending = self.spending(problem, progress)
         graphs = family.graphs(problem.keeping(self.margin), objectives, spending, in_stages=in_stages)
         try:
@@ -174,7 +174,7 @@ class ExactSearch:
             else:
                 yield from self._on_graphs(problem, objectives, graphs, spending, in_stages=in_stages)
         except NotBuilt as stop:
-            yield self._given_back(stop.candidates, problem)
+            yield self._paths_of_building(stop.candidates, problem)
         except Exhausted as stop:
             if self.max_detour is not None:
                 objectives = mean_criteria(problem.criteria, objectives)
@@ -189,12 +189,12 @@ class ExactSearch:
         *,
         in_stages: bool,
     ) -> Iterator[Candidates]:
-        """Yield answers on a clock, for moving people."""
+        """Yield answers among moving people, on graphs with a clock."""
         from hpop.planners.searches.among_people import answers_among_people  # on first use: start-up time
 
         spending.report("graph")
         for candidates, built in answers_among_people(self, problem, objectives, graphs, in_stages=in_stages):
-            yield self._finished(candidates, built)
+            yield self._judged(candidates, built)
 
     def _on_graphs(
         self,
@@ -205,7 +205,7 @@ class ExactSearch:
         *,
         in_stages: bool,
     ) -> Iterator[Candidates]:
-        """Yield answers without a clock."""
+        """Yield answers on graphs without a clock, as no person moves."""
         quick: Candidates | None = None
         built: BuiltGraph | None = None
         is_bounded = self.max_turns is not None or self.max_detour is not None
@@ -218,7 +218,7 @@ class ExactSearch:
                 if self.max_detour is not None:
                     detour = Detour.of(self.max_detour, self.max_turns)
                     candidates = exact_mean(query, problem.criteria, detour, self.name, spending)
-                    yield self._finished(candidates, built)
+                    yield self._judged(candidates, built)
                     return
                 query.break_ties()
                 covered = math.inf
@@ -227,7 +227,7 @@ class ExactSearch:
                     for stage in self._first_stages(query, built, spending, is_second=is_second):
                         is_end = stage.status.is_final or stage.status is Status.INTERRUPTED
                         if is_end or stage.trajectories or not built.part:
-                            yield self._finished(stage, built)
+                            yield self._judged(stage, built)
                         if is_end:
                             return
                         has_answer |= len(stage.trajectories) > 0
@@ -235,11 +235,11 @@ class ExactSearch:
                         covered = math.inf if gap is None else gap
                     is_second = True
                 if not built.part:
-                    begin()
+                    start_compilers()
                     candidates = query.exact(
                         self.name, spending.left(), eps=self.eps, tolerance=self.tolerance, covered=covered
                     )
-                    yield self._finished(candidates, built)
+                    yield self._judged(candidates, built)
                     return
                 query.drop_ties()
                 built, began = None, time.perf_counter()
@@ -248,16 +248,16 @@ class ExactSearch:
                 raise
             if self.max_detour is not None:
                 objectives = mean_criteria(problem.criteria, objectives)
-            yield self._finished(stopped(self.name, objectives, stop, spending, quick), built)
+            yield self._judged(stopped(self.name, objectives, stop, spending, quick), built)
         except KeyboardInterrupt:
             if built is None or built.first is None:
                 raise
-            yield self._given_back(replace(built.first, status=Status.INTERRUPTED), problem)
+            yield self._paths_of_building(replace(built.first, status=Status.INTERRUPTED), problem)
 
-    def _given_back(self, candidates: Candidates, problem: Problem) -> Candidates:
-        """Return the paths from which the graph was to be built, where the graph itself was not searched.
+    def _paths_of_building(self, candidates: Candidates, problem: Problem) -> Candidates:
+        """Return the paths from which the graph was to be built, as the result if the graph itself was not searched.
 
-        They are left out if they may break max_turns, max_detour or the clock.
+        The paths are left out if they might break max_turns, max_detour or the clock.
         """
         is_bounded = self.max_turns is not None or self.max_detour is not None
         if not candidates.trajectories or not (is_bounded or people_move(problem)):
@@ -273,21 +273,21 @@ class ExactSearch:
         *,
         is_second: bool,
     ) -> Iterator[Candidates]:
-        """Yield answers before the exact one; only a final one if the exact search is as fast."""
+        """Yield answers before the exact one; if the exact search is as fast, yield only its final answer."""
         share = spending.share(max(QUICK, SHARE * query.build_seconds))
         if not (built.is_large or is_compiling()):
             checkpoint = None if built.part else self.checkpoint
-            exact = _at_once(self, query, replace(share, checkpoint=checkpoint))
+            exact = _quick_exact_answer(self, query, replace(share, checkpoint=checkpoint))
             if exact is not None:
                 with spending.paused():
-                    yield _of_part(exact, built.part) if built.part else exact
+                    yield _as_stage_of_part(exact, built.part) if built.part else exact
                 return
-        candidates = query.first_answer(self.name, share, quickly=first_is_awaited() and not is_second)
+        candidates = query.first_answer(self.name, share, quickly=is_first_kernel_missing() and not is_second)
         with spending.paused():
             yield candidates
         if candidates.status is Status.INTERRUPTED:
             return
-        begin()
+        start_compilers()
         if built.part or not built.is_large or self.eps >= COARSE:
             return
         coarse = query.exact(self.name, spending.share(query.build_seconds), eps=COARSE, stage=True)
@@ -295,12 +295,12 @@ class ExactSearch:
         with spending.paused():
             yield replace(coarse, provenance=tuple(origin | stage for origin in coarse.provenance)).unfinished()
 
-    def _finished(self, candidates: Candidates, built: BuiltGraph) -> Candidates:
-        """Return candidates with the statistics of the graph, judged on the exact geometry if the family needs it."""
+    def _judged(self, candidates: Candidates, built: BuiltGraph) -> Candidates:
+        """Return candidates with statistics of the graph, judged on the exact geometry if the family requires it."""
         is_stopped = not candidates.trajectories and not candidates.status.is_final
         if built.first is not None and is_stopped:
             notes = tuple(dict.fromkeys((*built.first.notes, *candidates.notes)))
-            return self._given_back(replace(built.first, status=candidates.status, notes=notes), built.problem)
+            return self._paths_of_building(replace(built.first, status=candidates.status, notes=notes), built.problem)
         if is_stopped:
             return candidates
         if self.family.is_judged:
@@ -322,14 +322,14 @@ class ExactSearch:
         )
 
 
-def _at_once(search: ExactSearch, query: Query, limits: Limits) -> Candidates | None:
-    """Return the exact answer on a graph if it takes no longer than a first answer, else None."""
+def _quick_exact_answer(search: ExactSearch, query: Query, limits: Limits) -> Candidates | None:
+    """Return the exact answer on a graph if the search ends within ``limits``, else None."""
     precise = query.exact(search.name, limits, eps=search.eps, tolerance=search.tolerance)
     return precise if precise.status.is_final or precise.status is Status.INTERRUPTED else None
 
 
-def _of_part(candidates: Candidates, part: str) -> Candidates:
-    """Return candidates of an exact search on a part of a graph, as those of a stage."""
+def _as_stage_of_part(candidates: Candidates, part: str) -> Candidates:
+    """Return the candidates of an exact search on a part of a graph as candidates of an early stage."""
     return replace(
         candidates,
         status=candidates.status if candidates.status is Status.INTERRUPTED else Status.UNFINISHED,
@@ -358,10 +358,10 @@ class Exact(ExactSearch, OnGraph):
 
 
 def kernels_beside(planners: Sequence[Planner], problem: Problem) -> AbstractContextManager[Onset | None]:
-    """Compile the kernels of the exact searches among some planners in other processes, unless they are cached.
+    """Compile the kernels of the exact searches among some planners in background processes, unless they are cached.
 
-    Compiling begins after the first answer if the first planner has stages, else at once. The context's value says
-    when, or is None if there is nothing to compile.
+    Compiling begins after the first answer if the first planner has stages, else at once. The value of the context is
+    the :class:`.Onset`, or None if there is nothing to compile.
     """
     searching = [planner for planner in planners if planner.needs_kernels]
     if not searching:

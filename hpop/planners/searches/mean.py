@@ -34,9 +34,9 @@ INTEGRAL, DURATION, OTHERS = range(3)  # columns of the graph; the other costs f
 
 @dataclass(frozen=True)
 class Detour:
-    """Cap on the duration or the length, as a factor of the least of any path.
+    """Cap on the duration or the length, as a factor of the least duration or length of any path.
 
-    cost    the role of the criterion
+    cost    role of the capped criterion
     factor  from 1 to 1000
     """
 
@@ -65,7 +65,7 @@ class Detour:
 
     @property
     def option(self) -> DetourSpec:
-        """Option of the planner, JSON-able."""
+        """Value of the planner's option ``max_detour``, JSON-able."""
         return self.factor if self.cost == "duration" else {self.cost: self.factor}
 
 
@@ -100,7 +100,7 @@ def mean_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objecti
 
 
 def mean_criteria(criteria: Sequence[Criterion], objectives: Objectives) -> Objectives:
-    """Return objectives as they are reported: with the mean itself in place of its integral and the duration."""
+    """Return the objectives as they are reported: the mean itself replaces its integral and the duration."""
     return replace(objectives, optimised=tuple(c for c in criteria if c.aggregate != "trajectory"))
 
 
@@ -119,7 +119,7 @@ def exact_mean(
     Raises OptionError if a bounded cost is not among the criteria, Exhausted if a limit is passed before the search.
     """
     graph, quanta, at_most = query.graph, query.quanta, query.at_most()
-    column = _column(query, detour)
+    column = _capped_column(query, detour)
     progress = spending.limits.progress
     alone = Graph.from_csr(graph.indptr, graph.heads, graph.costs[:, [column]])
     shortest = pareto_paths(
@@ -172,7 +172,7 @@ def exact_mean(
             f"least_{detour.cost}": least * quanta[column],
             f"{detour.cost}_cap": most * quanta[column],
         },
-        reason=_too_tight(query, column, least) if paths.status is Status.NO_PATH else "",
+        reason=_reason_without_path(query, column, least) if paths.status is Status.NO_PATH else "",
     )
     # The ratio replaces S and T. Both are rounded up by less than a quantum per edge.
     unit, time = quanta[INTEGRAL] / quanta[DURATION], np.maximum(candidates.planned[:, DURATION], quanta[DURATION])
@@ -187,7 +187,7 @@ def exact_mean(
     )
 
 
-def _column(query: Query, detour: Detour) -> int:
+def _capped_column(query: Query, detour: Detour) -> int:
     """Return the graph's column of the capped cost."""
     column = index_of_role(detour.cost, query.objectives.optimised)
     if column is None:
@@ -200,7 +200,10 @@ def _column(query: Query, detour: Detour) -> int:
 
 
 def _refuse_endless(query: Query, bounded: Sequence[int]) -> None:
-    """Raise OptionError where motions take time but add to no bounded cost, such as the tilting of a head."""
+    """Raise OptionError if motions take time but raise no bounded cost, such as the tilting of a head.
+
+    bounded  columns of the bounded costs
+    """
     costs = query.graph.costs
     if ((costs[:, DURATION] > 0) & (costs[:, bounded] == 0).all(axis=1)).any():
         names = " and ".join(query.objectives.optimised[j].name for j in bounded)
@@ -210,8 +213,12 @@ def _refuse_endless(query: Query, bounded: Sequence[int]) -> None:
         )
 
 
-def _too_tight(query: Query, column: int, least: int) -> str:
-    """Return why no path keeps the cap and the bound on the turns; "" if one of them alone cannot be kept."""
+def _reason_without_path(query: Query, column: int, least: int) -> str:
+    """Return why no path keeps both the cap and the bound on turns, as text; "" if one alone cannot be kept.
+
+    column  column of the capped cost
+    least   its least value of any path
+    """
     cost, turns = query.objectives.optimised[column], index_of_role("turns", query.objectives.optimised)
     if query.max_turns is None or turns is None or not least:
         return ""

@@ -30,13 +30,23 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, IntArray
 from hpop.runtime.compiled import lean
-from hpop.search.general.tables import SET_COLUMNS, SIZE, build, enter, enter_all, is_covered, needs, trace, weigh
+from hpop.search.general.tables import (
+    SET_COLUMNS,
+    SIZE,
+    add_all_to_sets,
+    add_to_set,
+    build_tables,
+    checksum_of_sets,
+    is_covered,
+    rows_needed,
+    trace_paths,
+)
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import ANYTHING, EXACT, Precision
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.heap_search import HeapSearch
 from hpop.search.machinery.kernels import WORD_BITS, drop_first, least_covered, push
-from hpop.search.machinery.labels import Nodes, check_solutions, enter_each, retrace
+from hpop.search.machinery.labels import Nodes, check_solutions, enter_in_batches, retrace
 from hpop.search.machinery.slices import (
     CLOSED,
     DONE,
@@ -62,7 +72,7 @@ WORD = 8  # members of a set compared in one elementary step
 
 
 @lean
-def follow(
+def extend_label(
     g: NDArray[Any],
     arcs: NDArray[Any],
     a: int,
@@ -72,7 +82,7 @@ def follow(
     after: NDArray[Any],
     f: NDArray[Any],
 ) -> None:
-    """Write costs and estimate (k,) of a label with costs g (k,) after arc a to node x."""
+    """Extend a label with costs g (k,) by arc a to node x; write the new costs to `after` and the estimate to f."""
     for j in range(len(g)):
         if is_max[j]:
             after[j] = max(g[j], arcs[a, j + 1], nodes[x, j])
@@ -108,7 +118,10 @@ def advance(
     bound: int,
     scratch: tuple[IntArray, tuple[NDArray[Any], ...]],
 ) -> int:
-    """Expand labels until the work is done or an array is full; return the reason."""
+    """Expand labels until the queue is empty, `work` steps are done or an array is full; return the code of the reason.
+
+    The other arguments are the arrays of :class:`General`, which the kernel changes in place.
+    """
     word, shift, limit, words = plan
     key, (f, g, turned, moved, reach) = scratch
     k = len(word)
@@ -146,9 +159,9 @@ def advance(
         if counters[N_FRONT] == len(solutions):
             code = FRONT
             break
-        room = needs(sets, goal if is_target[v] else v, k)
+        room = rows_needed(sets, goal if is_target[v] else v, k)
         for a in range(start[v], plain[v]):
-            room += needs(sets, np.int64(arcs[a, 0]), k)
+            room += rows_needed(sets, np.int64(arcs[a, 0]), k)
         if counters[N_ROWS] + room > len(pool):
             code = ROWS
             break
@@ -161,14 +174,14 @@ def advance(
         if is_target[v]:
             for j in range(k):
                 reach[j] = least_covered(f[j], eps, tolerance[j])
-            counters[N_ROWS] = enter(sets, pool, goal, reach, counters[N_ROWS])
+            counters[N_ROWS] = add_to_set(sets, pool, goal, reach, counters[N_ROWS])
             at = counters[N_FRONT]
             for j in range(k):
                 front[at, j] = f[j]
             solutions[at] = value
             counters[N_FRONT] = at + 1
             continue
-        counters[N_ROWS] = enter(sets, pool, v, f, counters[N_ROWS])
+        counters[N_ROWS] = add_to_set(sets, pool, v, f, counters[N_ROWS])
         closed[done] = value
         done += 1
         parent = done
@@ -176,16 +189,16 @@ def advance(
             u, now = v, g
             if b >= start[v]:
                 u, now = np.int64(arcs[b, 0]), turned
-                follow(g, arcs, b, nodes, u, is_max, turned, f)
+                extend_label(g, arcs, b, nodes, u, is_max, turned, f)
                 work -= 1 + (at_goal + sets[u, SIZE]) // WORD
                 if is_covered(sets, pool, u, f) or is_covered(sets, pool, goal, f):
                     continue
-                counters[N_ROWS] = enter(sets, pool, u, f, counters[N_ROWS])
+                counters[N_ROWS] = add_to_set(sets, pool, u, f, counters[N_ROWS])
                 closed[done] = (parent << 32) | (b + 1)
                 done += 1
             for a in range(plain[u], start[u + 1]):
                 x = np.int64(arcs[a, 0])
-                follow(now, arcs, a, nodes, x, is_max, moved, f)
+                extend_label(now, arcs, a, nodes, x, is_max, moved, f)
                 work -= 1 + sets[x, SIZE] // WORD
                 if is_covered(sets, pool, x, f):
                     continue
@@ -205,7 +218,10 @@ def advance(
 
 
 class General(HeapSearch):
-    """Search on one graph for one query, with costs in a given order."""
+    """Label-setting search on one graph for one query.
+
+    Tables are those of :func:`.general.tables.build_tables`; costs are in the order of the search.
+    """
 
     def __init__(
         self,
@@ -237,9 +253,9 @@ class General(HeapSearch):
         self.is_target = np.zeros(n, np.uint8)
         self.is_target[targets] = 1
         sizes = groups.rows[:, GROUP_SIZE]
-        group = np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)[groups.place]
+        group = np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)[groups.new_number]
         tables = (columns, h, self.is_target, turn, group, self.table, self.nodes, self.origin)
-        self.start, self.plain = clock.call(build, graph.indptr, graph.heads, graph.costs, *tables)
+        self.start, self.plain = clock.call(build_tables, graph.indptr, graph.heads, graph.costs, *tables)
         self.sets = np.zeros((n + 1, SET_COLUMNS), np.int64)
         self.pool = np.zeros(1024, self.dtype)
         turns, plain = self.plain - self.start[:-1], self.start[1:] - self.plain
@@ -251,7 +267,7 @@ class General(HeapSearch):
             beyond = np.zeros(k, self.dtype)
             beyond[j] = at_most[order[j]] + 1
             room = (self.sets, self.pool, n, beyond, int(self.counters[N_ROWS]))
-            self.counters[N_ROWS] = clock.call(enter, *room)
+            self.counters[N_ROWS] = clock.call(add_to_set, *room)
 
     def advance(self, clock: Clock, work: int) -> int:
         """Run the kernel."""
@@ -291,7 +307,7 @@ class General(HeapSearch):
         self.table[rows, 0] = np.searchsorted(self.start, rows, side="right") - 1
 
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
-        """Return the nodes (n,) and estimates (n, k) of labels."""
+        """Write the nodes (n,) of labels to `at`; return n and their estimates (n, k), see :meth:`.Search.retrace`."""
         f = np.zeros((len(values), len(self.order)), self.dtype)
         most = np.full(f.shape[1], INT32_LIMIT if self.dtype is np.int32 else MAX_KEY)
         graph = (self.start, self.table[:, 0], self.table[:, 1:], self.nodes, self.is_target, self.is_max)
@@ -317,13 +333,13 @@ class General(HeapSearch):
     def _enter_sets(self, at: Nodes, vectors: NDArray[Any], tested: NDArray[Any], clock: Clock) -> None:
         def enter(begin: int) -> int:
             new = (at, vectors, tested, begin)
-            return int(clock.call(enter_all, self.sets, self.pool, *new, self.counters, N_ROWS))
+            return int(clock.call(add_all_to_sets, self.sets, self.pool, *new, self.counters, N_ROWS))
 
-        enter_each(len(at), enter, self._grow_pool)
+        enter_in_batches(len(at), enter, self._grow_pool)
 
     def weight_of_sets(self, clock: Clock) -> int:
         """Return a checksum of the members of all sets."""
-        return int(clock.call(weigh, self.sets, self.pool, len(self.order) - 1))
+        return int(clock.call(checksum_of_sets, self.sets, self.pool, len(self.order) - 1))
 
     def arrays(self) -> list[NDArray[Any]]:
         """Return the tables of the graph, the sets and the heap."""
@@ -331,7 +347,7 @@ class General(HeapSearch):
         return [*tables, self.sets, self.pool, *super().arrays()]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Return how to double the pool of the sets, or to grow the heap."""
+        """Return the bytes to add, and a function that doubles the pool of the sets or grows the heap."""
         if code == ROWS:
             return self.pool.nbytes, self._grow_pool
         extra, grow = super().growth(code)
@@ -351,5 +367,5 @@ class General(HeapSearch):
 
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
         """Return the indices of the arcs of solutions in the graph, from the source on."""
-        ends, steps = clock.call(trace, self.origin, self.closed, labels)
+        ends, steps = clock.call(trace_paths, self.origin, self.closed, labels)
         return [part[::-1] for part in np.split(steps, ends)[:-1]]

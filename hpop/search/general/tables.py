@@ -13,7 +13,7 @@ from hpop.search.machinery.bounds import UNREACHABLE
 
 
 @kernel
-def build(
+def build_tables(
     indptr: IntArray,
     heads: NDArray[np.int32],
     costs: IntArray,
@@ -26,16 +26,16 @@ def build(
     nodes: NDArray[Any],
     origin: NDArray[np.int32],
 ) -> tuple[IntArray, IntArray]:
-    """Fill the tables of arcs and nodes in the order of the search, without arcs that reach no target.
+    """Fill the tables of arcs and nodes, without arcs that reach no target; the arcs of a node begin with its turns.
 
-    order    (k,)         columns of the costs
-    turn                  column of the cost that turns raise, if they are taken at once, or -1
-    group    (n,)         group of each node, within which turns are taken at once
-    arcs     (m, 1 + k)   head and costs
-    nodes    (n, k)       lower bounds
-    origin   (m,)         index of the arc in the graph
+    order    (k,)         columns of the graph's costs, in the order of the search
+    turn                  column of the cost that turns raise; -1 if turns are not taken at once
+    group    (n,)         group of each node; turns within a group are taken at once
+    arcs     (m, 1 + k)   output: head and costs of each arc
+    nodes    (n, k)       output: lower bounds of the remaining costs of each node
+    origin   (m,)         output: index of each arc in the graph
 
-    Returns offsets (n + 1,) of the arcs of nodes, and offsets (n,) of those that are not taken at once.
+    Returns the offsets (n + 1,) of the arcs of each node, and the offsets (n,) of its first arc that is no turn.
     """
     n = len(indptr) - 1
     start = np.zeros(n + 1, np.int64)
@@ -64,10 +64,11 @@ def build(
 
 
 @kernel
-def trace(origin: NDArray[np.int32], closed: IntArray, labels: IntArray) -> tuple[IntArray, IntArray]:
-    """Follow labels back to the source.
+def trace_paths(origin: NDArray[np.int32], closed: IntArray, labels: IntArray) -> tuple[IntArray, IntArray]:
+    """Follow labels (n,) back to the source.
 
-    Returns the ends (n,) of the paths in the list of all arcs, and this list, with each path from its last arc on.
+    Returns the arcs (N,) of all paths, path after path, each from its last arc to its first; before them the end (n,)
+    of each path in this array.
     """
     ends = np.empty(len(labels), np.int64)
     steps = np.empty(1024, np.int64)
@@ -101,7 +102,7 @@ _0, _1, _PIECE = np.uint64(0), np.uint64(1), np.uint64(PIECE)
 
 @lean
 def covers(pool: NDArray[Any], start: int, room: int, size: int, f: tuple[Any, ...]) -> bool:
-    """Return whether a member is nowhere larger than f, which has the type of the pool."""
+    """Return whether some member of a set is at most f in every cost; f has the integer type of the pool."""
     begin, stride, end = np.uint64(start), np.uint64(room), np.uint64(size)
     while end > _0:
         piece = (end - _1) // _PIECE * _PIECE
@@ -119,7 +120,7 @@ def covers(pool: NDArray[Any], start: int, room: int, size: int, f: tuple[Any, .
 
 @lean
 def drop_covered(pool: NDArray[Any], start: int, room: int, size: int, f: tuple[Any, ...]) -> int:
-    """Drop the members that f covers; return the number of the others."""
+    """Remove the members of a set that f covers; return the number of remaining members."""
     begin, stride, end = np.uint64(start), np.uint64(room), np.uint64(size)
     left = end
     while end > _0:
@@ -146,7 +147,7 @@ def drop_covered(pool: NDArray[Any], start: int, room: int, size: int, f: tuple[
 
 @lean
 def is_covered(sets: IntArray, pool: NDArray[Any], s: int, f: NDArray[Any]) -> bool:
-    """Return whether a member of set s is nowhere larger than f (k,) without its first cost."""
+    """Return whether some member of set s is at most f (k,) in every cost but the first."""
     start, size, room = sets[s, START], sets[s, SIZE], sets[s, ROOM]
     if len(f) == 1:
         return bool(size > 0)
@@ -162,7 +163,7 @@ def is_covered(sets: IntArray, pool: NDArray[Any], s: int, f: NDArray[Any]) -> b
 
 
 @kernel
-def enter_all(
+def add_all_to_sets(
     sets: IntArray,
     pool: NDArray[Any],
     where: NDArray[np.int32],
@@ -172,26 +173,27 @@ def enter_all(
     counters: IntArray,
     used: int,
 ) -> int:
-    """Add vectors (n, k) to sets (n,), from the one at `begin` on.
+    """Add vectors (n, k) from index `begin` on, each to its set.
 
-    tested  (n, k) vectors that no member may cover, or (0, k)
-    used    index of the counter of the pool's size in use
+    where   (n,)    set of each vector
+    tested  (n, k)  vectors that no member of the set may cover yet; (0, k) for no test
+    used    index of the counter that holds the used size of the pool
 
-    Returns n, or i if the pool has too little room for vector i, or -1 - i if tested vector i is covered.
+    Returns n, or i if the pool has too little room for vector i, or -1 - i if vector i of `tested` is covered.
     """
     for i in range(begin, len(where)):
         s = np.int64(where[i])
         if len(tested) > 0 and is_covered(sets, pool, s, tested[i]):
             return -1 - i
-        if counters[used] + needs(sets, s, vectors.shape[1]) > len(pool):
+        if counters[used] + rows_needed(sets, s, vectors.shape[1]) > len(pool):
             return i
-        counters[used] = enter(sets, pool, s, vectors[i], counters[used])
+        counters[used] = add_to_set(sets, pool, s, vectors[i], counters[used])
     return len(where)
 
 
 @kernel
-def weigh(sets: IntArray, pool: NDArray[Any], width: int) -> int:
-    """Return a checksum of the members of all sets, of ``width`` costs each; it may overflow."""
+def checksum_of_sets(sets: IntArray, pool: NDArray[Any], width: int) -> int:
+    """Return a checksum of the members of all sets, with ``width`` costs each; overflow is harmless."""
     total = np.int64(0)
     for s in range(len(sets)):
         start, size, room = sets[s, START], sets[s, SIZE], sets[s, ROOM]
@@ -203,16 +205,16 @@ def weigh(sets: IntArray, pool: NDArray[Any], width: int) -> int:
 
 
 @lean
-def needs(sets: IntArray, s: int, k: int) -> int:
-    """Return how much more of the pool :func:`enter` may use."""
+def rows_needed(sets: IntArray, s: int, k: int) -> int:
+    """Return the largest size by which :func:`add_to_set` may extend the used part of the pool."""
     return int(max(1, 2 * sets[s, ROOM]) * (k - 1))
 
 
 @lean
-def enter(sets: IntArray, pool: NDArray[Any], s: int, f: NDArray[Any], used: int) -> int:
-    """Add f (k,), which is not covered, without its first cost to set s and drop the members that it covers.
+def add_to_set(sets: IntArray, pool: NDArray[Any], s: int, f: NDArray[Any], used: int) -> int:
+    """Add an uncovered vector f (k,), without its first cost, to set s; remove the members that f covers.
 
-    Returns the size of the pool in use. A full set moves to the end of the pool, with twice the room.
+    A full set moves to the end of the pool, with twice the room. Returns the used size of the pool.
     """
     width = len(f) - 1
     start, size, room = sets[s, START], sets[s, SIZE], sets[s, ROOM]

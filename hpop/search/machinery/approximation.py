@@ -24,10 +24,10 @@ CHUNK = 1024  # open labels compared with the front at once
 
 @dataclass(frozen=True)
 class Precision:
-    """Precision of a front: how near to every non-dominated vector a returned one must be.
+    """Precision of a front: every non-dominated vector p is covered by a returned r <= (1 + eps) p + tolerance.
 
-    eps        relative, one for all costs
-    tolerance  (k,) counts added to it; () is 0 for all costs
+    eps        relative error, the same for all costs
+    tolerance  (k,) absolute error of each cost, in counts; () means 0 for all costs
 
     Raises OptionError for values that are negative or no numbers.
     """
@@ -42,21 +42,22 @@ class Precision:
 
     @property
     def is_exact(self) -> bool:
-        """True if every non-dominated vector is returned."""
+        """True if the precision is 0, so that every non-dominated vector is returned."""
         return self.eps == 0 and not any(self.tolerance)
 
     def of(self, columns: Sequence[int]) -> IntArray:
-        """Return the tolerances of some columns; column -1 is a cost that is always 0."""
+        """Return the tolerances (j,) of some columns (j,); column -1, a cost that is always 0, has the tolerance 0."""
         return np.array([self.tolerance[j] if self.tolerance and j >= 0 else 0 for j in columns], np.int64)
 
 
 EXACT = Precision()
 
 
-def thinned(costs: IntArray, chosen: IntArray, eps: float, tolerance: IntArray) -> IntArray:
-    """Return rows of costs (n, k), in lexicographic order, that cover all rows together with ``chosen`` ones (m, k).
+def thin_front(costs: IntArray, chosen: IntArray, eps: float, tolerance: IntArray) -> IntArray:
+    """Return indices of rows that, together with the ``chosen`` vectors (m, k), cover all rows of ``costs``.
 
-    The first uncovered row is covered by the last row that can cover it, and so on.
+    ``costs`` (n, k) is in lexicographic order. Greedy rule: take the last row that covers the first uncovered row;
+    repeat until all rows are covered.
     """
     most = costs + np.floor(np.minimum(eps * costs, ANYTHING)).astype(np.int64) + tolerance
     left = np.ones(len(costs), np.bool_)
@@ -71,10 +72,10 @@ def thinned(costs: IntArray, chosen: IntArray, eps: float, tolerance: IntArray) 
 
 
 def proven_gap(front: IntArray, estimates: IntArray) -> float:
-    """Return the least gap such that some vector of the front is at most (1 + gap) times each estimate.
+    """Return the least gap such that each estimate has a vector of the front of at most (1 + gap) times the estimate.
 
-    front      (n, k)  found so far
-    estimates  (m, k)  lower bounds of all missing vectors; without any the gap is 0
+    front      (n, k)  vectors found so far; without vectors the gap is infinite
+    estimates  (m, k)  lower bounds of all missing vectors; without estimates the gap is 0
     """
     if not len(estimates):
         return 0.0

@@ -22,26 +22,30 @@ PARTS = ("search", "bounds", "weights")  # of a rehearsal, the most urgent first
 # The kernels of a search in the order of their use.
 ORDER = (
     "number_groups",
-    "part_arcs",
-    "tell_turns",
+    "separate_turns",
+    "write_turn_costs",
     "no_dearer_than_two",
-    "reverse",
+    "sort_arcs_by_head",
     "cost_to_go",
-    "cost_along",
+    "costs_of_least_path",
     "fill_tables",
     "advance",
-    "trace",
+    "trace_paths",
 )
 REHEARSAL = "from hpop.search.rehearsal import main; main()"
 Kernels = Callable[[Sequence[str], int], tuple[Any, Any]]
 POLL = 0.02  # s between two looks at the output of processes
 
-_processes: list[_Process] = []
-_awaited: list[_Awaited] = []  # not empty while kernels are to be compiled
+_processes: list[_Compiler] = []
+_missing: list[_MissingKernels] = []  # not empty while kernels are to be compiled
 
 
-class _Process:
-    """Background process, and the kernel that it compiles."""
+class _Compiler:
+    """Background process that compiles kernels.
+
+    current  name of the kernel that the process compiles now
+    ended    whether the process has ended
+    """
 
     def __init__(self, parts: Sequence[str], aggregates: Sequence[str], turns: int) -> None:
         command = [sys.executable, "-P", "-c", REHEARSAL, ",".join(parts), str(turns), *aggregates]
@@ -51,22 +55,22 @@ class _Process:
         self._output = self._process.stdout
         os.set_blocking(self._output.fileno(), False)
         self._line = b""
-        self.at = ""
+        self.current = ""
         self.ended = False
 
-    def is_at(self, name: str) -> bool:
-        """Return whether the process compiles the kernel of a name at the moment."""
-        self._listen()
-        return self.at == name and not self.ended
+    def is_compiling_kernel(self, name: str) -> bool:
+        """Return whether the process compiles the named kernel now."""
+        self._read_output()
+        return self.current == name and not self.ended
 
-    def _listen(self) -> None:
+    def _read_output(self) -> None:
         """Read the new output of the process."""
         while not self.ended:
             with suppress(BlockingIOError):
                 more = os.read(self._output.fileno(), 4096)
                 self.ended = not more
                 *lines, self._line = (self._line + more).split(b"\n")
-                self.at = lines[-1].decode() if lines else self.at
+                self.current = lines[-1].decode() if lines else self.current
                 continue
             return
 
@@ -84,8 +88,13 @@ class Onset(StrEnum):
     AFTER_FIRST = "after a first answer and its map"
 
 
-class _Awaited(NamedTuple):
-    """Kernels to be compiled: the costs that they are for, and the kernel of a first answer."""
+class _MissingKernels(NamedTuple):
+    """Kernels that the cache lacks, described by the costs of the query.
+
+    aggregates  "sum" or "max" for each cost
+    turns       column of the cost that counts turns, or -1
+    first       kernel of a first answer
+    """
 
     aggregates: Sequence[str]
     turns: int
@@ -94,50 +103,52 @@ class _Awaited(NamedTuple):
 
 @contextmanager
 def compiling_beside(aggregates: Sequence[str], turns: int, onset: Onset, kernels: Kernels) -> Iterator[Onset | None]:
-    """Compile the kernels of a search in the background of a ``with`` block; the value is when, or None if cached.
+    """Compile the missing kernels of a search in background processes while a ``with`` block runs.
 
-    With ``Onset.AFTER_FIRST`` compilation begins with :func:`begin`, so that a first answer and its map come sooner.
+    The value of the block is ``onset``, or None if all kernels are cached. With ``Onset.AFTER_FIRST``, compilation
+    starts only when :func:`start_compilers` is called, so that a first answer and its map come sooner.
 
-    turns    column of the cost that counts turns, or -1
-    kernels  returns, for these costs, the kernel that takes longest to compile and that of a first answer
+    aggregates  "sum" or "max" for each cost
+    turns       column of the cost that counts turns, or -1
+    kernels     returns, for these costs, the kernel that takes longest to compile and the kernel of a first answer
     """
     from hpop.runtime.compiled import can_be_cached, is_cached  # numba: on first use
 
     longest, first = kernels(aggregates, turns)
     if can_be_cached(longest) and not is_cached(longest):
-        _awaited.append(_Awaited(aggregates, turns, first))
+        _missing.append(_MissingKernels(aggregates, turns, first))
     try:
         if onset is Onset.AT_ONCE:
-            begin()
-        yield onset if _awaited else None
+            start_compilers()
+        yield onset if _missing else None
     finally:
-        _awaited.clear()
+        _missing.clear()
         while _processes:
             _processes.pop().stop()
 
 
-def begin() -> None:
-    """Start the background processes, if kernels are to be compiled and none was started."""
-    if not _awaited or _processes:
+def start_compilers() -> None:
+    """Start the background processes, unless no kernel is missing or processes are running."""
+    if not _missing or _processes:
         return
-    aggregates, turns, _ = _awaited[0]
+    aggregates, turns, _ = _missing[0]
     with suppress(OSError), interrupts_held():  # if no process can be started, this one compiles
         count = 2 if (os.cpu_count() or 1) > 2 else 1
-        _processes.extend(_Process(PARTS[part::count], aggregates, turns) for part in range(count))
+        _processes.extend(_Compiler(PARTS[part::count], aggregates, turns) for part in range(count))
 
 
 def is_compiling() -> bool:
-    """Return whether kernels of the search were missing in the cache at the beginning."""
-    return bool(_awaited)
+    """Return whether kernels of the search were missing in the cache when the ``with`` block began."""
+    return bool(_missing)
 
 
-def first_is_awaited() -> bool:
-    """Return whether the kernel of a first answer is not compiled yet, so that the answer must do without it."""
-    if not _awaited:
+def is_first_kernel_missing() -> bool:
+    """Return whether the kernel of a first answer is not compiled yet; the answer then comes from SciPy."""
+    if not _missing:
         return False
     from hpop.runtime.compiled import is_cached
 
-    return not is_cached(_awaited[0].first)
+    return not is_cached(_missing[0].first)
 
 
 def wait_for(compiled: Any, report: Callable[[], None]) -> None:
@@ -146,21 +157,21 @@ def wait_for(compiled: Any, report: Callable[[], None]) -> None:
         return
     from hpop.runtime.compiled import compiling_elsewhere
 
-    name = name_of(compiled)
+    name = kernel_name(compiled)
     with compiling_elsewhere():
-        while any(process.is_at(name) for process in _processes):
+        while any(process.is_compiling_kernel(name) for process in _processes):
             report()
             sleep(POLL)
 
 
-def words(compiled: Any) -> str:
-    """Return the kernel that is compiled and its number among all, for the user."""
+def description(compiled: Any) -> str:
+    """Return the name of a kernel and its number among the kernels of a search, for a progress report."""
     name = compiled.py_func.__name__
     if name not in ORDER:
         return f"{name} (once)"
     return f"{name}, {ORDER.index(name) + 1} of {len(ORDER)} parts of the search (once)"
 
 
-def name_of(compiled: Any) -> str:
-    """Return the module and name of a kernel."""
+def kernel_name(compiled: Any) -> str:
+    """Return the dotted name of a kernel, with its module."""
     return f"{compiled.py_func.__module__}.{compiled.py_func.__name__}"

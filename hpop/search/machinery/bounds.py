@@ -30,7 +30,7 @@ NODE, NODE_COST = 24, 29  # bytes of a node, and for each cost: bound, next node
 
 
 @lean
-def reverse(
+def sort_arcs_by_head(
     start: IntArray,
     heads: NDArray[np.int32],
     origin: NDArray[np.int32],
@@ -39,9 +39,10 @@ def reverse(
     tails: NDArray[np.int32],
     weights: IntArray,
 ) -> None:
-    """Sort arcs by head, with a counting sort, and write their tails (m,) and costs (k, m) in that order.
+    """Sort arcs by head with a counting sort; write their tails (m,) and their costs (k, m) to `weights` in that order.
 
-    first (n + 2,) must be 0; its first n + 1 entries receive the offsets.
+    start (n + 1,), heads (m,)  arcs by tail; origin (m,) their rows in the table of costs
+    first (n + 2,)              must be 0; its first n + 1 entries receive the offset of each head
     """
     n, m = len(start) - 1, len(heads)
     for a in range(m):
@@ -64,8 +65,8 @@ def bits(x: int) -> int:
 
 
 @lean
-def enter(v: int, pile: int, tops: IntArray, above: NDArray[np.int32], below: NDArray[np.int32]) -> None:
-    """Put a node on top of a pile."""
+def put_on_pile(v: int, pile: int, tops: IntArray, above: NDArray[np.int32], below: NDArray[np.int32]) -> None:
+    """Put node v on top of a pile; piles are linked lists: `tops` of each pile, neighbours `above` and `below`."""
     top = tops[pile]
     above[v], below[v] = -1, top
     if top >= 0:
@@ -74,8 +75,8 @@ def enter(v: int, pile: int, tops: IntArray, above: NDArray[np.int32], below: ND
 
 
 @lean
-def leave(v: int, pile: int, tops: IntArray, above: NDArray[np.int32], below: NDArray[np.int32]) -> None:
-    """Take a node out of its pile."""
+def take_from_pile(v: int, pile: int, tops: IntArray, above: NDArray[np.int32], below: NDArray[np.int32]) -> None:
+    """Remove node v from its pile."""
     if above[v] >= 0:
         below[above[v]] = below[v]
     else:
@@ -104,14 +105,19 @@ def cost_to_go(
     above: NDArray[np.int32],
     below: NDArray[np.int32],
 ) -> None:
-    """Search backward from the targets in one cost; out and parent (n,) receive cost and next node.
+    """Search backward from the targets by one cost; write the least remaining cost of each node and its next node.
 
-    turned, of groups, and turning (n,), of nodes with a path that begins with a turn, must be 0, and tops (PILES,) -1;
-    above and below (n,) are scratch.
+    start, tails, weights   arcs by head, of :func:`sort_arcs_by_head`, with this cost alone
+    group (n,), rows        group of each node, and the table of groups
+    dearest, uniform, turns this cost of the turns, see :class:`.Groups`
+    out, parent (n,)        output: least cost, and next node on such a path or -1
+    turned (g,)             groups that have turned, 0 before the call
+    turning (n,)            nodes with a path that begins with a turn, 0 before the call
+    tops (PILES,)           -1 before the call; above and below (n,) are scratch
 
-    Open nodes are in a radix heap (Ahuja, Mehlhorn, Orlin and Tarjan 1990): pile b has the nodes with a cost that
-    differs from the last one taken, d, first in bit b (counted from 1; 0: not at all). When pile 0 is empty, d becomes
-    the least cost of the next pile, and the nodes of that pile are distributed again.
+    Open nodes are in a radix heap (Ahuja, Mehlhorn, Orlin and Tarjan 1990). Let d be the cost of the last node taken.
+    Pile b holds the nodes whose cost differs from d first in bit b, counted from 1; pile 0 holds those of cost d. When
+    pile 0 is empty, d becomes the least cost of the next pile, and the nodes of that pile are distributed again.
     """
     n = len(start) - 1
     lowest = d = np.int64(0)  # not 0: numba would compile the helpers once for that number alone
@@ -121,7 +127,7 @@ def cost_to_go(
     for v in targets:
         if out[v] > 0:
             out[v] = 0
-            enter(v, lowest, tops, above, below)
+            put_on_pile(v, lowest, tops, above, below)
     while True:
         if tops[0] < 0:
             pile = 1
@@ -139,10 +145,10 @@ def cost_to_go(
             v = top
             while v >= 0:
                 following = below[v]
-                enter(v, bits(out[v] ^ d), tops, above, below)
+                put_on_pile(v, bits(out[v] ^ d), tops, above, below)
                 v = following
         v = tops[0]
-        leave(v, lowest, tops, above, below)
+        take_from_pile(v, lowest, tops, above, below)
         g = group[v]
         offset, members = rows[g, OFFSET], rows[g, SIZE]
         entering = start[v + 1] - start[v]
@@ -162,15 +168,15 @@ def cost_to_go(
             cost = max(d, w) if is_max else d + w
             if cost < out[u]:
                 if out[u] < UNREACHABLE:
-                    leave(u, bits(out[u] ^ d), tops, above, below)
+                    take_from_pile(u, bits(out[u] ^ d), tops, above, below)
                 out[u] = cost
                 parent[u] = v
                 turning[u] = i >= entering
-                enter(u, bits(cost ^ d), tops, above, below)
+                put_on_pile(u, bits(cost ^ d), tops, above, below)
 
 
 @lean
-def cost_along(
+def costs_of_least_path(
     indptr: IntArray,
     heads: NDArray[np.int32],
     costs: IntArray,
@@ -181,7 +187,10 @@ def cost_along(
     source: int,
     total: IntArray,
 ) -> None:
-    """Add up in total (k,) the costs of the path that is least in one cost, along `parent` from the source."""
+    """Add to `total` (k,) all costs of the path that is least in the cost of `column`.
+
+    The path follows `parent` (n,) from the source; h (n,) are the least remaining costs of that column.
+    """
     k = costs.shape[1]
     u = source
     while parent[u] >= 0:
@@ -203,10 +212,10 @@ def cost_along(
 def lower_bounds(
     graph: Graph, source: int, targets: IntArray, clock: Clock, groups: Groups | None = None
 ) -> tuple[IntArray, IntArray, Status | None]:
-    """Return h (k, n), the cost vectors (k, k) of the paths least in each cost, and the limit passed, if any.
+    """Return bounds h (k, n), the cost vectors (k, k) of the least path of each cost, and the limit passed or None.
 
-    Nodes that reach no target have UNREACHABLE; an unreachable source has no vectors (0, k). Without enough memory, h
-    is empty (k, 0).
+    h is UNREACHABLE at nodes that reach no target; a source that reaches no target has no vectors, (0, k). If memory
+    does not suffice, h is (k, 0).
     """
     n, k = graph.nodes, graph.criteria
     clock.report("bounds")
@@ -220,24 +229,27 @@ def lower_bounds(
     if status is not None:
         return np.empty((k, 0), np.int64), np.zeros((0, k), np.int64), status
     h, onward = costs_to_go(graph, targets, clock, groups)
-    return h, costs_of_least(graph, source, h, onward, clock), clock.exceeded(0, memory)
+    return h, costs_of_least_paths(graph, source, h, onward, clock), clock.exceeded(0, memory)
 
 
 def costs_to_go(
     graph: Graph, targets: IntArray, clock: Clock, groups: Groups, columns: Sequence[int] | None = None
 ) -> tuple[IntArray, NDArray[np.int32]]:
-    """Return h (k, n) of some or all columns, and the next node (k, n) on a path of that cost, or -1."""
+    """Return the least remaining costs (j, n) in some columns, by default all, and the next nodes (j, n), or -1.
+
+    The next node of a node is its successor on a path of the least cost in that column.
+    """
     columns = range(graph.criteria) if columns is None else columns
     n, k, m = graph.nodes, len(columns), len(groups.heads)
     is_max = _is_max(graph)
     group = np.repeat(np.arange(len(groups.rows)), groups.rows[:, SIZE])
     begin, tails, weights = np.zeros(n + 2, np.int64), np.empty(m, np.int32), np.empty((graph.criteria, m), np.int64)
-    clock.call(reverse, groups.start, groups.heads, groups.origin, graph.costs, begin, tails, weights)
+    clock.call(sort_arcs_by_head, groups.start, groups.heads, groups.origin, graph.costs, begin, tails, weights)
     in_order = (groups.nodes[:-1] < groups.nodes[1:]).all()  # no node was renumbered
     h = np.empty((k, n), np.int64)
     parents = np.empty((k, n), np.int32)
     dearest = np.ascontiguousarray(groups.dearest.T)
-    ends = groups.place[targets]
+    ends = groups.new_number[targets]
 
     def arguments(row: int, j: int) -> tuple[Any, ...]:
         turns = (group, groups.rows, dearest[j], bool(groups.alike[j]), groups.turns[j])
@@ -247,19 +259,22 @@ def costs_to_go(
 
     clock.call_all(cost_to_go, [arguments(row, j) for row, j in enumerate(columns)])
     for j in range(k if not in_order else 0):
-        h[j] = h[j][groups.place]
-        parents[j] = np.where(parents[j] < 0, -1, groups.nodes[parents[j]])[groups.place]
+        h[j] = h[j][groups.new_number]
+        parents[j] = np.where(parents[j] < 0, -1, groups.nodes[parents[j]])[groups.new_number]
     return h, parents
 
 
-def costs_of_least(graph: Graph, source: int, h: IntArray, onward: NDArray[np.int32], clock: Clock) -> IntArray:
-    """Return the cost vectors (k, k) of the paths of :func:`costs_to_go`, (0, k) for an unreachable source."""
+def costs_of_least_paths(graph: Graph, source: int, h: IntArray, onward: NDArray[np.int32], clock: Clock) -> IntArray:
+    """Return the cost vectors (k, k) of the least path of each cost from a source; (0, k) if no target is reached.
+
+    h, onward (k, n)  least remaining costs and next nodes, of :func:`costs_to_go`
+    """
     k = graph.criteria
     vectors = np.zeros((k, k), np.int64)
     for j in range(k):
         if h[j, source] < UNREACHABLE:
             arrays = (graph.indptr, graph.heads, graph.costs, _is_max(graph))
-            clock.call(cost_along, *arrays, j, h[j], onward[j], source, vectors[j])
+            clock.call(costs_of_least_path, *arrays, j, h[j], onward[j], source, vectors[j])
     return vectors[h[:, source] < UNREACHABLE]
 
 

@@ -64,8 +64,9 @@ class CheckpointError(OutputError):
 class Checkpoint:
     """File in which a search saves its state; only one run at a time may use it.
 
-    path   of the file; if it exists, the search resumes from it
-    every  s  between two checkpoints, or more if writing takes long; another one is written when the search stops
+    path   path of the file; if the file exists, the search resumes from it
+    every  s, interval between two checkpoints, longer if writing takes long; the last one is written when the search
+           stops
     """
 
     path: str | os.PathLike[str]
@@ -78,11 +79,14 @@ class Checkpoint:
 
     @classmethod
     def of(cls, spec: CheckpointSpec) -> Checkpoint:
-        """Return a checkpoint from a path, or itself."""
+        """Return the checkpoint at a path; return a Checkpoint unchanged."""
         return spec if isinstance(spec, Checkpoint) else cls(spec)
 
-    def place(self) -> Path:
-        """Return the path with links resolved; raises CheckpointError if it is no checkpoint or not writable."""
+    def checked_path(self) -> Path:
+        """Return the path with links resolved.
+
+        Raises CheckpointError if the path is not writable, or if its file is no checkpoint.
+        """
         try:
             path = Path(os.path.realpath(self.path))
             _refuse_other(path)
@@ -96,7 +100,7 @@ class Checkpoint:
 
 
 def _refuse_other(path: Path) -> None:
-    """Raise CheckpointError if the path is no checkpoint, which is not overwritten."""
+    """Raise CheckpointError if the path is a folder or a file that is no checkpoint, so that it is not overwritten."""
     if not path.exists():
         return
     if not path.is_file():
@@ -111,15 +115,18 @@ CheckpointSpec: TypeAlias = str | os.PathLike[str] | Checkpoint
 
 
 class Keeper:
-    """Reader and writer of the checkpoint of one query.
+    """Reader and writer of the checkpoint file of one query.
 
-    extra  arrays beside the labels of the search, such as the states of arcs of a lazy search
+    question  fingerprint of the query, see :func:`fingerprint`
+    saved     content of the file, until a search has resumed from it; None if there is no file
+    due       s, time of the next checkpoint
+    extra     arrays beside the labels of the search, such as the states of arcs of a lazy search
     """
 
     def __init__(self, checkpoint: Checkpoint, question: str) -> None:
-        """Read the file if it exists; raises CheckpointError if it is of another query, or not writable."""
+        """Read the file if it exists; raise CheckpointError if the file is of another query or not writable."""
         self.question, self.every = question, checkpoint.every
-        self.path = checkpoint.place()
+        self.path = checkpoint.checked_path()
         self.begin({})
         self.due = perf_counter() + self.every
         self.saved = Saved.read(self.path) if self.path.exists() else None
@@ -131,16 +138,16 @@ class Keeper:
 
     @classmethod
     def of(cls, checkpoint: CheckpointSpec | None, graph: Graph, *question: Any) -> Self | None:
-        """Return the keeper of a query of a graph, or None without a checkpoint."""
+        """Return the keeper for a query on a graph, or None if the query has no checkpoint."""
         return None if checkpoint is None else cls(Checkpoint.of(checkpoint), fingerprint(graph, *question))
 
     @property
     def method(self) -> str | None:
-        """Method of the search in the file."""
+        """Name of the method whose search is in the file, or None."""
         return None if self.saved is None else self.saved.method
 
     def run(self, search: Search, method: str, clock: Clock) -> Status:
-        """Run a search, resumed from the file if there is one; save it at intervals, and when it stops."""
+        """Run a search; resume it from the file if possible, save it at intervals and when a limit stops it."""
         if self.saved is not None and self.saved.method == method:
             began = clock.seconds()
             own = {name: array for name, array in self.saved.arrays.items() if name not in self.extra}
@@ -153,7 +160,7 @@ class Keeper:
 
         self.snapshot = snapshot
         try:
-            status = search.run(clock, self.keep)
+            status = search.run(clock, self.save_if_due)
         except KeyboardInterrupt:
             self.save()
             raise
@@ -162,23 +169,23 @@ class Keeper:
         return status
 
     def begin(self, extra: Arrays) -> None:
-        """Set the extra arrays before a search."""
+        """Set the extra arrays before a search, and store only these until the search runs."""
         self.extra = extra
         self.snapshot = lambda: Saved(NONE, self.question, self.extra)
 
-    def amend(self, extra: Arrays) -> None:
-        """Set the extra arrays of a search that was stopped."""
+    def update_extra(self, extra: Arrays) -> None:
+        """Replace the extra arrays of a search that was stopped; its labels stay."""
         self.extra = extra
 
-    def keep(self) -> None:
-        """Save if the interval has passed."""
+    def save_if_due(self) -> None:
+        """Write a checkpoint if the interval has passed."""
         began = perf_counter()
         if began >= self.due:
             self.save()
             self.due = perf_counter() + max(self.every, SHARE * (perf_counter() - began))
 
     def save(self) -> None:
-        """Write a checkpoint; if that fails, warn, leave the last one and continue the search."""
+        """Write a checkpoint. If writing fails, warn and leave the last checkpoint, so that the search can continue."""
         if self.saved is not None:  # not resumed yet
             return
         try:
@@ -200,7 +207,12 @@ class Keeper:
 
 @dataclass(frozen=True)
 class Saved:
-    """Content of a checkpoint."""
+    """Content of a checkpoint file.
+
+    method    name of the search method, or NONE
+    question  fingerprint of the query
+    arrays    name -> array of int64
+    """
 
     method: str
     question: str
@@ -226,7 +238,7 @@ class Saved:
 
     @classmethod
     def question_in(cls, path: Path) -> str | None:
-        """Return the fingerprint of the query in a file, or None if it cannot be read."""
+        """Return the fingerprint of the query stored in a file, or None if the file cannot be read."""
         try:
             with path.open("rb") as file:
                 length = int.from_bytes(file.read(len(MAGIC) + LENGTH)[len(MAGIC) :], "little")
@@ -236,10 +248,10 @@ class Saved:
 
     @classmethod
     def read(cls, path: Path) -> Saved:
-        """Return the checkpoint in a file; raises CheckpointError if it is damaged or of another version."""
+        """Read a checkpoint from a file; raise CheckpointError if it is damaged or of another version of hpop."""
         try:
             with path.open("rb") as file:
-                return cls._of(file, path)
+                return cls._parsed(file, path)
         except OSError as error:
             if isinstance(error, CheckpointError):
                 raise
@@ -248,7 +260,7 @@ class Saved:
             ) from None
 
     @classmethod
-    def _of(cls, file: BufferedReader, path: Path) -> Saved:
+    def _parsed(cls, file: BufferedReader, path: Path) -> Saved:
         size = os.fstat(file.fileno()).st_size
         damaged = CheckpointError(
             f"the checkpoint {path} is truncated or damaged; remove it, the search then begins anew"
@@ -269,7 +281,7 @@ class Saved:
                 f"{FORMAT}. Go on with that version, or remove the file to begin anew"
             )
         try:
-            tables = [_table(*entry) for entry in header["arrays"]]
+            tables = [_array_header(*entry) for entry in header["arrays"]]
             method, question = str(header["method"]), str(header["question"])
         except (ValueError, TypeError, KeyError):
             raise damaged from None
@@ -287,15 +299,15 @@ class Saved:
         return cls(method, question, arrays)
 
 
-def _table(name: Any, dtype: Any, shape: Any) -> tuple[str, np.dtype[Any], tuple[int, ...]]:
-    """Return name, type and shape of an array from the header; raises ValueError or TypeError for invalid ones."""
+def _array_header(name: Any, dtype: Any, shape: Any) -> tuple[str, np.dtype[Any], tuple[int, ...]]:
+    """Return the name, type and shape of an array in a header; raise ValueError or TypeError for an invalid entry."""
     if dtype != TYPE or not all(type(n) is int and 0 <= n < 2**40 for n in shape) or len(shape) > 2:
         raise ValueError
     return str(name), np.dtype(dtype), tuple(shape)
 
 
 def fingerprint(graph: Graph, *question: Any) -> str:
-    """Return a hash of a graph and of the parts of a query: numbers, words and arrays."""
+    """Return a hash of a graph and of the parts of a query: numbers, strings and arrays."""
     tables = (graph.indptr, graph.heads, graph.costs)
     checksum = hashlib.blake2b(digest_size=CHECKSUM)
     for part in (graph.aggregates, *tables, *question):
@@ -307,16 +319,16 @@ def fingerprint(graph: Graph, *question: Any) -> str:
 
 
 def restore(search: Search, arrays: Arrays, clock: Clock, path: Path) -> None:
-    """Resume a new search from labels; raises CheckpointError if they do not belong to its query."""
+    """Resume a new search from the arrays of its labels; raise CheckpointError if they do not belong to its query."""
     from hpop.search.machinery.labels import Labels, Unsound  # numba: on first use
 
     try:
         search.resume(Labels.of(arrays), clock)
     except Unsound as error:
-        raise not_kept(path, error) from None
+        raise invalid_checkpoint(path, error) from None
 
 
-def not_kept(path: Path, why: object) -> CheckpointError:
+def invalid_checkpoint(path: Path, why: object) -> CheckpointError:
     """Return the error for a file with invalid content."""
     return CheckpointError(
         f"the checkpoint {path} does not fit this search ({why}); remove it, the search then begins anew"

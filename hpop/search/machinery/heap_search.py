@@ -15,13 +15,23 @@ from hpop.search.machinery.slices import HEAP, KEYS, N_OPEN, Clock, Search
 
 
 class HeapSearch(Search):
-    """Search with a heap: keys of one or more words, and the labels that they belong to."""
+    """Search with a 4-ary heap of open labels.
+
+    keys    (capacity * words,)  estimates of open labels, packed into words in lexicographic order
+    values  (capacity,)          open labels
+    plan    packing of estimates into keys, of :func:`.plan_keys`
+    """
 
     keys: IntArray
     values: IntArray
 
     def __init__(self, f: list[int], rise: list[int], fan: int) -> None:
-        """Start with one label: f (k,) is its estimate, rise (k,) the largest growth of f in one expansion."""
+        """Start with one open label at the source.
+
+        f     (k,)  estimate of this label
+        rise  (k,)  largest growth of an estimate in one expansion
+        fan         largest number of new labels of an expansion
+        """
         super().__init__(len(f), fan)
         self.rise = np.array(rise, np.int64)
         self.plan = plan_keys([2 * (a + b) for a, b in zip(f, rise, strict=True)])
@@ -35,11 +45,11 @@ class HeapSearch(Search):
         return [self.keys, self.values]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Return how to double the heap, or to widen the keys."""
+        """Return the additional bytes, and a function that doubles the heap or widens its keys."""
         if code == HEAP:
             return self.keys.nbytes + self.values.nbytes, self._grow_heap
         if code == KEYS:
-            return self.values.nbytes * self._wider()[3], self._widen_keys
+            return self.values.nbytes * self._wider_packing()[3], self._widen_keys
         raise AssertionError(f"a kernel asks for room {code} that no search has, please report")
 
     def estimates(self) -> IntArray:
@@ -48,12 +58,12 @@ class HeapSearch(Search):
         keys = self.keys[: int(self.counters[N_OPEN]) * words].reshape(-1, words)
         return (keys[:, word] >> shift) & limit
 
-    def opened(self) -> tuple[IntArray, IntArray]:
-        """Return the open labels, all in the heap."""
+    def open_labels(self) -> tuple[IntArray, IntArray]:
+        """Return the open labels of the heap, and no labels of buckets."""
         return self.values[: int(self.counters[N_OPEN])], np.zeros(0, np.int64)
 
     def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
-        """Fill the heap with labels and their estimates."""
+        """Fill the heap with labels (h,) and their estimates, costs (h, k); raise Unsound for an invalid heap."""
         if len(waiting):
             raise Unsound("labels wait outside the heap")
         n = len(heap)
@@ -73,11 +83,11 @@ class HeapSearch(Search):
         self.keys.resize(2 * len(self.keys), refcheck=False)
         self.values.resize(2 * len(self.values), refcheck=False)
 
-    def _wider(self) -> tuple[IntArray, IntArray, IntArray, int]:
+    def _wider_packing(self) -> tuple[IntArray, IntArray, IntArray, int]:
         return plan_keys([2 * int(limit) for limit in self.plan[2]])
 
     def _widen_keys(self) -> None:
-        new = self._wider()
+        new = self._wider_packing()
         keys = np.zeros(len(self.values) * new[3], np.int64)
         repack(self.keys, int(self.counters[N_OPEN]), self.plan, new, keys)
         self.keys, self.plan = keys, new

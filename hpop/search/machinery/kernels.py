@@ -23,7 +23,7 @@ WORD_BITS = 62  # of a key word, so that it is non-negative as int64
 
 
 def signature(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Return numba's types of arguments."""
+    """Return the numba type of each argument."""
     typeof: Callable[[Any], Any] = numba.typeof
     return tuple(typeof(a) for a in arguments)
 
@@ -34,7 +34,7 @@ def is_ready(compiled: Any, *arguments: Any) -> bool:
     numba takes a third of a millisecond to find the types of a search's arguments, which is long for a slice. So
     kernels that are ready are remembered by the layout of their arguments.
     """
-    key = compiled, _layout(arguments)
+    key = compiled, _argument_layout(arguments)
     if key in _ready:
         return True
     if signature(arguments) not in compiled.overloads:
@@ -46,9 +46,9 @@ def is_ready(compiled: Any, *arguments: Any) -> bool:
 _ready: set[tuple[Any, Any]] = set()
 
 
-def _layout(argument: Any) -> Any:
+def _argument_layout(argument: Any) -> Any:
     if isinstance(argument, tuple):
-        return tuple(map(_layout, argument))
+        return tuple(map(_argument_layout, argument))
     if isinstance(argument, np.ndarray):
         return argument.dtype, argument.ndim, argument.flags.num
     return type(argument)
@@ -65,7 +65,7 @@ def make_ready(compiled: Any, *arguments: Any) -> None:
 
 @lean
 def push(keys: IntArray, values: IntArray, size: int, words: int, key: IntArray, value: int) -> None:
-    """Add an entry to a heap of `size` entries; keys (capacity * words,), key (words,)."""
+    """Add an entry, `key` (words,) and `value`, to a heap of `size` entries with keys (capacity * words,)."""
     i = size
     if words == 1:
         first = key[0]
@@ -144,7 +144,7 @@ def drop_first(keys: IntArray, values: IntArray, size: int, words: int) -> None:
 
 @lean
 def precedes(keys: IntArray, i: int, j: int, words: int) -> bool:
-    """Return whether an entry of a heap is lexicographically less than another."""
+    """Return whether entry i of a heap is lexicographically less than entry j."""
     for w in range(words):
         a, b = keys[i * words + w], keys[j * words + w]
         if a != b:
@@ -153,9 +153,10 @@ def precedes(keys: IntArray, i: int, j: int, words: int) -> bool:
 
 
 def plan_keys(largest: list[int]) -> tuple[IntArray, IntArray, IntArray, int]:
-    """Return a packing of columns of non-negative integers into the fewest key words that keep the lexicographic order.
+    """Return a packing of columns of non-negative integers into few key words that keep the lexicographic order.
 
-    It has the word, the shift and the largest value of every column, and the number of words.
+    ``largest`` are the largest values of the columns. Returns the word, the bit shift and the largest packed value of
+    each column, and the number of words.
 
     >>> word, shift, limit, words = plan_keys([1000, 63, 5])
     >>> words, shift.tolist(), limit.tolist()
@@ -185,7 +186,7 @@ def repack(
     new: tuple[IntArray, IntArray, IntArray, int],
     out: IntArray,
 ) -> None:
-    """Write the keys of a heap to `out`, which must be 0, in another packing, in the same order."""
+    """Write the keys of a heap to `out`, which must be 0, in the packing `new` instead of `old`."""
     for i in range(size):
         for j in range(len(old[0])):
             value = (keys[i * old[3] + old[0][j]] >> old[1][j]) & old[2][j]
@@ -194,7 +195,7 @@ def repack(
 
 @lean
 def excess(vector: FloatArray, least: FloatArray) -> float:
-    """Return the largest relative excess of a vector (k,) over an estimate (k,) in any cost."""
+    """Return the largest relative excess of a vector (k,) over an estimate `least` (k,) in any cost."""
     worst = 0.0
     for j in range(len(vector)):
         if least[j] > 0:
@@ -206,9 +207,9 @@ def excess(vector: FloatArray, least: FloatArray) -> float:
 
 @lean
 def largest_gap(front: FloatArray, estimates: FloatArray, most: float) -> float:
-    """Return the gap within which the front (n, k) covers each estimate (m, k); stop early at a gap of `most` or more.
+    """Return the least gap within which the front (n, k) covers each estimate (m, k); stop early at a gap of `most`.
 
-    Neighbours in a queue are similar, so the vector that covered one estimate is tried first for the next one.
+    Neighbours in a queue are similar, so the vector that covered one estimate is tried first for the next estimate.
     """
     gap = 0.0
     last = 0
@@ -230,7 +231,7 @@ def largest_gap(front: FloatArray, estimates: FloatArray, most: float) -> float:
 
 
 def proven_gap(front: IntArray, estimates: IntArray, most: float) -> float:
-    """Return the gap of :func:`hpop.search.machinery.approximation.proven_gap`, or any value from `most` on."""
+    """Return :func:`.approximation.proven_gap` of a front (n, k) and estimates (m, k); stop early at `most`."""
     if not len(estimates):
         return 0.0
     if not len(front):

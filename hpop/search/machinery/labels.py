@@ -36,14 +36,14 @@ class Unsound(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Labels:
-    """State of a search.
+    """State of a search: its labels, each as one int64 (:mod:`.slices`).
 
-    closed     (c,)  in the order in which they were closed; a parent is 1 + its index here
-    heap       (h,)  open, in the order of the heap
-    waiting    (w,)  open, and not yet in the heap, in the order of their buckets
-    solutions  (s,)  in the order in which they were found
-    counts     (2,)  labels generated and expanded
-    order      (k,)  columns of the costs, in the order of the search
+    closed     (c,)  closed labels in the order of closing; the parent part of a label is 1 + an index into this array
+    heap       (h,)  open labels in the heap, in its order
+    waiting    (w,)  open labels in buckets, not yet in the heap, in the order of their buckets
+    solutions  (s,)  labels of the front, in the order in which they were found
+    counts     (2,)  numbers of labels generated and expanded
+    order      (k,)  columns of the graph's costs, in the order of the search
     evidence   (3,)  checksums of the open labels, the front and the sets
     """
 
@@ -57,7 +57,7 @@ class Labels:
 
     @classmethod
     def of(cls, arrays: dict[str, NDArray[Any]]) -> Self:
-        """Return labels from arrays by name; raises Unsound for invalid arrays."""
+        """Return the labels stored in arrays, by name of the field; raise Unsound for invalid arrays."""
         names = [field.name for field in fields(cls)]
         if sorted(arrays) != sorted(names) or any(a.dtype != np.int64 or a.ndim != 1 for a in arrays.values()):
             raise Unsound("its arrays are other ones")
@@ -70,22 +70,22 @@ class Labels:
 
     @property
     def all(self) -> IntArray:
-        """Closed labels, open labels and solutions."""
+        """Concatenation of closed labels, open labels and solutions."""
         return np.concatenate([self.closed, self.heap, self.waiting, self.solutions])
 
 
-def weight(values: IntArray, costs: IntArray) -> int:
-    """Return a checksum of labels (n,) and their costs (n, k); it may overflow."""
+def checksum_of_labels(values: IntArray, costs: IntArray) -> int:
+    """Return a checksum of labels (n,) and their costs (n, k); overflow is harmless."""
     parts = np.arange(3, 3 + 2 * costs.shape[1], 2, dtype=np.int64)
     return int(((2 * values + 1) * (costs.astype(np.int64) @ parts)).sum(dtype=np.int64))
 
 
 def check_order(closed: NDArray[Any], opened: NDArray[Any], solved: NDArray[Any]) -> None:
-    """Raise Unsound if labels with these estimates (n, k) are not in the order of the search.
+    """Raise Unsound if the estimates (., k) of closed labels, open labels and solutions contradict the search's order.
 
     Closed labels are ordered by the first cost alone, as some of them come from turns that are taken at once.
     """
-    if not (_ordered(closed[:, :1]) and _ordered(solved)):
+    if not (_are_in_order(closed[:, :1]) and _are_in_order(solved)):
         raise Unsound("its labels are not in the order of the search")
     if not len(opened):
         return
@@ -93,22 +93,28 @@ def check_order(closed: NDArray[Any], opened: NDArray[Any], solved: NDArray[Any]
         opened = opened[opened[:, j] == opened[:, j].min()]
     first = opened[:1]  # the first open label
     if not (
-        _ordered(np.concatenate([closed[-1:, :1], first[:, :1]])) and _ordered(np.concatenate([solved[-1:], first]))
+        _are_in_order(np.concatenate([closed[-1:, :1], first[:, :1]]))
+        and _are_in_order(np.concatenate([solved[-1:], first]))
     ):
         raise Unsound("an open label should have come before closed ones")
 
 
 def check_solutions(is_target: NDArray[np.uint8], nodes: Nodes, ends: Nodes, first: NDArray[Any], most: int) -> None:
-    """Raise Unsound if closed labels are at targets, or solutions are not, or exceed the first bound."""
+    """Raise Unsound if a closed label is at a target, a solution is not, or a solution exceeds the first bound.
+
+    nodes (c,)    nodes of closed labels
+    ends (s,)     nodes of solutions, and `first` (s, 1) their first costs
+    most          upper bound on the first cost
+    """
     if is_target[nodes].any() or not is_target[ends].all() or (first > most).any():
         raise Unsound("a solution is not at a target, or a label at a target is not a solution")
 
 
-def enter_each(count: int, enter: Callable[[int], int], grow: Callable[[], None]) -> None:
-    """Enter labels into sets by a kernel, and grow the sets whenever it runs out of room.
+def enter_in_batches(count: int, enter: Callable[[int], int], grow: Callable[[], None]) -> None:
+    """Enter ``count`` labels into sets with a kernel; grow the sets whenever they are full.
 
-    ``enter`` takes the index of the first label and returns the index of the first that it could not enter. Raises
-    Unsound if it returns a negative number, for a label that the search would not have closed.
+    ``enter`` takes the index of the first label to enter and returns the index of the first that found no room. Raises
+    Unsound if ``enter`` returns a negative number, for a label that the search would not have closed.
     """
     begin = 0
     while begin < count:
@@ -119,7 +125,7 @@ def enter_each(count: int, enter: Callable[[int], int], grow: Callable[[], None]
             grow()
 
 
-def _ordered(rows: NDArray[Any]) -> bool:
+def _are_in_order(rows: NDArray[Any]) -> bool:
     """Return whether rows (n, k) are in lexicographic order."""
     before, after = rows[:-1], rows[1:]
     less = np.zeros(len(before), np.bool_)
@@ -145,12 +151,13 @@ def retrace(
     at: NDArray[np.int32],
     f: NDArray[Any],
 ) -> int:
-    """Write the node (n,) and the estimate (n, k) of labels (n,), the closed ones first.
+    """Write the node of each label to `at` (n,) and its estimate to f (n, k).
 
-    start    (n + 1,)  offsets of the arcs of nodes; heads (m,), arcs (m, k) their costs
-    h        (n, k)    lower bounds
-    is_last  (n,)      nodes with labels that are not followed
-    most     (k,)      largest estimates
+    values   (n,)      labels, closed labels first; `closed` is their number
+    start    (v + 1,)  offsets of the arcs of nodes; heads (m,) and costs (m, k), `arcs`, of these arcs
+    h        (v, k)    lower bounds of the remaining costs of nodes
+    is_last  (v,)      nodes at which a path ends: targets
+    most     (k,)      largest estimates that fit
 
     Returns n, or i for an invalid label i, or -1 - i for a label i with too large costs.
     """

@@ -25,7 +25,7 @@ from hpop.runtime.interrupts import interrupts_held
 from hpop.runtime.status import Budget, Progress, ProgressCallback, Status
 from hpop.search.machinery import beside
 from hpop.search.machinery.kernels import is_ready, make_ready
-from hpop.search.machinery.labels import Labels, Nodes, Unsound, check_order, weight
+from hpop.search.machinery.labels import Labels, Nodes, Unsound, check_order, checksum_of_labels
 
 # Return values of a kernel: the first two, or the array that has too little room for the next expansion.
 DONE, SLICE, HEAP, CLOSED, FRONT, WIDTH, ROWS, KEYS, CHUNKS, BUCKETS = range(10)
@@ -38,7 +38,12 @@ INT32_LIMIT = 2**30  # smaller costs and sums are stored in 32 bits
 
 
 class Clock:
-    """Clock and budget of one search. Compiling is reported and measured, but not charged to the time limit."""
+    """Clock and budget of one search. Compiling is reported and measured, but not charged to the time limit.
+
+    begin     s, time at which the search began
+    compiled  s, time spent on compiling kernels
+    peak      bytes, largest memory in use so far
+    """
 
     def __init__(self, budget: Budget, progress: ProgressCallback | None) -> None:
         self.budget = budget
@@ -48,20 +53,20 @@ class Clock:
         self.peak = 0
 
     def silent(self, labels: int, memory: int) -> Clock:
-        """Return a clock without reports for a part of the search, with the remaining budget."""
+        """Return a clock without reports for a part of the search; ``labels`` and ``memory`` are spent already."""
         most, room = self.budget.max_labels, self.budget.max_memory
-        left = replace(
+        remaining = replace(
             self.budget,
             max_labels=None if most is None else max(1, most - labels),
             max_memory=None if room is None else max(1, room - memory),
         )
-        clock = Clock(left, None)
+        clock = Clock(remaining, None)
         clock.begin = self.begin + self.compiled
         return clock
 
     @property
     def work(self) -> int:
-        """Elementary steps of the next slice."""
+        """Number of elementary steps of the next slice."""
         return WORK
 
     def seconds(self) -> float:
@@ -69,18 +74,18 @@ class Clock:
         return perf_counter() - self.begin - self.compiled
 
     def report(self, stage: str, counters: Sequence[int] | IntArray | None = None, memory: int = 0) -> None:
-        """Report the progress of the search."""
+        """Call the progress callback with a stage, counters of the kernel, and bytes in use."""
         if self.progress is None:
             return
         c = [0] * COUNTERS if counters is None else [int(x) for x in counters]
         self.progress(Progress(stage, c[N_GENERATED], c[N_OPEN], c[N_FRONT], memory, self.seconds()))
 
     def prepare(self, compiled: Any, *arguments: Any) -> None:
-        """Compile a kernel for arguments of these types, with reports and measured time."""
+        """Compile a kernel for arguments of these types, unless it is in memory; report and measure the time."""
         if is_ready(compiled, *arguments):
             return
         began = perf_counter()
-        detail = "" if is_cached(compiled) else beside.words(compiled)
+        detail = "" if is_cached(compiled) else beside.description(compiled)
 
         def report() -> None:
             if self.progress is not None:
@@ -97,7 +102,7 @@ class Clock:
         return compiled(*arguments)
 
     def call_all(self, compiled: Any, calls: Sequence[tuple[Any, ...]]) -> list[Any]:
-        """Call a kernel with several lists of arguments of equal types, on all cores if they are large."""
+        """Call a kernel once per tuple of arguments, all of equal types; use all cores if the arrays are large."""
         self.prepare(compiled, *calls[0])
         with interrupts_held():
             if sum(x.nbytes for x in calls[0] if isinstance(x, np.ndarray)) < SMALL:
@@ -106,7 +111,10 @@ class Clock:
                 return list(threads.map(lambda arguments: compiled(*arguments), calls))
 
     def exceeded(self, labels: int, memory: int, *, record: bool = True) -> Status | None:
-        """Return the limit that is passed, or None; with ``record`` the memory is in use, not only requested."""
+        """Return the limit that is passed, or None.
+
+        ``record`` says that the memory (bytes) is in use and counts for the peak; otherwise it is only requested.
+        """
         if record:
             self.peak = max(self.peak, memory)
         limit = self.budget
@@ -120,13 +128,17 @@ class Clock:
 
 
 class Search(ABC):
-    """Search with its arrays and its loop; a subclass adds the data of its dominance tests."""
+    """Search with labels, front and the loop over slices; a subclass adds the kernel, the queue and dominance tests.
+
+    counters  numbers that kernel and loop share, at the indices N_OPEN to N_ROWS
+    closed    (capacity,) closed labels, in the order of closing
+    """
 
     counters: IntArray
     closed: IntArray
-    front: IntArray  # (capacity, k)  costs in the order of the search
-    solutions: IntArray  # (capacity,)   the labels that reached a target
-    order: tuple[int, ...]  # (k,)       columns of the costs
+    front: IntArray  # (capacity, k)  costs of solutions, in the order of the search
+    solutions: IntArray  # (capacity,)   labels that reached a target
+    order: tuple[int, ...]  # (k,)       columns of the graph's costs, in the order of the search
 
     def __init__(self, costs: int, fan: int) -> None:
         """Start with one open label; `fan` is the largest number of new labels of an expansion."""
@@ -139,21 +151,21 @@ class Search(ABC):
 
     @abstractmethod
     def advance(self, clock: Clock, work: int) -> int:
-        """Run the kernel for an amount of work; return why it stopped."""
+        """Run the kernel for ``work`` elementary steps; return DONE, SLICE, or the code of a full array."""
 
     @abstractmethod
     def arrays(self) -> list[np.ndarray[Any, Any]]:
-        """Return the arrays of the subclass, for the memory count."""
+        """Return the arrays of the subclass, to count their bytes."""
 
     @abstractmethod
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Return the bytes that an array of the subclass needs to grow, and a function that grows it."""
+        """Return the additional bytes for the full array of a code, and a function that grows this array."""
 
     def run(self, clock: Clock, keep: Callable[[], None] | None = None) -> Status:
-        """Search to the end, or to a limit; after Ctrl-C the front found so far remains.
+        """Search until the end or a limit; Ctrl-C leaves the front found so far.
 
-        ``keep`` is called between slices. With it, Ctrl-C waits for the end of a slice, so that the arrays are
-        consistent.
+        ``keep`` is called between slices, to save a checkpoint. If it is set, Ctrl-C waits for the end of a slice, so
+        that the arrays are consistent.
         """
         guarded = nullcontext if keep is None else interrupts_held
         memory = self.memory()
@@ -164,7 +176,7 @@ class Search(ABC):
             if code == DONE:
                 return Status.COMPLETE if self.counters[N_FRONT] else Status.NO_PATH
             if code != SLICE:
-                extra, grow = self._room(code)
+                extra, grow = self._growth_of(code)
                 clock.report("search", self.counters, memory)
                 status = clock.exceeded(0, memory + extra, record=False)
                 if status is not None:
@@ -180,7 +192,7 @@ class Search(ABC):
         return status
 
     def slice_work(self, clock: Clock) -> int:
-        """Return the work of the next slice: less near the label limit, so that it is kept closely."""
+        """Return the number of steps of the next slice, fewer near the label limit, so that few labels exceed it."""
         limit = clock.budget.max_labels
         return clock.work if limit is None else min(clock.work, max(1, limit - int(self.counters[N_GENERATED])))
 
@@ -189,7 +201,7 @@ class Search(ABC):
         own = (self.closed, self.front, self.solutions)
         return sum(a.nbytes for a in own) + sum(a.nbytes for a in self.arrays())
 
-    def _room(self, code: int) -> tuple[int, Callable[[], None]]:
+    def _growth_of(self, code: int) -> tuple[int, Callable[[], None]]:
         if code == CLOSED:
             return self.closed.nbytes, self._grow_closed
         if code == FRONT:
@@ -203,76 +215,78 @@ class Search(ABC):
         self.front.resize((2 * len(self.front), self.front.shape[1]), refcheck=False)
         self.solutions.resize(2 * len(self.solutions), refcheck=False)
 
-    def found(self) -> tuple[IntArray, IntArray, int, int, int]:
-        """Return costs (n, k) and labels (n,) of the front so far; numbers of labels generated, expanded and open."""
+    def results(self) -> tuple[IntArray, IntArray, int, int, int]:
+        """Return costs (n, k) and labels (n,) of the front so far, and numbers of generated, expanded, open labels."""
         n = int(self.counters[N_FRONT])
         generated, expanded, waiting = (int(self.counters[c]) for c in (N_GENERATED, N_EXPANDED, N_OPEN))
         return self.front[:n], self.solutions[:n], generated, expanded, waiting
 
     @abstractmethod
     def estimates(self) -> IntArray:
-        """Return estimates (m, k) of open labels in the order of :meth:`opened`, costs in the search's order."""
+        """Return the estimates (m, k) of open labels, rows as in :meth:`open_labels`, columns in the search's order."""
 
     @abstractmethod
-    def opened(self) -> tuple[IntArray, IntArray]:
-        """Return the open labels: those in the heap, in its order, and those in buckets."""
+    def open_labels(self) -> tuple[IntArray, IntArray]:
+        """Return the open labels in the heap (h,), in its order, and the open labels in buckets (w,)."""
 
     @abstractmethod
     def weight_of_sets(self, clock: Clock) -> int:
         """Return a checksum of the sets, independent of their order in memory."""
 
-    def solved(self) -> IntArray:
-        """Return the labels of the front that are not closed labels."""
+    def solution_labels(self) -> IntArray:
+        """Return the labels of the solutions, without those that are closed labels."""
         return self.solutions[: int(self.counters[N_FRONT])]
 
     def labels(self, clock: Clock) -> Labels:
         """Return the state from which the search can resume."""
-        heap, waiting = self.opened()
+        heap, waiting = self.open_labels()
         counts = self.counters[[N_GENERATED, N_EXPANDED]]
         closed = self.closed[: int(self.counters[N_CLOSED])]
-        return Labels(closed, heap, waiting, self.solved(), counts, np.array(self.order), self._evidence(clock))
+        return Labels(
+            closed, heap, waiting, self.solution_labels(), counts, np.array(self.order), self._checksums(clock)
+        )
 
     def resume(self, labels: Labels, clock: Clock) -> None:
-        """Resume from the labels of a search of this query; raises Unsound if they are invalid.
+        """Resume from the labels of an earlier search of this query; raise Unsound if they are invalid.
 
-        This search must be new; it stays without results until all labels are checked.
+        This search must be new. It takes over the labels only after all of them are checked.
         """
         if labels.order.tolist() != list(self.order):
             raise Unsound("it takes the costs in another order")
         values, c, o = labels.all, len(labels.closed), len(labels.heap) + len(labels.waiting)
         if not len(values) or (np.diff(np.sort(values)) == 0).any() or (c > 0 and labels.closed[0] != 0):
             raise Unsound("a label occurs twice, or the first is missing")
-        nodes, costs = self._retraced(values, c, clock)
-        closed, opened, solved = costs[:c], costs[c : c + o], costs[c + o :]
-        check_order(closed, opened, solved)
-        self.enter(nodes[:c], closed, nodes[c + o :], solved, clock)
-        self.reopen(labels.heap, labels.waiting, opened, clock)
+        nodes, costs = self._nodes_and_estimates(values, c, clock)
+        closed, open_labels, solution_labels = costs[:c], costs[c : c + o], costs[c + o :]
+        check_order(closed, open_labels, solution_labels)
+        self.enter(nodes[:c], closed, nodes[c + o :], solution_labels, clock)
+        self.reopen(labels.heap, labels.waiting, open_labels, clock)
         capacity = len(self.closed)
         while capacity < c:
             capacity *= 2
         closed_labels = np.zeros(capacity, np.int64)
         closed_labels[:c] = labels.closed
-        count = len(solved)
+        count = len(solution_labels)
         if len(labels.solutions):
             while len(self.solutions) < count:
                 self._grow_front()
-            self.front[:count], self.solutions[:count] = solved, labels.solutions
+            self.front[:count], self.solutions[:count] = solution_labels, labels.solutions
         with interrupts_held():
             self.closed = closed_labels
             if len(labels.solutions):
                 self.counters[N_FRONT] = count
             self.counters[[N_OPEN, N_CLOSED, N_GENERATED, N_EXPANDED]] = o, c, *labels.counts
-        if self._evidence(clock).tolist() != labels.evidence.tolist():
+        if self._checksums(clock).tolist() != labels.evidence.tolist():
             raise Unsound("its labels do not match their checksums")
 
-    def _evidence(self, clock: Clock) -> IntArray:
+    def _checksums(self, clock: Clock) -> IntArray:
         n = int(self.counters[N_FRONT])
-        opened = weight(np.concatenate(self.opened()), self.estimates())
-        front = weight(self.solutions[:n], self.front[:n])
-        return np.array([opened, front, self.weight_of_sets(clock)], np.int64)
+        open_labels = checksum_of_labels(np.concatenate(self.open_labels()), self.estimates())
+        front = checksum_of_labels(self.solutions[:n], self.front[:n])
+        return np.array([open_labels, front, self.weight_of_sets(clock)], np.int64)
 
-    def _retraced(self, values: IntArray, closed: int, clock: Clock) -> tuple[Nodes, NDArray[Any]]:
-        """Return the nodes (n,) and estimates (n, k) of labels (n,), the closed ones first."""
+    def _nodes_and_estimates(self, values: IntArray, closed: int, clock: Clock) -> tuple[Nodes, NDArray[Any]]:
+        """Return the nodes (n,) and estimates (n, k) of labels (n,); the first ``closed`` ones are closed labels."""
         at = np.zeros(len(values), np.int32)
         while True:
             reached, f = self.retrace(values, closed, at, clock)
@@ -283,26 +297,36 @@ class Search(ABC):
 
     @abstractmethod
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
-        """Write the nodes (n,) of labels (n,), the closed ones first; return n and their estimates (n, k).
+        """Write the nodes of labels (n,) to ``at`` (n,); return n and the estimates (n, k) of the labels.
 
-        Instead of n it returns i for an invalid label i, or -1 - i for a label i with too large costs.
+        The first ``closed`` labels are closed labels. Instead of n, i is returned if label i is invalid, and -1 - i if
+        its costs do not fit the integer type of the search.
         """
 
     def widen(self) -> bool:
-        """Use more bits for costs; return False if that is impossible."""
+        """Store costs with more bits; return False if the search cannot do so."""
         return False
 
     @abstractmethod
-    def enter(self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solved: NDArray[Any], clock: Clock) -> None:
-        """Fill the sets with closed labels at nodes, their estimates, and solutions; may raise Unsound."""
+    def enter(
+        self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solution_labels: NDArray[Any], clock: Clock
+    ) -> None:
+        """Fill the sets of the dominance tests; raise Unsound for labels that the search would not have closed.
+
+        nodes, closed  (c,), (c, k)  nodes and estimates of closed labels
+        ends, solved   (s,), (s, k)  nodes and estimates of solutions
+        """
 
     @abstractmethod
     def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
-        """Fill the queue with labels and their estimates; raises Unsound for invalid ones."""
+        """Fill the queue with labels in the heap (h,) and in buckets (w,), with their estimates (h + w, k).
+
+        Raises Unsound if the labels are not in the order of the queue.
+        """
 
     @abstractmethod
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
-        """Return the indices of the arcs of solutions in the graph, from the source on."""
+        """Return the path of each label (n,): indices of arcs in the graph, from the source on."""
 
 
 STEPS = 6e6  # per second, at least; it depends on the speed of the memory
@@ -316,9 +340,9 @@ class DeadlineClock(Clock):
 
     Compiling is not charged.
 
-    share   of all limits that the search may use for now
-    labels  count  generated by other searches of the same query
-    memory  bytes  of these searches
+    share   share of each limit that the search may use for now, from 0 to 1
+    labels  labels generated by other searches of this query
+    memory  bytes of other searches of this query
     """
 
     def __init__(self, seconds: float | None, budget: Budget, progress: ProgressCallback | None) -> None:
@@ -331,12 +355,12 @@ class DeadlineClock(Clock):
 
     @property
     def is_limited(self) -> bool:
-        """True if the search may have to end before it is complete."""
+        """True if the query has a deadline, a time limit or a limit of labels."""
         limits = self.deadline, self.budget.time_limit, self.budget.max_labels
         return any(limit is not None for limit in limits)
 
     @property
-    def left(self) -> float:
+    def remaining(self) -> float:
         """Remaining seconds; inf without a deadline."""
         if self.deadline is None:
             return float("inf")
@@ -344,10 +368,10 @@ class DeadlineClock(Clock):
 
     @property
     def work(self) -> int:
-        """Steps of the next slice that the remaining time allows, even if they are slow."""
+        """Number of elementary steps of the next slice, so few that slow steps also meet the deadline."""
         if self.deadline is None:
             return super().work
-        return int(min(SHORT_SLICE, max(LEAST, (self.left - self._answer) * STEPS)))
+        return int(min(SHORT_SLICE, max(LEAST, (self.remaining - self._answer) * STEPS)))
 
     def silent(self, labels: int, memory: int) -> DeadlineClock:
         """Return a clock without reports for a part of the search, with the same deadline."""
@@ -364,7 +388,7 @@ class DeadlineClock(Clock):
             self.started += thread_time() - before
 
     def exceeded(self, labels: int, memory: int, *, record: bool = True) -> Status | None:
-        """Return the limit that is passed, or None; the deadline counts as passed when the result must be prepared."""
+        """Return the limit that is passed, or None; the deadline is passed when preparing the result must begin."""
         labels += self.labels
         status = super().exceeded(labels, memory + self.memory, record=record)
         if status is not None:
@@ -379,4 +403,4 @@ class DeadlineClock(Clock):
             self._taken = memory
         else:
             needed += ROOM * (memory - self._taken)
-        return Status.TIME_LIMIT if self.left <= needed else None
+        return Status.TIME_LIMIT if self.remaining <= needed else None

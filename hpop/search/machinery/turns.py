@@ -45,25 +45,27 @@ class NoRoom(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Groups:
-    """Nodes renumbered so that each group is a range, and the arcs that are no turns; a single node is a group too.
+    """Groups of nodes that turns join, and the plain arcs: the arcs that are no turns.
 
-    column    of the costs that turns raise; -1 if there are no groups and no turns
-    step      by how much turns raise it
-    nodes     (n,)      node of the graph at each new number
-    place     (n,)      new number of each node of the graph
-    rows      (g, 3)    first node, number of nodes, offset in ``turns`` of each group
-    dearest   (g, k)    costs of the dearest turn of each group
-    alike     (k,)      whether all turns of each group have equal costs
-    turns     (k, t)    costs of turns, one per pair of nodes (from, to) of a group, and spare ones; empty if alike
-    start     (n + 1,)  the plain arcs of node v are start[v] : start[v + 1]
-    heads     (m,)      heads of the plain arcs
-    origin    (m,)      their indices in the graph
+    Nodes are renumbered so that each group is a range of numbers. A node without turns is a group of its own.
+
+    column      column of the cost that turns raise; -1 if there are no turns
+    step        amount by which a turn raises this cost
+    nodes       (n,)      node of the graph at each new number
+    new_number  (n,)      new number of each node of the graph
+    rows        (g, 3)    for each group: first node, number of nodes, offset in ``turns``
+    dearest     (g, k)    for each group and cost: the largest cost of a turn
+    alike       (k,)      for each cost: True if the turns of each group cost the same
+    turns       (k, t)    costs of turns, one per ordered pair of nodes of a group, then spare columns; empty if alike
+    start       (n + 1,)  the plain arcs of node v are start[v] : start[v + 1]
+    heads       (m,)      heads of the plain arcs, in new numbers
+    origin      (m,)      indices of the plain arcs in the graph
     """
 
     column: int
     step: int
     nodes: IntArray
-    place: IntArray
+    new_number: IntArray
     rows: IntArray
     dearest: IntArray
     alike: NDArray[np.bool_]
@@ -75,70 +77,70 @@ class Groups:
     @property
     def nbytes(self) -> int:
         """Bytes of the arrays."""
-        arrays = (self.nodes, self.place, self.rows, self.dearest, self.turns, self.start, self.heads, self.origin)
+        arrays = (self.nodes, self.new_number, self.rows, self.dearest, self.turns, self.start, self.heads, self.origin)
         return sum(array.nbytes for array in arrays)
 
     @classmethod
     def of(cls, graph: Graph, clock: Clock) -> Self:
-        """Return the groups of turns, with the sum that single arcs raise least as index; without groups, single nodes.
+        """Return the groups of turns of the sum with the smallest largest arc cost; single nodes if there are none.
 
         Raises NoRoom, before memory is allocated, if the clock's budget does not suffice.
         """
         most = graph.largest.tolist()
         sums = [j for j, aggregate in enumerate(graph.aggregates) if aggregate == "sum" and 0 < most[j] < MOST]
         column = min(sums, key=lambda j: most[j], default=-1)
-        return (cls.of_column(graph, column, clock) if column >= 0 else None) or cls.none(graph, clock)
+        return (cls.of_turns(graph, column, clock) if column >= 0 else None) or cls.single_nodes(graph, clock)
 
     @classmethod
-    def of_column(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
-        """Return the groups of the turns of a column, or None if they form none."""
-        if graph.base is None or not _only_ends(graph, column):
-            return cls._of_column(graph, column, clock)
+    def of_turns(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
+        """Return the groups of turns that raise the cost of a column, or None if these turns form no groups."""
+        if graph.base is None or not _turns_are_at_ends(graph, column):
+            return cls._computed(graph, column, clock)
         cache = graph.base.cache
         name = ("groups", column)
         if name not in cache:
-            cache[name] = cls._of_column(graph.base, column, clock)
+            cache[name] = cls._computed(graph.base, column, clock)
         groups: Self | None = cache[name]
         _check_room(clock, 0 if groups is None else groups.nbytes)
-        return None if groups is None else groups._extended(graph, graph.base)
+        return None if groups is None else groups._with_added_nodes(graph, graph.base)
 
-    def _extended(self, graph: Graph, base: Graph) -> Self:
-        """Return the groups of a graph that extends the graph of these by nodes that are only starts or only goals."""
-        more, j = graph.nodes - base.nodes, _added(graph, base)
+    def _with_added_nodes(self, graph: Graph, base: Graph) -> Self:
+        """Return the groups of a graph that adds start and goal nodes to ``base``, the graph of these groups."""
+        more, j = graph.nodes - base.nodes, _added_arcs(graph, base)
         ends = np.arange(base.nodes, graph.nodes)
         rows = np.zeros((more, GROUP_COLUMNS), np.int64)
         rows[:, OFFSET], rows[:, SIZE] = ends, 1
         rows[:, TURNS] = int((self.rows[:, SIZE] ** 2).sum()) + np.arange(more)
-        place = np.concatenate([self.place, ends])
+        new_number = np.concatenate([self.new_number, ends])
         tails = np.searchsorted(graph.indptr, j, side="right") - 1
-        order = np.argsort(place[tails], kind="stable")
+        order = np.argsort(new_number[tails], kind="stable")
         at = np.append(self.start, np.full(more, self.start[-1]))
-        before = at[place[tails[order]] + 1]
+        before = at[new_number[tails[order]] + 1]
         shift = graph.indptr[: base.nodes] - base.indptr[:-1]  # of the arcs of each node of the base
         origin = self.origin + np.repeat(shift[self.nodes], np.diff(self.start)).astype(np.int32)
-        counts = np.bincount(place[tails], minlength=graph.nodes)
+        counts = np.bincount(new_number[tails], minlength=graph.nodes)
         zeros = np.zeros((more, graph.criteria), np.int64)
         return replace(
             self,
             nodes=np.concatenate([self.nodes, ends]),
-            place=place,
+            new_number=new_number,
             rows=np.concatenate([self.rows, rows]),
             dearest=np.concatenate([self.dearest, zeros]),
             turns=self._turns_beside(more),
             start=at + np.append(0, np.cumsum(counts)),
-            heads=inserted(self.heads, before, place[graph.heads[j[order]]].astype(np.int32)),
+            heads=inserted(self.heads, before, new_number[graph.heads[j[order]]].astype(np.int32)),
             origin=inserted(origin, before, j[order].astype(np.int32)),
         )
 
     def _turns_beside(self, more: int) -> IntArray:
-        """Return the costs of turns with those of more single nodes, which do not turn."""
+        """Return the table of turns with columns for ``more`` single nodes, which do not turn."""
         pairs = int((self.rows[:, SIZE] ** 2).sum())
         if not self.turns.size or pairs + more <= self.turns.shape[1]:
             return self.turns
         return np.concatenate([self.turns, np.zeros((len(self.turns), more), np.int64)], axis=1)
 
     @classmethod
-    def _of_column(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
+    def _computed(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
         _check_room(clock, graph.nodes * NODE)
         group = np.full(graph.nodes, -1)
         entered = np.zeros(graph.nodes, np.bool_)
@@ -154,12 +156,12 @@ class Groups:
         rows[1:, TURNS] = np.cumsum(rows[:-1, SIZE] ** 2)
         groups = cls._with_arcs(graph, column, step, nodes, rows, graph.arcs - turns, clock)
         worst = np.array([aggregate == "max" for aggregate in graph.aggregates])
-        checks = [(part, groups.turns, groups.alike, worst) for part in _parts(rows)]
+        checks = [(part, groups.turns, groups.alike, worst) for part in _table_parts(rows)]
         return groups if all(clock.call_all(no_dearer_than_two, checks)) else None
 
     @classmethod
-    def none(cls, graph: Graph, clock: Clock) -> Self:
-        """Return groups of single nodes, with all arcs plain."""
+    def single_nodes(cls, graph: Graph, clock: Clock) -> Self:
+        """Return groups of one node each; all arcs are plain."""
         rows = np.zeros((graph.nodes, GROUP_COLUMNS), np.int64)
         rows[:, OFFSET], rows[:, SIZE] = np.arange(graph.nodes), 1
         return cls._with_arcs(graph, -1, 0, np.arange(graph.nodes), rows, graph.arcs, clock)
@@ -170,21 +172,21 @@ class Groups:
     ) -> Self:
         most = graph.nodes * NODE + rows.nbytes + plain * ARC
         _check_room(clock, most)
-        place = np.empty(graph.nodes, np.int64)
-        place[nodes] = np.arange(graph.nodes)
+        new_number = np.empty(graph.nodes, np.int64)
+        new_number[nodes] = np.arange(graph.nodes)
         start = np.empty(graph.nodes + 1, np.int64)
         heads, origin = np.empty(plain, np.int32), np.empty(plain, np.int32)
         dearest = np.zeros((len(rows), graph.criteria), np.int64)
         alike = np.ones(graph.criteria, np.bool_)
-        tables = (graph.indptr, graph.heads, graph.costs, column, nodes, place, rows)
-        m = clock.call(part_arcs, *tables, start, heads, origin, dearest, alike)
+        tables = (graph.indptr, graph.heads, graph.costs, column, nodes, new_number, rows)
+        m = clock.call(separate_turns, *tables, start, heads, origin, dearest, alike)
         turns = np.zeros((graph.criteria, 0), np.int64)
         if not alike.all():
             pairs = int((rows[:, SIZE] ** 2).sum())
             _check_room(clock, most + graph.criteria * pairs * dearest.itemsize)
             turns = np.zeros((graph.criteria, pairs + SPARE), np.int64)
-            clock.call_all(tell_turns, [(*tables[:-1], part, turns) for part in _parts(rows)])
-        return cls(column, step, nodes, place, rows, dearest, alike, turns, start, heads[:m], origin[:m])
+            clock.call_all(write_turn_costs, [(*tables[:-1], part, turns) for part in _table_parts(rows)])
+        return cls(column, step, nodes, new_number, rows, dearest, alike, turns, start, heads[:m], origin[:m])
 
 
 def _check_room(clock: Clock, memory: int) -> None:
@@ -192,7 +194,7 @@ def _check_room(clock: Clock, memory: int) -> None:
         raise NoRoom
 
 
-def _added(graph: Graph, base: Graph) -> IntArray:
+def _added_arcs(graph: Graph, base: Graph) -> IntArray:
     """Return the indices (j,) of the arcs that a graph adds to its base: the last arcs of each tail."""
     own = np.diff(base.indptr, append=np.full(graph.nodes - base.nodes, base.arcs))
     more = np.diff(graph.indptr) - own
@@ -203,17 +205,20 @@ def _added(graph: Graph, base: Graph) -> IntArray:
     )
 
 
-def _only_ends(graph: Graph, column: int) -> bool:
-    """Return whether added arcs that raise a column start at added sources or end at added sinks."""
+def _turns_are_at_ends(graph: Graph, column: int) -> bool:
+    """Return whether all added arcs that raise a column leave an added source or enter an added sink.
+
+    A source is a node that no added arc enters, a sink a node that no added arc leaves.
+    """
     assert graph.base is not None
-    j = _added(graph, graph.base)
+    j = _added_arcs(graph, graph.base)
     tails, heads = np.searchsorted(graph.indptr, j, side="right") - 1, graph.heads[j]
     first = (tails >= graph.base.nodes) & ~np.isin(tails, heads)
     last = (heads >= graph.base.nodes) & ~np.isin(heads, tails)
     return bool((first | last)[graph.costs[j, column] > 0].all())
 
 
-def _parts(rows: IntArray) -> list[IntArray]:
+def _table_parts(rows: IntArray) -> list[IntArray]:
     return np.array_split(rows, PARTS)
 
 
@@ -228,9 +233,15 @@ def number_groups(
     size: IntArray,
     last_tail: IntArray,
 ) -> tuple[int, Any, int]:
-    """Write the group of each node (n,); return the number of groups, the index cost of a turn, and that of turns.
+    """Write the group of each node; return the number of groups, the index cost of a turn, and the number of turns.
 
-    entered (n,) marks nodes that arcs enter; size (n,) of the groups must be 0, group and last_tail (n,) -1.
+    All three are 0 if the turns form no groups.
+
+    index      column of the cost that turns raise
+    entered    (n,)  True for nodes that some arc enters
+    group      (n,)  output; -1 before the call
+    size       (n,)  scratch, number of nodes of each group; 0 before the call
+    last_tail  (n,)  scratch; -1 before the call
     """
     count, turns = 0, 0
     step: Any = np.int64(0)
@@ -262,13 +273,13 @@ def number_groups(
 
 
 @kernel
-def part_arcs(
+def separate_turns(
     indptr: IntArray,
     heads: NDArray[np.int32],
     costs: IntArray,
     column: int,
     nodes: IntArray,
-    place: IntArray,
+    new_number: IntArray,
     rows: IntArray,
     start: IntArray,
     plain: NDArray[np.int32],
@@ -276,7 +287,10 @@ def part_arcs(
     dearest: IntArray,
     alike: NDArray[np.bool_],
 ) -> int:
-    """Write the plain arcs without loops, the dearest turns, and whether all turns are alike; return m."""
+    """Write the plain arcs without loops, the dearest turns, and whether turns are alike; return the number of arcs.
+
+    The arguments are the fields of :class:`Groups`; `plain` receives the heads of the plain arcs.
+    """
     k = costs.shape[1]
     m = 0
     for g in range(len(rows)):
@@ -288,7 +302,7 @@ def part_arcs(
             for a in range(indptr[u], indptr[u + 1]):
                 if heads[a] == u:
                     continue
-                to = place[heads[a]]
+                to = new_number[heads[a]]
                 if column < 0 or costs[a, column] == 0 or not offset <= to < end:
                     plain[m] = to
                     origin[m] = a
@@ -303,23 +317,23 @@ def part_arcs(
 
 
 @kernel
-def tell_turns(
+def write_turn_costs(
     indptr: IntArray,
     heads: NDArray[np.int32],
     costs: IntArray,
     column: int,
     nodes: IntArray,
-    place: IntArray,
+    new_number: IntArray,
     rows: IntArray,
     turns: IntArray,
 ) -> None:
-    """Write the costs of turns (k, t)."""
+    """Write the costs of all turns to `turns` (k, t); other arguments as in :class:`Groups`."""
     for g in range(len(rows)):
         offset, size = rows[g, OFFSET], rows[g, SIZE]
         for p in range(offset, offset + size):
             u = nodes[p]
             for a in range(indptr[u], indptr[u + 1]):
-                to = place[heads[a]] - offset
+                to = new_number[heads[a]] - offset
                 if costs[a, column] > 0 and heads[a] != u and 0 <= to < size:
                     for j in range(len(turns)):
                         turns[j, rows[g, TURNS] + (p - offset) * size + to] = costs[a, j]
@@ -327,7 +341,10 @@ def tell_turns(
 
 @kernel
 def no_dearer_than_two(rows: IntArray, turns: IntArray, alike: NDArray[np.bool_], worst: NDArray[np.bool_]) -> bool:
-    """Return whether no turn costs more than two turns from and to the same nodes."""
+    """Return whether no turn costs more than two turns in a row between the same nodes, in any cost.
+
+    worst  (k,)  True for a cost that is a maximum
+    """
     dearer = False
     for j in range(len(alike)):
         if alike[j]:

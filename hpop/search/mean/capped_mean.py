@@ -33,15 +33,15 @@ METHOD = "capped mean"
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class MeanPaths(ParetoPaths):
-    """Walks that are non-dominated in a mean and the other costs; see :class:`ParetoPaths`.
+    """Walks that are non-dominated in the mean S / T and the other costs; see :class:`ParetoPaths`.
 
-    Rows of ``costs`` are sorted by the mean. If the search was stopped, they are walks within the limits, mutually
-    non-dominated, but the exact front may have better ones.
+    Rows of ``costs`` are sorted by the mean. If the search was stopped, the walks are within the limits and mutually
+    non-dominated, but the exact front may have better walks.
 
     integral  column of S
     duration  column of T
-    cap       bound on the duration of all walks within the limits
-    notes     why there is no walk
+    cap       upper bound on T that follows from the limits
+    notes     reasons if there is no walk
     """
 
     integral: int
@@ -121,7 +121,9 @@ def capped_mean_paths(
     keeper = Keeper.of(checkpoint, graph, start, targets, METHOD, *columns, limits.most)
     clock = Clock(budget, progress)
     bounds = list(at_most) and [bound for j, bound in enumerate(at_most) if j != integral]
-    first = pareto_paths(_without(graph, integral), start, targets, budget=budget, progress=progress, at_most=bounds)
+    first = pareto_paths(
+        _without_column(graph, integral), start, targets, budget=budget, progress=progress, at_most=bounds
+    )
     clock.compiled, clock.peak = first.stats.seconds_compiled, first.stats.peak_memory
     run = _MeanRun(graph, first, columns, limits, keeper)
     try:
@@ -132,7 +134,10 @@ def capped_mean_paths(
 
 
 class _MeanRun:
-    """Run of a query after the first search; ``columns`` are the duration, the integral, then the other costs."""
+    """Run of a query, after the first search found the front without the integral.
+
+    columns  of the duration, the integral, then the other costs
+    """
 
     def __init__(
         self, graph: Graph, first: ParetoPaths, columns: tuple[int, ...], limits: MeanLimits, keeper: Keeper | None
@@ -153,13 +158,13 @@ class _MeanRun:
         self.seconds_bounds = first.stats.seconds_bounds
 
     def go(self, source: int, targets: IntArray, clock: Clock) -> Status:
-        """Run the query; the front is that of ``search``, or of this run without a search."""
+        """Run the search of the mean; the walks found are in ``search``, or in this run if no search was needed."""
         from hpop.search.machinery.bounds import lower_bounds
         from hpop.search.machinery.slices import N_GENERATED
-        from hpop.search.mean.kernel import gather
+        from hpop.search.mean.kernel import insert_all
         from hpop.search.mean.search import CappedMean
 
-        self.size = int(clock.call(gather, self.walks, self.front, self.solutions))
+        self.size = int(clock.call(insert_all, self.walks, self.front, self.solutions))
         if self.first.status is not Status.COMPLETE:
             return self.first.status
         if not self.size:
@@ -179,7 +184,7 @@ class _MeanRun:
         first, counts = self.first.stats, {}
         front, solutions = self.front[: self.size], self.solutions[: self.size]
         if self.search is not None:
-            front, solutions, generated, expanded, waiting = self.search.found()
+            front, solutions, generated, expanded, waiting = self.search.results()
             expanded += first.labels_expanded
             counts = {"labels_generated": generated, "labels_expanded": expanded, "labels_open": waiting}
         costs = np.empty((len(front), self.graph.criteria), np.int64)
@@ -214,7 +219,7 @@ class _MeanRun:
         )
 
     def _path(self, label: int, clock: Clock) -> IntArray:
-        """Return the indices of the arcs of a walk that the second search closed, or that the first one found."""
+        """Return the arcs of a walk, as indices in the graph; a negative label is a walk of the first search."""
         if label < 0:
             return self.first._paths[int(self.rows[-1 - label])]
         if self.search is None:
@@ -222,8 +227,8 @@ class _MeanRun:
         return self.search.paths(np.array([label]), clock)[0]
 
 
-def _without(graph: Graph, column: int) -> Graph:
-    """Return the graph without one of its costs."""
+def _without_column(graph: Graph, column: int) -> Graph:
+    """Return the graph without one column of its costs."""
     left = [j for j in range(graph.criteria) if j != column]
     aggregates = [graph.aggregates[j] for j in left]
     return Graph.from_csr(graph.indptr, graph.heads, graph.costs[:, left], aggregates=aggregates)

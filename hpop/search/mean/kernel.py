@@ -49,7 +49,7 @@ START, SIZE, ROOM = range(3)  # columns of the table of blocks
 
 @lean
 def is_nowhere_larger(rows: IntArray, i: int, f: IntArray) -> bool:
-    """Return whether row i of rows (n, k) is nowhere larger than f (k,) in the other costs."""
+    """Return whether row i of rows (n, k) is at most f (k,) in all costs but the duration and the integral."""
     j = OTHERS
     while j < len(f) and rows[i, j] <= f[j]:
         j += 1
@@ -57,10 +57,12 @@ def is_nowhere_larger(rows: IntArray, i: int, f: IntArray) -> bool:
 
 
 @kernel
-def bar(front: IntArray, size: int, f: IntArray) -> int:
-    """Return the row of the mean that f must improve: the first row nowhere larger in the other costs, or the last.
+def row_to_improve(front: IntArray, size: int, f: IntArray) -> int:
+    """Return the row of the front whose mean a label of estimate f (k,) must improve to be useful.
 
-    front (size, k) is sorted by the mean.
+    It is the first row, in the order of means, that is at most f in the other costs, or else the last row.
+
+    front  (size, k)  sorted by the mean
     """
     for i in range(size - 1):
         if is_nowhere_larger(front, i, f):
@@ -69,21 +71,30 @@ def bar(front: IntArray, size: int, f: IntArray) -> int:
 
 
 @kernel
-def may_last(f: IntArray, h: IntArray, v: int, most: IntArray, rates: FloatArray) -> int:
-    """Return the longest total duration of a walk with the estimate f at node v, with bounds h."""
-    left = 0.0
+def longest_duration(f: IntArray, h: IntArray, v: int, most: IntArray, rates: FloatArray) -> int:
+    """Return the longest total duration, within the limits, of a walk through node v with the estimate f (k,).
+
+    h            (n, k)      lower bounds of the remaining costs
+    most, rates  (k,), (k,)  of :class:`.MeanLimits`
+    """
+    remaining = 0.0
     for j in range(len(f)):
         if rates[j] > 0:  # of a sum
-            left += rates[j] * (most[j] - (f[j] - h[v, j]))
-    return int(f[TIME] - h[v, TIME] + np.int64(left))
+            remaining += rates[j] * (most[j] - (f[j] - h[v, j]))
+    return int(f[TIME] - h[v, TIME] + np.int64(remaining))
 
 
 @kernel
-def is_useless(
+def is_pruned(
     front: IntArray, size: int, longest: int, blocks: IntArray, vectors: IntArray, b: int, f: IntArray
 ) -> tuple[bool, int]:
-    """Return whether the front or block b makes a label with the bounds f useless, and the number of rows read."""
-    i = bar(front, size, f)
+    """Return whether the front or block b of labels prunes a label of estimate f (k,), and the number of rows read.
+
+    front             (size, k)  walks found so far, sorted by the mean
+    longest           longest total duration of a completion of the label
+    blocks, vectors   range of rows of each node, and the estimates (r, k) of closed labels
+    """
+    i = row_to_improve(front, size, f)
     total, time = front[i, INTEGRAL], max(1, front[i, TIME])
     if f[INTEGRAL] * time >= total * longest:
         return True, i + 1
@@ -99,14 +110,14 @@ def is_useless(
 
 
 @kernel
-def enter(blocks: IntArray, vectors: IntArray, b: int, f: IntArray, used: int) -> int:
-    """Add f to block b and drop the rows that it makes superfluous; return the number of rows in use.
+def enter_row(blocks: IntArray, vectors: IntArray, b: int, f: IntArray, used: int) -> int:
+    """Add the estimate f (k,) to block b and drop the rows that f makes superfluous; return the number of used rows.
 
-    Later labels last no less, so a row prunes no more than f if f is nowhere larger in the integral and the other
-    costs, whatever the durations.
+    A row is superfluous if f is at most the row in the integral and the other costs. Durations need no comparison:
+    later labels last at least as long as both.
     """
     begin = blocks[b, START]
-    kept = begin
+    used_rows = begin
     for i in range(begin, begin + blocks[b, SIZE]):
         covered = True
         for j in range(INTEGRAL, len(f)):
@@ -114,9 +125,9 @@ def enter(blocks: IntArray, vectors: IntArray, b: int, f: IntArray, used: int) -
                 covered = False
                 break
         if not covered:
-            vectors[kept] = vectors[i]
-            kept += 1
-    size = kept - begin
+            vectors[used_rows] = vectors[i]
+            used_rows += 1
+    size = used_rows - begin
     if size == blocks[b, ROOM]:
         for i in range(size):
             vectors[used + i] = vectors[begin + i]
@@ -131,7 +142,10 @@ def enter(blocks: IntArray, vectors: IntArray, b: int, f: IntArray, used: int) -
 
 @kernel
 def insert(front: IntArray, solutions: IntArray, size: int, f: IntArray, label: int) -> int:
-    """Add a walk to the front, unless it is covered, and drop the walks that it covers; return the new size."""
+    """Add a walk with costs f (k,) to the front, unless the front covers it; drop the walks that it covers.
+
+    Returns the new size of the front.
+    """
     time = max(1, f[TIME])
     position = 0  # behind all rows with a mean that is not larger
     while position < size and front[position, INTEGRAL] * time <= f[INTEGRAL] * max(1, front[position, TIME]):
@@ -158,8 +172,8 @@ def insert(front: IntArray, solutions: IntArray, size: int, f: IntArray, label: 
 
 
 @kernel
-def gather(walks: IntArray, front: IntArray, solutions: IntArray) -> int:
-    """Insert walks (s, k) into an empty front, as solutions -1, -2, ...; return its size."""
+def insert_all(walks: IntArray, front: IntArray, solutions: IntArray) -> int:
+    """Insert walks (s, k) into an empty front, as solutions -1, -2, ...; return the size of the front."""
     size = 0
     for i in range(len(walks)):
         size = insert(front, solutions, size, walks[i], -1 - i)
@@ -190,7 +204,10 @@ def advance(
     front: IntArray,
     solutions: IntArray,
 ) -> int:
-    """Expand labels until the work is done or an array is full; return the reason."""
+    """Expand labels until the queue is empty, `work` steps are done or an array is full; return the code of the reason.
+
+    The other arguments are the arrays of :class:`.CappedMean`, which the kernel changes in place.
+    """
     word, shift, limit, words = plan
     k = len(word)
     key = np.zeros(words, np.int64)
@@ -211,10 +228,10 @@ def advance(
             f[j] = (keys[word[j]] >> shift[j]) & limit[j]
             g[j] = f[j] if is_max[j] else f[j] - h[v, j]
             tight |= g[j] + rise[j] > limit[j]
-        longest = may_last(f, h, v, most, rates)
-        useless, rows = is_useless(front, counters[N_FRONT], longest, blocks, vectors, v, f)
+        longest = longest_duration(f, h, v, most, rates)
+        pruned, rows = is_pruned(front, counters[N_FRONT], longest, blocks, vectors, v, f)
         work -= rows
-        if useless:
+        if pruned:
             drop_first(keys, values, size, words)
             size -= 1
             continue
@@ -236,7 +253,7 @@ def advance(
         drop_first(keys, values, size, words)
         size -= 1
         counters[N_EXPANDED] += 1
-        counters[N_ROWS] = enter(blocks, vectors, v, f, counters[N_ROWS])
+        counters[N_ROWS] = enter_row(blocks, vectors, v, f, counters[N_ROWS])
         closed[done] = value
         done += 1
         if is_target[v]:  # a walk may pass a target and return to it with a smaller mean
@@ -251,10 +268,10 @@ def advance(
                 within &= f[j] <= most[j]
             if not within:
                 continue
-            longest = may_last(f, h, x, most, rates)
-            useless, rows = is_useless(front, counters[N_FRONT], longest, blocks, vectors, x, f)
+            longest = longest_duration(f, h, x, most, rates)
+            pruned, rows = is_pruned(front, counters[N_FRONT], longest, blocks, vectors, x, f)
             work -= rows
-            if useless:
+            if pruned:
                 continue
             key[:] = 0
             for j in range(k):
@@ -279,7 +296,9 @@ def enter_all(
     solutions: IntArray,
     counters: IntArray,
 ) -> int:
-    """Enter closed labels (n,) with their costs (n, k), from `begin` on, as the search did when it closed them.
+    """Enter closed labels from index `begin` on into blocks and front, as the search did when it closed them.
+
+    nodes, costs  (n,), (n, k)  node and costs of each label
 
     Returns n, or the index of the label for which the blocks or the front have too little room.
     """
@@ -288,15 +307,15 @@ def enter_all(
         full = counters[N_FRONT] == len(solutions)
         if full or counters[N_ROWS] + 2 * blocks[v, ROOM] + 2 > len(vectors):
             return i
-        counters[N_ROWS] = enter(blocks, vectors, v, costs[i], counters[N_ROWS])
+        counters[N_ROWS] = enter_row(blocks, vectors, v, costs[i], counters[N_ROWS])
         if is_target[v]:
             counters[N_FRONT] = insert(front, solutions, counters[N_FRONT], costs[i], i + 1)
     return len(nodes)
 
 
 @kernel
-def weigh(blocks: IntArray, vectors: IntArray) -> int:
-    """Return a checksum of the rows of all blocks, independent of their order; it may overflow."""
+def checksum_of_blocks(blocks: IntArray, vectors: IntArray) -> int:
+    """Return a checksum of the rows of all blocks, independent of their order; overflow is harmless."""
     total = np.int64(0)
     for b in range(len(blocks)):
         total += (b + 1) * blocks[b, SIZE]

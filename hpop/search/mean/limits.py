@@ -33,10 +33,10 @@ TIME, INTEGRAL, OTHERS = range(3)  # columns of the search: the duration, the in
 
 @dataclass(frozen=True, eq=False)
 class MeanLimits:
-    """Limits in the columns of the search.
+    """Limits on walks, with costs in the order of the search: duration, integral, other costs.
 
-    most   (k,)  largest costs of a walk, ANYTHING for no limit; the duration always has a limit
-    rates  (k,)  largest remaining duration per remaining count of a cost; 0 if no arc is assigned to the cost
+    most   (k,)  largest cost of a walk, ANYTHING for no limit; the duration always has a limit
+    rates  (k,)  largest duration of an arc per count of the bounded sum to which the arc is assigned; 0 if no arc is
     """
 
     most: IntArray
@@ -44,9 +44,10 @@ class MeanLimits:
 
     @classmethod
     def of(cls, graph: Graph, columns: tuple[int, ...], cap: Any, at_most: Sequence[Any]) -> Self:
-        """Return the limits of a cap on the duration, or None, and of bounds in the order of the graph's costs.
+        """Return the limits that follow from a cap on the duration, or None, and from bounds on the costs.
 
-        columns  of the graph, in the order of the search
+        columns  of the graph's costs, in the order of the search
+        at_most  one bound or None per cost of the graph
 
         Raises OptionError for invalid limits, GraphError if no limit makes the duration finite, or if sums or means
         could overflow.
@@ -78,7 +79,7 @@ class MeanLimits:
 
 
 def _rates(graph: Graph, columns: tuple[int, ...], most: IntArray) -> FloatArray:
-    """Return the largest duration per count of each bounded sum (k,), over the arcs assigned to it."""
+    """Return, for each bounded sum (k,), the largest duration per count over the arcs assigned to it."""
     time = graph.costs[:, columns[TIME]]
     unpaid = time > 0
     rates = np.zeros(len(columns))
@@ -96,7 +97,7 @@ def _rates(graph: Graph, columns: tuple[int, ...], most: IntArray) -> FloatArray
 
 
 def _refuse_overflow(graph: Graph, columns: tuple[int, ...], cap: int) -> None:
-    """Raise GraphError where sums or products under a cap could overflow, or instant arcs add to the integral."""
+    """Raise GraphError if sums or products under the cap could overflow, or an arc without duration has an integral."""
     time, total = graph.costs[:, columns[TIME]], graph.costs[:, columns[INTEGRAL]]
     lasts = time > 0
     free = np.flatnonzero(~lasts & (total > 0))

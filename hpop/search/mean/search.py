@@ -12,17 +12,19 @@ from hpop.base.arrays import IntArray
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.heap_search import HeapSearch
-from hpop.search.machinery.labels import Nodes, Unsound, enter_each, retrace
+from hpop.search.machinery.labels import Nodes, Unsound, enter_in_batches, retrace
 from hpop.search.machinery.slices import N_FRONT, ROWS, Clock
-from hpop.search.mean.kernel import advance, enter_all, weigh
+from hpop.search.mean.kernel import advance, checksum_of_blocks, enter_all
 from hpop.search.mean.limits import MeanLimits
 
 
 class CappedMean(HeapSearch):
-    """Search on one graph for one query; ``columns`` are the duration, the integral, then the other costs.
+    """Search for exact means within limits, on one graph for one query.
 
-    It begins with a ``first`` front: rows, solutions (negative numbers; a label is 1 + its index among the closed ones)
-    and size. For each walk within the limits this front must have a row that is nowhere larger in the other costs.
+    columns  of the duration, the integral, then the other costs
+    first    front of an earlier search: rows, solutions and size. Solutions are negative numbers; those of this search
+             are 1 + the index of a closed label. For each walk within the limits, this front must have a row that is
+             at most the walk in all other costs.
     """
 
     def __init__(
@@ -77,18 +79,20 @@ class CappedMean(HeapSearch):
         )
         return int(code)
 
-    def solved(self) -> IntArray:
-        """Return no labels: closed labels at targets are solutions."""
+    def solution_labels(self) -> IntArray:
+        """Return no labels, since all solutions are closed labels at targets."""
         return self.solutions[:0]
 
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
-        """Return the nodes (n,) and estimates (n, k) of labels."""
+        """Write the nodes (n,) of labels to `at`; return n and their estimates (n, k), see :meth:`.Search.retrace`."""
         f = np.zeros((len(values), len(self.order)), np.int64)
         passed = np.zeros_like(self.is_target)  # a walk may go on from a target
         graph = (self.graph.indptr, self.graph.heads, self.costs, self.h, passed, self.is_max)
         return clock.call(retrace, values, closed, *graph, self.source, self.limits.most, at, f), f
 
-    def enter(self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solved: NDArray[Any], clock: Clock) -> None:
+    def enter(
+        self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solution_labels: NDArray[Any], clock: Clock
+    ) -> None:
         """Fill the blocks and the front from closed labels."""
         if len(ends):
             raise Unsound("it lists solutions beside the closed labels")
@@ -101,18 +105,18 @@ class CappedMean(HeapSearch):
             full = self.counters[N_FRONT] == len(self.solutions)
             (self._grow_front if full else self._grow_rows)()
 
-        enter_each(len(nodes), enter, grow)
+        enter_in_batches(len(nodes), enter, grow)
 
     def weight_of_sets(self, clock: Clock) -> int:
         """Return a checksum of the rows of all blocks."""
-        return int(clock.call(weigh, self.blocks, self.vectors))
+        return int(clock.call(checksum_of_blocks, self.blocks, self.vectors))
 
     def arrays(self) -> list[NDArray[Any]]:
         """Return the tables of the graph and the sets."""
         return [self.costs, self.h, self.is_target, self.blocks, self.vectors, *super().arrays()]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Double the rows of the sets."""
+        """Return the additional bytes, and a function that doubles the rows of the blocks or grows the heap."""
         return (self.vectors.nbytes, self._grow_rows) if code == ROWS else super().growth(code)
 
     def _grow_rows(self) -> None:

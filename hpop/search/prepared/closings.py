@@ -19,103 +19,111 @@ from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.slices import Clock, Search
 from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups
-from hpop.search.pareto_paths import Question
+from hpop.search.pareto_paths import SearchQuery
 from hpop.search.queries import UNLIMITED
 from hpop.search.staircase.search import Staircase
 from hpop.search.staircase.tables import H_FIRST, H_REST, TooWide, costs_by_turns
 from hpop.search.staircase.turn_hull import IntLanes, TurnHull, directions, turn_hull
 
 
-class Closings:
-    """Closed arcs of a graph; the costs of turns in its groups change with them.
+class ClosedArcs:
+    """Mask of the closed arcs of a graph, with groups of turns that follow it.
 
-    closed  (m,)  mask of the closed arcs
+    closed  (m,)  True for a closed arc
+    whole         groups of turns while all arcs are open
+    turns   (g,)  number of closed turns of each group
     """
 
     def __init__(self, graph: Graph, groups: Groups) -> None:
         self.graph, self.whole = graph, groups
         self.closed = np.zeros(graph.arcs, np.bool_)
-        self.turns = np.zeros(len(groups.rows), np.int64)  # number of closed turns of each group
+        self.turns = np.zeros(len(groups.rows), np.int64)
 
     @property
     def groups(self) -> Groups:
-        """The groups in force: single nodes while only some of the turns of a group are closed."""
+        """Groups for the next search: single nodes while only some turns of a group are closed."""
         several = self.whole.rows[:, SIZE] * (self.whole.rows[:, SIZE] - 1)
-        return self._apart if ((self.turns > 0) & (self.turns < several)).any() else self.whole
+        return self._single_nodes if ((self.turns > 0) & (self.turns < several)).any() else self.whole
 
     def without_closed(self) -> Groups:
-        """Return the groups in force without closed arcs and without the turns of closed groups."""
-        groups, still = self.groups, self.turns > 0
+        """Return the groups for the next search, without closed arcs and without the turns of closed groups."""
+        groups, turns_closed = self.groups, self.turns > 0
         free = ~self.closed[groups.origin]
         start = np.concatenate([np.zeros(1, np.int64), np.cumsum(free)])[groups.start]
         dearest = groups.dearest
-        if groups is self.whole and still.any():
-            dearest = np.where(still[:, None], UNREACHABLE, dearest)
+        if groups is self.whole and turns_closed.any():
+            dearest = np.where(turns_closed[:, None], UNREACHABLE, dearest)
         heads, origin = groups.heads[free], groups.origin[free]
         return replace(groups, dearest=dearest, start=start, heads=heads, origin=origin)
 
     @cached_property
-    def _apart(self) -> Groups:
-        return Groups.none(self.graph, Clock(UNLIMITED, None))
+    def _single_nodes(self) -> Groups:
+        return Groups.single_nodes(self.graph, Clock(UNLIMITED, None))
 
     @cached_property
     def tails(self) -> NDArray[np.int32]:
         """Tail (m,) of each arc."""
         return np.repeat(np.arange(self.graph.nodes, dtype=np.int32), np.diff(self.graph.indptr))
 
-    def turned(self, arcs: ArrayLike, closed: bool) -> IntArray:
-        """Close or open arcs, given by their indices (N,), and return those that changed."""
-        places = self._places(arcs)
-        places = np.compress(self.closed[places] != closed, places)
-        self.closed[places] = closed
-        self._count_turns(places, 1 if closed else -1)
-        return places
+    def set_closed(self, arcs: ArrayLike, closed: bool) -> IntArray:
+        """Close or open arcs (N,), given by their indices in the graph; return the indices that changed."""
+        indices = self._arc_indices(arcs)
+        indices = np.compress(self.closed[indices] != closed, indices)
+        self.closed[indices] = closed
+        self._count_turns(indices, 1 if closed else -1)
+        return indices
 
-    def _places(self, arcs: ArrayLike) -> IntArray:
-        places = np.asarray(arcs)
-        if not places.size:
+    def _arc_indices(self, arcs: ArrayLike) -> IntArray:
+        indices = np.asarray(arcs)
+        if not indices.size:
             return np.zeros(0, np.int64)
-        if places.ndim != 1 or places.dtype.kind not in "iu":
+        if indices.ndim != 1 or indices.dtype.kind not in "iu":
             raise GraphError(
-                f"arcs are closed and opened by their places in the graph, (N,) integers; got {shown(arcs)}"
+                f"arcs are closed and opened by their indices in the graph, (N,) integers; got {shown(arcs)}"
             )
-        if places.min() < 0 or places.max() >= self.graph.arcs:
-            raise GraphError(f"places of arcs are 0 to {self.graph.arcs - 1}; got {places.min()} to {places.max()}")
-        unique: IntArray = np.unique(places.astype(np.int64))
+        if indices.min() < 0 or indices.max() >= self.graph.arcs:
+            raise GraphError(f"indices of arcs are 0 to {self.graph.arcs - 1}; got {indices.min()} to {indices.max()}")
+        unique: IntArray = np.unique(indices.astype(np.int64))
         return unique
 
     def _count_turns(self, arcs: IntArray, by: int) -> None:
-        """Count the closed turns of groups, and update the costs of turns of these groups."""
+        """Add ``by`` (1 or -1) to the closed turns of groups, for turns among the arcs; update their costs."""
         groups = self.whole
         if groups.column < 0:
             return
-        tails, heads = groups.place[self.tails[arcs]], groups.place[self.graph.heads[arcs]]
-        within = self._group[tails] == self._group[heads]
+        tails, heads = groups.new_number[self.tails[arcs]], groups.new_number[self.graph.heads[arcs]]
+        within = self._group_of_node[tails] == self._group_of_node[heads]
         turning = within & (tails != heads) & (self.graph.costs[arcs, groups.column] > 0)
         tails, heads, arcs = tails[turning], heads[turning], arcs[turning]
-        np.add.at(self.turns, self._group[tails], by)
+        np.add.at(self.turns, self._group_of_node[tails], by)
         if groups.alike.all():
             return
-        rows = groups.rows[self._group[tails]]
+        rows = groups.rows[self._group_of_node[tails]]
         place = rows[:, TURNS] + (tails - rows[:, OFFSET]) * rows[:, SIZE] + heads - rows[:, OFFSET]
         groups.turns[:, place] = UNREACHABLE if by > 0 else self.graph.costs[arcs].T
 
     @cached_property
-    def _group(self) -> NDArray[np.int32]:
-        """Number (n,) of the group of each node."""
+    def _group_of_node(self) -> NDArray[np.int32]:
+        """Index (n,) of the group of each node, nodes in the order of the groups."""
         return np.repeat(np.arange(len(self.whole.rows), dtype=np.int32), self.whole.rows[:, SIZE])
 
-    def mask(self, search: Search) -> None:
-        """Close the closed arcs in a search that was set up."""
+    def close_arcs_of(self, search: Search) -> None:
+        """Close the closed arcs in the tables of a search."""
         if isinstance(search, General):
             search.close(self.closed)
         elif isinstance(search, Staircase):
-            still = self.turns > 0 if search.groups is self.whole else np.zeros(len(search.group_table), np.bool_)
-            search.close(self.closed, still)
+            turns_closed = (
+                self.turns > 0 if search.groups is self.whole else np.zeros(len(search.group_table), np.bool_)
+            )
+            search.close(self.closed, turns_closed)
 
 
 class KnownPaths(NamedTuple):
-    """Costs (n, k) of paths, and the indices of their arcs in the graph."""
+    """Paths that are known before a search.
+
+    costs  (n, k)
+    paths  n arrays: indices of the arcs of each path in the graph
+    """
 
     costs: IntArray
     paths: tuple[IntArray, ...]
@@ -124,18 +132,24 @@ class KnownPaths(NamedTuple):
 def known_paths(
     graph: Graph, source: int, is_target: BoolArray, paths: Sequence[IntArray], closed: BoolArray
 ) -> KnownPaths:
-    """Return the paths without closed arcs, with their costs; QueryError for one that leads to no target."""
+    """Return those paths that use no closed arc, with their costs.
+
+    is_target (n,), closed (m,)  masks of nodes and arcs
+    paths                        indices of arcs in the graph
+
+    Raises QueryError for a path that does not lead from the source to a target.
+    """
     several = [np.asarray(path) for path in paths]
     listed = [arcs.ndim == 1 and (arcs.dtype.kind in "iu" or not arcs.size) for arcs in several]
     if not all(listed):
-        raise QueryError(f"known path {listed.index(False)} must list places of arcs, whole numbers; see suffixes")
+        raise QueryError(f"known path {listed.index(False)} must list indices of arcs, whole numbers; see suffixes")
     sizes = np.array([path.size for path in several], np.int64)
     ends = np.cumsum(sizes)
     arcs = np.concatenate([np.zeros(0, np.int64), *several]).astype(np.int64)
     row = np.repeat(np.arange(len(several)), sizes)
     strange = row[(arcs < 0) | (arcs >= graph.arcs)]
     if strange.size:
-        raise QueryError(f"known path {strange[0]} must list places of arcs, from 0 to {graph.arcs - 1}")
+        raise QueryError(f"known path {strange[0]} must list indices of arcs, from 0 to {graph.arcs - 1}")
     heads = graph.heads[arcs].astype(np.int64)
     tails = np.append(source, heads)[:-1] if arcs.size else arcs
     tails[(ends - sizes)[sizes > 0]] = source
@@ -167,7 +181,10 @@ def least_path(
     source: int,
     arcs: IntArray,
 ) -> int:
-    """Follow nodes onward (n,) from the source by the cheapest open arcs; write these, and return their number."""
+    """Follow the next nodes `onward` (n,) from the source to a target; write the arcs, and return their number.
+
+    Of parallel arcs, the open arc with the least cost in `column` is taken.
+    """
     size = 0
     u = np.int64(source)
     while onward[u] >= 0:
@@ -192,12 +209,12 @@ NEAR, FEW = 1.025, 0.02  # more turns are not added once bounds are this near to
 
 
 @dataclass(frozen=True, eq=False)
-class Outlook:
-    """Bounds on the remaining costs, for the order of costs of the search.
+class StaircaseBounds:
+    """Lower bounds of the remaining costs for a staircase search, computed while all arcs are open.
 
-    h       (k, n)       least remaining costs, one by one, while all arcs are open
+    h       (k, n)       least remaining value of each cost
     layers  (n, LAYERS)  least remaining third cost by the number of turns, nodes in the order of the groups; or None
-    hull                 joint bounds, or None
+    hull                 joint bounds of the first and third cost, or None
     """
 
     h: IntArray
@@ -215,13 +232,16 @@ class Outlook:
         groups: Groups,
         clock: Clock,
     ) -> Self:
-        """Return the bounds of a staircase search from the farthest source, if its turns make groups and count ones."""
+        """Compute the bounds for the farthest source.
+
+        layers and hull need groups of turns that raise the index cost by 1, and costs that are sums.
+        """
         first, index, rest = order
         sums = [graph.aggregates[j] == "sum" for j in (first, rest)]
         if groups.column != index or groups.step != 1 or not sums[1]:
             return cls(h)
         try:
-            search = Question(graph, source, targets).search("staircase", order, h, groups, clock, jointly=False)
+            search = SearchQuery(graph, source, targets).search("staircase", order, h, groups, clock, jointly=False)
         except TooWide:
             return cls(h)
         assert isinstance(search, Staircase)

@@ -28,15 +28,16 @@ Places = NDArray[np.int32]
 
 
 class HullTables(NamedTuple):
-    """Tables of a hull for kernels; nodes and plain arcs (m,) are in the order of the groups and chains.
+    """Tables of a hull for kernels. Nodes are in the order of the groups, plain arcs (m,) in the order of the chains.
 
-    tails, heads     (m,)
-    first, rest      (m,)  first and third cost of the search
-    least            (2, n)  least remaining values of these costs when the hull was computed
-    groups, alike    of :class:`.Groups`; group (n,) of each node
-    turn_first, turn_rest  costs of turns: of groups where alike, else of pairs
-    weights          (LANES, 2)
-    is_target        (n,)
+    tails, heads           (m,)    nodes of each arc
+    first, rest            (m,)    first and third cost of each arc
+    least                  (2, n)  least remaining first and third cost when the hull was computed
+    groups, alike                  ``rows`` of :class:`.Groups`; whether all turns of each group cost the same
+    group                  (n,)    group of each node
+    turn_first, turn_rest          first and third cost of turns, one per group if alike, else one per pair of nodes
+    weights                (LANES, 2)  weights of the two costs
+    is_target              (n,)    mask
     """
 
     tails: IntArray
@@ -54,7 +55,12 @@ class HullTables(NamedTuple):
 
 
 class HullRepair:
-    """A hull of joint bounds, with repairs for closed arcs."""
+    """Repair of a hull of joint bounds for closed arcs.
+
+    arcs          (m,)  indices in the graph of the plain arcs, in the order of the chains
+    closed        (m,)  plain arcs that are closed in the repaired layers
+    turns_closed  (g,)  groups whose turns are closed in the repaired layers
+    """
 
     def __init__(
         self,
@@ -65,18 +71,24 @@ class HullRepair:
         least: IntArray,
         is_target: BoolArray,
     ) -> None:
-        """Prepare for a graph with costs (m, k); ``columns``: first and third cost; ``least``: (k, n) bounds."""
+        """Build the tables.
+
+        costs      (m, k)  of the graph's arcs
+        columns            of the first and the third cost of the search
+        least      (k, n)  least remaining costs with which the hull was computed
+        is_target  (n,)    mask of the graph's nodes
+        """
         self.hull, self.columns = hull, columns
-        there = np.flatnonzero(least[columns[0], groups.nodes[groups.heads]] < UNREACHABLE)  # as a search lists them
-        places = np.empty_like(there)  # of plain arcs, in the order of the chains
-        places[hull.step] = there
-        self.arcs = groups.origin[places].astype(np.int64)
+        reaching = np.flatnonzero(least[columns[0], groups.nodes[groups.heads]] < UNREACHABLE)  # as a search lists them
+        plain_arcs = np.empty_like(reaching)  # of plain arcs, in the order of the chains
+        plain_arcs[hull.step] = reaching
+        self.arcs = groups.origin[plain_arcs].astype(np.int64)
         tails = np.repeat(np.arange(len(groups.nodes)), np.diff(groups.start))
         alike = bool(groups.alike[list(columns)].all())
         turns = np.ascontiguousarray(groups.dearest.T) if alike else groups.turns
         self.tables = HullTables(
-            tails[places],
-            groups.heads[places].astype(np.int64),
+            tails[plain_arcs],
+            groups.heads[plain_arcs].astype(np.int64),
             costs[self.arcs, columns[0]],
             costs[self.arcs, columns[1]],
             np.ascontiguousarray(least[list(columns)][:, groups.nodes]),
@@ -89,93 +101,100 @@ class HullRepair:
             is_target[groups.nodes],
         )
         self.closed = np.zeros(len(self.arcs), np.bool_)
-        self.still = np.zeros(len(groups.rows), np.bool_)  # groups with closed turns when a layer was computed
-        self.kept: list[tuple[int, Places, Steps]] = []  # layer, nodes, their old steps
+        self.turns_closed = np.zeros(len(groups.rows), np.bool_)
+        self.old_steps: list[tuple[int, Places, Steps]] = []  # layer, nodes, their old steps
         self.bits: list[tuple[int, Places, NDArray[np.uint8]]] = []  # layer, arcs, old masks of their lanes
-        self.new = self.closed  # during a repair: the arcs that were closed last, the next layer, and
-        self.layer = 0
-        self.marks: NDArray[np.uint8] | None = None  # marked lanes of the layer before; None after a complete repair
+        self.new = self.closed  # newly closed arcs of an unfinished repair
+        self.layer = 0  # next layer to repair
+        self.marks: NDArray[np.uint8] | None = None  # marked lanes of the previous layer; None after a complete repair
 
     def arrays(self) -> list[np.ndarray[Any, Any]]:
-        """Return all arrays of its own, without views."""
-        arrays: list[Any] = [*self.tables, self.arcs, self.closed, self.still, self.new, self.marks]
-        arrays += [part for each in (*self.kept, *self.bits) for part in each]
+        """Return all arrays that this repair owns, without views of other arrays."""
+        arrays: list[Any] = [*self.tables, self.arcs, self.closed, self.turns_closed, self.new, self.marks]
+        arrays += [part for each in (*self.old_steps, *self.bits) for part in each]
         return [array for array in arrays if isinstance(array, np.ndarray) and array.base is None]
 
-    def tells(self, closed: BoolArray, still: BoolArray) -> bool:
-        """Return whether all layers are those of the graph without some arcs (m,) and the turns of some groups (g,)."""
-        same = (self.closed == closed[self.arcs]).all() and not (self.still & ~still).any()
+    def is_up_to_date(self, closed: BoolArray, turns_closed: BoolArray) -> bool:
+        """Return whether all layers are repaired for the closed arcs (m,) and groups with closed turns (g,)."""
+        same = (self.closed == closed[self.arcs]).all() and not (self.turns_closed & ~turns_closed).any()
         return self.marks is None and bool(same)
 
-    def close(self, closed: BoolArray, still: BoolArray, clock: DeadlineClock) -> bool:
-        """Repair the hull for the graph without some arcs (m,), layer after layer; return False if time runs out.
+    def close(self, closed: BoolArray, turns_closed: BoolArray, clock: DeadlineClock) -> bool:
+        """Repair the hull for closed arcs (m,) of the graph, layer after layer; return False if time runs out.
 
-        All turns of some groups (g,) are closed as well; repaired values may depend on that, and are restored when the
-        turns open. Layers not yet repaired are those of a graph with fewer closed arcs, so they are lower bounds too.
-        The next call continues there.
+        ``turns_closed`` (g,) are the groups whose turns are all closed. Repaired values may depend on these; they are
+        restored when the turns open. Layers that are not repaired yet belong to a graph with fewer closed arcs, so they
+        are lower bounds too. The next call continues with them.
         """
         now = closed[self.arcs]
         if (
             (self.closed & ~now).any()
-            or (self.still & ~still).any()
+            or (self.turns_closed & ~turns_closed).any()
             or (self.marks is not None and (self.closed != now).any())
         ):
             self._restore()
         new = now & ~self.closed
         if self.marks is None and not new.any():
             return True
-        self.still |= still
+        self.turns_closed |= turns_closed
         if self.marks is None:
             self.layer, self.marks, self.new = 0, np.zeros(self.hull.layers.shape[1], np.uint8), new
         self.closed = now
         while self.layer < len(self.hull.layers):
-            if not self._remake(self.layer, self.marks, clock):
+            if not self._repair_layer(self.layer, self.marks, clock):
                 return False
             self.layer += 1
         self.marks = None
         return True
 
     def _restore(self) -> None:
-        """Restore the hull as it was computed with all arcs open."""
-        for layer, nodes, steps in reversed(self.kept):
+        """Restore the hull of the graph with all arcs open."""
+        for layer, nodes, steps in reversed(self.old_steps):
             self.hull.layers[layer, nodes] = steps
         for layer, arcs, bits in reversed(self.bits):
             self.hull.moved[layer, arcs] = bits
-        self.kept, self.bits, self.marks = [], [], None
-        self.closed, self.still = np.zeros_like(self.closed), np.zeros_like(self.still)
+        self.old_steps, self.bits, self.marks = [], [], None
+        self.closed, self.turns_closed = np.zeros_like(self.closed), np.zeros_like(self.turns_closed)
 
-    def _remake(self, m: int, before: NDArray[np.uint8], clock: DeadlineClock) -> bool:
-        """Repair a layer where the layer `before` is marked or a path takes a newly closed arc; False without time."""
+    def _repair_layer(self, m: int, before: NDArray[np.uint8], clock: DeadlineClock) -> bool:
+        """Repair layer m; return False if time runs out.
+
+        before  (n,)  lanes of each node that changed in the previous layer, as bits
+        """
         layers, tables = self.hull.layers, self.tables
         last = m == len(layers) - 1
         moved = np.zeros(len(self.new), np.uint8) if last else self.hull.moved[m]
         marks = before if last else np.zeros_like(before)
         if not last:
-            clock.call(mark, tables, moved, self.new, before, marks)
+            clock.call(mark_affected_lanes, tables, moved, self.new, before, marks)
         nodes = np.flatnonzero(marks).astype(np.int32)
-        if clock.left < (LAST if last else LAYER) * nodes.size:
+        if clock.remaining < (LAST if last else LAYER) * nodes.size:
             return False
         if nodes.size:
             arcs = np.flatnonzero(marks[tables.tails]).astype(np.int32)
-            self.kept.append((m, nodes, layers[m, nodes]))
+            self.old_steps.append((m, nodes, layers[m, nodes]))
             if not last:
                 self.bits.append((m, arcs, moved[arcs]))
             now = np.empty((len(before), LANES), np.int32)
             room = np.empty((1 + int(tables.groups[:, SIZE].max()), LANES), np.int32)
             fresh = np.ones((2, len(before)), np.uint8)
-            clock.call(remake, tables, layers, m, last, moved, self.closed, marks, nodes, arcs, now, room, fresh)
+            clock.call(
+                recompute_layer, tables, layers, m, last, moved, self.closed, marks, nodes, arcs, now, room, fresh
+            )
         self.marks = marks
         return True
 
 
 @lean
-def mark(
+def mark_affected_lanes(
     tables: HullTables, moved: NDArray[np.uint8], new: BoolArray, before: NDArray[np.uint8], marks: NDArray[np.uint8]
 ) -> None:
-    """Mark the lanes (n,) with best paths through closed arcs; `before` has the marks of the layer with a turn less.
+    """Mark the lanes of a layer whose best path from a node uses a closed arc, as bits.
 
-    moved  (m,)  lanes in which this layer improves on the one before by each arc
-    marks  (n,)  0 before the call
+    moved   (m,)  lanes in which this layer improves on the previous layer by each arc, as bits
+    new     (m,)  newly closed arcs
+    before  (n,)  marks of the previous layer, with one turn less
+    marks   (n,)  output; 0 before the call
     """
     for g in range(len(tables.groups)):
         begin = tables.groups[g, OFFSET]
@@ -193,8 +212,8 @@ def mark(
 
 
 @lean
-def tell_rest(tables: HullTables, steps: Steps, v: int, rest: IntLanes, row: int) -> None:
-    """Write the weighted remaining costs from a node in a layer, rounded down."""
+def write_remaining_costs(tables: HullTables, steps: Steps, v: int, rest: IntLanes, row: int) -> None:
+    """Write the weighted remaining costs from node v, decoded from the steps of a layer, to `rest[row]`."""
     first, last = np.float64(tables.least[0, v]), np.float64(tables.least[1, v])
     for k in range(LANES):
         least = (tables.weights[k, 0] * first + tables.weights[k, 1] * last) * DOWN - 2.0
@@ -203,7 +222,7 @@ def tell_rest(tables: HullTables, steps: Steps, v: int, rest: IntLanes, row: int
 
 
 @lean
-def turn_from(
+def improve_by_turns(
     tables: HullTables,
     steps: Steps,
     marks: NDArray[np.uint8],
@@ -215,11 +234,13 @@ def turn_from(
     rests: IntLanes,
     least: IntLanes,
 ) -> None:
-    """Improve values by staying or turning, from the steps of a layer; ``within``: from repaired values of this layer.
+    """Lower the weighted remaining costs `now` (n, LANES) of marked nodes by a turn, or by no turn.
 
-    came     (n,)  nodes improved by moves; turns are tried only in their groups; 0 after the call
-    turned   (n,)  set to 1 where turns improve
-    rests    (g, LANES) scratch, g nodes of the largest group; `least` (1, LANES) scratch
+    steps    (n, LANES)  the layer from which turned paths continue
+    within   whether that layer is the layer under repair; the values of marked nodes are then in `now`
+    came     (n,)  nodes that a move improved; only their groups are processed; 0 after the call
+    turned   (n,)  set to 1 where a turn improves
+    rests    (g, LANES), least (1, LANES)  scratch; g is the number of nodes of the largest group
     """
     weights = tables.weights
     told, stays = np.int64(-1), False
@@ -235,7 +256,7 @@ def turn_from(
                     for k in range(LANES):
                         rests[i, k] = now[begin + i, k]
                 else:
-                    tell_rest(tables, steps, begin + i, rests, i)
+                    write_remaining_costs(tables, steps, begin + i, rests, i)
         if stays:
             continue
         at = g if tables.alike else tables.groups[g, TURNS] + (v - begin) * size
@@ -261,7 +282,7 @@ def turn_from(
 
 
 @lean
-def move_on(
+def improve_by_moves(
     tables: HullTables,
     steps: Steps,
     marks: NDArray[np.uint8],
@@ -273,9 +294,11 @@ def move_on(
     turned: NDArray[np.uint8],
     rests: IntLanes,
 ) -> bool:
-    """Improve values by moves along open arcs (a,) from marked nodes; return whether any value improved.
+    """Lower the weighted remaining costs `now` (n, LANES) of marked nodes by moves; return whether any value improved.
 
-    Moves to nodes that neither turns nor earlier moves improved are skipped; `turned` is 0 after the call.
+    arcs           (a,)  arcs from marked nodes; closed arcs are skipped
+    moved          (m,)  output: lanes that each arc improved, as bits
+    came, turned   (n,)  nodes that a move or a turn improved; moves to others are skipped; `turned` is 0 afterwards
     """
     weights = tables.weights
     better = np.uint8(0)
@@ -287,7 +310,7 @@ def move_on(
             for k in range(LANES):
                 rests[0, k] = now[u, k]
         else:
-            tell_rest(tables, steps, u, rests, 0)
+            write_remaining_costs(tables, steps, u, rests, 0)
         first, rest = np.float64(tables.first[i]), np.float64(tables.rest[i])
         bits = np.uint8(0)
         for k in range(LANES):
@@ -304,7 +327,7 @@ def move_on(
 
 
 @lean
-def remake(
+def recompute_layer(
     tables: HullTables,
     layers: Steps,
     m: int,
@@ -318,29 +341,30 @@ def remake(
     room: IntLanes,
     fresh: NDArray[np.uint8],
 ) -> None:
-    """Compute a layer again at marked nodes (a,), with their arcs (b,); the last layer has any number of turns.
+    """Recompute layer m at the marked nodes; the last layer has any number of turns.
 
-    now    (n, LANES)      scratch
-    room   (1 + g, LANES)  scratch, g the nodes of the largest group
-    fresh  (2, n)          1
+    nodes, arcs  (a,), (b,)      marked nodes, and the arcs that leave them
+    now          (n, LANES)      scratch
+    room         (1 + g, LANES)  scratch, g is the number of nodes of the largest group
+    fresh        (2, n)          1 before the call
     """
     least, rests, came, turned = room[:1], room[1:], fresh[0], fresh[1]
     for i in arcs:
         moved[i] = 0
     if last:  # the layer before is no less, and near
         for v in nodes:
-            tell_rest(tables, layers[m - 1], v, now, v)
+            write_remaining_costs(tables, layers[m - 1], v, now, v)
     else:
         for v in nodes:
             for k in range(LANES):
                 now[v, k] = 0 if tables.is_target[v] else FAR
         if m > 0:
-            turn_from(tables, layers[m - 1], marks, False, now, nodes, came, turned, rests, least)
-        move_on(tables, layers[m], marks, closed, moved, arcs, now, came, turned, rests)
+            improve_by_turns(tables, layers[m - 1], marks, False, now, nodes, came, turned, rests, least)
+        improve_by_moves(tables, layers[m], marks, closed, moved, arcs, now, came, turned, rests)
     better = last
     while better:
-        turn_from(tables, layers[m], marks, True, now, nodes, came, turned, rests, least)
-        better = move_on(tables, layers[m], marks, closed, moved, arcs, now, came, turned, rests)
+        improve_by_turns(tables, layers[m], marks, True, now, nodes, came, turned, rests, least)
+        better = improve_by_moves(tables, layers[m], marks, closed, moved, arcs, now, came, turned, rests)
     weights = tables.weights
     for v in nodes:
         first, rest = np.float64(tables.least[0, v]), np.float64(tables.least[1, v])

@@ -26,14 +26,14 @@ from hpop.frontier import is_nondominated
 from hpop.runtime.status import Budget, ProgressCallback, Status
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import Precision
-from hpop.search.machinery.bounds import PILES, UNREACHABLE, costs_of_least, costs_to_go
+from hpop.search.machinery.bounds import PILES, UNREACHABLE, costs_of_least_paths, costs_to_go
 from hpop.search.machinery.kernels import proven_gap
 from hpop.search.machinery.slices import N_GENERATED, Clock, DeadlineClock, Search
 from hpop.search.machinery.turns import Groups
-from hpop.search.pareto_paths import Question, chosen_method, chosen_order
-from hpop.search.prepared.closings import Closings, KnownPaths, Outlook, known_paths, least_path
+from hpop.search.pareto_paths import SearchQuery, choose_method, choose_order
+from hpop.search.prepared.closings import ClosedArcs, KnownPaths, StaircaseBounds, known_paths, least_path
 from hpop.search.prepared.hull_repair import HullRepair
-from hpop.search.prepared.repair import after_closing, after_opening, sort_by_head
+from hpop.search.prepared.repair import lower_bounds_of_opened, raise_bounds, sort_by_head
 from hpop.search.queries import UNLIMITED, ParetoPaths, SearchStats, checked_graph, checked_node, checked_targets
 from hpop.search.staircase.search import Staircase
 from hpop.search.staircase.tables import TooWide
@@ -52,93 +52,97 @@ AHEAD = 150e-9  # s a node, before its first label
 
 
 class PreparedRun:
-    """One query: from a source to the targets, with some known paths."""
+    """Run of one query on a prepared graph.
+
+    exact        exact search, None before it is set up
+    approximate  search within GAP by joint bounds, which interrupts the exact search; None if it does not run
+    """
 
     def __init__(self, prepared: Prepared, source: int, known: KnownPaths) -> None:
         self.prepared, self.source, self.known = prepared, source, known
         self.exact: Search | None = None
-        self.near: Staircase | None = None
-        self.is_near = False  # whether the approximate search is complete
+        self.approximate: Staircase | None = None
+        self.is_approximate_complete = False  # whether the approximate search is complete
         self.method, self.order = prepared.plans[0]
 
     def go(self, clock: DeadlineClock) -> Status:
-        """Search to the end, or until a limit."""
+        """Run the searches to the end, or until a limit."""
         if self.prepared.bounds[0, self.source] >= UNREACHABLE:
             return Status.NO_PATH
         status = clock.exceeded(0, 0)
         if status is not None:
             return status
         try:
-            return self._go(clock)
+            return self._run(clock)
         except TooWide:
             self.exact, (self.method, self.order) = None, self.prepared.plans[1]
-            return self._go(clock)
+            return self._run(clock)
 
-    def _go(self, clock: DeadlineClock) -> Status:
+    def _run(self, clock: DeadlineClock) -> Status:
         prepared = self.prepared
-        question = Question(prepared.graph, self.source, prepared.targets)
-        groups = prepared.closings.groups
-        search = question.search(self.method, self.order, prepared.bounds, groups, clock, jointly=False)
-        prepared.closings.mask(search)
+        query = SearchQuery(prepared.graph, self.source, prepared.targets)
+        groups = prepared.closed_arcs.groups
+        search = query.search(self.method, self.order, prepared.bounds, groups, clock, jointly=False)
+        prepared.closed_arcs.close_arcs_of(search)
         self.exact = search
-        outlook, in_groups = prepared.outlook, groups is prepared.closings.whole
-        if isinstance(search, Staircase) and in_groups and outlook.layers is not None:
-            search.take_turn_bounds(outlook.layers.astype(search.dtype, copy=False))
-        is_right = prepared.hull is not None or not prepared.closings.closed.any()
-        if isinstance(search, Staircase) and in_groups and outlook.hull and is_right and clock.is_limited:
-            clock.share = SOON if prepared.outdated else FIRST
+        staircase_bounds, in_groups = prepared.staircase_bounds, groups is prepared.closed_arcs.whole
+        if isinstance(search, Staircase) and in_groups and staircase_bounds.layers is not None:
+            search.take_turn_bounds(staircase_bounds.layers.astype(search.dtype, copy=False))
+        is_right = prepared.hull is not None or not prepared.closed_arcs.closed.any()
+        if isinstance(search, Staircase) and in_groups and staircase_bounds.hull and is_right and clock.is_limited:
+            clock.share = SOON if prepared.outdated_hull else FIRST
             status = search.run(clock)
             if status not in (Status.TIME_LIMIT, Status.LABEL_LIMIT):
                 return status
-            self._go_near(search, clock)
+            self._run_approximate(search, clock)
             clock.share = 1.0
         return search.run(clock)
 
-    def _go_near(self, exact: Staircase, clock: DeadlineClock) -> None:
-        """Run the approximate search, with joint bounds, beginning with all paths that are known or found."""
-        prepared, outlook = self.prepared, self.prepared.outlook
-        graph, groups, hull = prepared.graph, prepared.closings.whole, outlook.hull
-        h = outlook.h.copy()
+    def _run_approximate(self, exact: Staircase, clock: DeadlineClock) -> None:
+        """Repair the joint bounds, then run the approximate search, which begins with all paths so far."""
+        prepared, staircase_bounds = self.prepared, self.prepared.staircase_bounds
+        graph, groups, hull = prepared.graph, prepared.closed_arcs.whole, staircase_bounds.hull
+        h = staircase_bounds.h.copy()
         turns = prepared.bounds[self.order[1]]  # joint bounds do not depend on these
         np.copyto(h[self.order[1]], turns, where=turns < UNREACHABLE)
         clock.share = SECOND
-        if (outdated := prepared.outdated) is not None:
+        if (outdated_hull := prepared.outdated_hull) is not None:
             clock.share = REPAIRED
-            outdated.close(prepared.closings.closed, prepared.closings.turns > 0, clock)
+            outdated_hull.close(prepared.closed_arcs.closed, prepared.closed_arcs.turns > 0, clock)
             clock.share = LATE
-        if hull is None or clock.left < AHEAD * graph.nodes:
+        if hull is None or clock.remaining < AHEAD * graph.nodes:
             return
         clock.labels, clock.memory = int(exact.counters[N_GENERATED]), exact.memory()
-        question = Question(graph, self.source, prepared.targets, Precision(GAP))
+        query = SearchQuery(graph, self.source, prepared.targets, Precision(GAP))
         try:
-            search = question.search("staircase", self.order, h, groups, clock, jointly=True)
+            search = query.search("staircase", self.order, h, groups, clock, jointly=True)
             assert isinstance(search, Staircase)
-            prepared.closings.mask(search)
-            along, paths_along = search.front_along(hull, clock)
-            costs_found, labels, *_ = exact.found()
+            prepared.closed_arcs.close_arcs_of(search)
+            along, paths_along = search.front_near_hull(hull, clock)
+            costs_found, labels, *_ = exact.results()
             costs = np.concatenate([self.known.costs[:, list(self.order)], costs_found, along])
             paths = [*self.known.paths, *exact.paths(labels, clock), *paths_along]
-            rows = _best(costs)
+            rows = _non_dominated_rows(costs)
             search.take_joint_bounds(hull, costs[rows], [paths[row] for row in rows], clock)
-            self.near = search
-            self.is_near = search.run(clock) is Status.COMPLETE
+            self.approximate = search
+            self.is_approximate_complete = search.run(clock) is Status.COMPLETE
         except TooWide:
-            self.near = None
-        clock.labels = 0 if self.near is None else int(self.near.counters[N_GENERATED])
-        clock.memory = 0 if self.near is None else self.near.memory()
+            self.approximate = None
+        clock.labels = 0 if self.approximate is None else int(self.approximate.counters[N_GENERATED])
+        clock.memory = 0 if self.approximate is None else self.approximate.memory()
 
     def result(self, clock: DeadlineClock, status: Status) -> ParetoPaths:
-        """Return the found and known paths together, with the gap to missing ones."""
+        """Return the non-dominated ones of all found and known paths, with the gap to missing paths."""
         graph = self.prepared.graph
         costs, paths = self.known
         generated = expanded = waiting = 0
-        for search in (self.near, self.exact):
+        for search in (self.approximate, self.exact):
             if search is not None:
-                costs_found, labels, new, followed, waiting = search.found()
-                costs = np.concatenate([self._in_columns(costs_found), costs])
+                costs_found, labels, new, followed, waiting = search.results()
+                costs = np.concatenate([self._in_graph_columns(costs_found), costs])
                 paths = (*search.paths(labels, clock), *paths)
                 generated, expanded = generated + new, expanded + followed
-        rows = _best(costs)
+        rows = _non_dominated_rows(costs)
         costs = costs[rows]
         costs.setflags(write=False)
         gap = 0.0 if status.is_final else self._gap(costs)
@@ -148,38 +152,38 @@ class PreparedRun:
             labels_generated=generated,
             labels_expanded=expanded,
             labels_open=waiting,
-            peak_memory=sum(self._beside(search) for search in (self.near, self.exact) if search is not None),
+            peak_memory=sum(self._own_bytes(search) for search in (self.approximate, self.exact) if search is not None),
             seconds_search=clock.seconds(),
             seconds_compiled=clock.compiled,
         )
         return ParetoPaths(costs, status, stats, graph, self.source, tuple(paths[row] for row in rows), gap=gap)
 
-    def _beside(self, search: Search) -> int:
-        """Return the bytes of a search that are not shared by all searches."""
-        outlook, groups = self.prepared.outlook, self.prepared.closings.whole
-        shared = [outlook.layers, *vars(groups).values(), *vars(outlook.hull or object).values()]
+    def _own_bytes(self, search: Search) -> int:
+        """Return the bytes of a search, without the arrays that all searches share."""
+        staircase_bounds, groups = self.prepared.staircase_bounds, self.prepared.closed_arcs.whole
+        shared = [staircase_bounds.layers, *vars(groups).values(), *vars(staircase_bounds.hull or object).values()]
         places = {array.__array_interface__["data"][0] for array in shared if isinstance(array, np.ndarray)}
         arrays = search.arrays()
         return sum(array.nbytes for array in arrays if array.__array_interface__["data"][0] not in places)
 
     def _gap(self, costs: IntArray) -> float:
-        """Return the smallest gap that any search proves for the returned costs (n, k)."""
+        """Return the smallest gap that the searches prove for the returned costs (n, k)."""
         if self.exact is None:
             return proven_gap(costs, self.prepared.bounds[:, self.source][None], math.inf)
-        gap = GAP if self.is_near else math.inf
-        if self.near is not None and not self.is_near:
-            gap = max(GAP, proven_gap(costs, self._in_columns(self.near.estimates()), gap))
-        return min(gap, proven_gap(costs, self._in_columns(self.exact.estimates()), gap))
+        gap = GAP if self.is_approximate_complete else math.inf
+        if self.approximate is not None and not self.is_approximate_complete:
+            gap = max(GAP, proven_gap(costs, self._in_graph_columns(self.approximate.estimates()), gap))
+        return min(gap, proven_gap(costs, self._in_graph_columns(self.exact.estimates()), gap))
 
-    def _in_columns(self, table: IntArray) -> IntArray:
-        """Return a table (n, k) in the caller's order of columns."""
+    def _in_graph_columns(self, table: IntArray) -> IntArray:
+        """Return costs (n, k) with columns in the order of the graph instead of the order of the search."""
         columns: IntArray = np.empty((len(table), len(self.order)), np.int64)
         columns[:, list(self.order)] = table[:, : len(self.order)]
         return columns
 
 
-def _best(costs: IntArray) -> IntArray:
-    """Return the rows of non-dominated costs (n, k), in lexicographic order."""
+def _non_dominated_rows(costs: IntArray) -> IntArray:
+    """Return the indices of the non-dominated rows of costs (n, k), in lexicographic order of the rows."""
     rows: IntArray = np.lexsort(costs.T[::-1])
     return rows[is_nondominated(costs[rows].astype(np.float64))] if len(rows) else rows
 
@@ -192,8 +196,8 @@ SHARE = 0.2  # of the nodes: where a closing changes more bounds, computing all 
 class Prepared:
     """A graph prepared for searches from any node to the same targets.
 
-    bounds  (k, n)  least cost of any open path to a target
-    onward  (k, n)  next node on such a path, -1 for none
+    bounds  (k, n)  least value of each cost over the open paths from a node to a target
+    onward  (k, n)  next node on such a path, -1 if there is none
 
     Accepts: any :class:`Graph`, 1 to 6 costs, each a sum or a maximum.
 
@@ -226,70 +230,74 @@ class Prepared:
         far = int(
             np.argmax(np.where(reached, (h / (1 + h.max(axis=1, where=reached, initial=0))[:, None]).sum(axis=0), -1))
         )
-        samples = costs_of_least(graph, far, h, self.onward, clock)
-        method, index = chosen_method(graph, "auto", samples)
+        samples = costs_of_least_paths(graph, far, h, self.onward, clock)
+        method, index = choose_method(graph, "auto", samples)
         if method == "staircase" and groups.column != index:
-            groups = Groups.none(graph, clock)
+            groups = Groups.single_nodes(graph, clock)
         self.plans = [
-            (each, chosen_order(graph, each, index, samples, h[:, far], groups)) for each in (method, "general")
+            (each, choose_order(graph, each, index, samples, h[:, far], groups)) for each in (method, "general")
         ]
         self.bounds = h.copy()
-        self.outlook = Outlook(h)
+        self.staircase_bounds = StaircaseBounds(h)
         if method == "staircase":
-            self.outlook = Outlook.of(graph, far, self.targets, self.plans[0][1], h, groups, clock)
-        self.closings = Closings(graph, groups)
+            self.staircase_bounds = StaircaseBounds.of(graph, far, self.targets, self.plans[0][1], h, groups, clock)
+        self.closed_arcs = ClosedArcs(graph, groups)
         self.hull: HullRepair | None = None
-        if self.outlook.hull is not None and graph.nodes > MANY:
+        if self.staircase_bounds.hull is not None and graph.nodes > MANY:
             first, _, rest = self.plans[0][1]
-            self.hull = HullRepair(self.outlook.hull, groups, graph.costs, (first, rest), h, self.is_target)
+            self.hull = HullRepair(self.staircase_bounds.hull, groups, graph.costs, (first, rest), h, self.is_target)
         self._entering: tuple[IntArray, NDArray[np.int32]] | None = None
 
     @property
     def closed(self) -> BoolArray:
         """Mask (m,) of the closed arcs; a copy."""
-        return self.closings.closed.copy()
+        return self.closed_arcs.closed.copy()
 
     @property
     def memory(self) -> int:
         """Bytes of all arrays beside the graph."""
-        outlook, entering = self.outlook, self._entering or ()
-        arrays = [self.bounds, self.onward, outlook.h, *entering, *vars(self.closings.whole).values()]
-        arrays += [self.closings.closed, outlook.layers, *vars(outlook.hull or object).values()]
-        arrays += [self.is_target, *vars(self.closings).values(), *([] if self.hull is None else self.hull.arrays())]
+        staircase_bounds, entering = self.staircase_bounds, self._entering or ()
+        arrays = [self.bounds, self.onward, staircase_bounds.h, *entering, *vars(self.closed_arcs.whole).values()]
+        arrays += [self.closed_arcs.closed, staircase_bounds.layers, *vars(staircase_bounds.hull or object).values()]
+        arrays += [self.is_target, *vars(self.closed_arcs).values(), *([] if self.hull is None else self.hull.arrays())]
         return sum({id(array): array.nbytes for array in arrays if isinstance(array, np.ndarray)}.values())
 
     @property
-    def outdated(self) -> HullRepair | None:
-        """Joint bounds that still need a repair for the closed arcs; None where they are up to date or missing."""
-        closings = self.closings
-        return None if self.hull is None or self.hull.tells(closings.closed, closings.turns > 0) else self.hull
+    def outdated_hull(self) -> HullRepair | None:
+        """Joint bounds that must be repaired for the closed arcs; None if they are up to date or do not exist."""
+        closed_arcs = self.closed_arcs
+        return (
+            None
+            if self.hull is None or self.hull.is_up_to_date(closed_arcs.closed, closed_arcs.turns > 0)
+            else self.hull
+        )
 
     def close(self, arcs: ArrayLike) -> None:
         """Close arcs, given by their indices (N,) in the graph, until they are opened."""
-        self._repair(after_closing, self.closings.turned(arcs, closed=True))
+        self._repair(raise_bounds, self.closed_arcs.set_closed(arcs, closed=True))
 
     def open(self, arcs: ArrayLike) -> None:
         """Open closed arcs, given by their indices (N,) in the graph."""
-        self._repair(after_opening, self.closings.turned(arcs, closed=False))
+        self._repair(lower_bounds_of_opened, self.closed_arcs.set_closed(arcs, closed=False))
 
     def _repair(self, kernel: Any, changed: IntArray) -> None:
-        """Repair the bounds after some arcs (a,) were closed or opened."""
+        """Repair the bounds after arcs (a,) were closed or opened; ``kernel`` is the repair of one cost."""
         graph, clock, n = self.graph, Clock(UNLIMITED, None), self.graph.nodes
         if self._entering is None:
             self._entering = np.zeros(n + 2, np.int64), np.empty(graph.arcs, np.int32)
             clock.call(sort_by_head, graph.heads, *self._entering)
-        tables = (graph.indptr, graph.heads, graph.costs, self.closings.tails)
+        tables = (graph.indptr, graph.heads, graph.costs, self.closed_arcs.tails)
         most = int(SHARE * n)
 
         def arguments(j: int) -> tuple[Any, ...]:
             piles = np.full(PILES, -1), np.empty(n, np.int32), np.empty(n, np.int32)
-            kind = (j, graph.aggregates[j] == "max", self.closings.closed)
+            kind = (j, graph.aggregates[j] == "max", self.closed_arcs.closed)
             bounds = self.bounds[j], self.onward[j], np.zeros(n, np.uint8)
             return (changed, tables, self._entering, *kind, *bounds, piles, np.empty(most, np.int32))
 
         repaired = clock.call_all(kernel, [arguments(j) for j in range(graph.criteria)])
         if failed := [j for j, is_repaired in enumerate(repaired) if not is_repaired]:
-            bounds = costs_to_go(graph, self.targets, clock, self.closings.without_closed(), failed)
+            bounds = costs_to_go(graph, self.targets, clock, self.closed_arcs.without_closed(), failed)
             self.bounds[failed], self.onward[failed] = bounds
 
     def paths(
@@ -318,7 +326,7 @@ class Prepared:
             deadline = real("deadline", deadline, 0, MOST, "a number of seconds, 0 or more,")
         clock = DeadlineClock(deadline, budget, progress)
         paths = [*known, *self.least_paths(start)]
-        open_paths = known_paths(self.graph, start, self.is_target, paths, self.closings.closed)
+        open_paths = known_paths(self.graph, start, self.is_target, paths, self.closed_arcs.closed)
         run = PreparedRun(self, start, open_paths)
         try:
             status = run.go(clock)
@@ -327,12 +335,12 @@ class Prepared:
         return run.result(clock, status)
 
     def least_paths(self, source: int) -> list[IntArray]:
-        """Return a least path from a node for each cost, by the indices of its arcs; none if no target is reached."""
+        """Return the least path of each cost from a node, as indices of arcs; [] if no target can be reached."""
         if self.bounds[0, source] >= UNREACHABLE:
             return []
         graph, clock, paths = self.graph, Clock(UNLIMITED, None), []
         arcs = np.empty(graph.nodes, np.int64)
         for j in range(graph.criteria):
-            tables = (graph.indptr, graph.heads, graph.costs, j, self.closings.closed, self.onward[j])
+            tables = (graph.indptr, graph.heads, graph.costs, j, self.closed_arcs.closed, self.onward[j])
             paths.append(arcs[: clock.call(least_path, *tables, source, arcs)].copy())
         return paths

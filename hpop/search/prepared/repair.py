@@ -16,12 +16,15 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, IntArray
 from hpop.runtime.compiled import lean
-from hpop.search.machinery.bounds import PILES, UNREACHABLE, bits, enter, leave
+from hpop.search.machinery.bounds import PILES, UNREACHABLE, bits, put_on_pile, take_from_pile
 
 
 @lean
 def sort_by_head(heads: NDArray[np.int32], first: IntArray, arcs: NDArray[np.int32]) -> None:
-    """Sort arcs (m,) by their heads; first (n + 2,) is 0 before, its first n + 1 are then the offsets."""
+    """Sort arcs (m,) by their heads, with a counting sort.
+
+    first (n + 2,) must be 0 before the call; its first n + 1 entries receive the offset of each head.
+    """
     for a in range(len(heads)):
         first[heads[a] + 2] += 1
     for v in range(len(first) - 2):
@@ -33,7 +36,7 @@ def sort_by_head(heads: NDArray[np.int32], first: IntArray, arcs: NDArray[np.int
 
 
 @lean
-def settle(
+def propagate_bounds(
     graph: Any,
     entering: Any,
     column: int,
@@ -44,7 +47,7 @@ def settle(
     is_open: NDArray[np.uint8],
     piles: Any,
 ) -> None:
-    """Lower bounds, beginning at the nodes in the piles, until no open arc lowers any bound."""
+    """Propagate lowered bounds h (n,) backward from the nodes in the piles, until no open arc lowers any bound."""
     _, _, costs, tails = graph
     first, arcs = entering
     tops, above, below = piles
@@ -66,10 +69,10 @@ def settle(
             v = np.int64(top)
             while v >= 0:
                 following = np.int64(below[v])
-                enter(v, bits(h[v] ^ d), tops, above, below)
+                put_on_pile(v, bits(h[v] ^ d), tops, above, below)
                 v = following
         v = np.int64(tops[0])
-        leave(v, lowest, tops, above, below)
+        take_from_pile(v, lowest, tops, above, below)
         is_open[v] = 0
         for i in range(first[v], first[v + 1]):
             a = np.int64(arcs[i])
@@ -79,13 +82,13 @@ def settle(
             far = max(d, costs[a, column]) if is_max else d + costs[a, column]
             if far < h[u]:
                 if is_open[u]:
-                    leave(u, bits(h[u] ^ d), tops, above, below)
+                    take_from_pile(u, bits(h[u] ^ d), tops, above, below)
                 h[u], onward[u], is_open[u] = far, v, 1
-                enter(u, bits(far ^ d), tops, above, below)
+                put_on_pile(u, bits(far ^ d), tops, above, below)
 
 
 @lean
-def after_opening(
+def lower_bounds_of_opened(
     opened: IntArray,
     graph: Any,
     entering: Any,
@@ -98,11 +101,15 @@ def after_opening(
     piles: Any,
     scratch: NDArray[np.int32],
 ) -> bool:
-    """Lower h and onward (n,) of one cost where opened arcs (a,) make a path to a target shorter; return True.
+    """Lower the bounds of one cost where opened arcs (a,) shorten a path to a target; return True.
 
-    graph          indptr (n + 1,), heads (m,), costs (m, k) and tails (m,)
-    entering       the arcs that enter each node, see :func:`sort_by_head`
-    is_open, piles (n,) 0; (PILES,) -1, and (n,) and (n,) scratch, before
+    graph      indptr (n + 1,), heads (m,), costs (m, k) and tails (m,)
+    entering   the arcs that enter each node: offsets and arcs of :func:`sort_by_head`
+    column     of the cost, a maximum if `is_max`
+    closed     (m,)  mask of the closed arcs
+    h, onward  (n,)  bounds of this cost, and next nodes; changed in place
+    is_open    (n,)  0 before the call
+    piles      (PILES,) -1 before the call, (n,) and (n,) scratch
     """
     _, heads, costs, tails = graph
     tops, above, below = piles
@@ -113,15 +120,15 @@ def after_opening(
         far = max(h[v], costs[a, column]) if is_max else h[v] + costs[a, column]
         if far < h[u]:
             if is_open[u]:
-                leave(u, bits(h[u]), tops, above, below)
+                take_from_pile(u, bits(h[u]), tops, above, below)
             h[u], onward[u], is_open[u] = far, v, 1
-            enter(u, bits(far), tops, above, below)
-    settle(graph, entering, column, is_max, closed, h, onward, is_open, piles)
+            put_on_pile(u, bits(far), tops, above, below)
+    propagate_bounds(graph, entering, column, is_max, closed, h, onward, is_open, piles)
     return True
 
 
 @lean
-def after_closing(
+def raise_bounds(
     newly_closed: IntArray,
     graph: Any,
     entering: Any,
@@ -134,9 +141,12 @@ def after_closing(
     piles: Any,
     affected: NDArray[np.int32],
 ) -> bool:
-    """Raise h and onward (n,) of one cost where paths took closed arcs (a,); arguments as in :func:`after_opening`.
+    """Raise the bounds of one cost where paths used newly closed arcs (a,).
 
-    affected  (most,) scratch; returns False where more nodes are affected, and h and onward are then invalid
+    affected  (most,)  scratch for the affected nodes
+
+    Other arguments as in :func:`lower_bounds_of_opened`. Returns False if more than `most` nodes are affected; h and
+    onward are then invalid.
     """
     indptr, heads, costs, tails = graph
     first, arcs = entering
@@ -176,6 +186,6 @@ def after_closing(
                 best, to = far, v
         if to >= 0:
             h[u], onward[u], is_open[u] = best, to, 1
-            enter(u, bits(best), tops, above, below)
-    settle(graph, entering, column, is_max, closed, h, onward, is_open, piles)
+            put_on_pile(u, bits(best), tops, above, below)
+    propagate_bounds(graph, entering, column, is_max, closed, h, onward, is_open, piles)
     return True

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hpop.base.arrays import BoolArray, IntArray
 from hpop.runtime.compiled import kernel, lean
 from hpop.search.graph import Graph
-from hpop.search.machinery.approximation import ANYTHING, Precision, thinned
+from hpop.search.machinery.approximation import ANYTHING, Precision, thin_front
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
 from hpop.search.machinery.kernels import least_covered
 from hpop.search.machinery.labels import Unsound, is_heap
@@ -38,12 +38,13 @@ Heap = tuple[IntArray, IntArray]
 
 @kernel
 def open_next(queue: IntArray, waiting: Waiting, heap: Heap) -> int:
-    """Move the entries of the next non-empty bucket into the empty heap.
+    """Move the entries of the next non-empty bucket into the empty heap; return the number of entries.
 
-    waiting  top chunk of each bucket, or -1, and entries in it (b, 2); next chunk (c,) below each; entries (e, 2)
+    waiting  tops (b, 2): top chunk of each bucket, or -1, and the number of entries in it; below (c,): next chunk
+             below each chunk; entries (e, 2): key and label
 
-    Returns their number, 0 if all buckets are empty; if the heap has too little room, minus their number, without a
-    move.
+    Returns 0 if all buckets are empty. If the heap has too little room, nothing is moved, and minus the number of
+    entries is returned.
     """
     tops, below, entries = waiting
     heap_keys, heap_values = heap
@@ -83,7 +84,7 @@ def open_next(queue: IntArray, waiting: Waiting, heap: Heap) -> int:
 
 @lean
 def sift_down(keys: IntArray, values: IntArray, i: int, size: int) -> None:
-    """Let entry i of a 4-ary heap sink to its position."""
+    """Move entry i of a 4-ary heap of `size` entries down to its position."""
     key, value = keys[i], values[i]
     while True:
         child = 4 * i + 1
@@ -104,18 +105,18 @@ def sift_down(keys: IntArray, values: IntArray, i: int, size: int) -> None:
     values[i] = value
 
 
-def waiting(tops: NDArray[np.int32], below: NDArray[np.int32], entries: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the waiting entries (n, 2) and their buckets (n,), the lowest bucket first, in the order of filling."""
+def waiting_entries(tops: NDArray[np.int32], below: NDArray[np.int32], entries: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the entries of all buckets (n, 2) and their buckets (n,), lowest bucket first, oldest entry first."""
     counts = np.zeros(len(tops), np.int64)
-    n = int(count_waiting(tops, below, counts))
+    n = int(count_entries(tops, below, counts))
     out, buckets = np.empty((n, 2), np.int64), np.repeat(np.arange(len(tops)), counts)
-    copy_waiting(tops, below, entries, counts, out)
+    copy_entries(tops, below, entries, counts, out)
     return out, buckets
 
 
 @lean
-def count_waiting(tops: NDArray[np.int32], below: NDArray[np.int32], counts: IntArray) -> int:
-    """Count the entries of each bucket (b,); return their sum."""
+def count_entries(tops: NDArray[np.int32], below: NDArray[np.int32], counts: IntArray) -> int:
+    """Write the number of entries of each bucket to `counts` (b,); return the sum."""
     total = np.int64(0)
     for bucket in range(len(tops)):
         chunk, filled = np.int64(tops[bucket, 0]), np.int64(tops[bucket, 1])
@@ -127,10 +128,10 @@ def count_waiting(tops: NDArray[np.int32], below: NDArray[np.int32], counts: Int
 
 
 @lean
-def copy_waiting(
+def copy_entries(
     tops: NDArray[np.int32], below: NDArray[np.int32], entries: IntArray, counts: IntArray, out: IntArray
 ) -> None:
-    """Copy the entries of all buckets, with the top chunk of each bucket last."""
+    """Copy the entries of all buckets to `out` (n, 2), bucket after bucket, the top chunk of a bucket last."""
     end = np.int64(0)
     for bucket in range(len(tops)):
         end += counts[bucket]
@@ -144,10 +145,10 @@ def copy_waiting(
             chunk, filled = np.int64(below[chunk]), np.int64(CHUNK)
 
 
-def fill(
+def fill_buckets(
     tops: NDArray[np.int32], below: NDArray[np.int32], entries: IntArray, buckets: IntArray, waiting: IntArray
 ) -> None:
-    """Fill empty buckets with entries (n, 2) of sorted buckets (n,), from the first chunk on."""
+    """Fill empty buckets with entries `waiting` (n, 2), whose buckets (n,) are sorted."""
     which, first, counts = np.unique(buckets, return_index=True, return_counts=True)
     chunks = -(-counts // CHUNK)
     begin = np.cumsum(chunks) - chunks
@@ -163,10 +164,10 @@ MOST_BUCKETS = 2**24  # for labels of a checkpoint
 
 
 class BucketSearch(Search):
-    """Search with three costs and a queue of buckets.
+    """Search with three costs and a queue of buckets: labels of the lowest bucket of first costs are in a heap.
 
-    packing  (5,)  of keys: bits of the first cost within a bucket, bits of the last cost, position of the first cost,
-                   least bucket, largest last cost
+    packing  (5,)  packing of keys: bits of the first cost within a bucket, bits of the last cost, bit position of the
+                   first cost, least bucket, largest last cost
     rise     (3,)  largest growth of an estimate in one expansion
     """
 
@@ -190,15 +191,15 @@ class BucketSearch(Search):
     def estimates(self) -> IntArray:
         """Return the estimates (m, 3) of open labels."""
         shift, bits, top, origin, _ = self.packing.tolist()
-        entries, buckets = waiting(self.tops, self.below, self.entries)
+        entries, buckets = waiting_entries(self.tops, self.below, self.entries)
         key = np.concatenate([self.keys[: self.queue[IN_HEAP]], entries[:, 0]])
         bucket = np.concatenate([np.full(self.queue[IN_HEAP], self.queue[OPEN]), buckets])
         first = ((bucket + origin) << shift) | (key >> top)
         return np.stack([first, (key >> bits) & ((1 << (top - bits)) - 1), key & ((1 << bits) - 1)], axis=1)
 
-    def opened(self) -> tuple[IntArray, IntArray]:
-        """Return the open labels: in the heap, and in the buckets, the lowest first."""
-        entries, _ = waiting(self.tops, self.below, self.entries)
+    def open_labels(self) -> tuple[IntArray, IntArray]:
+        """Return the open labels in the heap, and those in buckets, lowest bucket first."""
+        entries, _ = waiting_entries(self.tops, self.below, self.entries)
         return self.values[: self.queue[IN_HEAP]], entries[:, 1]
 
     def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
@@ -206,9 +207,14 @@ class BucketSearch(Search):
         shift, bits, top, origin, _ = self.packing.tolist()
         n = len(heap)
         buckets = (costs[:, 0] >> shift) - origin
-        opened, later = int(buckets[0]) if n else 0, buckets[n:]
-        sound = (buckets[:n] == opened).all() and (np.diff(later, prepend=opened) >= 0).all()
-        if not sound or opened < 0 or (n > 0 and opened in later[:1]) or buckets.max(initial=0) > MOST_BUCKETS:
+        open_labels, later = int(buckets[0]) if n else 0, buckets[n:]
+        sound = (buckets[:n] == open_labels).all() and (np.diff(later, prepend=open_labels) >= 0).all()
+        if (
+            not sound
+            or open_labels < 0
+            or (n > 0 and open_labels in later[:1])
+            or buckets.max(initial=0) > MOST_BUCKETS
+        ):
             raise Unsound("the open labels in the file are not sorted by their first cost")
         while buckets.max(initial=0) >= len(self.tops):
             self._grow_buckets()
@@ -221,8 +227,8 @@ class BucketSearch(Search):
         used = -(-np.bincount(later) // CHUNK).sum()
         while len(self.below) < used:
             self._grow_chunks()
-        fill(self.tops, self.below, self.entries, later, np.stack([keys[n:], waiting], axis=1))
-        self.queue[[OPEN, IN_HEAP, FREE, N_FREE, USED]] = opened, n, -1, 0, used
+        fill_buckets(self.tops, self.below, self.entries, later, np.stack([keys[n:], waiting], axis=1))
+        self.queue[[OPEN, IN_HEAP, FREE, N_FREE, USED]] = open_labels, n, -1, 0, used
 
     def _grow_heap(self) -> None:
         self.keys, self.values = (np.resize(a, 2 * len(a)) for a in (self.keys, self.values))
@@ -243,12 +249,13 @@ THIN = 3  # the thinned front covers it within eps / THIN
 
 
 class JointSearch(BucketSearch):
-    """Staircase search that may use joint bounds of its first and its rest cost.
+    """Base of the staircase search: pruning by joint bounds of its first and its rest cost.
 
-    hull         joint bounds in use, or None
-    cornered     size of the front at the last update of the corners
-    hull_paths   arcs of the solutions that do not come from labels
-    closed_arcs  (m,) mask of closed arcs of the graph, or None
+    has_tried_bounds  whether further bounds were computed, or could not be
+    hull              joint bounds in use, or None
+    corners_size      size of the front at the last update of the corners
+    hull_paths        arcs of those solutions that joint bounds gave instead of labels
+    closed_arcs       (m,) mask of closed arcs of the graph, or None
     """
 
     graph: Graph
@@ -262,20 +269,20 @@ class JointSearch(BucketSearch):
     start: IntArray
     arcs: NDArray[Any]
     is_target: NDArray[np.uint8]
-    looked_ahead: bool
+    has_tried_bounds: bool
     hull: HullBounds | None = None
-    cornered: int = 0
+    corners_size: int = 0
     hull_paths: tuple[IntArray, ...] = ()
     closed_arcs: BoolArray | None = None
 
     @abstractmethod
-    def _on(
+    def _search_on(
         self, part: Graph, source: int, targets: IntArray, h: IntArray, groups: Groups, clock: Clock, near: Precision
     ) -> BucketSearch:
-        """Return the search on a part of the graph."""
+        """Set up a search with precision ``near`` on a part of the graph."""
 
-    def _look_jointly(self, clock: Clock) -> bool:
-        """Compute joint bounds and first solutions; return False if there are no bounds, or too little memory."""
+    def _compute_joint_bounds(self, clock: Clock) -> bool:
+        """Compute joint bounds and first solutions; return False if the graph or the memory does not allow them."""
         limit = clock.budget.max_memory
         room = ROOM if limit is None else limit - self.memory()
         columns = (self.order[0], self.order[2])
@@ -291,56 +298,58 @@ class JointSearch(BucketSearch):
         hull = turn_hull(self.groups, columns, weights, *tables, self.is_target, is_enough, room, clock)
         if hull is None:
             return False
-        self.take_joint_bounds(hull, *self.front_along(hull, clock), clock)
+        self.take_joint_bounds(hull, *self.front_near_hull(hull, clock), clock)
         return True
 
-    def front_along(self, hull: TurnHull, clock: Clock) -> tuple[IntArray, list[IntArray]]:
-        """Return the approximate front (n, 3) of paths through nodes on the best paths of a hull, and their arcs."""
+    def front_near_hull(self, hull: TurnHull, clock: Clock) -> tuple[IntArray, list[IntArray]]:
+        """Return the approximate front (n, 3) of paths through the nodes on best paths of a hull, and their arcs."""
         columns = (self.order[0], self.order[2])
-        passed = hull.passed(self.groups, columns, self.nodes, self.start, self.arcs, self.source, clock)
-        return self._front_on(passed, clock)
+        nodes_on_best_paths = hull.nodes_on_best_paths(
+            self.groups, columns, self.nodes, self.start, self.arcs, self.source, clock
+        )
+        return self._front_through(nodes_on_best_paths, clock)
 
     def take_joint_bounds(self, hull: TurnHull, costs: IntArray, paths: Sequence[IntArray], clock: Clock) -> None:
-        """Add known solutions (n, 3), and prune labels by them and the bounds of a hull.
+        """Add known solutions to the front; from now on prune labels by these and by the bounds of a hull.
 
-        costs  in the order of the search, rows in lexicographic order
-        paths  n  indices of their arcs
+        costs  (n, 3)    in the order of the search, rows in lexicographic order
+        paths  n arrays  indices of the arcs of each solution in the graph
         """
-        self.looked_ahead = True
+        self.has_tried_bounds = True
         size = int(self.counters[N_FRONT])
-        rows = thinned(costs, self.front[:size], self.precision.eps / THIN, self.tolerance // THIN)
+        rows = thin_front(costs, self.front[:size], self.precision.eps / THIN, self.tolerance // THIN)
         self.hull_paths = tuple(paths[row] for row in rows)
         self.front = np.concatenate([self.front[:size], costs[rows], np.zeros((64, 3), np.int64)])
         self.solutions = np.concatenate([self.solutions[:size], -1 - np.arange(len(rows)), np.zeros(64, np.int64)])
         self.counters[N_FRONT] += len(rows)
-        ahead = self._covered(costs[rows])
+        ahead = self._least_covered(costs[rows])
         ahead = ahead[ahead[:, 0].argsort()]
         no_corners = np.zeros((0, 0, LANES), np.int32), np.zeros(0, np.int64)
         reached, scratch = np.zeros(1, np.int64), np.zeros((2, LANES), np.int32)
-        self._take_corners(HullBounds(hull.layers, hull.weights, *no_corners, ahead, reached, scratch), clock)
+        self._update_corners(HullBounds(hull.layers, hull.weights, *no_corners, ahead, reached, scratch), clock)
 
-    def _front_on(self, passed: IntArray, clock: Clock) -> tuple[IntArray, list[IntArray]]:
-        """Return the approximate front (n, 3) of the paths through some nodes alone, and their arcs."""
-        nodes = np.sort(self.groups.nodes[passed])
+    def _front_through(self, nodes_on_best_paths: IntArray, clock: Clock) -> tuple[IntArray, list[IntArray]]:
+        """Return the approximate front (n, 3) of the paths that use only the given nodes, and their arcs."""
+        nodes = np.sort(self.groups.nodes[nodes_on_best_paths])
         part = self.graph.among(nodes)
         if self.closed_arcs is not None:
             free = part.without(self.closed_arcs[part.arc])
             part = replace(free, arc=part.arc[free.arc])
         source = int(np.searchsorted(nodes, self.groups.nodes[self.source]))
-        targets = np.flatnonzero(self.is_target[self.groups.place[nodes]])
+        targets = np.flatnonzero(self.is_target[self.groups.new_number[nodes]])
         memory = self.memory()
         silent = clock.silent(int(self.counters[N_GENERATED]), memory)
         try:
-            groups = Groups.of_column(part, self.order[1], silent) or Groups.none(part, silent)
+            groups = Groups.of_turns(part, self.order[1], silent) or Groups.single_nodes(part, silent)
         except NoRoom:
             return np.zeros((0, 3), np.int64), []
         h, _, _ = lower_bounds(part, source, targets, silent, groups)
         if not h.size or h[0, source] >= UNREACHABLE:  # too little memory, or too coarse steps of the bounds
             return np.zeros((0, 3), np.int64), []
         near = Precision(self.precision.eps / NEAR, tuple(t // NEAR for t in self.precision.tolerance))
-        search = self._on(part, source, targets, h, groups, silent, near)
+        search = self._search_on(part, source, targets, h, groups, silent, near)
         search.run(silent)
-        costs, labels, generated, expanded, _ = search.found()
+        costs, labels, generated, expanded, _ = search.results()
         self.counters[N_GENERATED] += generated
         self.counters[N_EXPANDED] += expanded
         hull_paths = [part.arc[path].astype(np.int64) for path in search.paths(labels, silent)]
@@ -348,16 +357,16 @@ class JointSearch(BucketSearch):
         clock.peak = max(clock.peak, memory + silent.peak)
         return costs, hull_paths
 
-    def _covered(self, costs: IntArray) -> IntArray:
-        """Return the least estimates (n, 3) that costs cover."""
+    def _least_covered(self, costs: IntArray) -> IntArray:
+        """Return, for each vector of costs (n, 3), the least estimate that it covers within the precision."""
         eps, tolerance = float(self.precision.eps), self.tolerance.tolist()
         table = [[least_covered(c, eps, t) for c, t in zip(row, tolerance, strict=True)] for row in costs.tolist()]
         return np.array(table, np.int64).reshape(-1, 3)
 
-    def _take_corners(self, hull: HullBounds, clock: Clock) -> None:
-        """Compute the corners that the front leaves uncovered, within the bounds on solutions."""
-        self.cornered = int(self.counters[N_FRONT])
-        covered = self._covered(self.front[: self.cornered])
+    def _update_corners(self, hull: HullBounds, clock: Clock) -> None:
+        """Compute the corners of the region that the front leaves uncovered, within the bounds on solutions."""
+        self.corners_size = int(self.counters[N_FRONT])
+        covered = self._least_covered(self.front[: self.corners_size])
         if self.at_most:
             beyond = np.diag([self.at_most[j] + 1 for j in self.order])
             covered = np.concatenate([covered, beyond[beyond.max(axis=1) <= ANYTHING]])

@@ -76,7 +76,10 @@ def advance(
     tolerance: IntArray,
     bound: int,
 ) -> int:
-    """Expand labels until the work is done or an array is full; return the reason."""
+    """Expand labels until the queue is empty, `work` steps are done or an array is full; return the code of the reason.
+
+    The other arguments are the arrays of :class:`.Staircase`, which the kernel changes in place.
+    """
     nodes, start, arcs, arc_heads, groups, rows, dearest, turns, source, first, rest = graph
     step, shared, alike, max_first, max_rest = turn
     tops, below, entries = waiting

@@ -43,13 +43,13 @@ def retrace(
     at: NDArray[np.int32],
     f: NDArray[Any],
 ) -> int:
-    """Write the node (n,) and the estimate (n, 3) of labels (n,), the closed ones first.
+    """Write the node of each label to `at` (n,) and its estimate to f (n, 3).
 
-    The graph, its turns and their tables are those of the search's kernel.
-
-    root   (3,)  estimate of the source
-    tails  (m,)  of the arcs
-    most   (3,)  largest estimates
+    values       (n,)  labels, closed labels first; `closed` is their number
+    root         (3,)  estimate of the source
+    graph, turn        tables of the kernel of the search
+    tails        (m,)  tails of the arcs
+    most         (3,)  largest estimates that fit
 
     Returns n, or i for an invalid label i, or -1 - i for a label i with too large costs.
     """
@@ -118,7 +118,9 @@ def enter_all(
     share: NDArray[Any],
     width: int,
 ) -> int:
-    """Enter closed labels (n,) with their estimates (n, 3), from `begin` on, as the search did when it closed them.
+    """Enter closed labels from index `begin` on into the staircases, as the search did when it closed them.
+
+    at, f  (n,), (n, 3)  nodes and estimates of the labels
 
     Returns n, or i if there are too few rows for label i, or -1 - i if label i is covered.
     """
@@ -154,7 +156,7 @@ def enter_all(
 
 @kernel
 def enter_goal(goal: NDArray[Any], solved: NDArray[Any], eps: float, tolerance: IntArray) -> int:
-    """Lower the staircase of the targets by solutions (n, 3); return n, or -1 - i if it covers solution i."""
+    """Lower the staircase of the targets by solutions (n, 3); return n, or -1 - i if solution i is covered already."""
     end = len(goal) - 1
     for i in range(len(solved)):
         if goal[solved[i, 1] if solved[i, 1] < end else end] <= solved[i, 2]:
@@ -165,8 +167,8 @@ def enter_goal(goal: NDArray[Any], solved: NDArray[Any], eps: float, tolerance: 
 
 
 @kernel
-def weigh(stairs: NDArray[Any], groups: NDArray[Any], width: int, empty: int) -> int:
-    """Return a checksum of the steps of all staircases, independent of their positions and widths; it may overflow.
+def checksum_of_stairs(stairs: NDArray[Any], groups: NDArray[Any], width: int, empty: int) -> int:
+    """Return a checksum of the steps of all staircases, independent of their positions and widths.
 
     empty  height of a step without a closed label
     """
@@ -200,10 +202,12 @@ NEVER = 2**31 - 1  # larger than any bound
 
 @dataclass(frozen=True, eq=False)
 class UncoveredCorners:
-    """Corners of the vectors that no solution covers.
+    """Corners of the region of vectors that no solution covers, for each number of turns.
 
-    values  (N + 1, p + 1, LANES)  weighted corners with at most 0, 1, ... N or more turns, by rising first cost
-    last    (N + 1,)               index of the last corner of each number of turns
+    N is the largest number of turns of a solution, p the number of solutions.
+
+    values  (N + 1, p + 1, LANES)  weighted corners for at most 0, 1, ... N turns, by rising first cost
+    last    (N + 1,)               index of the last corner for each number of turns
     """
 
     values: IntLanes
@@ -211,7 +215,7 @@ class UncoveredCorners:
 
     @classmethod
     def of(cls, covered: IntArray, weights: FloatArray, clock: Clock) -> UncoveredCorners:
-        """Return the corners of solutions, given by the least estimates (p, 3) that they cover: first, turns, rest."""
+        """Return the corners that solutions leave; ``covered`` (p, 3): the least estimate that each solution covers."""
         order = np.lexsort((covered[:, 2], covered[:, 0]))
         most = int(covered[:, 1].max(initial=0))
         values = np.empty((most + 1, len(covered) + 1, LANES), np.int32)
@@ -222,7 +226,7 @@ class UncoveredCorners:
 
 @kernel
 def fill_corners(covered: IntArray, weights: FloatArray, values: IntLanes, last: IntArray) -> None:
-    """Write the weighted corners (N + 1, p + 1, LANES) of estimates (p, 3), sorted by first cost, then rest cost."""
+    """Write the fields of :class:`UncoveredCorners`; `covered` (p, 3) is sorted by first cost, then rest cost."""
     infinite = float(NEVER)
     for n in range(len(last)):
         corner = 0
@@ -255,9 +259,12 @@ def may_improve(
     last: IntArray,
     scratch: IntLanes,
 ) -> bool:
-    """Return whether a label at v, with n turns and these estimates, may have a completion that no solution covers.
+    """Return whether a label at node v may have a completion that no solution covers.
 
-    It needs at least `fewest` more turns, which may be more than there are layers; `scratch` is (2, LANES).
+    n, first, rest   turns so far, and estimates of the first and the rest cost
+    fewest           least number of further turns; may exceed the number of layers
+    layers, weights  of :class:`.TurnHull`; values and last of :class:`UncoveredCorners`
+    scratch          (2, LANES)
     """
     label, bound = scratch[0], scratch[1]
     node = np.uint64(v)

@@ -35,7 +35,7 @@ from hpop.frontier import is_nondominated
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import ANYTHING, EXACT, Precision
 from hpop.search.machinery.bounds import UNREACHABLE
-from hpop.search.machinery.labels import Nodes, Unsound, check_solutions, enter_each
+from hpop.search.machinery.labels import Nodes, Unsound, check_solutions, enter_in_batches
 from hpop.search.machinery.slices import (
     BUCKETS,
     CHUNKS,
@@ -51,7 +51,7 @@ from hpop.search.machinery.slices import (
 from hpop.search.machinery.turns import OFFSET, SIZE, Groups
 from hpop.search.staircase.buckets import JointSearch
 from hpop.search.staircase.kernel import advance
-from hpop.search.staircase.labels import enter_all, enter_goal, retrace, weigh
+from hpop.search.staircase.labels import checksum_of_stairs, enter_all, enter_goal, retrace
 from hpop.search.staircase.tables import (
     ARC_COLUMNS,
     BELOW,
@@ -61,10 +61,10 @@ from hpop.search.staircase.tables import (
     NODE_COLUMNS,
     REST,
     TooWide,
+    copy_to_double_width,
     costs_by_turns,
     fill_tables,
-    trace,
-    widen,
+    trace_paths,
 )
 
 STEPS = 64  # arcs per path for which there is room at first
@@ -76,7 +76,10 @@ SOON = 0.1  # labels expanded per node after which it uses joint bounds
 
 
 class Staircase(JointSearch):
-    """Search on one graph for one query, with costs in a given order: first, index, rest (or -1)."""
+    """Staircase search on one graph for one query.
+
+    order  columns of the first cost, the index cost and the rest cost; the last is -1 if there are two costs
+    """
 
     order: tuple[int, int, int]
 
@@ -94,7 +97,15 @@ class Staircase(JointSearch):
         width: int = 16,
         jointly: bool = True,
     ) -> None:
-        """Set up the tables; `jointly` allows joint bounds, which checkpoints do not store."""
+        """Set up the tables of a query.
+
+        targets  (t,)    nodes
+        h        (k, n)  lower bounds of the remaining costs
+        groups           groups of the turns that raise the index cost, or single nodes
+        at_most  (k,)    upper bounds on the costs of a path, or ()
+        width            first number of steps of a staircase
+        jointly          whether joint bounds are allowed; checkpoints do not store them
+        """
         self.precision, self.tolerance = precision, precision.of(order)
         worst = [j >= 0 and graph.aggregates[j] == "max" for j in order]
         self.jointly = jointly and not precision.is_exact and groups.step == 1 and order[2] >= 0 and not any(worst)
@@ -109,10 +120,10 @@ class Staircase(JointSearch):
         priced = [j for j in (order[0], order[2]) if j >= 0]
         shared = groups.step > 0 and not groups.dearest[:, order[0]].any()
         self.turn = (groups.step, shared, bool(groups.alike[priced].all()), worst[0], worst[2])
-        self.source = int(groups.place[source])
+        self.source = int(groups.new_number[source])
         self.start = np.empty(graph.nodes + 1, np.int64)
         self.is_target = np.zeros(graph.nodes, np.uint8)
-        self.is_target[self.groups.place[targets]] = 1
+        self.is_target[self.groups.new_number[targets]] = 1
         self.nodes = np.empty((graph.nodes, NODE_COLUMNS), self.dtype)
         self.group_table = np.empty((len(groups.rows), GROUP_COLUMNS), self.dtype)
         m = len(groups.heads)
@@ -122,43 +133,43 @@ class Staircase(JointSearch):
         tables = (self.is_target, self.nodes, self.group_table, self.start, self.arcs, self.heads, self.origin)
         m = clock.call(fill_tables, graph.costs, np.array(order, np.int64), h, plain, *tables)
         self.arcs, self.heads, self.origin = self.arcs[:m], self.heads[:m], self.origin[:m]
-        self._bound(width)
-        self.share = np.full((len(self.groups.rows), self.width), self._empty(1)[0])
-        self.stairs = self._empty(1 << 14)
+        self._make_goal_staircase(width)
+        self.share = np.full((len(self.groups.rows), self.width), self._empty_steps(1)[0])
+        self.stairs = self._empty_steps(1 << 14)
         self.layers = np.zeros((1, 0), self.dtype)
-        self.looked_ahead = False
+        self.has_tried_bounds = False
         sizes = self.groups.rows[:, SIZE]
         degrees = np.add.reduceat(np.diff(self.start), self.groups.rows[:, OFFSET])
         super().__init__(3, int((degrees + sizes).max()))
         self.fresh = np.zeros((self.fan, 3), np.int64)
-        self._queue(f)
+        self._make_packed_queue(f)
 
     def close(self, arcs: BoolArray, groups: BoolArray) -> None:
-        """Close arcs (m,) of the graph, and all turns of groups (g,).
+        """Close arcs, a mask (m,) of the graph's arcs, and all turns of groups, a mask (g,).
 
-        Their rest cost becomes larger than any solution's, so that every dominance test rejects them.
+        Closed arcs get a rest cost larger than that of any solution, so that every dominance test rejects them.
         """
         self.closed_arcs = arcs
-        infinite = self._empty(1)[0]
+        infinite = self._empty_steps(1)[0]
         self.arcs[arcs[self.origin], REST] = infinite
         self.group_table[groups, DEAREST] = infinite
 
-    def _no_more_than(self) -> list[int]:
-        """Return the bounds on solutions, in the order of the search."""
+    def _upper_bounds(self) -> list[int]:
+        """Return the upper bounds on the costs of solutions, in the order of the search."""
         return [self.at_most[j] if self.at_most and j >= 0 else ANYTHING for j in self.order]
 
-    def _bound(self, width: int) -> None:
-        """Set up the staircase of the targets, with the bounds on solutions."""
-        first, index, rest = self._no_more_than()
+    def _make_goal_staircase(self, width: int) -> None:
+        """Set up the staircase of the targets with the upper bounds on solutions as its first steps."""
+        first, index, rest = self._upper_bounds()
         self.most, self.width = first, width
         while index < 1 << INDEX_BITS and self.width < index + 2:
             self.width *= 2
-        self.goal = self._empty(self.width)
+        self.goal = self._empty_steps(self.width)
         self.goal[:] = min(rest + 1, int(self.goal[0]))
         self.goal[index + 1 :] = 0
 
-    def _queue(self, f: list[int]) -> None:
-        """Set up the queue with one label of estimate f (3,); raises TooWide."""
+    def _make_packed_queue(self, f: list[int]) -> None:
+        """Set up the queue with one label of estimate f (3,); raise TooWide if costs do not fit a key."""
         self.root = np.array(f, np.int64)
         shift = max(0, max(f[0], int(self.rise[0])).bit_length() - BUCKET_BITS)
         bits = KEY_BITS - INDEX_BITS - shift
@@ -168,15 +179,15 @@ class Staircase(JointSearch):
             raise TooWide
         self._make_queue(f, np.array([shift, bits, bits + INDEX_BITS, origin, limit], np.int64))
 
-    def _empty(self, size: int) -> NDArray[Any]:
+    def _empty_steps(self, size: int) -> NDArray[Any]:
         return np.full(size, min(np.iinfo(self.dtype).max, int(UNREACHABLE)), self.dtype)
 
     def advance(self, clock: Clock, work: int) -> int:
         """Run the kernel."""
-        if not self.looked_ahead and self.counters[N_EXPANDED] > (SOON if self.jointly else LONG) * len(self.nodes):
-            self._look_ahead(clock)
-        if self.hull and self.cornered < self.counters[N_FRONT]:
-            self._take_corners(self.hull, clock)
+        if not self.has_tried_bounds and self.counters[N_EXPANDED] > (SOON if self.jointly else LONG) * len(self.nodes):
+            self._add_bounds(clock)
+        if self.hull and self.corners_size < self.counters[N_FRONT]:
+            self._update_corners(self.hull, clock)
         code = clock.call(
             advance,
             self.counters,
@@ -211,10 +222,10 @@ class Staircase(JointSearch):
         tables = (self.nodes, self.start, self.arcs, self.heads, self.group_table)
         return (*tables, groups.rows, groups.dearest, groups.turns, self.source, self.order[0], self.order[2])
 
-    def _look_ahead(self, clock: Clock) -> None:
-        """Use joint bounds, or bounds by remaining turns, if the graph and the memory allow them."""
-        self.looked_ahead = True
-        if self.jointly and self._look_jointly(clock):
+    def _add_bounds(self, clock: Clock) -> None:
+        """Compute joint bounds or, failing that, bounds by remaining turns, if graph and memory allow them."""
+        self.has_tried_bounds = True
+        if self.jointly and self._compute_joint_bounds(clock):
             return
         limit, size = clock.budget.max_memory, LAYERS * len(self.nodes) * self.nodes.itemsize
         if limit is not None and self.memory() + 2 * size > limit:
@@ -226,15 +237,15 @@ class Staircase(JointSearch):
             self.take_turn_bounds(layers)
 
     def take_turn_bounds(self, layers: NDArray[Any]) -> None:
-        """Prune by bounds (n, LAYERS) by remaining turns, of :func:`.costs_by_turns`."""
-        self.looked_ahead = True
+        """Prune from now on by bounds (n, LAYERS) for each number of remaining turns, of :func:`.costs_by_turns`."""
+        self.has_tried_bounds = True
         self.layers = layers
         self._lengthen_goal()
 
-    def _on(
+    def _search_on(
         self, part: Graph, source: int, targets: IntArray, h: IntArray, groups: Groups, clock: Clock, near: Precision
     ) -> Staircase:
-        """Return the search on a part of the graph."""
+        """Set up a search with precision ``near`` on a part of the graph."""
         return Staircase(part, source, targets, h, self.order, groups, clock, near, self.at_most, jointly=False)
 
     def _lengthen_goal(self) -> None:
@@ -245,12 +256,12 @@ class Staircase(JointSearch):
         """Return the tables of the graph, the staircases and the queue."""
         groups = self.groups
         tables = [self.nodes, self.group_table, self.start, self.arcs, self.heads, self.origin, self.is_target]
-        grouped = [groups.nodes, groups.place, groups.rows, groups.dearest, groups.turns, groups.start]
+        grouped = [groups.nodes, groups.new_number, groups.rows, groups.dearest, groups.turns, groups.start]
         queue: list[NDArray[Any]] = [self.tops, self.below, self.entries, self.keys, self.values, self.fresh]
         return [*tables, *grouped, *(self.hull or ()), self.stairs, self.share, self.goal, self.layers, *queue]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Return how to double the rows or the width of the staircases, or the room of the queue."""
+        """Return the additional bytes, and a function that grows the staircases, the costs or the queue."""
         if code == HEAP:
             return self.keys.nbytes + self.values.nbytes, self._grow_heap
         if code == CHUNKS:
@@ -264,7 +275,7 @@ class Staircase(JointSearch):
         return self.stairs.nbytes, self._grow_rows if code == ROWS else self._grow_width
 
     def _widen_costs(self) -> None:
-        """Use 64 bits for costs; raises TooWide if they have 64 bits already."""
+        """Store costs with 64 bits; raise TooWide if they have 64 bits already."""
         if self.dtype is np.int64:
             raise TooWide
         old = np.iinfo(self.dtype).max
@@ -274,34 +285,34 @@ class Staircase(JointSearch):
             array = getattr(self, name).astype(np.int64)
             array[array == old] = UNREACHABLE
             setattr(self, name, array)
-        self.goal = np.minimum(self.goal, self._no_more_than()[2] + 1)  # which may not have fit 32 bits
+        self.goal = np.minimum(self.goal, self._upper_bounds()[2] + 1)  # which may not have fit 32 bits
 
     def _grow_rows(self) -> None:
         size = len(self.stairs)
         self.stairs.resize(2 * size, refcheck=False)
-        self.stairs[size:] = self._empty(1)[0]
+        self.stairs[size:] = self._empty_steps(1)[0]
 
     def _grow_width(self) -> None:
         old = self.stairs
-        self.stairs = self._empty(2 * len(old))
-        self.counters[N_ROWS] = widen(old, self.stairs, self.group_table, self.width)
+        self.stairs = self._empty_steps(2 * len(old))
+        self.counters[N_ROWS] = copy_to_double_width(old, self.stairs, self.group_table, self.width)
         self.share = np.concatenate([self.share, np.repeat(self.share[:, -1:], self.width, axis=1)], axis=1)
         self.width *= 2
         self._lengthen_goal()
 
     def weight_of_sets(self, clock: Clock) -> int:
         """Return a checksum of the steps of all staircases."""
-        empty = int(self._empty(1)[0])
-        return int(clock.call(weigh, self.stairs, self.group_table, self.width, empty))
+        empty = int(self._empty_steps(1)[0])
+        return int(clock.call(checksum_of_stairs, self.stairs, self.group_table, self.width, empty))
 
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
-        """Return the nodes (n,) and estimates (n, 3) of labels."""
+        """Write the nodes (n,) of labels to `at`; return n and their estimates (n, 3), see :meth:`.Search.retrace`."""
         f = np.zeros((len(values), 3), np.int64)
         tails = np.repeat(np.arange(len(self.nodes), dtype=np.int32), np.diff(self.start))
         most = np.array([ANYTHING, (1 << INDEX_BITS) - 1, self.packing[-1]])
         return clock.call(retrace, values, closed, self.root, self._tables(), self.turn, tails, most, at, f), f
 
-    def widen(self) -> bool:
+    def copy_to_double_width(self) -> bool:
         """Use 64 bits for costs; return False if they have 64 bits already."""
         narrow = self.dtype is np.int32
         if narrow:
@@ -318,13 +329,13 @@ class Staircase(JointSearch):
             tables = (self._tables(), self.turn, self.stairs, self.share, self.width)
             return int(clock.call(enter_all, nodes, closed, begin, self.counters, *tables))
 
-        enter_each(len(nodes), enter, self._grow_rows)
+        enter_in_batches(len(nodes), enter, self._grow_rows)
         if clock.call(enter_goal, self.goal, solved, float(self.precision.eps), self.tolerance) < 0:
             raise Unsound("a solution is covered by one before it")
 
-    def found(self) -> tuple[IntArray, IntArray, int, int, int]:
-        """Return the results as any search, without solutions of joint bounds that later ones dominate."""
-        front, labels, generated, expanded, waiting = super().found()
+    def results(self) -> tuple[IntArray, IntArray, int, int, int]:
+        """Return the results of :meth:`.Search.results`, without solutions of joint bounds that are dominated."""
+        front, labels, generated, expanded, waiting = super().results()
         if self.hull_paths:
             best = is_nondominated(front.astype(np.float64))
             front, labels = front[best], labels[best]
@@ -337,10 +348,10 @@ class Staircase(JointSearch):
         arcs = (graph.indptr, graph.heads, graph.costs, self.order[1], tails, self.heads, self.origin)
         arrays = (*arcs, groups.nodes, self.closed, self.source, np.maximum(labels, 0))
         ends, steps = np.empty(len(labels), np.int64), np.empty(STEPS * len(labels), np.int64)
-        size = clock.call(trace, *arrays, ends, steps)
+        size = clock.call(trace_paths, *arrays, ends, steps)
         if size > len(steps):
             steps = np.empty(size, np.int64)
-            clock.call(trace, *arrays, ends, steps)
+            clock.call(trace_paths, *arrays, ends, steps)
         hull_paths = [part[::-1] for part in np.split(steps[:size], ends)[:-1]]
         return [
             self.hull_paths[-1 - label] if label < 0 else path for label, path in zip(labels, hull_paths, strict=True)

@@ -39,9 +39,11 @@ def fill_tables(
     arc_heads: NDArray[np.int32],
     origin: NDArray[np.int32],
 ) -> int:
-    """Fill the tables of nodes (n, 4), of groups (g, 4) and of the plain arcs (m, 4) that reach a target; return m.
+    """Fill the tables of nodes (n, 4), groups (g, 4) and the plain arcs (m, 4) that reach a target; return m.
 
-    start (n + 1,) receives the offsets of the arcs of nodes, arc_heads (m,) their heads, origin (m,) their indices.
+    start      (n + 1,)  output: offsets of the arcs of nodes
+    arc_heads  (m,)      output: heads of the arcs
+    origin     (m,)      output: indices of the arcs in the graph
     """
     nodes, rows, dearest, plain_start, plain_heads, plain_origin = groups
     m = 0
@@ -72,7 +74,7 @@ def fill_tables(
 
 @lean
 def lower(stairs: NDArray[Any], at: int, slots: int, steps: int, d: int) -> None:
-    """Lower a staircase to d from one of its steps on."""
+    """Lower a staircase to height d from step `at` on."""
     at &= BELOW
     for _ in range(steps):
         if stairs[at] <= d:
@@ -93,7 +95,10 @@ def enter_stairs(
     d: int,
     width: int,
 ) -> int:
-    """Lower the staircases of a node and of its group to d from n on; return the first row of the group."""
+    """Lower the staircases of a node (`slot` of its group) and of the group to height d from step n on.
+
+    Returns the first row of the group in the table of steps.
+    """
     group, n = group & BELOW, n & BELOW
     slots = np.int64(groups[group, SLOTS]) & BELOW
     base = np.int64(groups[group, ROW])
@@ -110,8 +115,8 @@ def enter_stairs(
 
 
 @kernel
-def widen(old: NDArray[Any], new: NDArray[Any], groups: NDArray[Any], width: int) -> int:
-    """Copy the staircases to twice their width, with their last step repeated; return the rows in use."""
+def copy_to_double_width(old: NDArray[Any], new: NDArray[Any], groups: NDArray[Any], width: int) -> int:
+    """Copy all staircases to `new` with twice their width, the last step repeated; return the used rows."""
     used = np.int64(0)
     for g in range(len(groups)):
         row, slots = np.int64(groups[g, ROW]), np.int64(groups[g, SLOTS])
@@ -126,7 +131,7 @@ def widen(old: NDArray[Any], new: NDArray[Any], groups: NDArray[Any], width: int
 
 
 @lean
-def trace(
+def trace_paths(
     indptr: IntArray,
     heads: NDArray[np.int32],
     costs: IntArray,
@@ -141,10 +146,10 @@ def trace(
     ends: IntArray,
     steps: IntArray,
 ) -> int:
-    """Follow labels back to the source, and insert turns between arcs that do not join.
+    """Follow labels (n,) back to the source, and insert turns between arcs that do not join.
 
-    Writes the ends (n,) of the paths in the list of all arcs, and this list as far as there is room, with each path
-    from its last arc on; returns the length of the list.
+    Writes the arcs of all paths to `steps`, path after path, each from its last arc to its first, as far as there is
+    room, and the end of each path in this array to `ends` (n,). Returns the length that `steps` needs.
     """
     size = 0
     for i in range(len(labels)):
@@ -188,9 +193,11 @@ def costs_by_turns(
     is_target: NDArray[np.uint8],
     clock: Clock,
 ) -> NDArray[Any] | None:
-    """Return the least rest cost (n, LAYERS) from each node with at most m turns in column m, any number in the last.
+    """Return the least remaining rest cost (n, LAYERS): column m for at most m turns, the last for any number.
 
-    The result is None if plain arcs form no chains. Tables are those of the staircase search; column is the rest cost.
+    column  of the rest cost; the tables are those of the staircase search
+
+    Returns None if the plain arcs form no chains.
     """
     chains = chain_order(start, arcs, clock) if column >= 0 else None
     if chains is None:
@@ -204,16 +211,16 @@ def costs_by_turns(
         bool(groups.alike[column]),
     )
     begin = np.array([chains.begin(m) for m in range(LAYERS)])
-    clock.call(sweep, nodes, chains.tails, chains.indices, begin, arcs, *turns, is_target, infinite, layers)
+    clock.call(fill_layers, nodes, chains.tails, chains.indices, begin, arcs, *turns, is_target, infinite, layers)
     return np.ascontiguousarray(layers.T)
 
 
 class ArcChains(NamedTuple):
-    """Plain arcs (m,), each after its successors.
+    """Plain arcs in an order in which each arc comes after the arc that continues it.
 
-    tails    of the arcs
-    indices  of the arcs
-    late     (l,) turns of each of the first l arcs, in falling order; no arcs leave their heads
+    tails    (m,)  tails of the arcs
+    indices  (m,)  indices of the arcs in the table of arcs
+    late     (l,)  number of turns of each of the first l arcs, falling; these arcs end at nodes that no arc leaves
     """
 
     tails: IntArray
@@ -226,7 +233,7 @@ class ArcChains(NamedTuple):
 
 
 def chain_order(start: IntArray, arcs: NDArray[Any], clock: Clock) -> ArcChains | None:
-    """Return the plain arcs, each after the arc that leaves its head, or None if they form no chains."""
+    """Return the plain arcs in the order of chains, or None if they form no chains."""
     if not len(arcs):
         return None
     tails, indices = np.empty(len(arcs), np.int64), np.empty(len(arcs), np.int64)
@@ -240,20 +247,23 @@ def chain_order(start: IntArray, arcs: NDArray[Any], clock: Clock) -> ArcChains 
 
 
 @lean
-def is_last(start: IntArray, arcs: NDArray[Any], v: int, a: int) -> bool:
-    """Return whether no arc leaves the head of arc a of node v, and the arc turns or is one of several."""
+def ends_chain(start: IntArray, arcs: NDArray[Any], v: int, a: int) -> bool:
+    """Return whether arc a of node v ends a chain.
+
+    No arc leaves its head, and the arc turns or is one of several arcs of v.
+    """
     u = np.int64(arcs[a, HEAD])
     return bool(start[u + 1] == start[u] and (arcs[a, INDEX] > 0 or start[v + 1] > start[v] + 1))
 
 
 @kernel
 def order_chains(start: IntArray, arcs: NDArray[Any], tails: IntArray, indices: IntArray) -> int:
-    """Order arcs along chains (m,) with node numbers that only rise or only fall; return -1 if they are not such.
+    """Order arcs (m,) along chains of nodes; return the number of arcs that end chains, or -1 if there are no chains.
 
-    Rising arcs come first, from the last node on, then falling ones. So a sweep goes through memory twice; chain after
-    chain took two to three times as long. A goal and a start may be joined to the chains: a node may have several arcs
-    to nodes that no arc leaves, which come first, or if no arc enters it, which come last. Returns the number of arcs
-    that come first.
+    The node numbers of a chain only rise or only fall. Arcs that end chains come first, then rising arcs from the last
+    node on, then falling arcs, so that a sweep goes through memory twice; chain after chain took two to three times as
+    long. A goal and a start may be joined to the chains: arcs to nodes that no arc leaves come first, several arcs of a
+    node that no arc enters come last.
     """
     n = len(start) - 1
     entered = np.zeros(n, np.bool_)
@@ -264,7 +274,7 @@ def order_chains(start: IntArray, arcs: NDArray[Any], tails: IntArray, indices: 
     k = 0
     for v in range(n):
         for a in range(start[v], start[v + 1]):
-            if is_last(start, arcs, v, a):
+            if ends_chain(start, arcs, v, a):
                 tails[k], indices[k] = v, a
                 k += 1
             else:
@@ -288,14 +298,14 @@ def order_chains(start: IntArray, arcs: NDArray[Any], tails: IntArray, indices: 
             k += 1
     for v in range(n):
         for a in range(start[v], start[v + 1] if begins[v] else start[v]):
-            if not is_last(start, arcs, v, a):
+            if not ends_chain(start, arcs, v, a):
                 tails[k], indices[k] = v, a
                 k += 1
     return first
 
 
 @kernel
-def sweep(
+def fill_layers(
     nodes: NDArray[Any],
     tails: IntArray,
     indices: IntArray,
@@ -309,7 +319,10 @@ def sweep(
     infinite: int,
     layers: NDArray[Any],
 ) -> None:
-    """Fill the layers one after the other."""
+    """Fill the layers (LAYERS, n) of :func:`costs_by_turns` one after the other.
+
+    begin  (LAYERS,)  first arc that each layer may use; `infinite` is the cost of a node without a path
+    """
     count, n = layers.shape
     now = np.full(n, infinite, layers.dtype)
     for m in range(count - 1):

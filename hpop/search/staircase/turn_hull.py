@@ -43,12 +43,12 @@ Steps = NDArray[np.uint16]
 
 
 class HullBounds(NamedTuple):
-    """Joint bounds and the corners of uncovered vectors, in the order of the kernel's arguments.
+    """Joint bounds and corners of uncovered vectors, for the kernel.
 
-    layers, weights  of the hull, see :class:`TurnHull`
-    corners, last    weighted corners and the last of each number of turns, see :class:`.UncoveredCorners`
-    ahead            (n, 3)      least estimates that the first solutions cover, by rising first cost
-    reached          (1,)        number of them that the search has passed
+    layers, weights  fields of :class:`TurnHull`
+    corners, last    fields ``values`` and ``last`` of :class:`.UncoveredCorners`
+    ahead            (n, 3)      least estimate that each first solution covers, by rising first cost
+    reached          (1,)        number of first solutions that the search has passed
     scratch          (2, LANES)  memory for the kernel
     """
 
@@ -63,13 +63,14 @@ class HullBounds(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TurnHull:
-    """Bounds of the remaining costs of every node.
+    """Joint bounds of the first and the rest cost: least weighted remaining costs of every node.
 
-    weights  (LANES, 2)           of the first and the rest cost; the first two are of one cost alone
-    layers   (m, nodes, LANES)    excess of the least weighted remaining cost with at most 0, 1, ... turns, in the last
-                                  layer with any number, over the weighted least remaining costs, in steps
-    moved    (m, arcs)            arcs by which a layer improves on the one before, as a bit per lane
-    step     (arcs,)              index of each arc in that order
+    weights  (LANES, 2)         weights of the two costs; each of the first two rows weighs one cost alone
+    layers   (m, nodes, LANES)  the bounds for at most 0, 1, ... turns, the last for any number; stored as the excess
+                                over the weighted sum of the least remaining costs, in steps of 2^STEP_BITS
+    moved    (m, arcs)          lanes in which a layer improves on the previous layer by an arc, as bits; arcs in the
+                                order of chains
+    step     (arcs,)            position of each arc in the order of chains
     """
 
     weights: FloatArray
@@ -77,7 +78,7 @@ class TurnHull:
     moved: NDArray[np.uint8]
     step: IntArray
 
-    def passed(
+    def nodes_on_best_paths(
         self,
         groups: Groups,
         columns: tuple[int, int],
@@ -87,7 +88,10 @@ class TurnHull:
         source: int,
         clock: Clock,
     ) -> IntArray:
-        """Return the nodes on best paths from a source, for any direction and number of turns."""
+        """Return the nodes on the best paths from a source, for all weights and numbers of turns.
+
+        columns are those of the first and the rest cost; nodes, start and arcs are tables of the staircase search.
+        """
         uniform = bool(groups.alike[list(columns)].all())
         turns = np.ascontiguousarray(groups.dearest.T) if uniform else groups.turns
         passed = np.zeros(len(nodes), np.uint8)
@@ -107,7 +111,10 @@ class TurnHull:
 
 
 def directions(typical: tuple[int, int]) -> FloatArray:
-    """Return weights (LANES, 2): each cost alone, then mixtures, evenly in the logarithm of their ratio."""
+    """Return weights (LANES, 2): each cost alone, then mixtures whose ratios are evenly spaced in the logarithm.
+
+    typical  first and rest cost of a whole path
+    """
     first, rest = (UNIT / max(1, t) for t in typical)
     mixtures = [(first / (1 + r), rest * r / (1 + r)) for r in np.geomspace(1 / SPREAD, SPREAD, LANES - 2)]
     return np.array([(first, 0.0), (0.0, rest), *mixtures])
@@ -125,10 +132,13 @@ def turn_hull(
     room: int,
     clock: Clock,
 ) -> TurnHull | None:
-    """Return the bounds, with layers until ``is_enough`` accepts the weighted remaining costs (n, LANES).
+    """Compute joint bounds, layer after layer, until ``is_enough`` accepts the weighted remaining costs (n, LANES).
 
-    The tables are those of the staircase search; the columns are its first and its rest cost. The result is None if
-    plain arcs form no chains, if room (bytes) suffices for too few layers, or when the time is over.
+    columns  of the first and the rest cost; nodes, start and arcs are tables of the staircase search
+    weights  (LANES, 2), of :func:`directions`
+    room     bytes for the layers
+
+    Returns None if plain arcs form no chains, if there is room for too few layers, or if the time is over.
     """
     uniform = bool(groups.alike[list(columns)].all())
     turns = groups.dearest.T if uniform else groups.turns
@@ -139,8 +149,8 @@ def turn_hull(
         return None
     order, indices, _ = chains
     onward = arcs[indices, HEAD].astype(np.int64)
-    move = _priced(arcs[indices, FIRST], arcs[indices, REST], weights, clock)
-    turn = _priced(turns[columns[0]], turns[columns[1]], weights, clock)
+    move = _weighted_costs(arcs[indices, FIRST], arcs[indices, REST], weights, clock)
+    turn = _weighted_costs(turns[columns[0]], turns[columns[1]], weights, clock)
     layers = np.empty((most, len(nodes), LANES), np.uint16)
     moved = np.zeros((most, len(indices)), np.uint8)
     scratch = np.empty(LANES, np.int32)
@@ -149,12 +159,12 @@ def turn_hull(
     first = chains.begin(0)
     clock.call(sweep_moves, now, order[first:], onward[first:], move[first:], moved[0, first:])
     least = np.empty_like(now)
-    clock.call(price_least, nodes, weights, least)
-    clock.prepare(keep, now, least, layers[0])
+    clock.call(write_weighted_least, nodes, weights, least)
+    clock.prepare(write_excess, now, least, layers[0])
     last = 1
     with ThreadPoolExecutor(1) as thread:  # stores a layer while the next one is swept
         with interrupts_held():
-            stored = thread.submit(keep, now, least, layers[0])
+            stored = thread.submit(write_excess, now, least, layers[0])
         while last < most - 1 and not is_enough(now):
             before, now = now, before
             clock.call(sweep_turns, before, now, groups.rows, uniform, turn, scratch)
@@ -162,7 +172,7 @@ def turn_hull(
             sweep_moves(now, order[first:], onward[first:], move[first:], moved[last, first:])
             with interrupts_held():
                 stored.result()
-                stored = thread.submit(keep, now, least, layers[last])
+                stored = thread.submit(write_excess, now, least, layers[last])
             last += 1
             if clock.exceeded(0, 0, record=False) is not None:
                 return None
@@ -172,28 +182,28 @@ def turn_hull(
         better |= sweep_moves(now, order, onward, move, moved[last])
         if clock.exceeded(0, 0, record=False) is not None:
             return None
-    keep(now, least, layers[last])
+    write_excess(now, least, layers[last])
     step = np.empty(len(indices), np.int64)
     step[indices] = np.arange(len(indices))
     return TurnHull(weights, layers[: last + 1], moved[:last], step)
 
 
-def _priced(first: NDArray[Any], rest: NDArray[Any], weights: FloatArray, clock: Clock) -> IntLanes:
+def _weighted_costs(first: NDArray[Any], rest: NDArray[Any], weights: FloatArray, clock: Clock) -> IntLanes:
     out = np.empty((len(first), LANES), np.int32)
-    clock.call(price, np.ascontiguousarray(first), np.ascontiguousarray(rest), weights, out)
+    clock.call(write_weighted_costs, np.ascontiguousarray(first), np.ascontiguousarray(rest), weights, out)
     return out
 
 
 @lean
-def price(first: NDArray[Any], rest: NDArray[Any], weights: FloatArray, out: IntLanes) -> None:
-    """Write weighted costs of (m,) and (m,) to `out` (m, LANES), rounded down."""
+def write_weighted_costs(first: NDArray[Any], rest: NDArray[Any], weights: FloatArray, out: IntLanes) -> None:
+    """Write the weighted sums of costs `first` (m,) and `rest` (m,) to `out` (m, LANES), rounded down."""
     for a in range(len(first)):
         for k in range(LANES):
             out[a, k] = np.int32(min(FAR - 1.0, (weights[k, 0] * first[a] + weights[k, 1] * rest[a]) * DOWN))
 
 
 @lean
-def price_least(nodes: NDArray[Any], weights: FloatArray, out: IntLanes) -> None:
+def write_weighted_least(nodes: NDArray[Any], weights: FloatArray, out: IntLanes) -> None:
     """Write the weighted least remaining costs of nodes to `out` (n, LANES), rounded up."""
     for v in range(np.uint64(len(nodes))):
         for k in range(LANES):
@@ -202,8 +212,8 @@ def price_least(nodes: NDArray[Any], weights: FloatArray, out: IntLanes) -> None
 
 
 @lean
-def keep(now: IntLanes, least: IntLanes, steps: Steps) -> None:
-    """Write the excess (n, LANES), in steps, of weighted remaining costs over the weighted least ones."""
+def write_excess(now: IntLanes, least: IntLanes, steps: Steps) -> None:
+    """Write the excess of weighted remaining costs `now` over `least` (n, LANES) to `steps`, in steps, rounded down."""
     for v in range(np.uint64(len(now))):
         for k in range(LANES):
             more = max(np.int32(0), np.int32(now[v, k] - least[v, k]))
@@ -212,7 +222,12 @@ def keep(now: IntLanes, least: IntLanes, steps: Steps) -> None:
 
 @lean
 def sweep_moves(now: IntLanes, order: IntArray, onward: IntArray, move: IntLanes, moved: NDArray[np.uint8]) -> bool:
-    """Sweep along whole chains; return whether any cost improved, and write by which arcs, as a bit per lane."""
+    """Improve weighted remaining costs `now` (n, LANES) by moves along whole chains; return whether any improved.
+
+    order, onward  (m,)  tails and heads of arcs in the order of chains
+    move           (m, LANES)  weighted costs of arcs
+    moved          (m,)  output: lanes that each arc improved, as bits
+    """
     better = np.uint8(0)
     for i in range(np.uint64(len(order))):
         v, u = np.uint64(order[i]), np.uint64(onward[i])
@@ -230,7 +245,11 @@ def sweep_moves(now: IntLanes, order: IntArray, onward: IntArray, move: IntLanes
 def sweep_turns(
     before: IntLanes, now: IntLanes, groups: IntArray, uniform: bool, turn: IntLanes, least: IntLanes
 ) -> bool:
-    """Take the better of no turn and a turn from `before`, which may be `now`; return whether turns improved."""
+    """Improve weighted remaining costs `now` (n, LANES) by a turn; return whether any improved.
+
+    before  (n, LANES)  costs after the turn; may be `now` itself
+    turn    (t, LANES)  weighted costs of turns: one per group if `uniform`, else one per pair of nodes
+    """
     better = False
     for g in range(np.uint64(len(groups))):
         begin, size = np.uint64(groups[g, OFFSET]), np.uint64(groups[g, SIZE])
@@ -279,7 +298,10 @@ def mark_paths(
     source: int,
     passed: NDArray[np.uint8],
 ) -> None:
-    """Mark the nodes on a best path from the source, to the nearest step, for each direction and number of turns."""
+    """Mark the nodes on a best path from the source, within one step, for each weight and number of turns.
+
+    The arguments are fields of :class:`TurnHull` and tables of the staircase search; `passed` (n,) is the output.
+    """
     for layer in range(len(layers)):
         for k in range(LANES):
             m, v = layer, np.int64(source)

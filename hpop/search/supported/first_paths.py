@@ -28,7 +28,7 @@ STEP = 1e-9  # added to each arc, so that loops of arcs without cost are avoided
 def first_paths(
     graph: Graph, source: int, targets: Sequence[int], budget: Budget, progress: ProgressCallback | None = None
 ) -> ParetoPaths:
-    """Return the non-dominated paths among those least in each cost, and for mixed weights while the time lasts.
+    """Return the non-dominated ones of the least paths of each cost and, while the time lasts, of mixed weights.
 
     If a cost is a maximum, its sum is weighted instead, and the maximum is returned.
 
@@ -65,7 +65,7 @@ def first_paths(
 
 
 def _least_paths(graph: Graph, source: int, targets: IntArray) -> Iterator[IntArray | None]:
-    """Yield the arcs of the least path for each weight in turn; None if there is no path."""
+    """Yield the arcs of the path of least weighted cost, weight after weight; None if there is no path."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import dijkstra
 
@@ -79,13 +79,13 @@ def _least_paths(graph: Graph, source: int, targets: IntArray) -> Iterator[IntAr
         if math.isinf(distance[end]):
             yield None
             return
-        arcs = _arcs(graph, matrix.data, before, source, end)
+        arcs = _path_to(graph, matrix.data, before, source, end)
         totals.append(costs[arcs].sum(axis=0))
         yield arcs
 
 
 def _weights(k: int, totals: Sequence[FloatArray]) -> Iterator[FloatArray]:
-    """Yield weights of each cost alone, then mixtures, in units of the ranges of the `totals` of found paths."""
+    """Yield weights (k,): each cost alone, then mixtures, scaled by the ranges of the costs `totals` of found paths."""
     yield from np.eye(k) + TIE
     ranges = np.maximum(np.ptp(np.array(totals), axis=0), TIE)
     for divisions in DIVISIONS:
@@ -94,8 +94,12 @@ def _weights(k: int, totals: Sequence[FloatArray]) -> Iterator[FloatArray]:
                 yield (np.array(parts) + TIE) / ranges
 
 
-def _arcs(graph: Graph, weighted: FloatArray, before: IntArray, source: int, end: int) -> IntArray:
-    """Return the arcs of the path to a node, from the source on; of parallel arcs the one of least weight."""
+def _path_to(graph: Graph, weighted: FloatArray, before: IntArray, source: int, end: int) -> IntArray:
+    """Return the arcs of the path to node `end`, from the source on; of parallel arcs, take the arc of least weight.
+
+    weighted  (m,)  weighted cost of each arc
+    before    (n,)  predecessor of each node
+    """
     arcs: list[int] = []
     node = end
     while node != source:

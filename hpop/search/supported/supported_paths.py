@@ -27,10 +27,10 @@ from hpop.search.supported.weights import (
     Vector,
     WeightCone,
     checked_divisions,
+    divided_by_gcd,
     integer_weights,
     least_path,
     simplex_lattice,
-    smallest,
     solve_weight,
 )
 
@@ -47,7 +47,7 @@ LARGEST_SUM = 2**61  # bound on sums of reduced costs along a path; see Graph
 class SupportedPaths(ParetoPaths):
     """Supported points and their paths; see :class:`ParetoPaths`.
 
-    weights  n         for each point the weights (., k) of normalised costs that it is optimal for, each summing to 1
+    weights  n         for each point, the weights (., k) of normalised costs for which it is optimal, rows sum to 1
     ideal    (k,)      least value of each cost, or a lower bound after a limit or Ctrl-C
     nadir    (k,)      greatest value of each cost among the lexicographic optima (an estimate for more than two costs)
     solved   count     weights with a computed shortest path
@@ -129,19 +129,23 @@ def supported_paths(
 
 @dataclass(eq=False)
 class SupportedRun:
-    """Run of one query: bounds, lexicographic optima, sweep.
+    """Run of one query: lower bounds, lexicographic optima, rounds of weights.
 
-    states  of the arcs; None if all are free
+    states  states of the arcs; None if all are free
+    paths   reduced costs -> arcs of the path, and the weights for which the path is optimal
+    least   (k,)  lower bounds of the ideal, subtracted in reduced costs
+    ideal   (k,)  least value of each cost
+    nadir   (k,)  greatest value of each cost among the lexicographic optima
+    solved  number of weights with a computed shortest path
+    rounds  number of rounds, also those repeated for blocked arcs
     """
 
     graph: Graph
     source: int
     clock: Clock
     states: ArcStates | None = None
-    found: dict[Vector, tuple[IntArray, list[Vector]]] = field(
-        default_factory=dict
-    )  # arcs and weights by reduced costs
-    least: IntArray = field(init=False)  # lower bounds of the ideal, subtracted in reduced costs
+    paths: dict[Vector, tuple[IntArray, list[Vector]]] = field(default_factory=dict)
+    least: IntArray = field(init=False)
     ideal: IntArray = field(init=False)
     nadir: IntArray = field(init=False)
     solved: int = 0
@@ -153,7 +157,7 @@ class SupportedRun:
         self.least = self.ideal = self.nadir = np.zeros(self.graph.criteria, np.int64)
 
     def go(self, targets: IntArray, fixed: list[Vector] | None, executor: Executor | None) -> Status:
-        """Run the query; ``found`` has the results."""
+        """Run the query for ``fixed`` weights, or for adaptive ones if None; the results are in ``paths``."""
         from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
 
         k = self.graph.criteria
@@ -165,7 +169,7 @@ class SupportedRun:
             return Status.NO_PATH
         self.least = self.nadir = h[:, self.source].copy()
         self.ideal = self.least.copy()
-        self._reduce(h, targets, UNREACHABLE)
+        self._set_reduced_costs(h, targets, UNREACHABLE)
         del h
         units = [tuple(int(i == j) for i in range(k)) for j in range(k)]
         for j, unit in enumerate(units):
@@ -175,32 +179,32 @@ class SupportedRun:
         ranges = [max(1, int(r)) for r in self.nadir - self.ideal]
         chunk = max(1, min(ROUND, CHUNK_ARCS // max(1, len(self.data.heads))))
         with Sweep(solve_weight, self.data, executor, chunk=chunk) as sweep:
-            for weights in self._adaptive(units) if fixed is None else self._fixed(fixed, ranges, units):
-                if not self._round(weights, sweep):
+            for weights in self._adaptive_rounds(units) if fixed is None else self._fixed_round(fixed, ranges, units):
+                if not self._solve_round(weights, sweep):
                     return Status.TIME_LIMIT
         return Status.COMPLETE
 
     def _optimum(self, j: int, unit: Vector) -> Status | None:
-        """Record the lexicographic optimum of a cost; return the status that prevents it, or None."""
+        """Record the lexicographic optimum of cost j, of weights ``unit``; return the status if there is none."""
         task = self._task(unit, 0 if self.states is None else self.radix[j])
-        while not self._late():
+        while not self._is_late():
             self.rounds += 1
-            (posed,) = self._posed([task])
-            arcs = least_path(self.data, posed, self.clock.call)
+            (free_task,) = self._without_blocked_arcs([task])
+            arcs = least_path(self.data, free_task, self.clock.call)
             if arcs is None:  # all paths are blocked: this shows at the first cost
                 self.ideal = self.nadir = np.zeros_like(self.least)
                 return Status.NO_PATH
-            if not self._settle([arcs]):
+            if not self._check_paths([arcs]):
                 break
             if self._is_free(arcs):
-                self.ideal[j] += self._keep(unit, arcs)[j]
-                self.nadir = self.least + np.max(np.array(list(self.found)), axis=0)
+                self.ideal[j] += self._record(unit, arcs)[j]
+                self.nadir = self.least + np.max(np.array(list(self.paths)), axis=0)
                 return None
         return Status.TIME_LIMIT
 
-    def _round(self, weights: list[Vector], sweep: Sweep[Reduced, Task, IntArray]) -> bool:
-        """Solve some weights, again if a path is blocked, and record the paths; return False if the time was over."""
-        points = list(self.found)
+    def _solve_round(self, weights: list[Vector], sweep: Sweep[Reduced, Task, IntArray]) -> bool:
+        """Solve weights, repeatedly while paths are blocked, and record the paths; return False if the time is over."""
+        points = list(self.paths)
         nearest = (np.array(points, float) @ np.array(weights, float).reshape(-1, self.graph.criteria).T).argmin(axis=0)
         tasks = [self._task(w, _dot(w, points[i])) for w, i in zip(weights, nearest, strict=True)]
         results: dict[int, IntArray] = {}
@@ -209,42 +213,44 @@ class SupportedRun:
                 self.rounds += 1
                 solved: dict[int, IntArray] = {}
                 try:
-                    for index, arcs in sweep.run(self._posed([tasks[i] for i in waiting]), self._late):
+                    for index, arcs in sweep.run(
+                        self._without_blocked_arcs([tasks[i] for i in waiting]), self._is_late
+                    ):
                         solved[waiting[index]] = arcs
                         self._report(len(results) + len(solved), len(waiting) - len(solved))
-                    is_complete = self._settle(list(solved.values())) and len(solved) == len(waiting)
+                    is_complete = self._check_paths(list(solved.values())) and len(solved) == len(waiting)
                 finally:  # also after Ctrl-C
                     results |= {i: arcs for i, arcs in solved.items() if self._is_free(arcs)}
                 if not is_complete:
                     return False
         finally:
             for i in sorted(results):
-                self._keep(weights[i], results[i])
+                self._record(weights[i], results[i])
             self.notes = tuple(sweep.notes)
         return True
 
     # Arcs that may be blocked
 
-    def _posed(self, tasks: list[Task]) -> list[Task]:
-        """Return tasks without the arcs that are known to be blocked."""
+    def _without_blocked_arcs(self, tasks: list[Task]) -> list[Task]:
+        """Return the tasks with the arcs that are known to be blocked closed."""
         if self.states is None:
             return tasks
-        blocked = np.flatnonzero(self.states.blocked[self.place])
+        blocked = np.flatnonzero(self.states.blocked[self.arc_index])
         return [task._replace(blocked=blocked) for task in tasks]
 
-    def _settle(self, paths: list[IntArray]) -> bool:
-        """Check whether paths are free; return False if the time was over before."""
+    def _check_paths(self, paths: list[IntArray]) -> bool:
+        """Check arcs until each path is known to be free or blocked; return False if the time is over earlier."""
         if self.states is None or not paths:
             return True
         lengths = np.array([arcs.size for arcs in paths])
-        return self.states.settle(self.place[np.concatenate(paths)], lengths, self._late)
+        return self.states.settle(self.arc_index[np.concatenate(paths)], lengths, self._is_late)
 
     def _is_free(self, arcs: IntArray) -> bool:
         """Return whether a path is known to be free."""
-        return self.states is None or bool(self.states.are_free(self.place[arcs], np.array([arcs.size]))[0])
+        return self.states is None or bool(self.states.are_free(self.arc_index[arcs], np.array([arcs.size]))[0])
 
-    def _reduce(self, h: IntArray, targets: IntArray, unreachable: np.int64) -> None:
-        """Drop arcs that reach no target and reduce the costs of the others."""
+    def _set_reduced_costs(self, h: IntArray, targets: IntArray, unreachable: np.int64) -> None:
+        """Set ``data``: the graph without arcs that reach no target, with costs reduced by the bounds h (k, n)."""
         from hpop.search.machinery.slices import PARTS
         from hpop.search.supported.weighted_path import arcs_onward, reduce_costs
 
@@ -253,10 +259,10 @@ class SupportedRun:
         m = int(start[-1])
         farthest = h.max(axis=1, initial=0, where=h < unreachable)
         narrow = (graph.largest + farthest).max() < 2**31  # a bound on reduced costs
-        self.place, heads = np.empty(m, np.int64), np.empty(m, np.int32)
+        self.arc_index, heads = np.empty(m, np.int64), np.empty(m, np.int32)
         costs = np.empty((m, k), np.int32 if narrow else np.int64)
         borders = np.linspace(0, graph.nodes, PARTS + 1).astype(int).tolist()
-        tables = ((graph.indptr, graph.heads, graph.costs), h, unreachable, start, self.place, heads, costs)
+        tables = ((graph.indptr, graph.heads, graph.costs), h, unreachable, start, self.arc_index, heads, costs)
         largest, bound = zip(*self.clock.call_all(reduce_costs, [(p, *tables) for p in pairwise(borders)]), strict=True)
         if np.max(largest) < 2**31:
             costs = costs.astype(np.int32, copy=False)
@@ -267,7 +273,11 @@ class SupportedRun:
         self.data = Reduced(start, heads, costs, self.source, is_target, tuple(np.max(largest, axis=0).tolist()))
 
     def _task(self, weights: Vector, limit: int) -> Task:
-        """Return a task with broken ties: the digits of a sum are the weighted sum and the costs of weight 0."""
+        """Return the task for weights, with ties broken by the costs of weight 0.
+
+        The task's weights make a sum whose leading digits are the weighted sum, and whose further digits are the costs
+        of weight 0. ``limit`` is an upper bound of the weighted sum.
+        """
         refined = [0] * len(weights)
         scale = 1
         for j in reversed(range(len(weights))):
@@ -277,13 +287,16 @@ class SupportedRun:
         refined = [w * scale if w else r for w, r in zip(weights, refined, strict=True)]
         return Task(tuple(refined), (limit + 1) * scale - 1)
 
-    def _adaptive(self, tested: Sequence[Vector]) -> Iterator[list[Vector]]:
-        """Yield rounds of weights, until every facet of the hull of the found points is tested."""
+    def _adaptive_rounds(self, tested: Sequence[Vector]) -> Iterator[list[Vector]]:
+        """Yield rounds of weights until every facet of the hull of the found points is tested.
+
+        ``tested`` are weights that are solved already.
+        """
         done = set(tested)
         inside: set[Vector] = set()
         cone: WeightCone | None = None
         while True:
-            for point in self.found:
+            for point in self.paths:
                 if point in inside:
                     continue
                 inside.add(point)
@@ -292,39 +305,46 @@ class SupportedRun:
                 else:
                     cone.add(point)
             facets = cone.facets() if cone else []
-            tasks = list(islice(dict.fromkeys(w for w in (smallest(w) for w, _ in facets) if w not in done), ROUND))
+            tasks = list(
+                islice(dict.fromkeys(w for w in (divided_by_gcd(w) for w, _ in facets) if w not in done), ROUND)
+            )
             if not tasks:
                 return
             done.update(tasks)
             yield tasks
 
-    def _fixed(self, weights: list[Vector], ranges: list[int], units: Sequence[Vector]) -> Iterator[list[Vector]]:
-        """Yield one round of given weights of normalised costs, without those of a single cost, which are solved."""
+    def _fixed_round(self, weights: list[Vector], ranges: list[int], units: Sequence[Vector]) -> Iterator[list[Vector]]:
+        """Yield one round of weights of normalised costs, without those of a single cost (units), already solved.
+
+        ranges  nadir minus ideal of each cost
+        """
         product = math.prod(ranges)
-        scaled = dict.fromkeys(smallest([w * (product // r) for w, r in zip(v, ranges, strict=True)]) for v in weights)
+        scaled = dict.fromkeys(
+            divided_by_gcd([w * (product // r) for w, r in zip(v, ranges, strict=True)]) for v in weights
+        )
         yield [w for w in scaled if w not in units]
 
-    def _keep(self, weights: Vector, arcs: IntArray) -> Vector:
-        """Record a path under its reduced costs, and return these."""
+    def _record(self, weights: Vector, arcs: IntArray) -> Vector:
+        """Record a path and the weights for which it is optimal; return its reduced costs."""
         costs = tuple(int(c) for c in self.data.costs[arcs].sum(axis=0, dtype=np.int64))
         self.solved += 1
-        self.found.setdefault(costs, (arcs, []))[1].append(weights)
+        self.paths.setdefault(costs, (arcs, []))[1].append(weights)
         return costs
 
-    def _late(self) -> bool:
+    def _is_late(self) -> bool:
         return self.clock.exceeded(0, 0) is not None
 
     def _report(self, done: int, waiting: int) -> None:
-        """Report how many weights of a round are done, and how many wait."""
+        """Report progress: the numbers of weights of a round that are done, and that wait."""
         if self.clock.progress is not None:
-            seconds, front = self.clock.seconds(), len(self.found)
+            seconds, front = self.clock.seconds(), len(self.paths)
             solved = self.solved + done
             self.clock.progress(Progress("weights", labels=solved, open=waiting, front=front, seconds=seconds))
 
     def result(self, status: Status) -> SupportedPaths:
         """Return the paths found, in lexicographic order."""
         k = self.graph.criteria
-        points = sorted(self.found)
+        points = sorted(self.paths)
         costs = np.array(points, np.int64).reshape(len(points), k) + self.least
         costs.setflags(write=False)
         ranges = [max(1, int(r)) for r in self.nadir - self.ideal]
@@ -347,8 +367,8 @@ class SupportedRun:
             stats,
             self.graph,
             self.source,
-            tuple(self.place[self.found[p][0]] for p in points),
-            weights=tuple(_normalised(self.found[p][1], ranges) for p in points),
+            tuple(self.arc_index[self.paths[p][0]] for p in points),
+            weights=tuple(_normalised(self.paths[p][1], ranges) for p in points),
             ideal=self.ideal,
             nadir=self.nadir,
             solved=self.solved,

@@ -23,9 +23,9 @@ UNSEEN = np.int64(-2)
 
 
 def encoded(weights: Sequence[int], limit: int, largest: Sequence[int]) -> tuple[IntArray, IntArray]:
-    """Return weights (k, L) in limbs of 31 bits, least first, and the limit (W,) in words, so that no sum overflows.
+    """Encode weights and limit for the kernel: weights (k, L) in limbs of 31 bits, lowest first; the limit in W words.
 
-    largest (k,) is the greatest cost of an arc in each column.
+    W is large enough that no sum overflows. largest (k,) is the greatest cost of an arc in each column.
 
     >>> encoded([1, 2**40], 2**62 + 5, [1, 1])[1].tolist()
     [1, 5]
@@ -39,8 +39,8 @@ def encoded(weights: Sequence[int], limit: int, largest: Sequence[int]) -> tuple
 
 
 @lean
-def weigh(costs: IntArray, a: int, weights: IntArray, limbs: IntArray, step: IntArray) -> None:
-    """Write the weighted cost of an arc into `step` (W,); `limbs` (2 W + 3,) is scratch."""
+def write_weighted_cost(costs: IntArray, a: int, weights: IntArray, limbs: IntArray, step: IntArray) -> None:
+    """Write the weighted cost of arc a to `step` (W,), in words; weights (k, L); `limbs` (2 W + 3,) is scratch."""
     words = len(step)
     k, count = weights.shape
     if words == 1 and count == 1:
@@ -71,7 +71,7 @@ def weigh(costs: IntArray, a: int, weights: IntArray, limbs: IntArray, step: Int
 
 @lean
 def compare(a: IntArray, b: IntArray) -> int:
-    """Return the sign of a - b, both in words with the most significant first."""
+    """Return the sign of a - b, both numbers in words, most significant word first."""
     for w in range(len(a)):
         if a[w] != b[w]:
             return -1 if a[w] < b[w] else 1
@@ -80,7 +80,10 @@ def compare(a: IntArray, b: IntArray) -> int:
 
 @kernel
 def arcs_onward(indptr: IntArray, heads: NDArray[np.int32], bound: IntArray, unreachable: int) -> IntArray:
-    """Return the offsets (n + 1,) of the arcs to nodes from which a target can be reached, by their bounds (n,)."""
+    """Return the offsets (n + 1,) of each node's arcs to nodes that reach a target.
+
+    bound  (n,)  lower bounds of the remaining costs; `unreachable` if no target is reached
+    """
     start = np.zeros(len(indptr), np.int64)
     for u in range(len(indptr) - 1):
         start[u + 1] = start[u]
@@ -96,15 +99,20 @@ def reduce_costs(
     h: IntArray,
     unreachable: int,
     start: IntArray,
-    place: IntArray,
+    origin: IntArray,
     heads: NDArray[np.int32],
     costs: IntArray,
 ) -> tuple[IntArray, NDArray[np.float64]]:
-    """Write the arcs of some nodes that lead to targets, with costs reduced by the bounds h (k, n).
+    """Write the arcs of some nodes that reach targets, with reduced costs c(u, v) + h(v) - h(u).
 
-    nodes are the first and one past the last; start (n + 1,) is from :func:`arcs_onward`. Arrays (m,), (m,) and (m, k)
-    receive indices in the graph, heads and c(u, v) + h(v) - h(u). Returns the largest of these costs (k,), and bounds
-    (k,) on their sums over these nodes along a path without cycles.
+    nodes   the first node, and one past the last node
+    graph   indptr, heads and costs
+    h       (k, n)  lower bounds of the remaining costs
+    start   (n + 1,)  offsets of :func:`arcs_onward`
+    origin  (m,)  output: index of each arc in the graph; heads (m,) and costs (m, k): output
+
+    Returns the largest reduced cost of an arc (k,), and upper bounds (k,) on the sums over these nodes along a path
+    without cycles.
     """
     indptr, all_heads, all_costs = graph
     k = len(h)
@@ -119,7 +127,7 @@ def reduce_costs(
             v = all_heads[a]
             if h[0, v] >= unreachable:
                 continue
-            place[i] = a
+            origin[i] = a
             heads[i] = v
             for j in range(k):
                 cost = all_costs[a, j] + h[j, v] - h[j, u]
@@ -142,7 +150,10 @@ def weighted_path(
     weights: IntArray,
     limit: IntArray,
 ) -> IntArray:
-    """Return the arcs of a path of least weighted cost to a target, or [-1] if none is within the limit."""
+    """Return the arcs of a path of least weighted cost to a target, or [-1] if no path is within the limit.
+
+    weights, limit  of :func:`encoded`
+    """
     n = len(indptr) - 1
     words = len(limit)
     best = np.empty((n, words), np.int64)
@@ -179,7 +190,7 @@ def weighted_path(
             capacity *= 2
         for a in range(indptr[u], indptr[u + 1]):
             head = np.int64(heads[a])
-            weigh(costs, a, weights, limbs, step)
+            write_weighted_cost(costs, a, weights, limbs, step)
             carry = np.int64(0)
             for w in range(words - 1, -1, -1):
                 total = cost[w] + step[w] + carry

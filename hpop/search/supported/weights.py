@@ -33,7 +33,7 @@ Vector = tuple[int, ...]
 
 
 class WeightCone:
-    """Facets of conv(Y) + R^k_>= for a growing set of integer points Y.
+    """Facets of conv(Y) + R^k_>= for a growing set Y of integer points, by the double description method.
 
     >>> cone = WeightCone((0, 4))
     >>> cone.add((4, 0))
@@ -54,11 +54,11 @@ class WeightCone:
         self._rays[(*[0] * k, -1)] = signs
 
     def facets(self) -> list[tuple[Vector, int]]:
-        """Return weights w, not all zero, and right-hand sides b, in an order that depends on the points alone."""
+        """Return the facets w . y >= b as weights w and right-hand sides b, in an order independent of insertions."""
         return [(ray[:-1], ray[-1]) for ray in self._rays if any(ray[:-1])]
 
     def add(self, point: Sequence[int]) -> None:
-        """Cut the cone with the half-space of a point."""
+        """Add a point to Y: cut the cone with the half-space of the point."""
         y = [int(value) for value in point]
         k = len(y)
         bit = 1 << self._count
@@ -73,7 +73,7 @@ class WeightCone:
                 for high, high_zero in above:
                     shared = low_zero & high_zero
                     if shared.bit_count() >= k - 1 and self._adjacent(shared, low, high):
-                        rays[_between(high, value[high], low, value[low])] = shared | bit
+                        rays[_ray_on_cut(high, value[high], low, value[low])] = shared | bit
         self._rays = rays
 
     def _adjacent(self, shared: int, low: Vector, high: Vector) -> bool:
@@ -81,8 +81,8 @@ class WeightCone:
         return all(zero & shared != shared or ray is low or ray is high for ray, zero in self._rays.items())
 
 
-def _between(high: Vector, above: int, low: Vector, below: int) -> Vector:
-    """Return the ray in which the plane of two rays meets the cut."""
+def _ray_on_cut(high: Vector, above: int, low: Vector, below: int) -> Vector:
+    """Return the ray in which the plane of two rays, at heights ``above`` and ``below`` a cut, meets the cut."""
     ray = [above * a - below * b for a, b in zip(low, high, strict=True)]
     divisor = gcd(*ray)
     return tuple(value // divisor for value in ray)
@@ -119,7 +119,9 @@ def checked_divisions(value: Any, k: int = 1) -> int:
 
 
 def integer_weights(weights: Sequence[float], k: int | None = None) -> Vector:
-    """Return integers in the proportions of weights; k is the required number of weights.
+    """Return the smallest integers in the proportions of weights, of which k are required.
+
+    Raises OptionError for weights that are negative, not finite, all zero, or not k.
 
     >>> integer_weights([0.1, 0.25, 0])
     (2, 5, 0)
@@ -133,11 +135,11 @@ def integer_weights(weights: Sequence[float], k: int | None = None) -> Vector:
     if not any(values):
         raise OptionError("weights are all zero: one of them must be above")
     fractions = [Fraction(w / max(values)).limit_denominator(FINEST) for w in values]
-    return smallest([int(f * math.lcm(*(g.denominator for g in fractions))) for f in fractions])
+    return divided_by_gcd([int(f * math.lcm(*(g.denominator for g in fractions))) for f in fractions])
 
 
-def smallest(vector: Sequence[int]) -> Vector:
-    """Return the least integers in the same proportions."""
+def divided_by_gcd(vector: Sequence[int]) -> Vector:
+    """Return a vector of integers divided by the greatest common divisor."""
     divisor = math.gcd(*vector)
     return tuple(v // divisor for v in vector)
 
@@ -146,9 +148,9 @@ NONE = np.zeros(0, np.int64)
 
 
 class Task(NamedTuple):
-    """Query for a path of least weighted cost.
+    """Task of a worker: find a path of least weighted cost.
 
-    weights  of the reduced costs
+    weights  (k,)  integer weights of the reduced costs
     limit    upper bound of the least weighted sum
     blocked  (b,)  arcs of the reduced graph that the path must not use
     """
@@ -165,8 +167,8 @@ class Reduced:
     The reduced cost of an arc, c(u, v) + h(v) - h(u), is not negative. The reduced cost of a path from the source to a
     target is its cost minus the ideal.
 
-    indptr, heads  arcs in compressed rows
-    costs          (m, k)  reduced, in int32 where they fit
+    indptr, heads  arcs in compressed rows, see :class:`.Graph`
+    costs          (m, k)  reduced costs, in int32 if they fit
     source         node
     is_target      (n,)
     largest        (k,)    greatest reduced cost of an arc
@@ -189,7 +191,10 @@ def solve_weight(data: Reduced, task: Task) -> IntArray:
 
 
 def least_path(data: Reduced, task: Task, call: Any) -> IntArray | None:
-    """Return the arcs of a path of least weighted cost, or None beyond the limit; ``call`` calls the kernel."""
+    """Return the arcs of a path of least weighted cost, or None if no path is within the limit of the task.
+
+    call  calls a kernel with its arguments
+    """
     from hpop.search.supported.weighted_path import encoded, weighted_path  # numba: on first use
 
     weights, limit = encoded(task.weights, task.limit, data.largest)

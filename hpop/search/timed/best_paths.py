@@ -11,8 +11,14 @@ from hpop.search.timed.tables import PLAIN, STAYS, TimedTables, arc_cost, free_s
 
 
 @lean
-def rest_by(tables: TimedTables, ahead: TimeWindows, work: JointSweep, lane: int, a: int, p: int, t: int) -> int:
-    """Return the weighted remaining cost in a lane of leaving at tick t by an arc with its tail at place p."""
+def remaining_cost_by_arc(
+    tables: TimedTables, ahead: TimeWindows, work: JointSweep, lane: int, a: int, p: int, t: int
+) -> int:
+    """Return the weighted remaining cost, for the weights of a lane, of leaving by arc a at tick t.
+
+    p     place of the arc's tail
+    work  sweep with the table of joint bounds; a lane is one of its LANES weights
+    """
     u = np.int64(tables.heads[a])
     end = t + np.int64(tables.durations[a])
     if ahead.ticks[u] > ahead.arrive_by - end or not is_open(tables, a, p, t):
@@ -33,19 +39,19 @@ def rest_by(tables: TimedTables, ahead: TimeWindows, work: JointSweep, lane: int
 
 
 @lean
-def goes_on(tables: TimedTables, ahead: TimeWindows, work: JointSweep, lane: int, a: int, t: int) -> bool:
-    """Return whether a best path of a lane by an arc at tick t leaves the arc's head at once for another place."""
+def continues_at_once(tables: TimedTables, ahead: TimeWindows, work: JointSweep, lane: int, a: int, t: int) -> bool:
+    """Return whether a best path of a lane by arc a at tick t leaves the arc's head at once for another place."""
     u, end = np.int64(tables.heads[a]), t + np.int64(tables.durations[a])
     p = np.int64(tables.place[u])
     least = np.int64(work.rows[row_of(work.offset, work.calm, u, end), lane])
     for b in range(tables.start[u], tables.start[u + 1]):
-        if tables.row[b] != STAYS and rest_by(tables, ahead, work, lane, b, p, end) <= least:
+        if tables.row[b] != STAYS and remaining_cost_by_arc(tables, ahead, work, lane, b, p, end) <= least:
             return True
     return bool(ahead.is_target[u])
 
 
 @lean
-def follow(
+def trace_best_path(
     tables: TimedTables,
     ahead: TimeWindows,
     work: JointSweep,
@@ -56,10 +62,11 @@ def follow(
     leaves: IntArray,
     total: IntArray,
 ) -> int:
-    """Follow a best path of a lane from a node reached at tick t; write its arcs and their departures.
+    """Trace a best path of a lane from a node reached at a tick; write its arcs and their departures `leaves`.
 
-    Where arcs in place cost a lane nothing, a path could circle among them, so arcs that lead away are preferred. Its
-    costs are added to total (k,). Returns the number of arcs, -1 if the path circles or does not arrive in time.
+    Arcs that stay at a place may cost a lane nothing, and a path could cycle among them, so arcs that lead away are
+    preferred. The costs of the path are added to total (k,). Returns the number of arcs, or -1 if the path has a cycle
+    or does not arrive in time.
     """
     dep, now = work.dep, work.now
     hold = np.int64(tables.hold)
@@ -91,12 +98,12 @@ def follow(
         chosen, goes = -1, False
         nearest = np.int64(0)
         for a in range(tables.start[v], tables.start[v + 1]):
-            if leaving == FAR or rest_by(tables, ahead, work, lane, a, p, begin) > leaving:
+            if leaving == FAR or remaining_cost_by_arc(tables, ahead, work, lane, a, p, begin) > leaving:
                 continue
             end = begin + np.int64(tables.durations[a]) + ahead.ticks[tables.heads[a]]
             if goes and end >= nearest:
                 continue
-            on = tables.row[a] != STAYS or goes_on(tables, ahead, work, lane, a, begin)
+            on = tables.row[a] != STAYS or continues_at_once(tables, ahead, work, lane, a, begin)
             if chosen < 0 or (on and not goes) or (on == goes and end < nearest):
                 chosen, nearest, goes = a, end, on
         if chosen < 0:
@@ -115,7 +122,7 @@ def follow(
 
 
 @lean
-def follow_all(
+def trace_best_paths(
     tables: TimedTables,
     ahead: TimeWindows,
     work: JointSweep,
@@ -127,17 +134,19 @@ def follow_all(
     totals: IntArray,
     sizes: IntArray,
 ) -> int:
-    """Follow a best path for each of lanes (w,) from nodes (w,), all reached at tick t; write them one after another.
+    """Trace best paths for lanes (w,) from nodes (w,), all reached at one tick; write them one after another.
 
-    Their costs are added to totals (w, k); sizes (w,) are their numbers of arcs, 0 for paths that do not arrive.
-    Returns the number of paths followed: another one begins only if there is room for the longest path.
+    totals  (w, k)  output: the costs of the paths are added
+    sizes   (w,)    output: number of arcs of each path, 0 if it does not arrive
+
+    Returns the number of traced paths. A path is traced only if there is room for the longest possible path.
     """
     used, longest = 0, len(arcs) // 2
     for i in range(len(lanes)):
         if used > longest:
             return i
         room = arcs[used : used + longest], leaves[used : used + longest]
-        count = follow(tables, ahead, work, lanes[i], nodes[i], tick, room[0], room[1], totals[i])
+        count = trace_best_path(tables, ahead, work, lanes[i], nodes[i], tick, room[0], room[1], totals[i])
         sizes[i] = max(count, 0)
         used += sizes[i]
     return len(lanes)
@@ -147,7 +156,7 @@ EVEN = 0.25  # least share of each cost in a mixed weight, times its share in an
 
 
 def lone_weights(summed: IntArray, typical: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Return weights (LANES, k): each summed cost alone, by powers of two with shifts (k,), then mixtures.
+    """Return weights (LANES, k) and shifts (k,): first each summed cost alone, with weight 2^-shift, then mixtures.
 
     summed   columns of costs that add up
     typical  (k,) approximate costs of a whole path
@@ -158,26 +167,29 @@ def lone_weights(summed: IntArray, typical: FloatArray) -> tuple[FloatArray, Int
         shift[j] = max(0, int(np.ceil(np.log2(max(1.0, typical[j] / UNIT)))))
         weights[lane, j] = 2.0 ** -shift[j]
     mixed = mixtures(len(summed), LANES - len(summed))
-    weights[len(summed) :, summed] = _whole(mixed * UNIT / np.maximum(1.0, typical[summed]))
+    weights[len(summed) :, summed] = _rounded_weights(mixed * UNIT / np.maximum(1.0, typical[summed]))
     return weights, shift
 
 
 def mixed_weights(summed: IntArray, ranges: FloatArray, typical: FloatArray) -> FloatArray:
-    """Return weights (LANES, k) that make ranges (k,) equal; none gives a whole path more than UNIT."""
+    """Return mixed weights (LANES, k) of costs that are scaled to equal ranges (k,).
+
+    No weight makes the cost of a whole path, typically ``typical`` (k,), larger than UNIT.
+    """
     weights = np.zeros((LANES, len(ranges)))
     mixed = mixtures(len(summed), LANES) / np.maximum(1.0, ranges[summed])
     most = (mixed * np.maximum(1.0, typical[summed])).sum(axis=1)
-    weights[:, summed] = _whole(mixed * UNIT / most[:, None])
+    weights[:, summed] = _rounded_weights(mixed * UNIT / most[:, None])
     return weights
 
 
-def _whole(weights: FloatArray) -> FloatArray:
-    """Return weights rounded to whole numbers where they are at least 1, so that weighted sums are exact."""
+def _rounded_weights(weights: FloatArray) -> FloatArray:
+    """Return weights with those of at least 1 rounded to whole numbers, so that weighted sums are exact."""
     return np.asarray(np.where(weights >= 1, np.rint(weights), weights))
 
 
 def mixtures(k: int, count: int) -> FloatArray:
-    """Return positive weights (count, k) with sums of 1: an even one, one that favours each cost, then random ones.
+    """Return positive weights (count, k) with sums of 1: an even row, a row that favours each cost, then random rows.
 
     >>> mixtures(2, 3).round(3).tolist()
     [[0.5, 0.5], [0.875, 0.125], [0.125, 0.875]]
@@ -193,10 +205,12 @@ def mixtures(k: int, count: int) -> FloatArray:
 
 @lean
 def path_cost(tables: TimedTables, source: int, begin: int, arcs: IntArray, leaves: IntArray, total: IntArray) -> int:
-    """Write the costs (k,) of a path that leaves a node at a tick and takes arcs (s,) at ticks (s,), holds between.
+    """Write the costs of a path to total (k,); return the node where the path ends.
 
-    Returns the node where it ends; -1 if it is no path of this graph, or holds so long after the horizon that no search
-    would. Any numbers are allowed.
+    The path leaves `source` at tick `begin`, takes arcs (s,) with departures `leaves` (s,), and holds between them.
+
+    Returns -1 if the numbers are no path of this graph, or if the path holds longer after the horizon than any search
+    would.
     """
     for j in range(len(total)):
         total[j] = 0
@@ -229,10 +243,11 @@ def path_cost(tables: TimedTables, source: int, begin: int, arcs: IntArray, leav
 
 
 @kernel
-def gather_holds(
-    tables: TimedTables, source: int, begin: int, arcs: IntArray, leaves: IntArray, costs: IntArray
-) -> int:
-    """Merge pairs of holds while the path costs the same (k,); changes leaves (s,), returns the number of holds."""
+def merge_holds(tables: TimedTables, source: int, begin: int, arcs: IntArray, leaves: IntArray, costs: IntArray) -> int:
+    """Merge pairs of holds of a path as long as its costs (k,) stay equal; return the number of holds.
+
+    The departures `leaves` (s,) are changed in place.
+    """
     total = np.empty(len(costs), np.int64)
     tried = leaves.copy()
     waits = np.zeros(len(arcs), np.int64)

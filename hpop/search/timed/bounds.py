@@ -18,10 +18,20 @@ from hpop.frontier import is_nondominated
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
 from hpop.search.machinery.slices import COUNTERS, N_FRONT, Clock
-from hpop.search.timed.best_paths import follow_all, lone_weights, mixed_weights
+from hpop.search.timed.best_paths import lone_weights, mixed_weights, trace_best_paths
 from hpop.search.timed.calm import NOTHING, PathBounds, reversed_graph
 from hpop.search.timed.graph import MAX_TICKS, TimedGraph
-from hpop.search.timed.joint import DOWN, FAR, HALF, LANES, JointSweep, JointTables, TimeWindows, price_arcs, sweep
+from hpop.search.timed.joint import (
+    DOWN,
+    FAR,
+    HALF,
+    LANES,
+    JointSweep,
+    JointTables,
+    TimeWindows,
+    sweep,
+    weigh_final_arcs,
+)
 from hpop.search.timed.tables import NEVER, TimedTables
 
 AT_ONCE = 4  # weights for which shortest paths are computed together
@@ -33,7 +43,7 @@ FEW = 4  # mixed weights in the first table; with fewer, a second table has mixt
 
 
 class Seed(NamedTuple):
-    """A known solution: costs (k,), arcs (s,) and their departures (s,)."""
+    """Known solution: the costs (k,) of a path, its arcs (s,) and their departures (s,), ticks."""
 
     costs: IntArray
     arcs: IntArray
@@ -41,14 +51,14 @@ class Seed(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """Rows of the states of needed nodes in a table.
+    """Layout of the rows of a table of joint bounds: one row per state (node, tick).
 
-    needed  (n,)    mask
-    calm    (n,)    L, or NOTHING
-    offset  (n,)    the row of node v at tick t is offset[v] + t, until L(v)
-    order   (w,)    nodes with such rows, grouped by place
-    first   (p + 1,)  begin of each place in `order`
-    size    number of rows, those of calm nodes included
+    needed  (n,)      mask of the nodes that may be on a new solution
+    calm    (n,)      tick L(v) after which nothing changes (:mod:`.calm`); NOTHING for nodes that are not needed
+    offset  (n,)      the row of node v at tick t is offset[v] + t up to tick L(v), afterwards v
+    order   (w,)      nodes with rows before L(v), grouped by place
+    first   (p + 1,)  index in `order` of the first node of each place
+    size    number of rows
     """
 
     needed: BoolArray
@@ -60,7 +70,7 @@ class Layout(NamedTuple):
 
     @classmethod
     def of(cls, bounds: PathBounds, needed: BoolArray, place: NDArray[np.int32]) -> Layout:
-        """Return the layout for a mask (n,) of nodes at places (n,)."""
+        """Return the layout for the nodes of a mask (n,), which are at places (n,)."""
         n = len(needed)
         calm = np.where(needed, bounds.calm, np.int32(NOTHING))
         between = np.maximum(calm - bounds.earliest + 1, 0)
@@ -72,7 +82,14 @@ class Layout(NamedTuple):
 
 
 class Prices(NamedTuple):
-    """Weights of LANES lanes, and weighted costs of arcs; see :class:`.JointSweep` and :func:`.price_arcs`."""
+    """Weights of LANES lanes, and weighted costs of arcs.
+
+    weights  (LANES, k)  weights
+    columns  (k, LANES)  the same weights, rounded down so that products are lower bounds
+    most     (k,)        largest cost that all lanes can weigh without overflow
+    priced   (m, LANES)  weighted costs of arcs from H on
+    fixed    (m, LANES)  the part of these costs that is the same at all ticks
+    """
 
     weights: FloatArray
     columns: FloatArray
@@ -82,7 +99,12 @@ class Prices(NamedTuple):
 
 
 class TimedJointBounds:
-    """Tables of joint bounds on a clock, and the solutions found with them."""
+    """Computation of joint bounds on a time-dependent graph, and of first solutions by best paths.
+
+    weights, rows, sweeps  weights, rows and working arrays of each table
+    seeds                  known solutions
+    layout                 layout of the tables' rows
+    """
 
     def __init__(
         self,
@@ -94,7 +116,7 @@ class TimedJointBounds:
         known: Iterable[Seed] = (),
         begin: int = 0,
     ) -> None:
-        """Begin with known solutions; queries leave the source at tick ``begin``."""
+        """Start with known solutions, without a table; paths leave the source at tick ``begin``."""
         self.begin = begin
         self.graph, self.tables, self.bounds, self.source, self.targets = graph, tables, bounds, source, targets
         n = graph.graph.nodes
@@ -109,46 +131,48 @@ class TimedJointBounds:
         self.room = tuple(np.empty(2 * (n + graph.horizon), np.int64) for _ in range(2))  # two of the longest paths
         self.seeds = list(known)
         self.shift = np.zeros(graph.graph.criteria, np.int64)
-        self.layout = Layout.of(bounds, self._needed(), graph.place)
+        self.layout = Layout.of(bounds, self._needed_nodes(), graph.place)
 
     def make(self, clock: Clock) -> None:
-        """Compute the tables, as far as there are summed costs, memory and time."""
+        """Compute tables and first solutions of one query, as far as memory and time allow."""
         if not len(self.summed) or clock.exceeded(0, PRICED * LANES * self.graph.graph.arcs, record=False) is not None:
             return
-        typical = self._typical()
+        typical = self._typical_costs()
         weights, self.shift = lone_weights(self.summed, typical)
-        prices = self._prices(weights, clock)
+        prices = self._weigh_arcs(weights, clock)
         if self.layout.size > MANY:
             near = self._near_best(prices, clock)
             if near is not None:
-                self._seed(self._swept(prices, Layout.of(self.bounds, near, self.graph.place), clock), clock)
-                self.layout = Layout.of(self.bounds, self._needed(), self.graph.place)
+                self._add_best_paths(
+                    self._sweep_table(prices, Layout.of(self.bounds, near, self.graph.place), clock), clock
+                )
+                self.layout = Layout.of(self.bounds, self._needed_nodes(), self.graph.place)
         several = 1 if LANES - len(self.summed) > FEW else 2
         for table in range(several):
             if table > 0:
                 weights = mixed_weights(self.summed, self._ranges(typical), typical)
-                prices = self._prices(weights, clock)
-            work = self._swept(prices, self.layout, clock)
+                prices = self._weigh_arcs(weights, clock)
+            work = self._sweep_table(prices, self.layout, clock)
             if work is None:
                 return
-            self._keep(weights, work)
-            self._seed(work, clock)
+            self._store_table(weights, work)
+            self._add_best_paths(work, clock)
 
     def make_for_all(self, clock: Clock) -> None:
-        """Compute the first table for all states reachable from the source, without solutions."""
+        """Compute the first table for all states that the source can reach, without solutions."""
         if len(self.summed):
-            weights, self.shift = lone_weights(self.summed, self._typical())
-            work = self._swept(self._prices(weights, clock), self.layout, clock)
+            weights, self.shift = lone_weights(self.summed, self._typical_costs())
+            work = self._sweep_table(self._weigh_arcs(weights, clock), self.layout, clock)
             if work is not None:
-                self._keep(weights, work)
+                self._store_table(weights, work)
 
-    def _keep(self, weights: FloatArray, work: JointSweep) -> None:
+    def _store_table(self, weights: FloatArray, work: JointSweep) -> None:
         self.weights.append(weights)
         self.rows.append(work.rows)
         self.sweeps.append(work)
 
     def joint(self) -> JointTables:
-        """Return all tables for the kernels."""
+        """Return all tables, stacked for the kernels."""
         k = self.graph.graph.criteria
         alone = np.full(k, -1)
         if not self.rows:
@@ -159,8 +183,8 @@ class TimedJointBounds:
             alone[self.summed] = np.arange(len(self.summed))
         return JointTables(weights, rows, self.layout.offset, self.layout.calm, alone, self.shift)
 
-    def _needed(self) -> BoolArray:
-        """Return a mask (n,) of the nodes with paths through them that no known solution covers."""
+    def _needed_nodes(self) -> BoolArray:
+        """Return a mask (n,) of the nodes that may be on a path that no known solution covers."""
         through = self.bounds.through
         needed = np.asarray((through < UNREACHABLE).all(axis=0))
         for seed in self.seeds:
@@ -169,7 +193,7 @@ class TimedJointBounds:
         return needed
 
     def _near_best(self, prices: Prices, clock: Clock) -> BoolArray | None:
-        """Return a mask (n,) of the needed nodes near a best path by the final costs; None at a limit."""
+        """Return a mask (n,) of the needed nodes near a best path for the costs from H on; None at a limit."""
         lane, needed = len(self.summed), self.layout.needed
         calm = self._calm_graph(prices, slice(lane, lane + 1), needed)
         onward, _, status = lower_bounds(calm, self.source, self.targets, clock)
@@ -185,35 +209,35 @@ class TimedJointBounds:
         return near
 
     def _calm_graph(self, prices: Prices, lanes: slice, needed: BoolArray) -> Graph:
-        """Return the graph of weighted final costs between needed nodes."""
+        """Return the graph of needed nodes whose costs are the weighted costs, from H on, of some lanes."""
         graph = self.graph.graph
         calm = Graph.from_csr(graph.indptr, graph.heads, prices.priced[:, lanes].astype(np.int64))
         closed = (prices.priced == FAR).all(axis=1) | ~needed[graph.heads]
         closed |= ~np.repeat(needed, np.diff(graph.indptr))
         return calm.without(closed) if closed.any() else calm
 
-    def _typical(self) -> FloatArray:
-        """Return the approximate cost (k,) of a path: at least the least from the farthest node, and of some arcs."""
+    def _typical_costs(self) -> FloatArray:
+        """Return approximate costs (k,) of a path: least cost from the farthest node, or of four arcs if larger."""
         least = self.bounds.least.astype(np.float64)
         far = np.array([row[row < NEVER].max(initial=0.0) for row in least])
         return np.asarray(np.maximum(far, 4.0 * self.graph.largest))
 
     def _ranges(self, typical: FloatArray) -> FloatArray:
-        """Return the range (k,) of the known solutions in each cost."""
+        """Return the range (k,) of each cost over the known solutions, or the typical cost for fewer than two."""
         if len(self.seeds) < 2:
             return typical
         costs = np.array([seed.costs for seed in self.seeds], np.float64)
         spread = costs.max(axis=0) - costs.min(axis=0)
         return np.asarray(np.where(spread > 0, spread, np.maximum(costs.max(axis=0), 1.0)))
 
-    def _prices(self, weights: FloatArray, clock: Clock) -> Prices:
-        """Return the costs of arcs weighed by weights (LANES, k)."""
+    def _weigh_arcs(self, weights: FloatArray, clock: Clock) -> Prices:
+        """Return the costs of all arcs for weights (LANES, k)."""
         m = self.graph.graph.arcs
         priced, fixed = np.empty((m, LANES), np.int32), np.empty((m, LANES), np.int32)
         columns = np.ascontiguousarray(weights.T)
         columns *= np.where(columns % 1 == 0, 1.0, DOWN)  # products of whole numbers are exact
         most = HALF / len(columns) / np.maximum(columns.max(axis=1), 1 / FAR)
-        clock.call(price_arcs, self.tables, columns, priced, fixed)
+        clock.call(weigh_final_arcs, self.tables, columns, priced, fixed)
         return Prices(weights, columns, most, priced, fixed)
 
     @property
@@ -222,13 +246,13 @@ class TimedJointBounds:
         return [array for sweep in self.sweeps for array in sweep if isinstance(array, np.ndarray)]
 
     def _memory(self, layout: Layout) -> int:
-        """Return the bytes of the tables and of one more, including its scratch."""
-        held = 8 * _power(self.tables.hold)
+        """Return the bytes of the tables and of one further table, with scratch."""
+        held = 8 * _next_power_of_two(self.tables.hold)
         one = LANES * (layout.size * 4 + self.graph.graph.arcs * PRICED + len(layout.order) * held)
         return one * (len(self.rows) + 1)
 
-    def _swept(self, prices: Prices, layout: Layout, clock: Clock) -> JointSweep | None:
-        """Compute a table in slices; None at a limit, which the search then reports."""
+    def _sweep_table(self, prices: Prices, layout: Layout, clock: Clock) -> JointSweep | None:
+        """Compute a table in slices of time; return None at a limit, which the search then reports."""
         if clock.exceeded(0, self._memory(layout), record=False) is not None:
             return None
         n, rows = self.graph.graph.nodes, np.empty((layout.size, LANES), np.int32)
@@ -240,7 +264,7 @@ class TimedJointBounds:
             if status is not None:
                 return None
             rows[:n, lanes] = np.minimum(h, FAR).T
-        longest, ring = int(self.graph.durations.max(initial=1)), _power(self.tables.hold)
+        longest, ring = int(self.graph.durations.max(initial=1)), _next_power_of_two(self.tables.hold)
         work = JointSweep(
             prices.columns, prices.most, prices.fixed, rows, layout.offset, layout.calm, layout.order, layout.first,
             int(self.graph.durations.min(initial=MAX_TICKS)), np.empty((len(layout.order), ring, LANES), np.int64),
@@ -254,13 +278,13 @@ class TimedJointBounds:
                 return None
         return work
 
-    def _seed(self, work: JointSweep | None, clock: Clock) -> None:
-        """Add the best paths for the weights of a table to the solutions."""
+    def _add_best_paths(self, work: JointSweep | None, clock: Clock) -> None:
+        """Add the best path for each weight of a table to the known solutions."""
         if work is not None:
             every = np.arange(LANES)
             nodes, costs = np.full(LANES, self.source), np.zeros((LANES, self.graph.graph.criteria), np.int64)
             self.seeds += [
-                seed for seed in self._followed(work, every, nodes, self.begin, costs, clock) if seed is not None
+                seed for seed in self._trace_paths(work, every, nodes, self.begin, costs, clock) if seed is not None
             ]
         self._report(clock)
 
@@ -271,13 +295,16 @@ class TimedJointBounds:
             counters[N_FRONT] = int(is_nondominated(costs).sum())
         clock.report("bounds", counters)
 
-    def completed(
+    def best_completions(
         self, table: int, lanes: IntArray, nodes: IntArray, tick: int, costs: IntArray, clock: Clock
     ) -> list[Seed | None]:
-        """Return best paths for lanes (w,) from nodes (w,) reached at a tick with costs (w, k), None for no path."""
-        return self._followed(self.sweeps[table], lanes, nodes, tick, costs, clock)
+        """Return the best path for each lane (w,) of a table, from a node (w,) reached at a tick; None for no path.
 
-    def _followed(
+        costs  (w, k)  costs of the path so far, to which the best path is added
+        """
+        return self._trace_paths(self.sweeps[table], lanes, nodes, tick, costs, clock)
+
+    def _trace_paths(
         self, work: JointSweep, lanes: IntArray, nodes: IntArray, tick: int, costs: IntArray, clock: Clock
     ) -> list[Seed | None]:
         arcs, leaves = self.room
@@ -285,13 +312,13 @@ class TimedJointBounds:
         while (done := len(paths)) < len(lanes):
             totals, sizes = costs[done:].copy(), np.zeros(len(lanes) - done, np.int64)
             arguments = (self.tables, self.ahead, work, lanes[done:], nodes[done:], tick, arcs, leaves, totals, sizes)
-            count = clock.call(follow_all, *arguments)
+            count = clock.call(trace_best_paths, *arguments)
             for total, size, end in zip(totals[:count], sizes, np.cumsum(sizes), strict=False):
                 own = slice(end - size, end)
                 paths.append(Seed(total, arcs[own].copy(), leaves[own].copy()) if size else None)
         return paths
 
 
-def _power(ticks: int) -> int:
+def _next_power_of_two(ticks: int) -> int:
     """Return the next larger power of two."""
     return 1 << ticks.bit_length()

@@ -11,7 +11,7 @@ from hpop.base.arrays import BoolArray, IntArray
 from hpop.runtime.compiled import lean
 from hpop.runtime.status import Status
 from hpop.search.graph import Graph
-from hpop.search.machinery.bounds import UNREACHABLE, enter, leave, lower_bounds, reverse
+from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds, put_on_pile, sort_arcs_by_head, take_from_pile
 from hpop.search.machinery.slices import Clock
 from hpop.search.timed.graph import RATE, RATE_BITS, TimedGraph
 from hpop.search.timed.tables import (
@@ -43,8 +43,11 @@ NOTHING = -1  # calm from tick 0 on
 
 
 @lean
-def settle(tables: TimedTables, whole: BoolArray, settled: NDArray[np.int32]) -> None:
-    """Write the first tick (P,) from which on standing at a place is as at H, and whether its rates are whole (P,)."""
+def find_settled_ticks(tables: TimedTables, whole: BoolArray, settled: NDArray[np.int32]) -> None:
+    """Write, for each place, the first tick from which on standing there is as at H, to `settled` (P,).
+
+    whole  (P,)  output: whether the costs of a tick of standing at the place are whole counts from H on
+    """
     last = tables.since.shape[1] - 1
     for p in range(len(settled)):
         whole[p] = True
@@ -70,9 +73,12 @@ def settle(tables: TimedTables, whole: BoolArray, settled: NDArray[np.int32]) ->
 def last_changes(
     tables: TimedTables, leads: NDArray[np.uint8], settled: NDArray[np.int32], out: NDArray[np.int32]
 ) -> None:
-    """Write the last tick (n,) at which an arc that leaves a node differs from its state at H; NOTHING if none does.
+    """Write, for each node, the last tick at which an arc that leaves it differs from its state at H, to `out` (n,).
 
-    leads (n,) marks nodes from which a target can be reached. An arc that stays may differ until its place is settled.
+    The value is NOTHING if no arc differs. An arc that stays may differ until its place is settled.
+
+    leads    (n,)  marks the nodes from which a target can be reached
+    settled  (P,)  of :func:`find_settled_ticks`
     """
     last = tables.since.shape[1] - 1
     k = len(tables.is_max)
@@ -100,7 +106,7 @@ def last_changes(
 
 
 @lean
-def spread_back(
+def propagate_calm_ticks(
     begin: IntArray,
     tails: NDArray[np.int32],
     ticks: IntArray,
@@ -109,24 +115,26 @@ def spread_back(
     above: NDArray[np.int32],
     below: NDArray[np.int32],
 ) -> None:
-    """Compute L (n,) from the last changes, backward over arcs by head, the latest nodes first.
+    """Compute L(v) from the last changes, backward over arcs, the nodes with the latest L first.
 
-    tops (H + 1,) is -1 before the call; above and below (n,) are scratch.
+    begin, tails, ticks  arcs by head: offsets (n + 1,), tails and durations (m,)
+    calm   (n,)      last changes before the call, L afterwards
+    tops   (H + 1,)  -1 before the call; above and below (n,) are scratch
     """
     for v in range(len(calm)):
         if calm[v] >= 0:
-            enter(v, np.int64(calm[v]), tops, above, below)
+            put_on_pile(v, np.int64(calm[v]), tops, above, below)
     for t in range(len(tops) - 1, 0, -1):
         while tops[t] >= 0:
             v = tops[t]
-            leave(v, t, tops, above, below)
+            take_from_pile(v, t, tops, above, below)
             for i in range(begin[v], begin[v + 1]):
                 u, earlier = np.int64(tails[i]), t - ticks[i]
                 if earlier > calm[u]:
                     if calm[u] >= 0:
-                        leave(u, np.int64(calm[u]), tops, above, below)
+                        take_from_pile(u, np.int64(calm[u]), tops, above, below)
                     calm[u] = earlier
-                    enter(u, earlier, tops, above, below)
+                    put_on_pile(u, earlier, tops, above, below)
 
 
 @lean
@@ -140,10 +148,10 @@ def last_gains(
     v: int,
     out: NDArray[np.int32],
 ) -> int:
-    """Write the last ticks (m,) at which waiting at a node for its arcs is useful, 0 for none; return the last of all.
+    """Write, for each arc of node v, the last tick at which waiting for the arc is useful, to `out` (m,); 0 if never.
 
-    All ticks are alike where both places of a plain arc are always settled, or an arc stays at a place that is never
-    cut, and rates are whole.
+    Returns the largest of these ticks. Only one tick is tested if all ticks are alike: if both places of a plain arc
+    are always settled, or the arc stays at a place that is never cut, and rates are whole.
     """
     last = tables.since.shape[1] - 1
     p = np.int64(tables.place[v])
@@ -173,9 +181,9 @@ def last_gains(
 
 @lean
 def gains(tables: TimedTables, a: int, p: int, early: int, late: int) -> bool:
-    """Return whether a later departure may be useful: waiting behind the arc costs more, or is not allowed.
+    """Return whether leaving by arc a at tick `late` may be better than at tick `early`.
 
-    p is the place of the arc's tail.
+    It may be if waiting at the arc's head, instead of its tail, costs more or is not allowed. p is the tail's place.
     """
     if not is_open(tables, a, p, late):
         return False
@@ -206,16 +214,16 @@ NEVER_OF_USE = -1
 class RemainingBounds(NamedTuple):
     """Bounds on the remaining path from each node.
 
-    least   (k, n)  least remaining costs, at any tick
-    ticks   (n,)    fewest remaining ticks
-    earliest (n,)   earliest tick at a node
-    calm    (n,)    L, see above
-    leads   (n,)    whether a target can be reached
-    whole, settled  of :func:`settle`
-    gain    (m,)    last tick at which waiting for an arc is useful, where `until` of its tail is computed
-    until   (n,)    last tick at which waiting at a node is useful, or UNKNOWN
-    one_stay (P,)   whether two arcs that stay never need to follow each other (:mod:`.tables`), or UNKNOWN
-    nodes, first    needed nodes by place: those of place p from first[p] to first[p + 1]
+    least    (k, n)  least remaining costs, over all ticks
+    ticks    (n,)    fewest remaining ticks
+    earliest (n,)    earliest tick at which a path reaches the node
+    calm     (n,)    L(v): last tick at which a departure from v can still meet a change, see above
+    leads    (n,)    1 if a target can be reached
+    whole, settled   of :func:`find_settled_ticks`
+    gain     (m,)    last tick at which waiting for an arc is useful, valid once `until` of its tail is computed
+    until    (n,)    last tick at which waiting at a node is useful, or UNKNOWN until it is computed
+    one_stay (P,)    1 if two arcs that stay at the place never need to follow each other (:mod:`.tables`), or UNKNOWN
+    nodes, first     needed nodes, sorted by place; those of place p are nodes[first[p] : first[p + 1]]
     """
 
     least: IntArray
@@ -234,7 +242,7 @@ class RemainingBounds(NamedTuple):
 
 @lean
 def wait_until(tables: TimedTables, rest: RemainingBounds, v: int) -> int:
-    """Return the last tick at which waiting at a node is useful, or NEVER_OF_USE."""
+    """Return the last tick at which waiting at node v is useful, or NEVER_OF_USE."""
     if rest.until[v] == UNKNOWN:
         latest = last_gains(tables, rest.leads, rest.calm, rest.earliest, rest.whole, rest.settled, v, rest.gain)
         hold = np.int64(tables.hold)
@@ -244,18 +252,16 @@ def wait_until(tables: TimedTables, rest: RemainingBounds, v: int) -> int:
 
 @lean
 def needs_one_stay(tables: TimedTables, rest: RemainingBounds, p: int) -> bool:
-    """Return whether two arcs that stay at a place never need to follow each other."""
+    """Return whether two arcs that stay at place p never need to follow each other."""
     if rest.one_stay[p] == UNKNOWN:
         rest.one_stay[p] = one_stay_suffices(tables, rest.nodes[rest.first[p] : rest.first[p + 1]])
     return bool(rest.one_stay[p] != 0)
 
 
 class PathBounds(NamedTuple):
-    """Bounds on the paths through each node, before any search; see :class:`.RemainingBounds`.
+    """Bounds on the paths through each node; other fields as in :class:`.RemainingBounds`.
 
-    through  (k, n)  least costs of a path through the node from the source to a target, at any tick
-    leads    (n,)    whether a target can be reached
-    whole, settled   of :func:`.settle`
+    through  (k, n)  least costs of a path from the source through the node to a target, over all ticks
     """
 
     least: IntArray
@@ -271,9 +277,9 @@ class PathBounds(NamedTuple):
 def path_bounds(
     graph: TimedGraph, tables: TimedTables, source: int, targets: IntArray, clock: Clock
 ) -> tuple[PathBounds | None, Status | None]:
-    """Return bounds on the paths through each node, or the limit that was passed."""
+    """Return bounds on the paths through each node and None, or None and the limit that was passed."""
     static, n, m = graph.graph, graph.graph.nodes, graph.graph.arcs
-    cheapest = _cheapest(graph)
+    cheapest = _graph_of_least_costs(graph)
     least, _, status = lower_bounds(cheapest, source, targets, clock)
     if status is not None:
         return None, status
@@ -291,12 +297,14 @@ def path_bounds(
     leads = (needed[0] < UNREACHABLE).astype(np.uint8)
     calm = np.empty(n, np.int32)
     whole, settled = np.empty(graph.places, np.bool_), np.empty(graph.places, np.int32)
-    clock.call(settle, tables, whole, settled)
+    clock.call(find_settled_ticks, tables, whole, settled)
     clock.call(last_changes, tables, leads, settled, calm)
     begin, entering, weights = np.zeros(n + 2, np.int64), np.empty(m, np.int32), np.empty((1, m), np.int64)
-    clock.call(reverse, static.indptr, static.heads, np.arange(m, dtype=np.int32), ticks, begin, entering, weights)
+    clock.call(
+        sort_arcs_by_head, static.indptr, static.heads, np.arange(m, dtype=np.int32), ticks, begin, entering, weights
+    )
     piles = np.full(graph.horizon + 1, -1), np.empty(n, np.int32), np.empty(n, np.int32)
-    clock.call(spread_back, begin[:-1], entering, weights[0], calm, *piles)
+    clock.call(propagate_calm_ticks, begin[:-1], entering, weights[0], calm, *piles)
     is_max = np.array([aggregate == "max" for aggregate in static.aggregates])[:, None]
     worst = np.maximum(spent, least)
     through = np.where(is_max | (worst >= UNREACHABLE), worst, spent + least)
@@ -304,7 +312,7 @@ def path_bounds(
 
 
 def remaining_bounds(graph: TimedGraph, bounds: PathBounds, needed: BoolArray) -> RemainingBounds:
-    """Return bounds on the remaining paths from the needed nodes (n,)."""
+    """Return bounds on the remaining paths; ``needed`` (n,) is a mask of nodes."""
     n, nodes = graph.graph.nodes, np.flatnonzero(needed)
     nodes = nodes[np.argsort(graph.place[nodes], kind="stable")]
     return RemainingBounds(
@@ -321,7 +329,7 @@ def reversed_graph(graph: Graph) -> Graph:
     return Graph.from_arcs(graph.nodes, graph.heads, tails, graph.costs, aggregates=graph.aggregates)
 
 
-def _cheapest(graph: TimedGraph) -> Graph:
+def _graph_of_least_costs(graph: TimedGraph) -> Graph:
     """Return the graph with the least cost of each arc at any tick, without arcs that are never open."""
     costs = graph.graph.costs.copy()
     for j, table in graph.costs.items():

@@ -42,7 +42,7 @@ LEFT_OUT: Any = None
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class TimedGraph:
-    """A graph with arcs that take time, and with costs that depend on the tick of departure.
+    """Time-dependent graph: arcs take time, and costs depend on the tick of departure.
 
     graph       n nodes, m arcs by their tails, static costs (m, k); indices of arcs below are those in its tables
     durations   (m,) int32        ticks, at least 1
@@ -95,7 +95,7 @@ class TimedGraph:
         timed = [] if self.timed is None else self.timed
         timed = kept["timed"] = _table(timed, "timed", np.int32, (None,), most=m - 1)
         if (np.diff(timed) <= 0).any():
-            raise GraphError("timed must be places of arcs, each once, rising")
+            raise GraphError("timed must list indices of arcs, each once, rising")
         q = len(timed)
         kept["costs"] = {
             j: _table(table, f"costs[{j}]", None, (q, width), most=MAX_SUM) for j, table in _columns(self.costs, k)
@@ -145,7 +145,7 @@ class TimedGraph:
 
     @cached_property
     def largest(self) -> IntArray:
-        """Largest cost (k,) of any arc at any tick, with the cost of standing meanwhile."""
+        """Largest cost (k,) of any arc at any tick, including the cost of standing of an arc that stays."""
         most = self.graph.largest.copy()
         longest = int(self.durations.max(initial=0))
         for j, table in self.costs.items():
@@ -160,11 +160,11 @@ class TimedGraph:
         return most
 
     def _longest(self) -> int:
-        """Return the ticks of the longest arc or shortest hold, which may reach beyond the horizon."""
+        """Return the longest duration of an arc or, if longer, the least duration of a hold, ticks."""
         return max(int(self.durations.max(initial=1)), self.hold or 0)
 
     def _check_sums(self) -> None:
-        """Refuse costs with sums that could overflow: a path takes an arc a tick until H, then no node twice."""
+        """Raise GraphError if sums could overflow: a path takes an arc per tick until H, then no node twice."""
         for j, aggregate in enumerate(self.graph.aggregates):
             worst = int(self.largest[j])
             held = 2 * int(self.rate[:, j].max(initial=0)) * (self.horizon + (self.hold or 0)) >> RATE_BITS
@@ -188,7 +188,7 @@ class TimedGraph:
 
 
 def _columns(tables: Any, k: int) -> list[tuple[int, Any]]:
-    """Return tables by the column of their cost, checked to be columns of the graph."""
+    """Return pairs (column, table), sorted by column; raise GraphError for a column that the graph does not have."""
     if not isinstance(tables, Mapping):
         raise GraphError(f"tables are given by the column of their cost, {{j: table}}; got {shown(tables)}")
     return [
@@ -199,7 +199,10 @@ def _columns(tables: Any, k: int) -> list[tuple[int, Any]]:
 def _table(
     values: ArrayLike, name: str, dtype: Any, shape: tuple[int | None, ...], least: int = 0, most: int = 2**31 - 1
 ) -> NDArray[Any]:
-    """Return a read-only array of integers within bounds; without a type, it stays int32 or becomes int64."""
+    """Return a read-only array of integers from ``least`` to ``most``; raise GraphError for other values or shapes.
+
+    Without a dtype, an int32 array stays as it is and other arrays become int64.
+    """
     try:
         array = np.asarray(values)
     except ValueError as error:  # rows of different lengths
@@ -215,7 +218,7 @@ def _table(
         raise GraphError(f"{name} must be from {least} to {most:,}, got {array.min()} to {array.max()}")
     if dtype is None:
         dtype = np.int32 if array.dtype == np.int32 else np.int64
-    return _kept(array, dtype)
+    return _as_read_only(array, dtype)
 
 
 def _flags(values: Any, name: str, shape: tuple[int, ...]) -> BoolArray:
@@ -227,10 +230,10 @@ def _flags(values: Any, name: str, shape: tuple[int, ...]) -> BoolArray:
         raise GraphError(f"{name} must be booleans, got {array.dtype}")
     if array.shape != shape:
         raise GraphError(f"{name} must have the shape {shape}, got {array.shape}")
-    return _kept(array, np.bool_)
+    return _as_read_only(array, np.bool_)
 
 
-def _kept(array: NDArray[Any], dtype: Any) -> NDArray[Any]:
+def _as_read_only(array: NDArray[Any], dtype: Any) -> NDArray[Any]:
     if array.dtype == dtype and array.flags.c_contiguous and not array.flags.writeable:
         return array
     return _read_only(np.array(array, dtype, order="C"))
@@ -245,7 +248,7 @@ HOLD = -1
 
 
 class PathSteps(NamedTuple):
-    """The steps of a path: arcs and holds in order.
+    """Steps of a path: its arcs and holds in order.
 
     nodes       (s + 1,)  source and target included; a hold repeats its node
     arcs        (s,)      in the caller's numbers (`graph.arc`), -1 for a hold
@@ -260,12 +263,12 @@ class PathSteps(NamedTuple):
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class TimedPaths:
-    """A front on a clock and its paths.
+    """Front of a time-dependent graph: cost vectors with their paths.
 
     costs   (n, k)  int64  rows in lexicographic order
     status  COMPLETE, NO_PATH, or the limit that stopped the search
-    stats   counts of the search
-    gap     every missing vector is covered by one of these within the factor 1 + gap, besides the tolerance
+    stats   statistics of the search
+    gap     relative: every missing vector p has a returned r <= (1 + gap) p + tolerance
     asked   tolerance and bounds of the query in words, if there were any
     begin   tick at which paths leave the source, or begin to hold there
     """

@@ -35,14 +35,14 @@ Lanes = tuple[np.int32, np.int32, np.int32, np.int32, np.int32, np.int32, np.int
 
 
 class JointTables(NamedTuple):
-    """Tables of joint bounds, each for LANES weights.
+    """Tables of joint bounds: b tables with LANES weights each.
 
-    weights  (b, LANES, k)  0 for maxima
-    rows     (b, r, LANES)  calm nodes first
-    offset   (n,)           the row of node v at tick t is offset[v] + t, until L(v)
-    calm     (n,)           L
-    alone    (k,)           lane of the first table that weighs only this cost, -1 for none
-    shift    (k,)           bits of that cost that the lane drops
+    weights  (b, LANES, k)  weights of the costs, 0 for maxima
+    rows     (b, r, LANES)  least weighted remaining costs, one row per state; see :class:`.Layout`
+    offset   (n,)           the row of node v at tick t is offset[v] + t up to tick L(v), afterwards v
+    calm     (n,)           L(v), see :mod:`.calm`
+    alone    (k,)           lane of the first table that weighs this cost alone, -1 if there is none
+    shift    (k,)           number of low bits of this cost that this lane drops
     """
 
     weights: FloatArray
@@ -54,11 +54,11 @@ class JointTables(NamedTuple):
 
 
 class TimeWindows(NamedTuple):
-    """Ticks between which each node can be on a path.
+    """Time window of each node: the ticks between which a path can pass it.
 
-    ticks       (n,)  fewest ticks to a target
-    earliest    (n,)  earliest tick at a node
-    arrive_by   latest tick of an arrival
+    ticks       (n,)  fewest ticks from the node to a target
+    earliest    (n,)  earliest tick at which a path reaches the node
+    arrive_by   latest tick of an arrival at a target
     is_target   (n,)  mask
     """
 
@@ -70,16 +70,16 @@ class TimeWindows(NamedTuple):
 
 @inlined
 def row_of(offset: IntArray, calm: NDArray[np.int32], v: int, t: int) -> int:
-    """Return the row of a node at a tick."""
+    """Return the row of node v at tick t in a table of joint bounds."""
     return v if t > calm[v] else int(offset[v] + t)
 
 
 @lean
-def price_arcs(tables: TimedTables, weights: FloatArray, priced: IntLanes, fixed: IntLanes) -> None:
-    """Write the weighted costs of arcs from H on into `priced` (m, LANES), FAR where they are then closed.
+def weigh_final_arcs(tables: TimedTables, weights: FloatArray, priced: IntLanes, fixed: IntLanes) -> None:
+    """Write the weighted costs of arcs from H on to `priced` (m, LANES), FAR for arcs that are then closed.
 
     weights  (k, LANES)
-    fixed    (m, LANES)  the part of their costs that is the same at all ticks
+    fixed    (m, LANES)  output: the part of the weighted cost that is the same at all ticks
     """
     last = tables.since.shape[1] - 1
     for u in range(len(tables.place)):
@@ -106,9 +106,11 @@ def price_arcs(tables: TimedTables, weights: FloatArray, priced: IntLanes, fixed
 def weigh_arc(
     tables: TimedTables, weights: FloatArray, most: FloatArray, fixed: IntLanes, a: int, t: int, out: IntLanes
 ) -> None:
-    """Write the weighted cost of a timed arc at a tick into `out` (1, LANES), less where it would pass HALF.
+    """Write the weighted cost of timed arc a at tick t to `out` (1, LANES), at most HALF.
 
-    weights  (k, LANES); most (k,) largest cost that all lanes can weigh
+    weights  (k, LANES)
+    most     (k,)        largest cost that all lanes can weigh without overflow
+    fixed    (m, LANES)  of :func:`weigh_final_arcs`
     """
     for lane in range(LANES):
         out[0, lane] = fixed[a, lane]
@@ -126,9 +128,9 @@ def weigh_arc(
 def weigh_stay(
     tables: TimedTables, weights: FloatArray, most: FloatArray, p: int, t: int, ticks: int, out: IntLanes
 ) -> None:
-    """Write the weighted cost of standing at a place for some ticks from tick t on into `out[ticks]`.
+    """Write the weighted cost of standing at place p for some ticks from tick t on to `out[ticks]` (LANES,).
 
-    CUT in its first lane marks that the robot must not stand there so long.
+    The first lane is CUT if the robot must not stand there so long.
     """
     t = min(t, tables.since.shape[1] - 1)
     for lane in range(LANES):
@@ -145,7 +147,7 @@ def weigh_stay(
 
 @inlined
 def weigh_standing(tables: TimedTables, weights: FloatArray, p: int, t: int, out: IntArray) -> None:
-    """Write the weighted cost of standing at a place from tick 0 to t into `out` (LANES,); weights (k, LANES)."""
+    """Write the weighted cost of standing at place p from tick 0 to t to `out` (LANES,); weights (k, LANES)."""
     for lane in range(LANES):
         out[lane] = 0
     for j in range(len(weights)):
@@ -159,15 +161,17 @@ def weigh_standing(tables: TimedTables, weights: FloatArray, p: int, t: int, out
 class JointSweep(NamedTuple):
     """Working arrays of a sweep for LANES weights.
 
-    weights   (k, LANES); most (k,) largest cost that all lanes can weigh
-    fixed     (m, LANES)  part of the arcs' costs that is the same at all ticks
-    rows      (r, LANES)  the table, with calm rows filled
-    order     (w,)        nodes with other rows, grouped by place
-    first     (p + 1,)    begin of each such place in `order`
+    weights   (k, LANES)  weights
+    most      (k,)        largest cost that all lanes can weigh without overflow
+    fixed     (m, LANES)  part of the arcs' weighted costs that is the same at all ticks
+    rows      (r, LANES)  the table; rows from L(v) on are filled before the sweep
+    offset, calm          of :class:`JointTables`
+    order     (w,)        nodes with rows before L(v), grouped by place
+    first     (p + 1,)    index in `order` of the first node of each place
     together  least duration of an arc, ticks
-    held      (w, power of two, LANES)  least w.Omega(s) + dep(v, s) over s from t on, for the last ticks
-    rounded   (LANES,)    number of weights that are not whole, which round their products
-    stay      (ticks, LANES)  cost of standing by duration, for the place and tick in `stay_of` (ticks,)
+    held      (w, power of two, LANES)  least w.Omega(s) + dep(v, s) over s from t on, for the last ticks t
+    rounded   (LANES,)    number of weights that are not whole, whose products are rounded
+    stay      (ticks, LANES)  weighted cost of standing by duration, for the place and tick in `stay_of` (ticks,)
     cost (1, LANES), dep, now, then, later  (LANES,)  scratch
     """
 
@@ -193,7 +197,7 @@ class JointSweep(NamedTuple):
 
 @inlined
 def lower(least: Lanes, rows: IntLanes, row: int, costs: IntLanes, of: int) -> Lanes:
-    """Return the minimum of `least` and the sum of two rows, lane by lane; written out so that it is vectorised."""
+    """Return, lane by lane, the minimum of `least` and rows[row] + costs[of]; written out so that it is vectorised."""
     return (
         min(least[0], np.int32(rows[row, 0] + costs[of, 0])),
         min(least[1], np.int32(rows[row, 1] + costs[of, 1])),
@@ -208,7 +212,7 @@ def lower(least: Lanes, rows: IntLanes, row: int, costs: IntLanes, of: int) -> L
 
 @inlined
 def lower_by_stay(least: Lanes, rows: IntLanes, row: int, fixed: IntLanes, a: int, stay: IntLanes, ticks: int) -> Lanes:
-    """Return the minimum of `least` and the sum of three rows, lane by lane."""
+    """Return, lane by lane, the minimum of `least` and rows[row] + fixed[a] + stay[ticks]."""
     return (
         min(least[0], np.int32(rows[row, 0] + fixed[a, 0] + stay[ticks, 0])),
         min(least[1], np.int32(rows[row, 1] + fixed[a, 1] + stay[ticks, 1])),
@@ -223,7 +227,7 @@ def lower_by_stay(least: Lanes, rows: IntLanes, row: int, fixed: IntLanes, a: in
 
 @inlined
 def depart(tables: TimedTables, ahead: TimeWindows, work: JointSweep, v: int, t: int) -> None:
-    """Write the least weighted remaining costs of leaving a node at tick t into `dep`; later rows are filled."""
+    """Write the least weighted remaining costs of leaving node v at tick t to `work.dep`; later rows must be filled."""
     far = np.int32(FAR)
     least = (far, far, far, far, far, far, far, far)
     p = np.int64(tables.place[v])
@@ -258,11 +262,11 @@ def depart(tables: TimedTables, ahead: TimeWindows, work: JointSweep, v: int, t:
 
 @wide
 def sweep(tables: TimedTables, ahead: TimeWindows, work: JointSweep, state: IntArray, steps: int) -> bool:
-    """Fill the rows of about ``steps`` states in between; return whether all are filled.
+    """Fill the rows of about ``steps`` states before L(v); return whether all rows are filled.
 
-    state (2,) is the progress: latest tick of the present block of ticks, and place; at first the latest tick of all
-    and 0. As every arc is longer than a block, states of a block depend only on states of the same node. So places are
-    processed one after another, each for the whole block, with local memory access.
+    state (2,) is the progress: the latest tick of the current block of ticks, and the current place; before the first
+    call, the latest tick of all and 0. No arc is shorter than a block, so states of a block depend only on states of
+    the same node. So places are processed one after another, each for the whole block, with local memory access.
     """
     dep, now, then, later = work.dep, work.now, work.then, work.later
     hold, order, calm, rows = np.int64(tables.hold), work.order, work.calm, work.rows

@@ -50,7 +50,7 @@ from hpop.search.timed.sets import (
     make_room,
     refresh,
 )
-from hpop.search.timed.solutions import SolutionSet, is_covered, may_improve, solve
+from hpop.search.timed.solutions import SolutionSet, insert_solution, is_covered, may_improve
 from hpop.search.timed.tables import STAYS, TimedTables, arc_cost, is_open, omega_at
 
 # State of the search: tick, stage, first label closed at the tick, next label or node, number of waiting nodes, first
@@ -60,12 +60,12 @@ ARRIVE, LEAVE, HOLD_ON, STAGES = range(4)
 
 
 class Queue(NamedTuple):
-    """Labels under way, by the tick of their arrival.
+    """Labels under way, in linked lists by the tick of their arrival.
 
-    tops   (power of two,)  first row of each tick, -1 for none; more ticks than the longest arc
+    tops   (power of two,)  first row of each tick, -1 for none; a ring of more ticks than the longest arc takes
     below  (o,)             next row of the same tick, or next free row
-    values (o,)             1 + closed parent and 1 + arc, as for all labels
-    costs  (o, k)
+    values (o,)             labels: 1 + closed parent and 1 + arc (:mod:`.slices`)
+    costs  (o, k)           costs of the labels at arrival
     """
 
     tops: NDArray[np.int32]
@@ -77,9 +77,12 @@ class Queue(NamedTuple):
 class ClosedLabels(NamedTuple):
     """Labels that have arrived.
 
-    values, ticks  (c,)    of closed labels, and their ticks of arrival
-    costs, kept    (f, k)  costs of the labels of this tick; whether no other label of the tick makes it superfluous
-    nodes, waits   (n,)    nodes where labels wait, in any order; whether each node is among them
+    values  (c,)    closed labels
+    ticks   (c,)    tick of arrival of each closed label
+    costs   (f, k)  costs of the labels that arrive at this tick
+    kept    (f,)    1 for those labels that no other label of this tick makes superfluous
+    nodes   (n,)    nodes at which labels wait, in any order
+    waits   (n,)    1 for these nodes
     """
 
     values: IntArray
@@ -91,10 +94,11 @@ class ClosedLabels(NamedTuple):
 
 
 class PruningBounds(NamedTuple):
-    """Bounds that prune labels, besides the solutions.
+    """Bounds by which labels are pruned, besides the solutions.
 
     joint    joint bounds
-    corners  (c, k)         of the region that solutions leave uncovered; lanes (c, b, LANES) weighed
+    corners  (c, k)         corners of the region that solutions leave uncovered
+    lanes    (c, b, LANES)  corners weighed by the weights of the joint bounds
     hint     (1,)           corner that contained the last label
     weighed  (b, LANES)     scratch
     """
@@ -107,7 +111,7 @@ class PruningBounds(NamedTuple):
 
 
 @lean
-def is_hopeless(
+def is_pruned(
     tables: TimedTables,
     rest: RemainingBounds,
     goal: SolutionSet,
@@ -118,7 +122,7 @@ def is_hopeless(
     g: IntArray,
     f: IntArray,
 ) -> bool:
-    """Return whether a label at node v and tick t, with costs g (k,), only reaches covered vectors; f (k,): scratch."""
+    """Return whether a label with costs g (k,) at node v and tick t leads to covered vectors only; f is scratch."""
     joint = bounds.joint
     row = row_of(joint.offset, joint.calm, v, t)
     for j in range(len(g)):
@@ -132,7 +136,7 @@ def is_hopeless(
 
 
 @lean
-def offer(
+def send_along(
     tables: TimedTables,
     rest: RemainingBounds,
     goal: SolutionSet,
@@ -147,7 +151,7 @@ def offer(
     parent: int,
     scratch: IntArray,
 ) -> None:
-    """Send a label with costs g (k,) along an open arc at tick t; p is the place of the arc's tail."""
+    """Send a label with costs g (k,) along open arc a, at place p, at tick t, unless the label is pruned."""
     x = np.int64(tables.heads[a])
     end = t + np.int64(tables.durations[a])
     if rest.ticks[x] > goal.arrive_by - end:
@@ -159,10 +163,10 @@ def offer(
     value = (parent << 32) | (a + 1)
     if goal.is_target[x]:
         if not is_covered(goal, counters[N_FRONT], after):
-            solve(goal, counters, after, value, t)
+            insert_solution(goal, counters, after, value, t)
             state[SOLVED] += 1
         return
-    if is_hopeless(tables, rest, goal, bounds, counters[N_FRONT], x, end, after, f):
+    if is_pruned(tables, rest, goal, bounds, counters[N_FRONT], x, end, after, f):
         return
     row = state[FREE]
     if row >= 0:
@@ -190,12 +194,17 @@ def advance(
     goal: SolutionSet,
     bounds: PruningBounds,
     queue: Queue,
-    known: ClosedLabels,
+    labels: ClosedLabels,
     sets: LabelSets,
     source: int,
     scratch: IntArray,
 ) -> int:
-    """Run the search until the work is done or an array is full; return why. scratch (4, k) is for costs."""
+    """Run the search until it ends, `work` steps are done or an array is full; return the code of the reason.
+
+    scratch  (4, k)
+
+    The other arguments are the arrays of :class:`.TimedSearch`, which the kernel changes in place.
+    """
     k = len(tables.is_max)
     hold = np.int64(tables.hold)
     g, vector = scratch[2], scratch[3]
@@ -211,7 +220,7 @@ def advance(
             value = queue.values[row]
             arc = (value & 0xFFFFFFFF) - 1
             v = np.int64(tables.heads[arc]) if arc >= 0 else source
-            if done == len(known.values) or done - state[FIRST] == len(known.kept):
+            if done == len(labels.values) or done - state[FIRST] == len(labels.kept):
                 code = CLOSED
                 break
             if counters[N_ROWS] + max(LEAST_ROOM, 2 * sets.heads[v, ROOM]) > len(sets.vectors):
@@ -224,7 +233,7 @@ def advance(
             for j in range(k):
                 g[j] = queue.costs[row, j]
             work -= 1 + counters[N_FRONT] // 8
-            if is_hopeless(tables, rest, goal, bounds, counters[N_FRONT], v, t, g, vector):
+            if is_pruned(tables, rest, goal, bounds, counters[N_FRONT], v, t, g, vector):
                 continue
             refresh(tables, rest.calm, sets, v, t)
             work -= sets.heads[v, SIZE] // 8
@@ -235,39 +244,39 @@ def advance(
             if is_superfluous(sets, v, t, vector):
                 continue
             counters[N_ROWS] = make_room(sets, v, counters[N_ROWS])
-            known.values[done] = value
-            known.ticks[done] = t
+            labels.values[done] = value
+            labels.ticks[done] = t
             for j in range(k):
-                known.costs[done - state[FIRST], j] = g[j]
-            known.kept[done - state[FIRST]] = 1
+                labels.costs[done - state[FIRST], j] = g[j]
+            labels.kept[done - state[FIRST]] = 1
             counters[N_CLOSED] = done + 1
-            enter_label(sets, v, t, vector, done, state[FIRST], known.kept)
+            enter_label(sets, v, t, vector, done, state[FIRST], labels.kept)
         elif state[STAGE] == LEAVE:
             label = state[FIRST] + state[NEXT]
             if label == counters[N_CLOSED]:
                 state[STAGE], state[NEXT] = HOLD_ON, 0
                 continue
-            if known.kept[state[NEXT]] == 0:
+            if labels.kept[state[NEXT]] == 0:
                 state[NEXT] += 1
                 continue
-            arc = (known.values[label] & 0xFFFFFFFF) - 1
+            arc = (labels.values[label] & 0xFFFFFFFF) - 1
             v = np.int64(tables.heads[arc]) if arc >= 0 else source
             degree = tables.start[v + 1] - tables.start[v]
-            code = lacking(goal, queue, counters, state, degree)
+            code = code_of_full_array(goal, queue, counters, state, degree)
             if code != SLICE:
                 break
             counters[N_EXPANDED] += 1
             p = np.int64(tables.place[v])
             stayed = arc >= 0 and tables.row[arc] == STAYS and needs_one_stay(tables, rest, p)
             for j in range(k):
-                g[j] = known.costs[state[NEXT], j]
+                g[j] = labels.costs[state[NEXT], j]
             for a in range(tables.start[v], tables.start[v + 1]):
                 if not (stayed and tables.row[a] == STAYS) and is_open(tables, a, p, t):
-                    offer(tables, rest, goal, bounds, queue, counters, state, a, p, t, g, label + 1, scratch)
+                    send_along(tables, rest, goal, bounds, queue, counters, state, a, p, t, g, label + 1, scratch)
             work -= 2 * degree
-            if known.waits[v] == 0 and t < wait_until(tables, rest, v):
-                known.waits[v] = 1
-                known.nodes[state[WAITING]] = v
+            if labels.waits[v] == 0 and t < wait_until(tables, rest, v):
+                labels.waits[v] = 1
+                labels.nodes[state[WAITING]] = v
                 state[WAITING] += 1
             state[NEXT] += 1
         else:
@@ -279,17 +288,19 @@ def advance(
                 state[STAGE], state[FIRST] = ARRIVE, counters[N_CLOSED]
                 work -= 1
                 continue
-            v = np.int64(known.nodes[state[NEXT]])
+            v = np.int64(labels.nodes[state[NEXT]])
             refresh(tables, rest.calm, sets, v, t)
             if t > rest.until[v] or sets.heads[v, SIZE] == 0:
                 state[WAITING] -= 1
-                known.nodes[state[NEXT]] = known.nodes[state[WAITING]]
-                known.waits[v] = 0
+                labels.nodes[state[NEXT]] = labels.nodes[state[WAITING]]
+                labels.waits[v] = 0
                 continue
-            code = lacking(goal, queue, counters, state, (tables.start[v + 1] - tables.start[v]) * sets.heads[v, RIPE])
+            code = code_of_full_array(
+                goal, queue, counters, state, (tables.start[v + 1] - tables.start[v]) * sets.heads[v, RIPE]
+            )
             if code != SLICE:
                 break
-            work -= leave_after_hold(tables, rest, goal, bounds, queue, counters, state, known, sets, v, t, scratch)
+            work -= leave_after_hold(tables, rest, goal, bounds, queue, counters, state, labels, sets, v, t, scratch)
             state[NEXT] += 1
     return int(code)
 
@@ -299,29 +310,29 @@ def under_way(
     tops: NDArray[np.int32],
     below: NDArray[np.int32],
     now: int,
-    place: IntArray,
+    position: IntArray,
     rows: NDArray[np.int32],
     ticks: IntArray,
 ) -> int:
-    """List rows of labels under way and their arrivals, as many as fit; return how many.
+    """List the rows of labels under way and their ticks of arrival, as many as fit; return their number.
 
-    place  (2,)  progress of the list, both -1 at first: ticks from now, and the next row of that tick
+    position  (2,)  progress, -1 and -1 at first: ticks from now, and the next row of that tick
     """
     count = 0
     while count < len(rows):
-        while place[1] < 0:
-            place[0] += 1
-            if place[0] >= len(tops):
+        while position[1] < 0:
+            position[0] += 1
+            if position[0] >= len(tops):
                 return count
-            place[1] = tops[(now + place[0]) % len(tops)]
-        rows[count], ticks[count] = place[1], now + place[0]
-        place[1] = below[place[1]]
+            position[1] = tops[(now + position[0]) % len(tops)]
+        rows[count], ticks[count] = position[1], now + position[0]
+        position[1] = below[position[1]]
         count += 1
     return count
 
 
 @lean
-def lacking(goal: SolutionSet, queue: Queue, counters: IntArray, state: IntArray, more: int) -> int:
+def code_of_full_array(goal: SolutionSet, queue: Queue, counters: IntArray, state: IntArray, more: int) -> int:
     """Return the code of the array that has no room for ``more`` labels, or SLICE."""
     if counters[N_FRONT] + more > len(goal.values):
         return FRONT
@@ -339,13 +350,13 @@ def leave_after_hold(
     queue: Queue,
     counters: IntArray,
     state: IntArray,
-    known: ClosedLabels,
+    labels: ClosedLabels,
     sets: LabelSets,
     v: int,
     t: int,
     scratch: IntArray,
 ) -> int:
-    """Send labels that have held at a node along arcs for which that is useful, at tick t; return the work done."""
+    """Send labels that have held at node v along its arcs at tick t, if the hold is useful; return the work done."""
     k = len(tables.is_max)
     hold = np.int64(tables.hold)
     p = np.int64(tables.place[v])
@@ -360,12 +371,12 @@ def leave_after_hold(
         used = early < 0 or gains(tables, a, p, early, t)
         for i in range(begin, begin + ripe):
             owner = sets.rows[i, OWNER]
-            b = np.int64(known.ticks[owner])
+            b = np.int64(labels.ticks[owner])
             if b >= rest.gain[a] or (not used and b + hold <= early):
                 continue
             if for_good and sets.rows[i, TICK] + hold != t:
                 continue
-            arc = (known.values[owner] & 0xFFFFFFFF) - 1
+            arc = (labels.values[owner] & 0xFFFFFFFF) - 1
             stayed = tables.row[a] == STAYS and arc >= 0 and tables.row[arc] == STAYS
             if stayed and needs_one_stay(tables, rest, p):
                 continue
@@ -375,5 +386,5 @@ def leave_after_hold(
                 shifted = not for_good and not tables.is_max[j]
                 g[j] = sets.vectors[i, j] + (omega_at(tables, p, j, t) if shifted else 0)
             work += 2
-            offer(tables, rest, goal, bounds, queue, counters, state, a, p, t, g, owner + 1, scratch)
+            send_along(tables, rest, goal, bounds, queue, counters, state, a, p, t, g, owner + 1, scratch)
     return work

@@ -24,7 +24,7 @@ from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.kernels import proven_gap
 from hpop.search.machinery.slices import Clock, DeadlineClock
 from hpop.search.queries import UNLIMITED, SearchStats, checked_node, checked_targets
-from hpop.search.timed.best_paths import gather_holds, path_cost
+from hpop.search.timed.best_paths import merge_holds, path_cost
 from hpop.search.timed.bounds import Seed, TimedJointBounds
 from hpop.search.timed.calm import path_bounds, remaining_bounds
 from hpop.search.timed.graph import TimedGraph, TimedPaths
@@ -38,7 +38,7 @@ GAP = 0.1  # its precision, relative
 
 
 class TimedPath(NamedTuple):
-    """A known path: the indices (s,) of its arcs in the graph, and the ticks (s,) of their departures."""
+    """Known path: the indices (s,) of its arcs in the graph, and the ticks (s,) of their departures."""
 
     arcs: IntArray
     leaves: IntArray
@@ -118,7 +118,7 @@ class PreparedTimed:
         if deadline is not None:
             deadline = real("deadline", deadline, 0, MOST, "a number of seconds, 0 or more,")
         run = _TimedPreparedRun(self, start, tick, DeadlineClock(deadline, budget, None))
-        run.know(known)
+        run.add_known_paths(known)
         try:
             status = run.go()
         except KeyboardInterrupt:
@@ -127,17 +127,22 @@ class PreparedTimed:
 
 
 class _TimedPreparedRun:
-    """One query: from a node at a tick, with some known paths."""
+    """Run of one query on a prepared time-dependent graph, from a node at a tick.
+
+    seeds        known solutions
+    exact        exact search, None before it is set up
+    approximate  search within GAP, which interrupts the exact search; None if it does not run
+    """
 
     def __init__(self, prepared: PreparedTimed, source: int, tick: int, clock: DeadlineClock) -> None:
         self.prepared, self.source, self.tick, self.clock = prepared, source, tick, clock
         self.seeds = list[Seed]()
         self.exact: TimedSearch | None = None
-        self.near: TimedSearch | None = None
-        self.is_near = False  # whether the approximate search is complete
+        self.approximate: TimedSearch | None = None
+        self.is_approximate_complete = False  # whether the approximate search is complete
 
-    def know(self, known: Sequence[TimedPath]) -> None:
-        """Begin with the known paths that the graph allows."""
+    def add_known_paths(self, known: Sequence[TimedPath]) -> None:
+        """Add those known paths that the graph allows to the known solutions."""
         prepared, k = self.prepared, self.prepared.graph.graph.criteria
         latest = prepared.graph.arrive_by
         for path in known:
@@ -150,7 +155,7 @@ class _TimedPreparedRun:
                 self.seeds.append(Seed(total, arcs, leaves))
 
     def go(self) -> Status:
-        """Search to the end, or until a limit."""
+        """Run the searches to the end, or until a limit."""
         prepared, clock = self.prepared, self.clock
         if prepared.graph.arrive_by is not None and self.tick > prepared.graph.arrive_by:
             return Status.NO_PATH
@@ -163,29 +168,29 @@ class _TimedPreparedRun:
         status = clock.exceeded(0, 0)
         if status is not None:
             return status
-        self._follow_best()
+        self._add_best_paths()
         self.exact = exact = self._search(Precision())
         if not clock.is_limited:
-            return self._ran(exact)
+            return self._run_search(exact)
         clock.share = FIRST
-        status = self._ran(exact)
+        status = self._run_search(exact)
         if status not in (Status.TIME_LIMIT, Status.LABEL_LIMIT):
             return status
-        clock.share, clock.labels, clock.memory = SECOND, exact.spent[0], exact.memory()
+        clock.share, clock.labels, clock.memory = SECOND, exact.label_counts[0], exact.memory()
         self.seeds = self._solutions()
-        self.near = near = self._search(Precision(GAP))
-        self.is_near = self._ran(near) in (Status.COMPLETE, Status.NO_PATH)
-        for seed in near.solutions_found():
-            exact.plant(seed)
-        clock.share, clock.labels, clock.memory = 1.0, near.spent[0], near.memory()
-        return self._ran(exact)
+        self.approximate = approximate = self._search(Precision(GAP))
+        self.is_approximate_complete = self._run_search(approximate) in (Status.COMPLETE, Status.NO_PATH)
+        for seed in approximate.solutions_found():
+            exact.add_solution(seed)
+        clock.share, clock.labels, clock.memory = 1.0, approximate.label_counts[0], approximate.memory()
+        return self._run_search(exact)
 
-    def _follow_best(self) -> None:
-        """Add the best paths from the source for the weights of all sweeps to the known solutions."""
+    def _add_best_paths(self) -> None:
+        """Add the best path from the source for each weight of the joint bounds to the known solutions."""
         bounds = self.prepared.bounds
         nodes, costs = np.full(LANES, self.source), np.zeros((LANES, self.prepared.graph.graph.criteria), np.int64)
         for table in range(len(bounds.sweeps)):
-            paths = bounds.completed(table, np.arange(LANES), nodes, self.tick, costs, self.clock)
+            paths = bounds.best_completions(table, np.arange(LANES), nodes, self.tick, costs, self.clock)
             self.seeds += [seed for seed in paths if seed is not None]
 
     def _search(self, precision: Precision) -> TimedSearch:
@@ -195,7 +200,7 @@ class _TimedPreparedRun:
             prepared.graph, *query, precision, (), prepared.bounds, prepared.joint, self.seeds, begin=self.tick
         )
 
-    def _ran(self, search: TimedSearch) -> Status:
+    def _run_search(self, search: TimedSearch) -> Status:
         status = search.run(self.clock, lambda: None)
         assert status is not None
         return status
@@ -203,7 +208,7 @@ class _TimedPreparedRun:
     def _solutions(self) -> list[Seed]:
         """Return all known non-dominated solutions, in lexicographic order."""
         several = list(self.seeds)
-        for search in (self.exact, self.near):
+        for search in (self.exact, self.approximate):
             several += [] if search is None else search.solutions_found()
         if not several:
             return []
@@ -212,15 +217,15 @@ class _TimedPreparedRun:
         return [several[row] for row in rows[is_nondominated(costs[rows].astype(np.float64))]]
 
     def result(self, status: Status) -> TimedPaths:
-        """Return the found and known paths together, with the gap to missing ones."""
+        """Return the non-dominated ones of all found and known paths, with the gap to missing paths."""
         prepared, clock, seeds = self.prepared, self.clock, self._solutions()
         k = prepared.graph.graph.criteria
         costs = np.array([seed.costs for seed in seeds], np.int64).reshape(-1, k)
         for row, seed in zip(costs, seeds, strict=True):
-            clock.call(gather_holds, prepared.tables, self.source, self.tick, seed.arcs, seed.leaves, row)
+            clock.call(merge_holds, prepared.tables, self.source, self.tick, seed.arcs, seed.leaves, row)
         costs.setflags(write=False)
         counts = {"labels_generated": 0, "labels_expanded": 0, "labels_open": 0}
-        for search in (self.near, self.exact):
+        for search in (self.approximate, self.exact):
             for name, count in {} if search is None else search.counts().items():
                 counts[name] = count if name == "labels_open" else counts[name] + count
         stats = SearchStats(
@@ -231,8 +236,8 @@ class _TimedPreparedRun:
         paths = tuple((seed.arcs, seed.leaves) for seed in seeds)
         return TimedPaths(costs, status, stats, prepared.graph, self.source, paths, gap=gap, begin=self.tick)
 
-    def _least(self) -> IntArray:
-        """Return the least remaining costs (k,) from the source, one by one."""
+    def _least_remaining(self) -> IntArray:
+        """Return a lower bound (k,) of each remaining cost from the source at the tick of the query."""
         least, joint = self.prepared.rest.least[:, self.source].copy(), self.prepared.joint
         row = row_of(joint.offset, joint.calm, self.source, self.tick)
         for j in np.flatnonzero(joint.alone >= 0):
@@ -240,10 +245,10 @@ class _TimedPreparedRun:
         return least
 
     def _gap(self, costs: IntArray) -> float:
-        """Return the smallest gap that any search proves for the returned costs (n, k)."""
+        """Return the smallest gap that the searches prove for the returned costs (n, k)."""
         if self.exact is None:
-            return proven_gap(costs, self._least()[None], math.inf)
-        gap = GAP if self.is_near else math.inf
-        if self.near is not None and not self.is_near:
-            gap = max(GAP, *(proven_gap(costs, block, gap) for block in self.near.estimates()))
+            return proven_gap(costs, self._least_remaining()[None], math.inf)
+        gap = GAP if self.is_approximate_complete else math.inf
+        if self.approximate is not None and not self.is_approximate_complete:
+            gap = max(GAP, *(proven_gap(costs, block, gap) for block in self.approximate.estimates()))
         return min(gap, max(proven_gap(costs, block, gap) for block in self.exact.estimates()))

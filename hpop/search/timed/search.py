@@ -49,7 +49,14 @@ from hpop.search.timed.kernel import (
     under_way,
 )
 from hpop.search.timed.sets import ROW_COLUMNS, SEEN, SET_COLUMNS, SIZE, LabelSets, waiting
-from hpop.search.timed.solutions import MOST_CORNERS, SolutionSet, cut_corners, is_covered, solve, weighed_corners
+from hpop.search.timed.solutions import (
+    MOST_CORNERS,
+    SolutionSet,
+    cut_corners,
+    insert_solution,
+    is_covered,
+    weighed_corners,
+)
 from hpop.search.timed.tables import NEVER, TimedTables
 
 FOLLOWED = 32  # best paths that are followed after each slice of work
@@ -58,7 +65,7 @@ Labels = tuple[IntArray, IntArray, IntArray]  # values, ticks of arrival, costs
 
 
 class TimedSearch:
-    """The search from one node to some target nodes."""
+    """Search on a time-dependent graph for one query: arrays of the kernel, and the loop over slices."""
 
     def __init__(
         self,
@@ -75,7 +82,14 @@ class TimedSearch:
         before: tuple[int, int] = (0, 0),
         begin: int = 0,
     ) -> None:
-        """Begin at a tick with known solutions; `before`: labels generated and expanded by earlier searches."""
+        """Set up the arrays for paths that leave the source at tick ``begin``.
+
+        rest, joint  bounds of the remaining costs, and joint bounds
+        at_most      (k,)  upper bounds on the costs, or ()
+        bounds       computation of the joint bounds, which also traces best paths
+        seeds        known solutions
+        before       numbers of labels generated and expanded by earlier searches of this query
+        """
         self.bounds, self.joint = bounds, joint
         self.lane = 0  # of the next best path that is followed
         self.graph, self.tables, self.rest, self.source = graph, tables, rest, source
@@ -90,41 +104,41 @@ class TimedSearch:
         self.solutions, self.leaves = np.zeros(64, np.int64), np.zeros(64, np.int64)
         ring = 1 << int(graph.durations.max(initial=1)).bit_length()
         self.tops = np.full(ring, -1, np.int32)
-        self.below, self.values, self.costs = np.zeros(1024, np.int32), np.zeros(1024, np.int64), _rows(1024, k)
+        self.below, self.values, self.costs = np.zeros(1024, np.int32), np.zeros(1024, np.int64), _zeros(1024, k)
         self.closed, self.ticks = np.zeros(1024, np.int64), np.zeros(1024, np.int32)
-        self.fresh, self.kept = _rows(1024, k), np.zeros(1024, np.uint8)
+        self.fresh, self.kept = _zeros(1024, k), np.zeros(1024, np.uint8)
         self.nodes, self.waits = np.zeros(n, np.int32), np.zeros(n, np.uint8)
         self.heads = np.zeros((n, SET_COLUMNS), np.int64)
         self.heads[:, SEEN] = -1
-        self.vectors, self.rows = _rows(1024, k), _rows(1024, ROW_COLUMNS)
+        self.vectors, self.rows = _zeros(1024, k), _zeros(1024, ROW_COLUMNS)
         self.scratch = np.zeros((4, k), np.int64)
         self.state[FREE] = -1
         self.corners = np.minimum(self.most, ANYTHING)[None]
         self.lanes = weighed_corners(self.corners, joint.weights)
-        self.cornered = 0
+        self.corners_size = 0
         self.hint, self.weighed = np.zeros(1, np.int64), np.zeros(joint.weights.shape[:2], np.int32)
         self.cut: set[tuple[int, ...]] = set()
         self.seeds: list[Seed] = []
         for seed in seeds:
-            self.plant(seed)
+            self.add_solution(seed)
         self.tops[begin & (ring - 1)], self.state[NOW] = 0, begin
         self.below[0], self.state[USED], self.counters[N_OPEN] = -1, 1, 1
         self.counters[[N_GENERATED, N_EXPANDED]] = before
 
-    def plant(self, seed: Seed) -> None:
-        """Add a known solution, unless a solution covers it already."""
+    def add_solution(self, seed: Seed) -> None:
+        """Add a known solution, unless another solution covers it."""
         if self.counters[N_FRONT] == len(self.solutions):
-            self._room(FRONT)[1]()
+            self._growth_of(FRONT)[1]()
         goal = self._goal()
         if not is_covered(goal, int(self.counters[N_FRONT]), seed.costs):
             self.seeds.append(seed)
-            solve(goal, self.counters, seed.costs, -len(self.seeds), 0)
+            insert_solution(goal, self.counters, seed.costs, -len(self.seeds), 0)
             self.state[SOLVED] += 1
 
-    def _look_ahead(self, clock: Clock) -> None:
-        """Follow best paths from some labels of this tick to their ends, which gives solutions early.
+    def _add_best_completions(self, clock: Clock) -> None:
+        """Complete some labels of this tick by best paths to a target, which gives solutions early.
 
-        As these labels are not pruned, many of their best paths end in solutions that no other covers.
+        These labels are not pruned, so many of these paths are solutions that no other solution covers.
         """
         tables, first = len(self.bounds.sweeps), int(self.state[FIRST])
         fresh = np.flatnonzero(self.kept[: int(self.counters[N_CLOSED]) - first])
@@ -139,15 +153,15 @@ class TimedSearch:
         for table in range(tables):
             of = np.flatnonzero(turns // LANES == table)
             starts = turns[of] % LANES, nodes[of], int(self.state[NOW]), self.fresh[fresh[of]]
-            for i, end in zip(of, self.bounds.completed(table, *starts, clock), strict=True):
+            for i, end in zip(of, self.bounds.best_completions(table, *starts, clock), strict=True):
                 if end is not None and not is_covered(self._goal(), int(self.counters[N_FRONT]), end.costs):
                     path, leaves = self._arcs(int(values[i]), int(self.state[NOW]) - int(self.graph.durations[arcs[i]]))
                     path, leaves = np.concatenate([path, end.arcs]), np.concatenate([leaves, end.leaves])
-                    self.plant(Seed(end.costs, path, leaves))
+                    self.add_solution(Seed(end.costs, path, leaves))
 
-    def _take_corners(self) -> None:
+    def _update_corners(self) -> None:
         """Update the uncovered corners with new solutions."""
-        self.cornered = int(self.state[SOLVED])
+        self.corners_size = int(self.state[SOLVED])
         reach = self.reach[: int(self.counters[N_FRONT])]
         for row in reach[np.argsort(reach.sum(axis=1))]:
             if tuple(row) not in self.cut and len(self.corners) < MOST_CORNERS:
@@ -162,18 +176,21 @@ class TimedSearch:
         )  # fmt: skip
 
     def advance(self, clock: Clock, work: int) -> int:
-        """Run a slice of the kernel, and return why it ended."""
-        if self.cornered < self.state[SOLVED]:
-            self._take_corners()
+        """Run the kernel for ``work`` elementary steps; return the code of the reason for which it ended."""
+        if self.corners_size < self.state[SOLVED]:
+            self._update_corners()
         goal, bounds = self._goal(), PruningBounds(self.joint, self.corners, self.lanes, self.hint, self.weighed)
         queue = Queue(self.tops, self.below, self.values, self.costs)
-        known = ClosedLabels(self.closed, self.ticks, self.fresh, self.kept, self.nodes, self.waits)
+        labels = ClosedLabels(self.closed, self.ticks, self.fresh, self.kept, self.nodes, self.waits)
         sets = LabelSets(self.heads, self.vectors, self.rows)
-        arguments = (self.tables, self.rest, goal, bounds, queue, known, sets, self.source, self.scratch)
+        arguments = (self.tables, self.rest, goal, bounds, queue, labels, sets, self.source, self.scratch)
         return int(clock.call(advance, self.counters, self.state, work, *arguments))
 
     def run(self, clock: Clock, keep: Callable[[], None], enough: int | None = None) -> Status | None:
-        """Search to the end, a limit, or `enough` labels (then None); call `keep` between slices."""
+        """Search until the end, a limit, or ``enough`` generated labels; return None in the last case.
+
+        ``keep`` is called between slices, to save a checkpoint.
+        """
         status = clock.exceeded(0, self.memory())
         while status is None:
             generated = int(self.counters[N_GENERATED])
@@ -185,12 +202,12 @@ class TimedSearch:
                 return Status.COMPLETE if self.counters[N_FRONT] else Status.NO_PATH
             clock.report("search", self.counters, self.memory())
             if code != SLICE:
-                extra, grow = self._room(code)
+                extra, grow = self._growth_of(code)
                 status = clock.exceeded(0, self.memory() + extra, record=False)
                 if status is Status.MEMORY_LIMIT:
                     break
                 grow()
-            self._look_ahead(clock)
+            self._add_best_completions(clock)
             keep()
             status = clock.exceeded(int(self.counters[N_GENERATED]), self.memory())
         return status
@@ -198,20 +215,29 @@ class TimedSearch:
     def arrays(self) -> list[NDArray[Any]]:
         """Return all arrays of the search and its bounds, without the graph."""
         own: list[NDArray[Any]] = [self.below, self.values, self.costs, self.closed, self.ticks, self.fresh, self.kept]
-        own += [self.vectors, self.rows, self.heads, self.nodes, self.waits, self.corners, self.lanes, *self._solved]
+        own += [
+            self.vectors,
+            self.rows,
+            self.heads,
+            self.nodes,
+            self.waits,
+            self.corners,
+            self.lanes,
+            *self._solution_arrays,
+        ]
         rest: list[NDArray[Any]] = [self.rest.least, self.rest.gain, self.rest.calm, self.rest.until]
         joint = [self.joint.rows] if len(self.joint.rows) > 1 else []  # a single table belongs to its sweep
-        return [*own, *rest, *self.tables.own, *joint, *self.bounds.arrays]
+        return [*own, *rest, *self.tables.own_arrays, *joint, *self.bounds.arrays]
 
     @property
-    def _solved(self) -> list[IntArray]:
+    def _solution_arrays(self) -> list[IntArray]:
         return [self.front, self.reach, self.solutions, self.leaves]
 
     def memory(self) -> int:
         """Return the bytes of all arrays, each counted once."""
         return sum({id(array): array.nbytes for array in self.arrays()}.values())
 
-    def _room(self, code: int) -> tuple[int, Callable[[], None]]:
+    def _growth_of(self, code: int) -> tuple[int, Callable[[], None]]:
         names: tuple[str, ...] = {
             CLOSED: ("closed", "ticks", "fresh", "kept"),
             FRONT: ("front", "reach", "solutions", "leaves"),
@@ -232,8 +258,8 @@ class TimedSearch:
         return {name: int(self.counters[column]) for name, column in names.items()}
 
     @property
-    def spent(self) -> tuple[int, int]:
-        """Labels generated and expanded."""
+    def label_counts(self) -> tuple[int, int]:
+        """Numbers of labels generated and expanded."""
         return int(self.counters[N_GENERATED]), int(self.counters[N_EXPANDED])
 
     def solutions_found(self) -> list[Seed]:
@@ -267,15 +293,15 @@ class TimedSearch:
         return np.array(arcs[::-1], np.int64), np.array(departures[::-1], np.int64)
 
     def estimates(self) -> Iterator[IntArray]:
-        """Yield least costs (m, k) of solutions from labels under way, arrived, or waiting, in blocks.
+        """Yield lower bounds (m, k) on the costs of further solutions, for all open labels in blocks.
 
-        All at once would take more memory than the labels.
+        Open labels are under way, arrived, or waiting. One block for all would take more memory than the labels.
         """
-        for values, ticks, g in chain(self._under_way(), self._fresh(), self._waiting()):
-            yield self._least(values, ticks, g)
+        for values, ticks, g in chain(self._labels_under_way(), self._arrived_labels(), self._waiting_labels()):
+            yield self._least_total_costs(values, ticks, g)
 
-    def _least(self, values: IntArray, ticks: IntArray, g: IntArray) -> IntArray:
-        """Return least costs (m, k) of solutions from labels with costs g (m, k)."""
+    def _least_total_costs(self, values: IntArray, ticks: IntArray, g: IntArray) -> IntArray:
+        """Return lower bounds (m, k) on the costs of solutions that continue labels with costs g (m, k)."""
         arcs = (values & 0xFFFFFFFF) - 1
         nodes = np.full(len(arcs), self.source)
         nodes[arcs >= 0] = self.graph.graph.heads[arcs[arcs >= 0]]
@@ -286,16 +312,16 @@ class TimedSearch:
             h[j] = np.maximum(h[j], joint.rows[0, rows, joint.alone[j]].astype(np.int64) << joint.shift[j])
         return np.where(self.tables.is_max, np.maximum(g, h.T), g + h.T)
 
-    def _under_way(self) -> Iterator[Labels]:
-        place = np.full(2, -1, np.int64)
+    def _labels_under_way(self) -> Iterator[Labels]:
+        position = np.full(2, -1, np.int64)
         while True:
             rows, ticks = np.empty(BLOCK, np.int32), np.empty(BLOCK, np.int64)
-            count = under_way(self.tops, self.below, int(self.state[NOW]), place, rows, ticks)
+            count = under_way(self.tops, self.below, int(self.state[NOW]), position, rows, ticks)
             yield self.values[rows[:count]], ticks[:count], self.costs[rows[:count]]
             if count < BLOCK:
                 return
 
-    def _fresh(self) -> Iterator[Labels]:
+    def _arrived_labels(self) -> Iterator[Labels]:
         first, done = int(self.state[FIRST]), int(self.counters[N_CLOSED])
         begin = int(self.state[NEXT]) if self.state[STAGE] == LEAVE else 0
         end = done - first if self.state[STAGE] <= LEAVE else begin
@@ -303,17 +329,17 @@ class TimedSearch:
             rows = at + np.flatnonzero(self.kept[at : min(at + BLOCK, end)])
             yield self.closed[first + rows], np.full(len(rows), self.state[NOW]), self.fresh[rows]
 
-    def _waiting(self) -> Iterator[Labels]:
-        """Yield the labels that may leave after a hold, with their costs at arrival."""
+    def _waiting_labels(self) -> Iterator[Labels]:
+        """Yield the labels that wait at nodes, with their costs at arrival."""
         nodes = self.nodes[: int(self.state[WAITING])]
         sizes = self.heads[nodes, SIZE]
         block = np.cumsum(sizes) // BLOCK
         for some in np.split(np.arange(len(nodes)), np.flatnonzero(np.diff(block)) + 1):
             count = int(sizes[some].sum())
-            owners, costs = np.empty(count, np.int64), _rows(count, len(self.most))
+            owners, costs = np.empty(count, np.int64), _zeros(count, len(self.most))
             waiting(self.tables, LabelSets(self.heads, self.vectors, self.rows), nodes[some], owners, costs)
             yield self.closed[owners], self.ticks[owners].astype(np.int64), costs
 
 
-def _rows(count: int, k: int) -> IntArray:
+def _zeros(count: int, k: int) -> IntArray:
     return np.zeros((count, k), np.int64)

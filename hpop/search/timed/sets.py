@@ -35,11 +35,11 @@ LEAST_ROOM = 4
 
 
 class LabelSets(NamedTuple):
-    """The sets of all nodes.
+    """Sets of labels of all nodes.
 
-    heads   (n, SET_COLUMNS)
-    vectors (r, k)            gamma, or costs where the node is left for good
-    rows    (r, ROW_COLUMNS)  tick of arrival, ripe a hold later; number of the closed label
+    heads   (n, SET_COLUMNS)  block of rows of each node, and its numbers of ripe and green rows
+    vectors (r, k)            gamma of each row, or costs if the node is left for good
+    rows    (r, ROW_COLUMNS)  tick of arrival and number of the closed label; a row is ripe a hold after its arrival
     """
 
     heads: IntArray
@@ -49,7 +49,7 @@ class LabelSets(NamedTuple):
 
 @lean
 def move_row(sets: LabelSets, source: int, target: int) -> None:
-    """Copy a row over another."""
+    """Copy row `source` over row `target`."""
     for j in range(sets.vectors.shape[1]):
         sets.vectors[target, j] = sets.vectors[source, j]
     for j in range(ROW_COLUMNS):
@@ -58,7 +58,7 @@ def move_row(sets: LabelSets, source: int, target: int) -> None:
 
 @lean
 def drop_ripe(sets: LabelSets, v: int, i: int) -> None:
-    """Remove ripe row i of the block."""
+    """Remove ripe row i of the block of node v."""
     begin = sets.heads[v, BEGIN]
     sets.heads[v, RIPE] -= 1
     sets.heads[v, SIZE] -= 1
@@ -68,7 +68,7 @@ def drop_ripe(sets: LabelSets, v: int, i: int) -> None:
 
 @lean
 def drop_green(sets: LabelSets, v: int, i: int) -> None:
-    """Remove green row i of the block."""
+    """Remove green row i of the block of node v."""
     begin = sets.heads[v, BEGIN]
     sets.heads[v, SIZE] -= 1
     move_row(sets, begin + sets.heads[v, SIZE], begin + i)
@@ -76,9 +76,9 @@ def drop_green(sets: LabelSets, v: int, i: int) -> None:
 
 @lean
 def ripen(sets: LabelSets, v: int, i: int) -> int:
-    """Make green row i of the block ripe, unless a ripe row makes it superfluous; drop ripe rows that it makes so.
+    """Make green row i of node v ripe, or drop it if a ripe row makes it superfluous; drop rows that it makes so.
 
-    Returns the green row to process next, if those before i are done.
+    Returns the next green row to process, if all rows before i are processed.
     """
     begin = sets.heads[v, BEGIN]
     k = sets.vectors.shape[1]
@@ -110,7 +110,7 @@ def ripen(sets: LabelSets, v: int, i: int) -> int:
 
 @lean
 def is_at_most(one: IntArray, i: int, other: IntArray, j: int, k: int) -> bool:
-    """Return whether no number of a row is larger than that of another row."""
+    """Return whether row i of `one` is at most row j of `other` in all k columns."""
     below = True
     for c in range(k):
         below &= one[i, c] <= other[j, c]
@@ -119,7 +119,7 @@ def is_at_most(one: IntArray, i: int, other: IntArray, j: int, k: int) -> bool:
 
 @lean
 def is_superfluous(sets: LabelSets, v: int, t: int, vector: IntArray) -> bool:
-    """Return whether a label that arrives at a node at tick t is superfluous."""
+    """Return whether a label with `vector` (k,) that arrives at node v at tick t is superfluous."""
     head = sets.heads[v]
     begin = head[BEGIN]
     for i in range(begin, begin + head[SIZE]):
@@ -137,9 +137,11 @@ def is_superfluous(sets: LabelSets, v: int, t: int, vector: IntArray) -> bool:
 def enter_label(
     sets: LabelSets, v: int, t: int, vector: IntArray, owner: int, first: int, kept: NDArray[np.uint8]
 ) -> None:
-    """Add a label that is not superfluous; labels of the same tick that it makes superfluous are cleared in `kept`.
+    """Add a label that is not superfluous to the set of node v; clear labels that it makes superfluous in `kept`.
 
-    first  first closed label of the tick; `kept` begins with it
+    owner  number of the closed label
+    first  first closed label of tick t
+    kept   (f,)  flags of the closed labels of tick t
     """
     head = sets.heads[v]
     begin = head[BEGIN]
@@ -177,7 +179,7 @@ def enter_label(
 
 @lean
 def make_room(sets: LabelSets, v: int, used: int) -> int:
-    """Move a node's full block to one twice as long at the end of the pool; return the rows used then."""
+    """Move the full block of node v to a block twice as long at the end of the pool; return the used rows."""
     head = sets.heads[v]
     if head[SIZE] < head[ROOM]:
         return used
@@ -190,7 +192,7 @@ def make_room(sets: LabelSets, v: int, used: int) -> int:
 
 @lean
 def refresh(tables: TimedTables, calm: NDArray[np.int32], sets: LabelSets, v: int, t: int) -> None:
-    """Update the set of a node for tick t: drop labels that could not wait, ripen others, raise their maxima."""
+    """Update the set of node v for tick t: drop labels that could not wait, ripen the others, raise their maxima."""
     head = sets.heads[v]
     seen, begin = head[SEEN], head[BEGIN]
     if seen == t:
@@ -246,7 +248,10 @@ def refresh(tables: TimedTables, calm: NDArray[np.int32], sets: LabelSets, v: in
 
 @lean
 def waiting(tables: TimedTables, sets: LabelSets, nodes: NDArray[np.int32], owners: IntArray, costs: IntArray) -> None:
-    """Write the labels (r,) in the sets of nodes, and lower bounds (r, k) on their costs: those at arrival, or more."""
+    """Write the labels in the sets of some nodes to `owners` (r,), and lower bounds of their costs to `costs` (r, k).
+
+    The lower bounds are at least the costs at arrival.
+    """
     at = 0
     for v in nodes:
         head = sets.heads[v]

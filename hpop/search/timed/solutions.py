@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.runtime.compiled import lean
 from hpop.search.machinery.approximation import ANYTHING
-from hpop.search.machinery.checkpoint import CheckpointSpec, Keeper, Saved, not_kept
+from hpop.search.machinery.checkpoint import CheckpointSpec, Keeper, Saved, invalid_checkpoint
 from hpop.search.machinery.kernels import least_covered
 from hpop.search.machinery.slices import N_FRONT, Clock
 from hpop.search.timed.best_paths import path_cost
@@ -25,13 +25,16 @@ if TYPE_CHECKING:
 
 
 class SolutionSet(NamedTuple):
-    """The solutions so far, with the limits of new ones.
+    """Solutions so far, and limits of further solutions.
 
-    costs, reach  (s, k)  costs of solutions, and the least estimates that they cover
-    values        (s,)    parent and arc, as of labels; leaves (s,) departure of the last arc
-    most          (k,)    upper bounds on the costs of solutions
-    arrive_by     latest tick of an arrival
-    is_target     (n,)    mask
+    costs      (s, k)  costs of solutions
+    reach      (s, k)  least estimate that each solution covers
+    values     (s,)    labels: parent and last arc; negative for known solutions
+    leaves     (s,)    tick of departure by the last arc
+    most       (k,)    upper bounds on the costs of solutions
+    arrive_by  latest tick of an arrival
+    is_target  (n,)    mask
+    eps, tolerance     precision: a factor, and counts (k,)
     """
 
     costs: IntArray
@@ -47,7 +50,7 @@ class SolutionSet(NamedTuple):
 
 @lean
 def is_covered(goal: SolutionSet, count: int, f: IntArray) -> bool:
-    """Return whether a solution covers an estimate, or the estimate exceeds the bounds."""
+    """Return whether one of `count` solutions covers an estimate f (k,), or f exceeds the upper bounds."""
     k = len(f)
     for j in range(k):
         if f[j] > goal.most[j]:
@@ -62,8 +65,8 @@ def is_covered(goal: SolutionSet, count: int, f: IntArray) -> bool:
 
 
 @lean
-def solve(goal: SolutionSet, counters: IntArray, g: IntArray, value: int, leaves: int) -> None:
-    """Add a solution, and remove those that it dominates."""
+def insert_solution(goal: SolutionSet, counters: IntArray, g: IntArray, value: int, leaves: int) -> None:
+    """Add a solution with costs g (k,), label `value` and departure `leaves`; remove solutions that it dominates."""
     k = len(g)
     kept = 0
     for i in range(counters[N_FRONT]):
@@ -97,10 +100,10 @@ SIZES, ARCS, LEAVES = "sizes", "arcs", "leaves"
 
 
 class StoredSolutions:
-    """The checkpoint file of one query, if any."""
+    """Checkpoint file with the solutions of one query, if the query has one."""
 
     def __init__(self, graph: TimedGraph, checkpoint: CheckpointSpec | None, *question: Any) -> None:
-        """Read the file if it exists; raise CheckpointError where it is of another query, or not writable."""
+        """Read the file if it exists; raise CheckpointError if it is of another query or not writable."""
         self.graph = graph
         self.keeper = None
         if checkpoint is not None:
@@ -117,18 +120,20 @@ class StoredSolutions:
         path, arrays = self.keeper.path, self.keeper.saved.arrays
         self.keeper.saved = None
         if sorted(arrays) != sorted((SIZES, ARCS, LEAVES)) or any(a.ndim != 1 for a in arrays.values()):
-            raise not_kept(path, "its arrays have other names")
+            raise invalid_checkpoint(path, "its arrays have other names")
         sizes, arcs, leaves = arrays[SIZES], arrays[ARCS], arrays[LEAVES]
         count, most = len(arcs), self.graph.graph.nodes + self.graph.horizon  # arcs of a path, as costs allow for
         if len(leaves) != count or ((sizes < 1) | (sizes > min(count, most))).any() or int(sizes.sum()) != count:
-            raise not_kept(path, "its paths are invalid")
+            raise invalid_checkpoint(path, "its paths are invalid")
         ends = np.cumsum(sizes)
         return [
-            self._replayed(tables, source, targets, arcs[end - size : end], leaves[end - size : end], clock, path)
+            self._checked_solution(
+                tables, source, targets, arcs[end - size : end], leaves[end - size : end], clock, path
+            )
             for size, end in zip(sizes.tolist(), ends.tolist(), strict=True)
         ]
 
-    def _replayed(
+    def _checked_solution(
         self,
         tables: TimedTables,
         source: int,
@@ -142,22 +147,22 @@ class StoredSolutions:
         end = clock.call(path_cost, tables, source, 0, arcs, leaves, total)
         late = self.graph.arrive_by is not None and leaves[-1] + self.graph.durations[arcs[-1]] > self.graph.arrive_by
         if end not in targets or late:
-            raise not_kept(path, "a solution is invalid")
+            raise invalid_checkpoint(path, "a solution is invalid")
         return Seed(total, arcs.copy(), leaves.copy())
 
-    def keep(self, solutions: Callable[[], Sequence[Seed]]) -> None:
-        """Write the solutions if the last writing is long enough ago."""
+    def save_if_due(self, solutions: Callable[[], Sequence[Seed]]) -> None:
+        """Write the solutions if the interval has passed."""
         if self.keeper is not None:
-            self.keeper.snapshot = lambda: self._saved(solutions())
-            self.keeper.keep()
+            self.keeper.snapshot = lambda: self._checkpoint_content(solutions())
+            self.keeper.save_if_due()
 
     def save(self, solutions: Callable[[], Sequence[Seed]]) -> None:
         """Write the solutions now."""
         if self.keeper is not None:
-            self.keeper.snapshot = lambda: self._saved(solutions())
+            self.keeper.snapshot = lambda: self._checkpoint_content(solutions())
             self.keeper.save()
 
-    def _saved(self, solutions: Sequence[Seed]) -> Saved:
+    def _checkpoint_content(self, solutions: Sequence[Seed]) -> Saved:
         assert self.keeper is not None
         none = np.zeros(0, np.int64)
         arrays = {
@@ -181,7 +186,7 @@ MOST_CORNERS = 4096  # more corners would take too long to compare
 
 
 def cut_corners(corners: IntArray, covered: IntArray) -> IntArray:
-    """Return the corners (c, k) that remain when a solution covers all vectors from `covered` (k,) on.
+    """Return the corners (c, k) after a new solution that covers all vectors of at least `covered` (k,).
 
     >>> cut_corners(np.array([[9, 9]]), np.array([4, 6])).tolist()
     [[3, 9], [9, 5]]
@@ -201,7 +206,7 @@ def cut_corners(corners: IntArray, covered: IntArray) -> IntArray:
 
 
 def weighed_corners(corners: IntArray, weights: FloatArray) -> NDArray[np.int32]:
-    """Return corners (c, k) weighed by the weights (b, LANES, k) of joint bounds: (c, b, LANES)."""
+    """Return weighted sums (c, b, LANES) of corners (c, k) for weights (b, LANES, k) of joint bounds, rounded up."""
     weighed = np.zeros((len(corners), *weights.shape[:2]))
     for j in range(corners.shape[1]):
         limit = corners[:, j, None, None]
@@ -220,10 +225,11 @@ def may_improve(
     hint: IntArray,
     weighed: NDArray[np.int32],
 ) -> bool:
-    """Return whether a label with costs g and estimate f (k,) can become a solution that no other covers.
+    """Return whether a label with costs g (k,) and estimate f (k,) can become a solution that no solution covers.
 
-    row   of its state in the joint bounds
-    hint  (1,) corner that contained the last label; weighed (b, LANES) scratch
+    corners, lanes  see :class:`.PruningBounds`
+    row             row of the label's state in the joint bounds
+    hint            (1,) corner that contained the last label; weighed (b, LANES) is scratch
     """
     k = len(g)
     tables = len(joint.rows)

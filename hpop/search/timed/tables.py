@@ -17,19 +17,21 @@ NEVER = 2**40  # a tick later than any
 
 
 class TimedTables(NamedTuple):
-    """Tables of arcs and places.
+    """Tables of a time-dependent graph for kernels: arcs and places; see :class:`.TimedGraph` for shared fields.
 
-    start, heads, durations, costs   of the graph
-    row      (m,) int32         row of the arc in the tables of timed arcs, or PLAIN, or STAYS
-    timed    (c, q, H + 1)      costs of timed arcs; table_of (k,) the table of a column, -1 for none
-    blocked  (q, H + 1)         mask of timed arcs
-    place    (n,)
-    omega    (s, P, H + 1)      costs of standing; omega_of (k,) the table of a column, -1 for none
-    rate     (P, k)
-    since    (P, H + 1) int32   first tick from which on the robot may stand until t
-    cut_on   (P,)               whether the robot must not stand at the place from H on
-    is_max   (k,)
-    hold     ticks, 0 for none
+    start, heads, durations, costs   arcs of the graph: offsets, heads, ticks and static costs
+    row       (m,) int32         row of the arc in the tables of timed arcs, or PLAIN, or STAYS
+    timed     (c, q, H + 1)      c tables: a cost of each timed arc by tick
+    table_of  (k,)               index in `timed` of the table of each cost, -1 for a static cost
+    blocked   (q, H + 1)         ticks at which a timed arc is closed
+    place     (n,)               place of each node
+    omega     (s, P, H + 1)      s tables: a cost of standing at each place up to a tick
+    omega_of  (k,)               index in `omega` of the table of each cost, -1 for none
+    rate      (P, k)             cost of standing per tick
+    since     (P, H + 1) int32   first tick from which on the robot may stand at a place until t
+    cut_on    (P,)               whether the robot must not stand at the place from H on
+    is_max    (k,)               True for a cost that is a maximum
+    hold      least duration of a hold, ticks; 0 if there are no holds
     """
 
     start: IntArray
@@ -82,21 +84,21 @@ class TimedTables(NamedTuple):
         )
 
     @property
-    def own(self) -> list[NDArray[Any]]:
-        """The arrays that are not shared with the graph; tables of a single column are shared."""
+    def own_arrays(self) -> list[NDArray[Any]]:
+        """Arrays that are not shared with the graph; a table is shared if it is the only one of its kind."""
         stacked: list[NDArray[Any]] = [table for table in (self.timed, self.omega) if len(table) > 1]
         return [self.row, self.since, *stacked]
 
 
 def own_bytes(graph: TimedGraph) -> int:
-    """Return the bytes of the arrays that are not shared with the graph, scratch included."""
+    """Return the bytes of the arrays that a graph's tables do not share with the graph, including scratch."""
     columns = [table for table in (graph.costs, graph.standing) if len(table) > 1]
     stacked = sum(table.nbytes for tables in columns for table in tables.values())
     return stacked + 4 * graph.graph.arcs + 2 * 4 * graph.cut.size
 
 
 def _stacked(tables: Any, k: int, shape: tuple[int, int], dtype: Any) -> tuple[NDArray[Any], IntArray]:
-    """Stack tables, and return the index of the table of each column; a single table is not copied.
+    """Return the tables stacked, and the index (k,) of the table of each column; a single table is not copied.
 
     The result is read-only, as kernels would be compiled again, for half a minute, for writable tables.
     """
@@ -115,7 +117,7 @@ def _stacked(tables: Any, k: int, shape: tuple[int, int], dtype: Any) -> tuple[N
 
 @inlined
 def omega_at(tables: TimedTables, p: int, j: int, t: int) -> int:
-    """Return a summed cost of standing at a place from tick 0 to t."""
+    """Return summed cost j of standing at place p from tick 0 to t."""
     rate = tables.rate[p, j]
     s = tables.omega_of[j]
     if s < 0:
@@ -128,7 +130,7 @@ def omega_at(tables: TimedTables, p: int, j: int, t: int) -> int:
 
 @lean
 def worst_rate(tables: TimedTables, p: int, j: int, begin: int, end: int) -> int:
-    """Return a maximal cost of standing at a place from a tick to another; 0 for no time."""
+    """Return cost j, a maximum, of standing at place p from tick `begin` to tick `end`; 0 if they are equal."""
     if end <= begin:
         return 0
     s = tables.omega_of[j]
@@ -143,7 +145,7 @@ def worst_rate(tables: TimedTables, p: int, j: int, begin: int, end: int) -> int
 
 @inlined
 def free_since(tables: TimedTables, p: int, t: int) -> int:
-    """Return the first tick from which on the robot may stand at a place until tick t."""
+    """Return the first tick from which on the robot may stand at place p until tick t."""
     last = tables.since.shape[1] - 1
     if t > last:
         return t if tables.cut_on[p] else int(tables.since[p, last])
@@ -152,7 +154,7 @@ def free_since(tables: TimedTables, p: int, t: int) -> int:
 
 @inlined
 def is_open(tables: TimedTables, a: int, p: int, t: int) -> bool:
-    """Return whether an arc with its tail at place p is open for a departure at a tick."""
+    """Return whether arc a, with its tail at place p, is open for a departure at tick t."""
     r = tables.row[a]
     if r == PLAIN:
         return True
@@ -164,7 +166,7 @@ def is_open(tables: TimedTables, a: int, p: int, t: int) -> bool:
 
 @lean
 def arc_cost(tables: TimedTables, a: int, p: int, j: int, t: int) -> int:
-    """Return cost j of an arc with its tail at place p and departure at a tick."""
+    """Return cost j of arc a, with its tail at place p, for a departure at tick t."""
     r = tables.row[a]
     base = tables.costs[a, j]
     if r == PLAIN:
@@ -194,7 +196,7 @@ def arc_cost(tables: TimedTables, a: int, p: int, j: int, t: int) -> int:
 
 @lean
 def one_stay_suffices(tables: TimedTables, nodes: IntArray) -> bool:
-    """Return whether two arcs that stay never need to follow each other at a place; nodes: its needed ones."""
+    """Return whether two arcs that stay never need to follow each other at the needed nodes of one place."""
     for u in nodes:
         p = np.int64(tables.place[u])
         for first in range(tables.start[u], tables.start[u + 1]):
@@ -202,14 +204,14 @@ def one_stay_suffices(tables: TimedTables, nodes: IntArray) -> bool:
                 continue
             v = np.int64(tables.heads[first])
             for second in range(tables.start[v], tables.start[v + 1]):
-                if tables.row[second] == STAYS and not is_needless(tables, u, p, first, second):
+                if tables.row[second] == STAYS and not needs_only_one_stay(tables, u, p, first, second):
                     return False
     return True
 
 
 @lean
-def is_needless(tables: TimedTables, u: int, p: int, first: int, second: int) -> bool:
-    """Return whether a path needs no two consecutive arcs that stay, from u on."""
+def needs_only_one_stay(tables: TimedTables, u: int, p: int, first: int, second: int) -> bool:
+    """Return whether a path from node u at place p never needs arc `second` after arc `first`; both stay."""
     w = np.int64(tables.heads[second])
     d = np.int64(tables.durations[first]) + np.int64(tables.durations[second])
     if w == u:
@@ -223,7 +225,7 @@ def is_needless(tables: TimedTables, u: int, p: int, first: int, second: int) ->
 
 @lean
 def is_no_dearer(tables: TimedTables, p: int, first: int, second: int, third: int, spare: Any) -> bool:
-    """Return whether an arc, or none (-1), with a hold of the spare ticks costs no more than two arcs."""
+    """Return whether arc `third` (-1: no arc) and a hold of `spare` ticks cost at most arcs `first` and `second`."""
     if spare < 0 or (spare > 0 and (tables.hold == 0 or spare < tables.hold)):
         return False
     for j in range(len(tables.is_max)):

@@ -18,11 +18,11 @@ from hpop.search.machinery.approximation import ANYTHING, Precision
 from hpop.search.queries import (
     UNLIMITED,
     SearchStats,
-    asked_in_words,
     bounds_of,
     checked_node,
     checked_targets,
     precision_of,
+    query_text,
 )
 from hpop.search.timed.graph import TimedGraph, TimedPaths
 
@@ -102,7 +102,11 @@ def timed_paths(
 
 
 class _TimedRun:
-    """One query: bounds, then one search, or several of increasing precision."""
+    """Run of one query: bounds, then one search, or several searches of increasing precision.
+
+    seeds   known solutions
+    proven  gap that the last complete search proves
+    """
 
     def __init__(
         self,
@@ -124,7 +128,7 @@ class _TimedRun:
         self.at_goal = source in targets
 
     def go(self, clock: Clock) -> Status:
-        """Run the query; its solutions are in `search`, or in `seeds`."""
+        """Run the query; the solutions are in ``search`` and ``seeds``."""
         if self.at_goal:
             return Status.COMPLETE
         from hpop.search.machinery.bounds import UNREACHABLE
@@ -152,12 +156,12 @@ class _TimedRun:
         rest = remaining_bounds(self.graph, self.bounds, bounds.layout.needed)
         self.after_bounds = clock.seconds()
         joint = bounds.joint()
-        for precision, enough in self._stages():
-            before = (0, 0) if self.search is None else self.search.spent
+        for precision, enough in self._precision_stages():
+            before = (0, 0) if self.search is None else self.search.label_counts
             self.seeds = self._solutions()
             query = (self.source, self.targets, precision, self.at_most, bounds, joint, self.seeds, before)
             self.search = TimedSearch(self.graph, tables, rest, *query)
-            status = self.search.run(clock, lambda: self.stored.keep(self._solutions), enough)
+            status = self.search.run(clock, lambda: self.stored.save_if_due(self._solutions), enough)
             if status is not None and not status.is_final:
                 self.save()
                 return status
@@ -172,8 +176,8 @@ class _TimedRun:
         """Write the known solutions to the checkpoint."""
         self.stored.save(self._solutions)
 
-    def _stages(self) -> Iterator[tuple[Precision, int | None]]:
-        """Yield the precision of each search, and the labels after which the next one takes over, None for no limit."""
+    def _precision_stages(self) -> Iterator[tuple[Precision, int | None]]:
+        """Yield the precision of each search, and the number of labels after which the next search begins, or None."""
         yield self.precision, SOON
         for eps in COARSE:
             if eps > self.precision.eps:
@@ -181,7 +185,7 @@ class _TimedRun:
         yield self.precision, None
 
     def _solutions(self) -> list[Seed]:
-        """Return all known non-dominated solutions, with those that a coarser search left out as covered."""
+        """Return all known non-dominated solutions within the bounds, from all searches so far."""
         seeds = self.seeds + (self.search.solutions_found() if self.search is not None else [])
         costs = np.array([seed.costs for seed in seeds], np.int64).reshape(-1, self.graph.graph.criteria)
         within = np.all(costs <= np.array(self.at_most or [ANYTHING] * costs.shape[1]), axis=1)
@@ -190,7 +194,7 @@ class _TimedRun:
         return [seeds[row] for row in rows[is_nondominated(costs[rows])]] if rows.size else []
 
     def result(self, clock: Clock, status: Status) -> TimedPaths:
-        """Return the paths found, with the gap to missing ones."""
+        """Return the paths found, with the gap to missing paths."""
         k = self.graph.graph.criteria
         costs = np.zeros((int(self.at_goal), k), np.int64)
         paths = [(np.zeros(0, np.int64), np.zeros(0, np.int64))] * len(costs)
@@ -199,7 +203,7 @@ class _TimedRun:
         gap = self.precision.eps if status.is_final else self.proven
         if self.tables is not None and self.bounds is not None:
             from hpop.search.machinery.kernels import proven_gap  # numba: on first use
-            from hpop.search.timed.best_paths import gather_holds
+            from hpop.search.timed.best_paths import merge_holds
 
             if self.search is not None:
                 costs, paths = self.search.costs_and_paths()
@@ -209,7 +213,7 @@ class _TimedRun:
                 costs = np.array([seed.costs for seed in seeds], np.int64).reshape(-1, k)
                 paths = [(seed.arcs, seed.leaves) for seed in seeds]
             for row, (arcs, leaves) in zip(costs, paths, strict=True):
-                clock.call(gather_holds, self.tables, self.source, 0, arcs, leaves, row)
+                clock.call(merge_holds, self.tables, self.source, 0, arcs, leaves, row)
             if not status.is_final and self.search is not None:
                 missing = max(proven_gap(costs, block, gap) for block in self.search.estimates())
                 gap = min(gap, max(self.search.eps, missing))
@@ -225,5 +229,5 @@ class _TimedRun:
             seconds_compiled=clock.compiled,
             **counts,
         )
-        words = asked_in_words(self.graph.graph, self.precision, self.at_most)
+        words = query_text(self.graph.graph, self.precision, self.at_most)
         return TimedPaths(costs, status, stats, self.graph, self.source, tuple(paths), gap=gap, asked=words)

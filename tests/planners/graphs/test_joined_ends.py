@@ -357,7 +357,7 @@ def test_a_search_goes_on_from_its_checkpoint_to_the_same_front(exact, tmp_path)
 def test_stages_on_a_part_of_the_lattice_end_at_the_goal_too(exact, monkeypatch):
     monkeypatch.setattr(lattice_planner, "MOST_FIRST", 40)
     monkeypatch.setattr(Spending, "share", lambda spending, seconds: spending.left())  # no stage ends by the clock
-    monkeypatch.setattr(exact_search, "_at_once", lambda *asked: None)
+    monkeypatch.setattr(exact_search, "_quick_exact_answer", lambda *asked: None)
     fresh = World.from_polygons([shapely.box(1.55, 1.35, 2.4, 1.75)], extent=shapely.box(0, 0, 4, 3))  # nothing kept
     *stages, last = Lattice(step=FINE).stages(replace(OFF, world=fresh))
     assert "positions on the shortest ways" in stages[0].certificate

@@ -8,7 +8,7 @@ import pytest
 import shapely
 
 import hpop
-from hpop.planners.graphs.arcs import COPIED, TIE_TURNS, tie_broken
+from hpop.planners.graphs.arcs import COPIED, TIE_TURNS, graph_with_tie_break
 from hpop.planners.graphs.query import Query
 from hpop.planners.lattice import Lattice
 from hpop.planners.spending import Exhausted, Spending
@@ -37,11 +37,11 @@ def test_a_tie_costs_as_many_units_more_as_there_are_turns():
             joins = np.isin(tails, [found.start, *found.goals]) | np.isin(graph.heads, found.goals)
             assert space.turned[joins].max() == 2
             expected[joins] = space.turned[joins]
-        assert (found.tie_broken.costs[:, 0] == graph.costs[:, 0] * TIE_TURNS + expected).all()
+        assert (found.graph_with_tie_break.costs[:, 0] == graph.costs[:, 0] * TIE_TURNS + expected).all()
 
 
 def test_where_a_cost_charges_for_every_turn_nothing_is_copied():
-    assert query(asked("length", "turns"), 0.5).tie_broken is None
+    assert query(asked("length", "turns"), 0.5).graph_with_tie_break is None
 
 
 def test_a_copy_for_which_there_is_no_room_is_a_memory_limit():
@@ -58,7 +58,7 @@ def test_the_search_is_given_what_the_copy_leaves():
     planner = Lattice(step=0.25)
     found = planner.query(problem, spending=spending)
     found.break_ties()
-    assert spending.memory >= found.graph.costs.nbytes + found.tie_broken.costs.nbytes
+    assert spending.memory >= found.graph.costs.nbytes + found.graph_with_tie_break.costs.nbytes
     assert spending.left().max_memory == 10**9 - spending.memory
 
 
@@ -66,12 +66,12 @@ def test_no_more_is_taken_than_is_counted():
     found = query(asked("length", "exposure"))
     graph, turned = found.graph, found.space.turned
     tracemalloc.start()
-    assert tie_broken(graph, turned, Spending()) is not None
+    assert graph_with_tie_break(graph, turned, Spending()) is not None
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 1.2 * graph.costs.nbytes + 2_000_000  # blocks
     with pytest.raises(Exhausted, match="memory limit while costs were copied"):
-        tie_broken(graph, turned, Spending(Budget(max_memory=graph.costs.nbytes - 1)))
+        graph_with_tie_break(graph, turned, Spending(Budget(max_memory=graph.costs.nbytes - 1)))
 
 
 def test_the_copy_of_a_first_stage_is_freed_and_given_back(monkeypatch):

@@ -23,7 +23,7 @@ def fronts() -> tuple[Problem, list[Front]]:
     """Return the front after each stage, the last one at the end."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(exact_search, "QUICK", 60.0)
-        patch.setattr(exact_search, "_at_once", lambda *asked: None)
+        patch.setattr(exact_search, "_quick_exact_answer", lambda *asked: None)
         asked = Problem(
             WORLD,
             hpop.DifferentialDrive(radius=0.25),
@@ -73,7 +73,7 @@ def test_a_last_stage_within_a_precision_keeps_what_is_better_than_its_own():
     planner = Lattice(step=0.5, eps=0.5)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(exact_search, "QUICK", 60.0)
-        patch.setattr(exact_search, "_at_once", lambda *asked: None)
+        patch.setattr(exact_search, "_quick_exact_answer", lambda *asked: None)
         stages: list[Front] = []
         (last,) = asked.fronts([planner], stage=stages.append)
     for row in stages[-1].costs:

@@ -19,7 +19,7 @@ from hpop.frontier import is_nondominated
 from hpop.planners.base import Candidates, Planner, joined, make_planner
 from hpop.planners.graphs.lattice import family as lattice_planner
 from hpop.planners.graphs.lattice.graph import StateLattice
-from hpop.planners.graphs.lattice.nearby import DIAGONAL, STRAIGHT, nearby
+from hpop.planners.graphs.lattice.nearby import DIAGONAL, STRAIGHT, cells_near_shortest_paths
 from hpop.planners.graphs.query import Query
 from hpop.planners.judgement import judge
 from hpop.planners.lattice import Lattice
@@ -47,14 +47,14 @@ def found(asked: Problem, **options: Any) -> list[Candidates]:
     return list(Lattice(step=STEP, **options).stages(asked))
 
 
-at_once = exact_search._at_once
+at_once = exact_search._quick_exact_answer
 
 
 @pytest.fixture(autouse=True)
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Stages before the last end by themselves, however busy the machine is, and no small lattice goes without."""
     monkeypatch.setattr(exact_search, "QUICK", 60.0)
-    monkeypatch.setattr(exact_search, "_at_once", lambda *asked: None)
+    monkeypatch.setattr(exact_search, "_quick_exact_answer", lambda *asked: None)
 
 
 @pytest.fixture
@@ -87,7 +87,7 @@ def test_marked_cells_are_those_on_the_shortest_ways(seed: int) -> None:
     free[0, 0] = free[-1, -1] = True
     ways = grid(free, cutting)
     goal, most = (rows - 1, columns - 1), int(rng.integers(1, rows * columns))
-    marked = nearby(free, (0, 0), goal, most, corner_cutting=cutting)
+    marked = cells_near_shortest_paths(free, (0, 0), goal, most, corner_cutting=cutting)
     if not nx.has_path(ways, (0, 0), goal):
         assert marked is None
         return
@@ -151,7 +151,7 @@ def test_the_last_stage_is_the_plain_answer_and_those_before_are_unfinished() ->
 
 
 def test_a_small_lattice_whose_search_ends_at_once_has_one_stage(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(exact_search, "_at_once", at_once)
+    monkeypatch.setattr(exact_search, "_quick_exact_answer", at_once)
     (only,) = found(problem())
     assert same(only, Lattice(step=STEP).solve(problem()))
 
@@ -177,7 +177,7 @@ def test_points_of_every_stage_are_attained_and_none_beats_the_last(criteria: tu
     for stage in before:
         assert len(stage.trajectories) > 0
         judgement = judge(asked, stage.objectives, stage.trajectories, planned=stage.planned, tolerance=stage.tolerance)
-        assert judgement.dropped == {}
+        assert judgement.rejection_counts == {}
         covered = (last.planned[None] <= stage.planned[:, None] + 1e-12).all(axis=2).any(axis=1)
         assert covered.all()
 

@@ -18,8 +18,8 @@ from hpop.planners import Roadmap, WeightedSum
 from hpop.planners.graphs.query import built_query
 from hpop.planners.graphs.roadmap import guides as seeking
 from hpop.planners.graphs.roadmap.configurations import ConfigurationRoadmap
-from hpop.planners.graphs.roadmap.guides import Connections, Guide, guides, length, shortened
-from hpop.planners.graphs.roadmap.links import farther, informed
+from hpop.planners.graphs.roadmap.guides import Connections, Guide, guides, length, shorten
+from hpop.planners.graphs.roadmap.links import in_informed_set, nearest_in_random_subsets
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.spending import Spending
 from hpop.problems.verify import verify
@@ -218,7 +218,7 @@ def test_a_far_link_leads_to_the_nearest_of_as_many_others_as_a_group_has(seed: 
     space, rng = Joints(3).space, np.random.default_rng(seed)
     number, count = 400, 12
     states = space.sample(rng, number)
-    found = farther(space, states, count, rng, Spending())
+    found = nearest_in_random_subsets(space, states, count, rng, Spending())
     assert found.shape == (count, number)
     assert (found != np.arange(number)).all()
     apart = [space.apart(states, states.take(level)) for level in found]
@@ -296,7 +296,7 @@ def test_shortcuts_keep_to_what_is_free_and_never_lengthen() -> None:
     robot.__dict__["geometry"] = Balls(np.array([[0.0, 0.0]]), 1.0)
     connections = Connections(problem(robot), robot.space)
     detour = Guide(np.array([[-2.0, -2.0], [-2.0, 0.0], [-2.0, 2.0], [0.0, 2.0], [2.0, 2.0]]), 0)
-    (short,) = shortened([detour], connections)
+    (short,) = shorten([detour], connections)
     assert connections.free(short.rows[:-1], short.rows[1:]).all()
     assert length(short, connections) <= length(detour, connections)
     assert short.rows.tolist() == [[-2.0, -2.0], [-2.0, 2.0], [2.0, 2.0]] or len(short.rows) == 4
@@ -314,6 +314,6 @@ def test_samples_lie_near_guides_and_where_a_way_may_be_short() -> None:
     drawn = rows[-300:]
     ends, of_trees = (np.array(robot.start), np.array([robot.goal])), np.random.default_rng(4).spawn(4)[2]
     shortest = length(guides(connections, *ends, 10, of_trees, Spending())[0], connections)
-    assert informed(connections, *ends, 1.6 * shortest, drawn[90:]).all()
+    assert in_informed_set(connections, *ends, 1.6 * shortest, drawn[90:]).all()
     uniform = np.random.default_rng(0).uniform(-3, 3, (2000, 4))
-    assert informed(connections, *ends, 1.6 * shortest, uniform).mean() < 1.0
+    assert in_informed_set(connections, *ends, 1.6 * shortest, uniform).mean() < 1.0

@@ -191,7 +191,7 @@ def line(*xs, start_yaw=0.0, goal_yaw=None, world=PILLAR):
 
 def test_a_link_through_a_position_is_left_out_for_its_parts():
     roadmap = line(1.0, 5.0, 3.0, 2.0)
-    tails, heads, _ = roadmap.arrows
+    tails, heads, _ = roadmap.directed_moves
     expected = {(0, 3), (3, 2), (2, 1)}
     assert set(zip(tails.tolist(), heads.tolist(), strict=True)) == expected | {(b, a) for a, b in expected}
     assert roadmap.size == 8  # two headings of each position
@@ -389,7 +389,7 @@ def test_limits_are_looked_at_all_along_while_headings_are_laid_out(monkeypatch)
     """At least once for so many arrows, and for so many turns, as are worked on together."""
     monkeypatch.setattr(arcs, "BLOCK", 256)
     roadmap = Roadmap(samples=60).roadmap(problem(), Counted())
-    for layer, items in (("arrows", 2 * len(roadmap.links)), ("turns", 4 * len(roadmap.links))):
+    for layer, items in (("directed_moves", 2 * len(roadmap.links)), ("turns", 4 * len(roadmap.links))):
         before = Counted.looks
         getattr(roadmap, layer)
         assert Counted.looks - before >= items // 1024 > 0

@@ -16,7 +16,7 @@ from hpop.models import DifferentialDrive
 from hpop.planners import RRT, Lattice
 from hpop.planners.judgement import judge
 from hpop.planners.rrt.planner import TreeRun
-from hpop.planners.rrt.query import Base, TreeQuery, WheelLimits, close
+from hpop.planners.rrt.query import Base, TreeQuery, WheelLimits, close_gap
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
@@ -65,7 +65,7 @@ def test_most_runs_reach_the_goal(several):
 
 
 def test_trajectories_are_free_on_the_exact_geometry_and_end_where_they_should(several):
-    assert judge(PROBLEM, several.objectives, several.trajectories).dropped == {}
+    assert judge(PROBLEM, several.objectives, several.trajectories).rejection_counts == {}
     front = PROBLEM.front(several)
     assert verify(PROBLEM, front) == []
     assert "NOT VALID" not in front.certificate
@@ -206,7 +206,7 @@ def test_closing_ends_exactly_at_the_goal(goal):
     """Straight ahead for 6 s, to (2.04, 0), and what is missing is made up for."""
     query = open_query(goal)
     controls = np.array([[0.2, 0.0, 0.4]] * 6 + [[0.0, 0.0, 0.4]] * 5 + [[-0.2, 0.0, 0.4]] * 6)
-    closed = close(query, controls)
+    closed = close_gap(query, controls)
     states = query.trajectory(closed).states
     assert (states.x[-1], states.y[-1]) == pytest.approx(goal[:2], abs=1e-8)
     assert (states.speed[-1], states.turn_rate[-1]) == pytest.approx((0, 0), abs=1e-8)
@@ -216,13 +216,13 @@ def test_closing_ends_exactly_at_the_goal(goal):
 
 def test_a_gap_that_the_limits_do_not_let_be_closed_is_not_closed():
     controls = np.array([[0.5, 0.0, 0.4], [-0.5, 0.0, 0.4]])
-    assert close(open_query((0.3, 0.0, 0.0)), controls) is None
+    assert close_gap(open_query((0.3, 0.0, 0.0)), controls) is None
 
 
 def test_a_gap_behind_the_robot_is_not_closed_by_going_back():
     standing = np.tile([0.0, 0.0, 0.4], (16, 1))
-    assert close(open_query((0.05, 0.0, 0.0)), standing) is not None
-    assert close(open_query((-0.05, 0.0, 0.0)), standing) is None
+    assert close_gap(open_query((0.05, 0.0, 0.0)), standing) is not None
+    assert close_gap(open_query((-0.05, 0.0, 0.0)), standing) is None
 
 
 def test_a_closing_that_would_collide_is_not_taken():
@@ -230,8 +230,8 @@ def test_a_closing_that_would_collide_is_not_taken():
     wall = World.from_polygons([shapely.box(1.0, -9, 1.05, 9)], extent=shapely.box(-9, -9, 9, 9))
     query = TreeQuery(ROBOT, wall, (0.0, 0.0, 0.0), (2.0, 0.1, 0.0), 1)
     controls = np.array([[0.2, 0.0, 0.4]] * 6 + [[0.0, 0.0, 0.4]] * 5 + [[-0.2, 0.0, 0.4]] * 6)
-    assert close(query, controls) is None
-    assert close(open_query((2.0, 0.1, 0.0)), controls) is not None
+    assert close_gap(query, controls) is None
+    assert close_gap(open_query((2.0, 0.1, 0.0)), controls) is not None
 
 
 def test_a_drive_of_the_tree_is_that_of_the_motion_law():

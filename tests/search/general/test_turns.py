@@ -53,7 +53,7 @@ def searched(graph: Graph, targets: IntArray, groups: Groups, clock: Clock) -> t
     h, _, _ = lower_bounds(graph, 1, targets, clock, groups)
     search = General(graph, 1, targets, h, (FREE, 0, TURNS), groups, clock)
     search.run(clock)
-    costs, _, generated, _, _ = search.found()
+    costs, _, generated, _, _ = search.results()
     return costs, generated
 
 
@@ -62,7 +62,7 @@ def test_turns_taken_at_once_halve_the_labels_of_the_same_search(lattice, seed):
     graph, clock = lattice(seed, 10), Clock(Budget(), None)
     targets = np.arange(graph.nodes - 4, graph.nodes)
     front, labels = searched(graph, targets, Groups.of(graph, clock), clock)
-    same, more = searched(graph, targets, Groups.none(graph, clock), clock)
+    same, more = searched(graph, targets, Groups.single_nodes(graph, clock), clock)
     assert front.tolist() == same.tolist()
     assert 2 * labels < more
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hpop.search.general.tables import PIECE, ROOM, SET_COLUMNS, SIZE, START, enter, is_covered, needs
+from hpop.search.general.tables import PIECE, ROOM, SET_COLUMNS, SIZE, START, add_to_set, is_covered, rows_needed
 
 
 def members(sets, pool, s, k):
@@ -45,8 +45,8 @@ def test_sets_answer_as_vectors_one_by_one(k, number, large):
         assert is_covered(sets, pool, s, f) == covered
         if covered:
             continue
-        before, room = used, needs(sets, s, k)
-        used = enter(sets, pool, s, f, used)
+        before, room = used, rows_needed(sets, s, k)
+        used = add_to_set(sets, pool, s, f, used)
         assert used - before <= room
         expected[s] = {m for m in expected[s] if not all(b <= a for a, b in zip(m, rest, strict=True))} | {rest}
         if len(expected[s]) < PIECE or len(expected[s]) % 8 == 0:  # of large sets, each member some of the times
@@ -59,10 +59,10 @@ def test_sets_answer_as_vectors_one_by_one(k, number, large):
 
 def test_a_full_set_moves_and_leaves_the_others_alone():
     sets, pool = np.zeros((2, SET_COLUMNS), np.int64), np.zeros(4096, np.int32)
-    used = enter(sets, pool, 1, np.array([0, 50, 50], np.int32), 0)
+    used = add_to_set(sets, pool, 1, np.array([0, 50, 50], np.int32), 0)
     for i in range(200):
-        used = enter(sets, pool, 0, np.array([0, i, 200 - i], np.int32), used)
+        used = add_to_set(sets, pool, 0, np.array([0, i, 200 - i], np.int32), used)
     assert members(sets, pool, 1, 3) == {(50, 50)}
     assert members(sets, pool, 0, 3) == {(i, 200 - i) for i in range(200)}
-    used = enter(sets, pool, 0, np.array([0, 0, 0], np.int32), used)
+    used = add_to_set(sets, pool, 0, np.array([0, 0, 0], np.int32), used)
     assert members(sets, pool, 0, 3) == {(0, 0)}

@@ -51,7 +51,7 @@ def test_bounds_are_the_scalar_optima_where_turns_make_groups(seed, how):
     turns = np.c_[price, np.ones(len(corner), int), np.full(len(corner), 2)]
     arcs = (np.r_[tails, place], np.r_[heads, other], np.r_[moves, turns])
     graph = Graph.from_arcs(cells * size, *arcs, aggregates=[how, "sum", "sum"])
-    groups = Groups.of_column(graph, 1, Clock(Budget(), None))
+    groups = Groups.of_turns(graph, 1, Clock(Budget(), None))
     assert groups is not None
     h, _, _ = lower_bounds(graph, 0, np.array([7, 8]), Clock(Budget(), None), groups)
     for j in range(3):
@@ -80,7 +80,7 @@ def test_memory_is_counted_before_it_is_taken_scratch_included():
     rng = np.random.default_rng(3)
     graph = Graph.from_arcs(20_000, *rng.integers(0, 20_000, (2, 80_000)), rng.integers(0, 9, (80_000, 3)))
     clock = Clock(Budget(), None)
-    groups = Groups.none(graph, clock)
+    groups = Groups.single_nodes(graph, clock)
     lower_bounds(graph, 0, np.array([1]), clock, groups)
     bounded = Clock(Budget(max_memory=clock.peak - 1), None)
     assert lower_bounds(graph, 0, np.array([1]), bounded, groups)[2] is Status.MEMORY_LIMIT

@@ -107,13 +107,13 @@ def test_so_does_a_search_with_four_costs_that_takes_turns_at_once(tmp_path, lat
 def test_so_does_a_search_that_looks_ahead(tmp_path, lattice, monkeypatch):
     monkeypatch.setattr("hpop.search.staircase.search.LONG", 0.05)
     looked = []
-    look = Staircase._look_ahead
+    look = Staircase._add_bounds
 
     def count(self: Staircase, clock: in_slices.Clock) -> None:
         look(self, clock)
         looked.append(self.layers.shape)
 
-    monkeypatch.setattr(Staircase, "_look_ahead", count)
+    monkeypatch.setattr(Staircase, "_add_bounds", count)
     graph = lattice(1, 12)
 
     def search(**options: Any) -> ParetoPaths:

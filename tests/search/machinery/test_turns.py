@@ -15,7 +15,7 @@ from hpop.search.machinery.turns import OFFSET, SIZE, Groups, NoRoom
 
 
 def groups_of(graph: Graph) -> Groups | None:
-    return Groups.of_column(graph, 1, Clock(Budget(), None))
+    return Groups.of_turns(graph, 1, Clock(Budget(), None))
 
 
 def shuffled(graph: Graph, seed: int) -> tuple[Graph, np.ndarray]:
@@ -40,7 +40,7 @@ def test_groups_are_ranges_of_the_new_numbers(lattice):
     graph, name = shuffled(lattice(0, 4), 1)
     groups = groups_of(graph)
     assert groups is not None
-    assert (groups.nodes[groups.place] == np.arange(graph.nodes)).all()
+    assert (groups.nodes[groups.new_number] == np.arange(graph.nodes)).all()
     cells = {frozenset(name[4 * cell : 4 * cell + 4].tolist()) for cell in range(16)}
     ranges = zip(groups.rows[:, OFFSET], groups.rows[:, SIZE], strict=True)
     assert {frozenset(groups.nodes[begin : begin + size].tolist()) for begin, size in ranges} == cells
@@ -97,7 +97,7 @@ def test_groups_that_do_not_fit_the_memory_are_refused_before_it_is_taken():
     tight = Clock(Budget(max_memory=100_000), None)
     tracemalloc.start()
     with pytest.raises(NoRoom):
-        Groups.none(graph, tight)
+        Groups.single_nodes(graph, tight)
     _, _, status = lower_bounds(graph, 0, np.array([49_999]), tight)
     taken = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()

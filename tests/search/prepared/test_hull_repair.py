@@ -27,7 +27,7 @@ class Layers(DeadlineClock):
         self.layers = layers
 
     @property
-    def left(self) -> float:
+    def remaining(self) -> float:
         """Seconds."""
         self.layers -= 1
         return 1e9 if self.layers >= 0 else 0.0
@@ -42,7 +42,7 @@ def of_any_graph(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_bounds_after_closings_are_below_what_every_open_path_weighs(seed: int, lattice: Callable[..., Graph]) -> None:
     graph, rng = any_graph(4 * (seed // 2) + seed % 2, lattice), np.random.default_rng(seed)
     prepared, closed = Prepared(graph, graph.nodes - 1), np.zeros(graph.arcs, np.bool_)
-    hull, groups = prepared.outlook.hull, prepared.closings.whole
+    hull, groups = prepared.staircase_bounds.hull, prepared.closed_arcs.whole
     if hull is None and seed:  # costs of a few of these graphs are too wide, or their arcs no chains
         return
     assert hull is not None
@@ -55,28 +55,30 @@ def test_bounds_after_closings_are_below_what_every_open_path_weighs(seed: int, 
         prepared.close(shut)
         prepared.open(opened)
         assert prepared.hull is not None
-        if prepared.closings.groups is not groups:  # some turns of a group are closed: joint bounds are not asked for
+        if (
+            prepared.closed_arcs.groups is not groups
+        ):  # some turns of a group are closed: joint bounds are not asked for
             continue
         complete = prepared.hull.close(
-            closed, prepared.closings.turns > 0, Layers(int(rng.integers(2 * len(hull.layers))))
+            closed, prepared.closed_arcs.turns > 0, Layers(int(rng.integers(2 * len(hull.layers))))
         )
-        assert complete == (prepared.outdated is None)
+        assert complete == (prepared.outdated_hull is None)
         assert (hull.layers >= whole[0]).all()
         raised += int((hull.layers > whole[0]).sum())
         for node in rng.integers(graph.nodes, size=2).tolist():
             paths = pareto_paths(graph.without(closed), node, graph.nodes - 1)
             if paths.status is Status.NO_PATH:
                 continue
-            least = prepared.outlook.h[[first, rest], node]
+            least = prepared.staircase_bounds.h[[first, rest], node]
             assert (least < UNREACHABLE).all()
-            steps = hull.layers[:, groups.place[node]].astype(np.int64) << STEP_BITS  # (m, LANES)
+            steps = hull.layers[:, groups.new_number[node]].astype(np.int64) << STEP_BITS  # (m, LANES)
             for costs in paths.costs:
                 bound = least @ hull.weights.T + steps[min(int(costs[index]), len(steps) - 1)]
                 assert (bound <= costs[[first, rest]] @ hull.weights.T + ROUNDED).all()
     assert raised > 0 or seed
     prepared.open(np.flatnonzero(closed))
     assert prepared.hull is not None
-    assert prepared.hull.close(prepared.closed, prepared.closings.turns > 0, Layers(0))
+    assert prepared.hull.close(prepared.closed, prepared.closed_arcs.turns > 0, Layers(0))
     np.testing.assert_array_equal(hull.layers, whole[0])
     np.testing.assert_array_equal(hull.moved, whole[1])
 
@@ -86,7 +88,7 @@ def test_a_closed_door_is_in_the_bounds_of_those_who_went_through_it(seed: int, 
     """As a hull has them that is made without the door, up to what rounding takes; but for ways of ever more turns."""
     graph = lattice(seed)
     prepared = Prepared(graph, graph.nodes - 1)
-    hull = prepared.outlook.hull
+    hull = prepared.staircase_bounds.hull
     if hull is None and seed != 6:
         return
     assert hull is not None
@@ -97,8 +99,8 @@ def test_a_closed_door_is_in_the_bounds_of_those_who_went_through_it(seed: int, 
     prepared.close(shut)
     assert prepared.hull is not None
     for _ in range(len(hull.layers)):  # a layer a call: each goes on where the one before had to end
-        prepared.hull.close(prepared.closed, prepared.closings.turns > 0, Layers(1))
-    assert prepared.outdated is None
+        prepared.hull.close(prepared.closed, prepared.closed_arcs.turns > 0, Layers(1))
+    assert prepared.outdated_hull is None
     first, _, rest = prepared.plans[0][1]
     for node in range(0, graph.nodes, 7):
         if node // 4 == place:
@@ -106,9 +108,9 @@ def test_a_closed_door_is_in_the_bounds_of_those_who_went_through_it(seed: int, 
         paths = pareto_paths(graph.without(prepared.closed), node, graph.nodes - 1)
         if paths.status is Status.NO_PATH:
             continue
-        least = prepared.outlook.h[[first, rest], node] @ hull.weights.T
-        bound = least + (hull.layers[-1, prepared.closings.whole.place[node]].astype(np.int64) << STEP_BITS)
+        least = prepared.staircase_bounds.h[[first, rest], node] @ hull.weights.T
+        bound = least + (hull.layers[-1, prepared.closed_arcs.whole.new_number[node]].astype(np.int64) << STEP_BITS)
         weighed = (paths.costs[:, [first, rest]] @ hull.weights.T).min(axis=0)
-        capped = hull.layers[-1, prepared.closings.whole.place[node]] == 2**16 - 1
+        capped = hull.layers[-1, prepared.closed_arcs.whole.new_number[node]] == 2**16 - 1
         assert (bound <= weighed + ROUNDED).all()
         assert ((weighed - bound <= 0.02 * weighed) | capped | ~few).all()

@@ -225,13 +225,19 @@ def test_an_interrupted_search_returns_what_it_has(chain: Callable[..., Graph]) 
 def test_suffixes_are_the_rest_of_the_paths_that_pass_a_node() -> None:
     graph = Graph.from_arcs(4, [0, 1, 1, 2, 0], [1, 2, 3, 3, 3], [[1, 5], [1, 1], [3, 1], [1, 1], [1, 9]])
     paths = pareto_paths(graph, 0, 3)
-    assert sorted(rest.tolist() for rest in paths.suffixes(1)) == [[2, 4], [3]]  # places of arcs, sorted by tail
+    assert sorted(rest.tolist() for rest in paths.suffixes(1)) == [[2, 4], [3]]  # indices of arcs, sorted by tail
     assert [rest.size for rest in paths.suffixes(3)] == [0] * len(paths)
 
 
 @pytest.mark.parametrize(
     ("known", "why"),
-    [([2], "arc by arc"), ([0], "to a target"), ([9], "from 0 to 2"), ([-1], "from 0 to 2"), ([0.5], "places of arcs")],
+    [
+        ([2], "arc by arc"),
+        ([0], "to a target"),
+        ([9], "from 0 to 2"),
+        ([-1], "from 0 to 2"),
+        ([0.5], "indices of arcs"),
+    ],
 )
 def test_a_known_path_that_is_none_is_refused(known: list[float], why: str) -> None:
     prepared = Prepared(Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1], [1], [9]]), 2)
@@ -243,7 +249,7 @@ def test_a_known_path_that_is_none_is_refused(known: list[float], why: str) -> N
 def test_arcs_that_are_none_can_neither_be_closed_nor_opened(arcs: list[int]) -> None:
     prepared = Prepared(Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1], [1], [9]]), 2)
     for change in (prepared.close, prepared.open):
-        with pytest.raises(GraphError, match="places"):
+        with pytest.raises(GraphError, match="indices"):
             change(arcs)
     with pytest.raises(QueryError, match="source"):
         prepared.paths(3)

@@ -43,13 +43,13 @@ def test_bounds_by_turns_are_taken_all_the_same_and_lose_nothing(beside, monkeyp
     monkeypatch.setattr(staircase, wait, 0)
     monkeypatch.setattr(slices, "WORK", 50)
     looked = []
-    look_ahead = Staircase._look_ahead
+    look_ahead = Staircase._add_bounds
 
     def watched(self, clock):
         look_ahead(self, clock)
         looked.append(self.layers.size > 0 or self.hull is not None)
 
-    monkeypatch.setattr(Staircase, "_look_ahead", watched)
+    monkeypatch.setattr(Staircase, "_add_bounds", watched)
     for seed in range(8):
         graph, start, goal = beside(seed, 9)
         exact = pareto_paths(graph, start, goal, method="general").costs

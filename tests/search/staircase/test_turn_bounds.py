@@ -42,13 +42,13 @@ def test_bounds_by_turns_are_exact(lattice, seed, uneven):
         costs[turn, 0] = np.random.default_rng(seed).integers(3, 6, turn.sum())
         graph = Graph.from_csr(graph.indptr, graph.heads, costs)
     clock, target = Clock(Budget(), None), np.array([graph.nodes - 1])
-    groups = Groups.of_column(graph, 1, clock)
+    groups = Groups.of_turns(graph, 1, clock)
     assert groups is not None
     h, _, _ = lower_bounds(graph, 0, target, clock, groups)
     search = Staircase(graph, 0, target, h, (2, 1, 0), groups, clock)
-    search._look_ahead(clock)
+    search._add_bounds(clock)
     assert search.layers.shape == (graph.nodes, LAYERS)
-    told = search.layers[groups.place].astype(float)
+    told = search.layers[groups.new_number].astype(float)
     told[told == np.iinfo(search.dtype).max] = np.inf
     expected = least_rest(graph, int(target[0]), LAYERS - 2)
     reached = h[0] < 2**62
@@ -60,12 +60,12 @@ def test_bounds_by_turns_are_exact(lattice, seed, uneven):
 def test_bounds_by_turns_are_exact_at_all_nodes_but_the_start_where_ends_are_beside_the_lattice(beside, seed):
     graph, start, goal = beside(seed, 5)
     clock, target = Clock(Budget(), None), np.array([goal])
-    groups = Groups.of_column(graph, 1, clock)
+    groups = Groups.of_turns(graph, 1, clock)
     assert groups is not None
     h, _, _ = lower_bounds(graph, start, target, clock, groups)
     search = Staircase(graph, start, target, h, (2, 1, 0), groups, clock)
-    search._look_ahead(clock)
-    told = search.layers[groups.place].astype(float)
+    search._add_bounds(clock)
+    told = search.layers[groups.new_number].astype(float)
     told[told == np.iinfo(search.dtype).max] = np.inf
     expected = least_rest(graph, goal, LAYERS - 2)
     inner = h[0, :start] < 2**62
@@ -79,9 +79,9 @@ def test_a_search_that_looks_ahead_finds_the_same_front(lattice, seed, monkeypat
     monkeypatch.setattr(staircase, "LONG", 0)
     monkeypatch.setattr(slices, "WORK", 200)
     looked = []
-    look_ahead = Staircase._look_ahead
+    look_ahead = Staircase._add_bounds
     monkeypatch.setattr(
-        Staircase, "_look_ahead", lambda self, clock: (look_ahead(self, clock), looked.append(self.layers.size))
+        Staircase, "_add_bounds", lambda self, clock: (look_ahead(self, clock), looked.append(self.layers.size))
     )
     graph = lattice(seed, 10)
     paths = pareto_paths(graph, 0, graph.nodes - 1, method="staircase")

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hpop.runtime.status import Budget, Status
 from hpop.search import Graph, ParetoPaths, pareto_paths
 from hpop.search.machinery import slices
-from hpop.search.machinery.approximation import Precision, thinned
+from hpop.search.machinery.approximation import Precision, thin_front
 from hpop.search.machinery.bounds import lower_bounds
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import Groups
@@ -37,7 +37,7 @@ def rich(lattice, seed: int, width: int, uneven: bool = False) -> Graph:
 
 def hull_of(graph: Graph) -> tuple[Staircase, TurnHull]:
     clock, target = Clock(Budget(), None), np.array([graph.nodes - 1])
-    groups = Groups.of_column(graph, 1, clock)
+    groups = Groups.of_turns(graph, 1, clock)
     assert groups is not None
     h, _, _ = lower_bounds(graph, 0, target, clock, groups)
     search = Staircase(graph, 0, target, h, (2, 1, 0), groups, clock, Precision(0.01))
@@ -112,7 +112,7 @@ def test_a_thinned_set_covers_all_with_what_is_kept(vectors, kept, eps, slack):
     costs = np.array(sorted(vectors), np.int64).reshape(-1, 3)
     have = np.array(kept, np.int64).reshape(-1, 3)
     tolerance = np.full(3, slack)
-    rows = thinned(costs, have, eps, tolerance)
+    rows = thin_front(costs, have, eps, tolerance)
     chosen = np.concatenate([costs[rows], have])
     assert all((chosen <= np.floor(row * (1 + eps) + 1e-9) + tolerance).all(axis=1).any() for row in costs)
     assert len(set(rows.tolist())) == len(rows)
@@ -137,7 +137,7 @@ def soon(monkeypatch):
     monkeypatch.setattr(staircase, "SOON", 0)
     monkeypatch.setattr(slices, "WORK", 30)
     taken: list[int] = []
-    look = Staircase._look_jointly
+    look = Staircase._compute_joint_bounds
 
     def watched(self, clock):
         done = look(self, clock)
@@ -146,7 +146,7 @@ def soon(monkeypatch):
             assert self.hull.last.size  # corners, be there a solution or not: the kernel reads the last of them
         return done
 
-    monkeypatch.setattr(Staircase, "_look_jointly", watched)
+    monkeypatch.setattr(Staircase, "_compute_joint_bounds", watched)
     return taken
 
 

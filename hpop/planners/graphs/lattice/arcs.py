@@ -52,7 +52,7 @@ def in_place(lattice: StateLattice) -> tuple[NDArray[np.int32], NDArray[np.uint8
 
 
 def _steps(lattice: StateLattice) -> NDArray[np.int32]:
-    """Return the position (P, Z) one step ahead of each position in each stance, -1 where it is not free."""
+    """Return the position (P, Z) one step ahead of each position in each stance, -1 if it is not free."""
     count, places = lattice.station_in.size, lattice.cells[0].size
     headings = lattice.stations.headings if lattice.collision.posture_matters else np.arange(count)
     steps = np.full(places * count, -1, np.int32)
@@ -83,7 +83,10 @@ def _steps(lattice: StateLattice) -> NDArray[np.int32]:
 def _in_place_free(lattice: StateLattice, to: NDArray[np.int32], of_kind: NDArray[np.uint8]) -> BoolArray:
     """Mark the motions in place (P, S, W) that are free.
 
-    Where the posture does not matter, a motion that turns the base is as free as the turn, and any other as the place.
+    If the posture does not matter for collisions, a motion that turns the base is checked as a turn, and any other
+    motion is free because its position is.
+
+    to, of_kind  (S, W)  heads and kinds, of :func:`in_place`
     """
     if lattice.collision.posture_matters:
         return _each_in_place_free(lattice, to, of_kind)
@@ -98,7 +101,7 @@ def _in_place_free(lattice: StateLattice, to: NDArray[np.int32], of_kind: NDArra
 
 
 def _each_in_place_free(lattice: StateLattice, to: NDArray[np.int32], of_kind: NDArray[np.uint8]) -> BoolArray:
-    """Mark the motions in place (P, S, W) that are free, checking each of them."""
+    """Mark the motions in place (P, S, W) that are free by a check of each motion."""
     stances = lattice.free[lattice.cells]  # (P, S)
     free: BoolArray = stances[:, :, None] & stances[:, to] & (to >= 0)
     sure = lattice.clear[lattice.cells]
@@ -167,13 +170,13 @@ def _each_turn_free(lattice: StateLattice, others: NDArray[np.int32]) -> BoolArr
     possible = free[:, :, None] & free[:, others]
     sure = lattice.clear[lattice.cells]
 
-    def found(part: slice) -> tuple[tuple[IntArray, ...], BoolArray]:
+    def turns_checked(part: slice) -> tuple[tuple[IntArray, ...], BoolArray]:
         place, a, b = np.nonzero(possible[part] & ~sure[part, None, None])
         tails, heads = (
             (place + part.start) * lattice.width + lattice.station_in[heading] for heading in (a, others[a, b])
         )
         return (place + part.start, a, b), lattice.collision.motions_free(lattice.motions("turn", tails, heads))
 
-    for at, turns in lattice.spending.each(found, blocks(len(free), count * count), lattice.doing):
+    for at, turns in lattice.spending.each(turns_checked, blocks(len(free), count * count), lattice.doing):
         possible[at] = turns
     return possible

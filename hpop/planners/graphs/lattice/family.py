@@ -74,7 +74,7 @@ class LatticeGraph(GraphFamily):
     def graphs(
         self, problem: Problem, objectives: Objectives, spending: Spending, *, in_stages: bool = False
     ) -> Iterator[BuiltGraph]:
-        """Yield the whole lattice; ``in_stages``: the part of a large lattice round the shortest paths before."""
+        """Yield the whole lattice; if ``in_stages``, first the part of a large lattice near the shortest paths."""
         lattice, moving = self.lattice(problem, spending), people_move(problem)
         if in_stages and (moving or not lattice.costed(objectives.optimised)):
             part = self._part(lattice, problem, MOST_IN_TIME if moving else MOST_FIRST)
@@ -86,7 +86,7 @@ class LatticeGraph(GraphFamily):
         return BuiltGraph(self.ends(lattice, problem), problem, is_large=lattice.cells[0].size > LARGE * MOST_FIRST)
 
     def has_clock(self, problem: Problem) -> bool:
-        """Return True: a lattice can be put on a clock."""
+        """Return True: a robot can hold at the positions of a lattice."""
         return True
 
     def anchored(self) -> Self:
@@ -94,7 +94,7 @@ class LatticeGraph(GraphFamily):
         return replace(self, anchor="world")
 
     def states(self, problem: Problem) -> StateLattice:
-        """Return the lattice without the problem's ends."""
+        """Return the lattice without the problem's start and goals."""
         return self.lattice(problem)
 
     def lattice(self, problem: Problem, spending: Spending | None = None) -> StateLattice:
@@ -103,7 +103,7 @@ class LatticeGraph(GraphFamily):
         return self._lattice(problem.model, problem.world, anchor, spending)
 
     def update(self, before: World, after: World, model: Model, criteria: Sequence[Criterion]) -> None:
-        """Let a changed world reuse the unchanged parts of a lattice that is anchored at the world."""
+        """Copy the unchanged parts of a lattice that is anchored at the world to the cache of a changed world."""
         if self.anchor == "world":
             update(self._lattice(model, before, before.bounds[:2]), after, criteria)
 
@@ -122,22 +122,22 @@ class LatticeGraph(GraphFamily):
         )
 
     def ends(self, lattice: StateLattice, problem: Problem) -> Ends:
-        """Return the lattice with the problem's start and goal, joined to it where they are beside its states.
+        """Return the lattice with the problem's start and goals, joined to it if they are no states of it.
 
-        Raises QueryError where one of them is blocked or out of reach.
+        Raises QueryError if the start or every goal is blocked or out of reach.
         """
         return with_ends(lattice, problem, lattice.reach(problem))
 
     def _part(self, lattice: StateLattice, problem: Problem, most: int) -> StateLattice | None:
-        """Return the part of a large lattice on the shortest paths; None for a small one, or if there is no path."""
+        """Return the ``most`` positions on the shortest paths; None for a small lattice, or if there is no path."""
         if lattice.cells[0].size <= LARGE * most:
             return None
-        from hpop.planners.graphs.lattice.nearby import nearby  # numba: on first use
+        from hpop.planners.graphs.lattice.nearby import cells_near_shortest_paths  # numba: on first use
 
         starts, goals = self.ends(lattice, problem).inside
         if not (starts and goals):
             return None
         at = lattice.places(np.array([starts[0], goals[0]]))
         begin, end = zip(*(axis[at].tolist() for axis in lattice.cells), strict=True)
-        kept = nearby(lattice.number >= 0, begin, end, most, corner_cutting=lattice.corner_cutting)
+        kept = cells_near_shortest_paths(lattice.number >= 0, begin, end, most, corner_cutting=lattice.corner_cutting)
         return None if kept is None else replace(lattice, kept=kept)

@@ -38,12 +38,12 @@ POSITION = 32  # bytes for laying out a position, without its states
 class StateLattice(StateGraph):
     """Grid positions through an anchor point, axes along the world's, and the robot's free states on them.
 
-    anchor          (x, y) m of a grid position
-    step            m between neighbouring positions
+    anchor          (x, y) of a grid position, m
+    step            distance of neighbouring positions, m
     headings        directions in which the robot stands and moves
     corner_cutting  whether a diagonal may pass between two blocked positions
-    kept            (rows, columns)  mask of its positions; None for all. Paths of a part are paths of the whole lattice
-    anchored_at     "start" or "world": the meaning of the anchor
+    kept            (rows, columns)  mask of the positions, for a part of a lattice; None for all positions
+    anchored_at     "start" or "world": whether the anchor is the start or the corner of the map
     """
 
     anchor: tuple[float, float]
@@ -93,20 +93,20 @@ class StateLattice(StateGraph):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Number of arcs that were checked again after a change of the world."""
-        rechecked = self.kept_part("rechecked")
+        """Number of arcs that were checked again after a change of the world, by name; {} without a change."""
+        rechecked = self.cached_part("rechecked")
         return {} if rechecked is None else {"edges_rechecked": rechecked}
 
     @property
     def is_reused(self) -> bool:
-        """True if it is anchored at the world, so that queries with other starts reuse it."""
+        """True if the lattice is anchored at the world, so that queries with other starts reuse it."""
         return self.anchored_at == "world"
 
     @cached_property
     def stations(self) -> Stations:
-        """The stations of the model, and its motions in place.
+        """Stations of the model, and its motions in place.
 
-        Raises ModelError where two motions join the same stations, as a path of states would be ambiguous.
+        Raises ModelError if two motions join the same two stations, as a path of states would be ambiguous.
         """
         stations = in_plane(self.model).stations(self.headings.yaw)
         joined: dict[tuple[int, int], str] = {}
@@ -127,14 +127,14 @@ class StateLattice(StateGraph):
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Moves, and the model's motions in place."""
+        """Kinds of motions: moves, then the model's motions in place."""
         return ("move", *self.stations.motions)
 
     @cached_property
     def stance(self) -> IntArray:
-        """Stance (S,) of each station: all stations of a stance are free at a place, or none is.
+        """Stance (S,) of each station; at a position, all stations of a stance are free, or none is.
 
-        It is the heading, or the station itself where the posture matters for collisions.
+        The stance is the heading, or the station itself if the posture matters for collisions.
         """
         return np.arange(self.width) if self.collision.posture_matters else self.stations.headings
 
@@ -147,7 +147,7 @@ class StateLattice(StateGraph):
         return stations
 
     def _standing(self, stance: IntArray, x: FloatArray, y: FloatArray) -> States:
-        """Return states (N,) in stances at places, m."""
+        """Return the states (N,) in stances (N,) at positions x, y (N,), m."""
         if self.collision.posture_matters:
             return States(**self.stations.states.take(stance).__dict__ | {"x": x, "y": y})
         return States(x=x, y=y, yaw=self.headings.yaw[stance])
@@ -177,12 +177,12 @@ class StateLattice(StateGraph):
 
     @property
     def doing(self) -> str:
-        """The present work in words, for limits."""
+        """Description of the current work, for the note of a limit."""
         return f"the lattice of step {self.step:g} m was laid out"
 
     @cached_property
     def clear(self) -> BoolArray:
-        """Mask (rows, columns) of positions where the robot is free at every yaw, and so in every turn."""
+        """Mask (rows, columns) of positions at which the robot is free at every yaw, and so during every turn."""
         return self.shared("clear", self._clear)
 
     def _clear(self) -> BoolArray:
@@ -200,7 +200,7 @@ class StateLattice(StateGraph):
         return clear
 
     def _rows(self) -> Iterator[slice]:
-        """Return ranges of rows with a bounded number of positions."""
+        """Yield consecutive ranges of rows with a bounded number of positions."""
         return blocks(self.shape[0], max(1, self.shape[1]))
 
     @property
@@ -237,7 +237,7 @@ class StateLattice(StateGraph):
 
     @cached_property
     def number(self) -> IntArray:
-        """Position number (rows, columns), -1 where no stance is free."""
+        """Number of each position (rows, columns), -1 if no stance is free there."""
         number = np.full(self.shape, -1, dtype=np.int64)
         number[self.cells] = np.arange(self.cells[0].size)
         return number
@@ -248,7 +248,7 @@ class StateLattice(StateGraph):
         return int(self.cells[0].size) * self.width
 
     def state(self, row: int, column: int, station: int) -> int:
-        """Return the id of a state, -1 where it is not free or off the grid."""
+        """Return the id of a state, -1 if it is not free or off the grid."""
         inside = 0 <= row < self.shape[0] and 0 <= column < self.shape[1]
         if not inside or not self.free[row, column, self.stance[station]]:
             return -1
@@ -268,7 +268,7 @@ class StateLattice(StateGraph):
         return (number[:, None] * self.width + np.arange(self.width)).ravel()
 
     def _cell(self, x: float, y: float) -> tuple[float, float]:
-        """Return row and column of a point, fractional between positions."""
+        """Return the row and column of a point x, y, m, as fractions between positions."""
         return (y - self.anchor[1]) / self.step - self.first[0], (x - self.anchor[0]) / self.step - self.first[1]
 
     def places(self, ids: IntArray) -> IntArray:
@@ -301,7 +301,7 @@ class StateLattice(StateGraph):
         return self.shared("arcs", lambda: lattice_arcs(self))
 
     def cut_corners(self, tails: IntArray, kinds: IntArray, blocked: IntArray) -> BoolArray:
-        """Mark the steps (N,) that pass a blocked state and so are closed without corner cutting."""
+        """Mark the steps (N,) that pass a blocked state; without corner cutting, these are closed."""
         if self.corner_cutting:
             return np.zeros(tails.size, dtype=np.bool_)
         count = self.stations.headings.size
@@ -319,7 +319,7 @@ class StateLattice(StateGraph):
         return cut
 
     def reach(self, problem: Problem) -> float:
-        """Return one and a half steps, m."""
+        """Return the distance within which ends are joined: one and a half steps, m."""
         return REACH * self.step
 
     def edges(self, kind: str) -> tuple[IntArray, IntArray]:
@@ -327,5 +327,5 @@ class StateLattice(StateGraph):
         return self.arcs.of(self.kinds.index(kind))
 
     def what_separates(self, start: int, goals: list[int]) -> str:
-        """Say why no path leads from a state to the goals: the widest passage, or a wall."""
+        """Return the reason why no path leads from a state to the goals, as text: a narrow passage, or a wall."""
         return what_separates(self, start, goals)

@@ -33,7 +33,7 @@ STEPS = {4: STEPS_8[::2], 8: STEPS_8, 16: STEPS_16}
 
 @dataclass(frozen=True)
 class Headings:
-    """A set of 4, 8 or 16 headings and the step that the grid takes along each.
+    """Set of 4, 8 or 16 headings, with the grid step along each heading.
 
     The additional headings of 16 follow a knight's move (2, 1): 26.57 and 63.43 degrees, not multiples of 22.5.
     """
@@ -99,11 +99,11 @@ NEGLIGIBLE = 1e-9  # length of a wide link relative to a narrow one
 
 
 def what_separates(lattice: StateLattice, start: int, goals: list[int]) -> str:
-    """Say in words why no path leads from a state to any of the goals.
+    """Return the reason why no path leads from a state to any of the goals, as text.
 
-    Finds the passage with the most room at its narrowest point, on the lattice's positions. Room is the clearance less
-    the robot's reach; where it is negative, the robot is too wide by twice as much. The path in a maximum spanning tree
-    of the room is the widest passage; among equally wide ones, that with the shortest narrow part is named.
+    The text names the widest passage between them: the path whose narrowest position has the most room. Room is the
+    clearance minus the robot's reach; if it is negative, the robot is too wide by twice as much. The widest passage is
+    the path in a maximum spanning tree of the room; of equally wide passages, the shortest narrow part is named.
     """
     from scipy.sparse import csr_array  # on first use: most problems have a path, and the import takes its time
     from scipy.sparse.csgraph import breadth_first_order, dijkstra, minimum_spanning_tree
@@ -111,8 +111,8 @@ def what_separates(lattice: StateLattice, start: int, goals: list[int]) -> str:
     columns = lattice.shape[1]
     cells = lattice.cells[0] * columns + lattice.cells[1]
     begin, *ends = cells[lattice.places(np.array([start, *goals]))].tolist()
-    room = _room(lattice).ravel()
-    tails, heads = _links(lattice, room)
+    room = _room_at_positions(lattice).ravel()
+    tails, heads = _neighbour_pairs(lattice, room)
     narrow = np.minimum(room[tails], room[heads])
 
     def graph(weight: FloatArray, rows: Any = slice(None)) -> csr_array:
@@ -121,7 +121,7 @@ def what_separates(lattice: StateLattice, start: int, goals: list[int]) -> str:
     tree = minimum_spanning_tree(graph(1.0 + narrow.max(initial=0.0) - narrow))
     reached, before = breadth_first_order(tree, begin, directed=False)
     widest, end = max(
-        ((room[_path(before, begin, end)].min(), end) for end in ends if end in reached), default=(0.0, -1)
+        ((room[_traced_path(before, begin, end)].min(), end) for end in ends if end in reached), default=(0.0, -1)
     )
     if end < 0:
         x, y = lattice.position(*np.divmod(reached.astype(np.int64), columns))
@@ -136,7 +136,7 @@ def what_separates(lattice: StateLattice, start: int, goals: list[int]) -> str:
         )
     wide = graph(np.where(narrow > widest, NEGLIGIBLE, 1.0), narrow >= widest)
     _, onward = dijkstra(wide, directed=False, indices=begin, return_predecessors=True)
-    passage = _path(onward, begin, end)
+    passage = _traced_path(onward, begin, end)
     x, y = lattice.position(*np.divmod(passage[np.argmin(room[passage])], columns))
     return (
         f"no path: the widest passage between start and goal is too narrow by about {-2 * widest:.2f} m, near "
@@ -145,10 +145,10 @@ def what_separates(lattice: StateLattice, start: int, goals: list[int]) -> str:
     )
 
 
-def _room(lattice: StateLattice) -> FloatArray:
-    """Return clearance less reach (rows, columns), m, of the tightest part of the robot; -inf where a point collides.
+def _room_at_positions(lattice: StateLattice) -> FloatArray:
+    """Return the room at each position (rows, columns), m: the clearance minus the reach of the tightest part.
 
-    A robot that is not round has room wherever it is free at some heading.
+    The room is -inf where even a point collides. A robot that is not round has room wherever some heading is free.
     """
     rows, columns = np.indices(lattice.shape).reshape(2, -1)
     x, y = lattice.position(rows, columns)
@@ -160,8 +160,8 @@ def _room(lattice: StateLattice) -> FloatArray:
     return np.where(free, np.maximum(room, 0.0), room).reshape(lattice.shape)
 
 
-def _links(lattice: StateLattice, room: FloatArray) -> tuple[IntArray, IntArray]:
-    """Return neighbouring positions (row * columns + column) between which a point, or the robot itself, can move."""
+def _neighbour_pairs(lattice: StateLattice, room: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return pairs of neighbouring positions (row * columns + column) between which a point, or the robot, can move."""
     possible = np.isfinite(room).reshape(lattice.shape)
     ends = np.hstack([np.stack(steps_from(possible, step, corner_cutting=True)) for step in STEPS_8[:4]])
     segments = (*lattice.position(ends[0], ends[1]), *lattice.position(ends[2], ends[3]))
@@ -176,8 +176,8 @@ def _links(lattice: StateLattice, room: FloatArray) -> tuple[IntArray, IntArray]
     return tails, heads
 
 
-def _path(before: NDArray[np.integer[Any]], begin: int, end: int) -> list[int]:
-    """Return the positions from the end back to the beginning."""
+def _traced_path(before: NDArray[np.integer[Any]], begin: int, end: int) -> list[int]:
+    """Return the positions from ``end`` back to ``begin``, by the predecessors ``before``."""
     path = [end]
     while path[-1] != begin:
         path.append(int(before[path[-1]]))

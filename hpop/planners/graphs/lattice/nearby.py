@@ -16,7 +16,7 @@ STEPS = DIAGONAL + 1
 FAR = np.int64(2**30)  # longer than any path
 
 
-def nearby(
+def cells_near_shortest_paths(
     free: BoolArray, start: tuple[int, int], goal: tuple[int, int], most: int, *, corner_cutting: bool
 ) -> BoolArray | None:
     """Mark the free cells that lie on the shortest paths from start to goal; None if there is no path.
@@ -30,12 +30,12 @@ def nearby(
     start, goal : (row, column) of free cells
     most : number of cells to mark, unless the path has more
 
-    >>> nearby(np.ones((3, 5), bool), (0, 0), (0, 4), 7, corner_cutting=False).sum(axis=1).tolist()
+    >>> cells_near_shortest_paths(np.ones((3, 5), bool), (0, 0), (0, 4), 7, corner_cutting=False).sum(axis=1).tolist()
     [5, 2, 0]
     """
     columns = free.shape[1]
     begin, end = (np.array([row * columns + column]) for row, column in (start, goal))
-    there, before = spread(free, begin, corner_cutting)
+    there, before = distances_from(free, begin, corner_cutting)
     if there[end[0]] >= FAR:
         return None
     cells = [int(end[0])]
@@ -45,8 +45,8 @@ def nearby(
     if not corner_cutting:
         row, column = np.divmod(path, columns)
         path = distinct(np.concatenate([path, row[:-1] * columns + column[1:], row[1:] * columns + column[:-1]]))
-    through = there + spread(free, end, corner_cutting)[0]
-    aside, _ = spread(free, path, corner_cutting)
+    through = there + distances_from(free, end, corner_cutting)[0]
+    aside, _ = distances_from(free, path, corner_cutting)
     through[path] = 0
     count = min(max(most, path.size), int((aside < FAR).sum()))
     marked = np.zeros(free.size, dtype=bool)
@@ -54,8 +54,8 @@ def nearby(
     return marked.reshape(free.shape)
 
 
-def spread(free: BoolArray, seeds: IntArray, corner_cutting: bool) -> tuple[IntArray, IntArray]:
-    """Return the distance (rows * columns,) of each cell from the seeds, or FAR, and the cell before it, or -1."""
+def distances_from(free: BoolArray, seeds: IntArray, corner_cutting: bool) -> tuple[IntArray, IntArray]:
+    """Return the distance (rows * columns,) of each cell from the nearest seed, or FAR, and its predecessor, or -1."""
     distance = np.full(free.size, FAR)
     before = np.full(free.size, np.int64(-1))
     distance[seeds] = 0
@@ -63,12 +63,12 @@ def spread(free: BoolArray, seeds: IntArray, corner_cutting: bool) -> tuple[IntA
     filled = np.zeros(STEPS, np.int64)
     filled[0] = len(seeds)
     waiting[0, : len(seeds)] = seeds
-    reach(free, corner_cutting, distance, before, waiting, filled)
+    fill_distances(free, corner_cutting, distance, before, waiting, filled)
     return distance, before
 
 
 @lean
-def reach(
+def fill_distances(
     free: BoolArray,
     corner_cutting: bool,
     distance: IntArray,
@@ -76,9 +76,11 @@ def reach(
     waiting: NDArray[np.int32],
     filled: IntArray,
 ) -> None:
-    """Fill in distances and the cells before, by Dijkstra's algorithm over the eight neighbours of a cell.
+    """Fill in the distances and predecessors of all cells, by Dijkstra's algorithm over eight neighbours.
 
-    The cells at distance d wait in row d mod STEPS of `waiting` (Dial 1969): steps are shorter than there are rows.
+    distance, before  (rows * columns,)  with 0 and -1 at the seeds, FAR elsewhere; changed in place
+    waiting           (STEPS, .)  bucket queue of Dial 1969: cells at distance d wait in row d mod STEPS
+    filled            (STEPS,)  number of cells in each row; every step is shorter than STEPS
     """
     rows, columns = free.shape
     here, empty = 0, 0

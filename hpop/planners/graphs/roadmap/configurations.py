@@ -20,8 +20,8 @@ from hpop.criteria.base import Criterion
 from hpop.motions import States
 from hpop.planners.graphs.arcs import BLOCK, Arcs, MotionChains, blocks
 from hpop.planners.graphs.roadmap.guides import length
-from hpop.planners.graphs.roadmap.links import START, guided, linked, uniform
-from hpop.planners.graphs.roadmap.survey import GOAL_STATES, Survey, all_of, along
+from hpop.planners.graphs.roadmap.links import START, guided_samples, links_between, uniform_samples
+from hpop.planners.graphs.roadmap.survey import GOAL_STATES, Survey, concatenated_states, guide_links
 from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph, aggregates
 from hpop.planners.spending import Spending
 from hpop.search import Graph
@@ -37,15 +37,15 @@ NEAREST, FAR = 8, 8  # neighbours and far links of robots beyond the plane
 
 @dataclass(frozen=True, eq=False)
 class ConfigurationRoadmap(TrajectoryGraph):
-    """Configurations of a robot, and the free chains of motions between them.
+    """Roadmap of configurations of a robot, and of free chains of motions between them.
 
-    nodes   (P,)    the start, the samples, the goals; NaN in free coordinates of a goal
-    links   (L, 2)  tails and heads, by tail, of possible chains
-    goals   nodes
-    name    description in words
+    nodes   (P,)    states: the start, the samples, the goals; NaN in free coordinates of a goal
+    links   (L, 2)  tails and heads of possible chains, sorted by tail
+    goals   nodes of the goals
+    name    description of the roadmap
     chosen  options, as JSON
-    lazy    whether chains are checked for collisions only where a path takes them
-    notes   for the user
+    lazy    whether chains are checked for collisions only when a path uses them
+    notes   remarks for the user
 
     There is no arc between states that the model does not connect.
     """
@@ -64,7 +64,7 @@ class ConfigurationRoadmap(TrajectoryGraph):
         return not self.lazy
 
     def with_checked_arcs(self) -> ConfigurationRoadmap:
-        """Return the same roadmap with every chain checked when it is built."""
+        """Return the roadmap without the chains that collide; all chains are checked."""
         return replace(self, lazy=False) if self.lazy else self
 
     @property
@@ -108,7 +108,7 @@ class ConfigurationRoadmap(TrajectoryGraph):
 
     @cached_property
     def arcs(self) -> Arcs:
-        """All chains that reach their heads, each an arc; only free ones unless they are checked later."""
+        """Arcs of the chains that reach their heads; only free chains, unless chains are checked on demand."""
         free = np.zeros(len(self.links), dtype=np.bool_)
 
         def checked(part: slice) -> tuple[slice, BoolArray]:
@@ -127,10 +127,10 @@ class ConfigurationRoadmap(TrajectoryGraph):
         tails = np.searchsorted(self.arcs.start, places, side="right") - 1
         heads = self.arcs.heads[places].astype(np.int64)
 
-        def looked_at(part: slice) -> BoolArray:
+        def are_free(part: slice) -> BoolArray:
             return self._chains(tails[part], heads[part]).free()
 
-        parts = Spending().each(looked_at, blocks(places.size, PIECES), "chains were looked at")
+        parts = Spending().each(are_free, blocks(places.size, PIECES), "chains were looked at")
         return np.concatenate([np.zeros(0, np.bool_), *parts])
 
     def without(self, places: IntArray) -> ConfigurationRoadmap:
@@ -139,7 +139,7 @@ class ConfigurationRoadmap(TrajectoryGraph):
         return replace(self, links=np.delete(links, places, axis=0))
 
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
-        """Return the graph with one integer cost a criterion: costs of chains in quanta, rounded once."""
+        """Return the search graph with one integer cost per criterion: costs of chains in quanta, rounded once."""
         arcs, doing = self.arcs, f"{self.words} was built"
         size = arcs.heads.size
         self.spending.check(doing, size * (8 * len(criteria) + ARC + ORDERED))
@@ -167,7 +167,10 @@ class ConfigurationRoadmap(TrajectoryGraph):
         return np.concatenate([np.zeros(0, np.int8), *parts]).astype(np.int8)
 
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
-        """Return trajectories through nodes (N,), ``sizes`` (n,) of them for each, with the motions of chains."""
+        """Return n trajectories through nodes (N,), with all motions of the chains.
+
+        sizes  (n,)  number of nodes of each trajectory
+        """
         alone = sizes == 1  # from a node to itself: a chain without motions
         ids = np.repeat(ids, np.repeat(np.where(alone, 2, 1), sizes))
         sizes = sizes + alone
@@ -175,7 +178,7 @@ class ConfigurationRoadmap(TrajectoryGraph):
         return self._chains(ids[heads - 1], ids[heads]).stretches(sizes - 1)
 
     def what_separates(self, start: int, goals: list[int]) -> str:
-        """Say why no path leads from start to goals: the components with both, or the reached states."""
+        """Return the reason why no path leads from start to goals, as text: components of the roadmap, or states."""
         from scipy.sparse import csr_array  # on first use: the import takes its time
         from scipy.sparse.csgraph import breadth_first_order, connected_components
 
@@ -203,55 +206,61 @@ class ConfigurationRoadmap(TrajectoryGraph):
 
 
 def configuration_roadmap(
-    known: Survey, samples: int, neighbours: int | None, far: int | None, spending: Spending
+    ends_and_guides: Survey, samples: int, neighbours: int | None, far: int | None, spending: Spending
 ) -> ConfigurationRoadmap:
-    """Return the roadmap between the start and goals of a survey; lazy unless the robot moves in the plane.
+    """Build the roadmap between surveyed ends; chains are checked on demand unless the robot moves in the plane.
 
     Raises OptionError for more links than a graph can have.
 
     Parameters
     ----------
-    samples : number of free configurations to draw; fewer where hardly any are free
-    neighbours : number of nearest nodes to which each is linked; None: ceil(2e log n) for n nodes in the plane, else 8
-    far : number of nodes farther away to which each is linked; None: none in the plane, else 8
+    samples : number of free configurations to draw; fewer if hardly any are free
+    neighbours : number of nearest nodes to which each node is linked; None: ceil(2e log n) for n nodes in the plane,
+        else 8
+    far : number of nodes farther away to which each node is linked; None: none in the plane, else 8
     """
-    problem, connections, seed = known.problem, known.connections, known.seed
+    problem, connections, seed = ends_and_guides.problem, ends_and_guides.connections, ends_and_guides.seed
     model, space, in_plane = problem.model, connections.space, "plane" in problem.model.provides
     _, of_samples, _, of_links = np.random.default_rng(seed).spawn(4)
-    start, goals, found, pairs = known.start, known.goals, known.guides, known.pairs
+    start, goals, found, pairs = (
+        ends_and_guides.start,
+        ends_and_guides.goals,
+        ends_and_guides.guides,
+        ends_and_guides.pairs,
+    )
     if found and length(found[0], connections) > 0.0:  # else the start is at a goal
-        rows = guided(connections, *known.ends, found, samples, of_samples, spending)
+        rows = guided_samples(connections, *ends_and_guides.ends, found, samples, of_samples, spending)
     else:
-        rows = uniform(connections, samples, of_samples, spending)
-    free = connections.states(np.concatenate([known.inner, rows]))
-    nodes = all_of(space, [start, free, goals])
+        rows = uniform_samples(connections, samples, of_samples, spending)
+    free = connections.states(np.concatenate([ends_and_guides.inner, rows]))
+    nodes = concatenated_states(space, [start, free, goals])
     near = neighbours or (math.ceil(2 * math.e * math.log(nodes.size)) if in_plane else NEAREST)
-    farther = (0 if in_plane else FAR) if far is None else far
+    nearest_in_random_subsets = (0 if in_plane else FAR) if far is None else far
     name = f"the roadmap of {len(rows)} samples (seed {seed}) and {near} neighbours of each"
     chosen: dict[str, Any] = {"samples": len(rows), "neighbours": near, "seed": seed}
-    if farther:
-        name, chosen = f"{name}, {farther} far links", {**chosen, "far": farther}
+    if nearest_in_random_subsets:
+        name, chosen = f"{name}, {nearest_in_random_subsets} far links", {**chosen, "far": nearest_in_random_subsets}
     if pairs:
-        name, chosen = f"{name}, {len(found)} guides of {len(known.inner)} states", {**chosen, "trees": pairs}
+        name, chosen = f"{name}, {len(found)} guides of {len(ends_and_guides.inner)} states", {**chosen, "trees": pairs}
     if not problem.target.listed:
-        name += f", {goals.size} free states of the goal ({known.sought} found, {GOAL_STATES} sought)"
-        chosen = {**chosen, "goal_states": goals.size, "goal_states_found": known.sought}
+        name += f", {goals.size} free states of the goal ({ends_and_guides.goal_count} found, {GOAL_STATES} sought)"
+        chosen = {**chosen, "goal_states": goals.size, "goal_states_found": ends_and_guides.goal_count}
     return ConfigurationRoadmap(
         model,
         problem.world,
         nodes,
-        linked(
+        links_between(
             space,
             start,
             free,
             goals,
             count=near,
-            far=farther,
-            chosen=along(found, known.places(free.size)),
+            far=nearest_in_random_subsets,
+            chosen=guide_links(found, ends_and_guides.goal_nodes(free.size)),
             rng=of_links,
             spending=spending,
         ),
-        known.targets(free.size),
+        ends_and_guides.target_nodes(free.size),
         name=name,
         chosen=chosen,
         lazy=not in_plane,
@@ -260,16 +269,19 @@ def configuration_roadmap(
     )
 
 
-def guide_roadmap(known: Survey, spending: Spending) -> ConfigurationRoadmap:
-    """Return the roadmap of the guides alone, a part of every roadmap with samples."""
-    free = len(known.inner)
+def guide_roadmap(ends_and_guides: Survey, spending: Spending) -> ConfigurationRoadmap:
+    """Build the roadmap of the guides alone, which is a part of every roadmap with samples."""
+    free = len(ends_and_guides.inner)
     return ConfigurationRoadmap(
-        known.problem.model,
-        known.problem.world,
-        all_of(known.connections.space, [known.start, known.connections.states(known.inner), known.goals]),
-        along(known.guides, known.places(free)),
-        known.targets(free),
-        name=f"{len(known.guides)} guides of {free} states (seed {known.seed})",
-        chosen={"trees": known.pairs, "seed": known.seed},
+        ends_and_guides.problem.model,
+        ends_and_guides.problem.world,
+        concatenated_states(
+            ends_and_guides.connections.space,
+            [ends_and_guides.start, ends_and_guides.connections.states(ends_and_guides.inner), ends_and_guides.goals],
+        ),
+        guide_links(ends_and_guides.guides, ends_and_guides.goal_nodes(free)),
+        ends_and_guides.target_nodes(free),
+        name=f"{len(ends_and_guides.guides)} guides of {free} states (seed {ends_and_guides.seed})",
+        chosen={"trees": ends_and_guides.pairs, "seed": ends_and_guides.seed},
         spending=spending,
     )

@@ -33,8 +33,8 @@ SMALLEST = 250  # samples of the smallest roadmap
 GROWTH = 4  # ratio of the samples of successive roadmaps
 
 
-def smaller(samples: int, spending: Spending) -> list[int]:
-    """Return the numbers of samples of the roadmaps to search first, in order; none without a time limit."""
+def smaller_sample_counts(samples: int, spending: Spending) -> list[int]:
+    """Return the numbers of samples of smaller roadmaps to search first; [] without a time limit."""
     sizes: list[int] = []
     if spending.limits.time_limit is not None:
         while (samples := samples // GROWTH) >= SMALLEST:
@@ -88,46 +88,46 @@ class RoadmapGraph(GraphFamily):
         set_wholes(self, "trees", least=0, most=MOST_TREES, optional=True)
 
     def build(self, problem: Problem, objectives: Objectives, spending: Spending) -> BuiltGraph:
-        """Lay out the roadmap between the problem's start and goal."""
+        """Build the roadmap between the problem's start and goal."""
         *_, built = self.graphs(problem, objectives, spending)
         return built
 
     def graphs(
         self, problem: Problem, objectives: Objectives, spending: Spending, *, in_stages: bool = False
     ) -> Iterator[BuiltGraph]:
-        """Yield the whole roadmap; ``in_stages``: the graph of the guides, or smaller roadmaps, before."""
+        """Yield the whole roadmap; if ``in_stages``, first the roadmap of the guides, or smaller roadmaps."""
         ends_and_guides = None if _has_positions(problem) else survey(problem, self.trees, self.seed, spending)
         if in_stages and ends_and_guides is not None and ends_and_guides.guides:
-            yield replace(_built(guide_roadmap(ends_and_guides, spending), problem), part="guides")
+            yield replace(_built_graph(guide_roadmap(ends_and_guides, spending), problem), part="guides")
         if in_stages and ends_and_guides is None:
-            for samples in smaller(self.samples, spending):
+            for samples in smaller_sample_counts(self.samples, spending):
                 held = spending.memory
-                part = replace(self, samples=samples)._of_positions(problem, spending)
-                yield replace(_built(part, problem), part=f"roadmap of {samples:,} samples")
+                part = replace(self, samples=samples)._build_position_roadmap(problem, spending)
+                yield replace(_built_graph(part, problem), part=f"roadmap of {samples:,} samples")
                 spending.release(spending.memory - held)
-        roadmap = self._made(problem, ends_and_guides, spending)
+        roadmap = self._build_roadmap(problem, ends_and_guides, spending)
         drawn = roadmap.options["samples"]
         few = f"only {drawn} of {self.samples:,} samples: hardly any drawn sample is free"
-        built = _built(roadmap, problem)
+        built = _built_graph(roadmap, problem)
         yield replace(built, notes=(few, *built.notes)) if drawn < self.samples else built
 
     def has_clock(self, problem: Problem) -> bool:
-        """Return whether the samples are positions, at which a robot can hold."""
+        """Return whether the samples are positions; a robot can hold at positions."""
         return _has_positions(problem)
 
     def roadmap(self, problem: Problem, spending: Spending | None = None) -> AnyRoadmap:
-        """Return the roadmap between the problem's start and goal; QueryError when one of them is blocked."""
+        """Return the roadmap between the problem's start and goal; raise QueryError if one of them is blocked."""
         spending = spending or Spending()
         ends_and_guides = None if _has_positions(problem) else survey(problem, self.trees, self.seed, spending)
-        return self._made(problem, ends_and_guides, spending)
+        return self._build_roadmap(problem, ends_and_guides, spending)
 
-    def _made(self, problem: Problem, ends_and_guides: Survey | None, spending: Spending) -> AnyRoadmap:
-        """Return the roadmap of configurations between surveyed ends, or of positions without a survey."""
+    def _build_roadmap(self, problem: Problem, ends_and_guides: Survey | None, spending: Spending) -> AnyRoadmap:
+        """Return the roadmap of configurations between surveyed ends, or, without a survey, of positions."""
         if ends_and_guides is None:
-            return self._of_positions(problem, spending)
+            return self._build_position_roadmap(problem, spending)
         return configuration_roadmap(ends_and_guides, self.samples, self.neighbours, self.far, spending)
 
-    def _of_positions(self, problem: Problem, spending: Spending) -> StateRoadmap:
+    def _build_position_roadmap(self, problem: Problem, spending: Spending) -> StateRoadmap:
         if self.far or self.trees:
             raise OptionError(
                 "far and trees are options of roadmaps of configurations; this robot has positions: leave them out"
@@ -150,7 +150,7 @@ class RoadmapGraph(GraphFamily):
         )
 
 
-def _built(roadmap: AnyRoadmap, problem: Problem) -> BuiltGraph:
+def _built_graph(roadmap: AnyRoadmap, problem: Problem) -> BuiltGraph:
     return BuiltGraph(Ends(roadmap, roadmap.start, roadmap.goals), problem, roadmap.notes)
 
 

@@ -29,7 +29,7 @@ GROWN = "guides were searched for samples"
 
 
 class Guide(NamedTuple):
-    """A free path from the start to a goal.
+    """Guide: a free path from the start to a goal.
 
     rows  (n, k)  states, by the columns of the space
     goal          index of the goal
@@ -40,10 +40,13 @@ class Guide(NamedTuple):
 
 
 class Connections:
-    """Free chains between states, and distances; rows (n, k) are states by the space's columns."""
+    """Chains of motions between states, their collision checks, and distances.
+
+    States are rows (n, k), with the coordinates of the space as columns.
+    """
 
     def __init__(self, problem: Problem, space: StateSpace) -> None:
-        """Prepare for a problem's model in its world; states are drawn from ``space``."""
+        """Set up collision checks of the problem's model in its world; ``space`` defines rows and distances."""
         self.world, self.model, self.space = problem.world, problem.model, space
         self.collision = problem.model.collision(problem.world)
         self.weights = np.array(space.weights)
@@ -58,17 +61,17 @@ class Connections:
         return np.stack([np.asarray(getattr(states, name), float) for name in self.space.names], axis=-1)
 
     def differences(self, a: FloatArray, b: FloatArray) -> FloatArray:
-        """Return the differences b - a of rows; angles take the shorter direction."""
+        """Return the differences b - a of rows; differences of angles are within half a turn."""
         differences = b - a
         differences[..., self.turns] = wrap(differences[..., self.turns])
         return differences
 
-    def apart(self, a: FloatArray, b: FloatArray) -> FloatArray:
+    def distances(self, a: FloatArray, b: FloatArray) -> FloatArray:
         """Return the distances of rows by the metric of the space."""
         return np.asarray(np.linalg.norm(self.weights * self.differences(a, b), axis=-1))
 
     def free(self, a: FloatArray, b: FloatArray) -> BoolArray:
-        """Return whether the chain from each row a to b is free and reaches b."""
+        """Return whether the chain from each row of a to that of b is free and reaches b, (n,)."""
         at, to = self.states(a), self.states(b)
         free = np.ones(len(a), np.bool_)
         for kind, end, present in self.model.connect(at, to):
@@ -81,15 +84,18 @@ class Connections:
 
 
 class Tree:
-    """The trees of several pairs, all from the start or all from the goals, in one table.
+    """Trees of several pairs in one table: one tree per pair, all from the start or all from the goals.
 
     rows    (n, k)  states
-    parent  (n,)    index of the parent, -1 of a root
-    pair    (n,)    number of the pair
+    parent  (n,)    index of the parent of each state, -1 for a root
+    pair    (n,)    number of the pair to which each state belongs
     """
 
     def __init__(self, roots: FloatArray, pairs: int, connections: Connections, *, onward: bool) -> None:
-        """Begin each tree with all roots; ``onward``: motions lead away from the roots."""
+        """Begin the tree of each of ``pairs`` pairs with all roots (r, k).
+
+        onward  whether motions lead away from the roots, as in trees from the start, or towards them
+        """
         self.connections, self.onward = connections, onward
         self.rows = np.tile(roots, (pairs, 1))
         self.pair = np.repeat(np.arange(pairs), len(roots))
@@ -97,12 +103,12 @@ class Tree:
         self.roots = len(roots)
 
     def grow(self, pairs: IntArray, targets: FloatArray) -> tuple[IntArray, BoolArray]:
-        """Grow the tree of each pair (p,) from its nearest state towards a target (p, k), as far as the chain is free.
+        """Grow the trees of some pairs (p,), each from its nearest state towards a target (p, k) while it is free.
 
-        Returns the new states (p,), -1 where there is none, and whether they are the targets.
+        Returns the index of each new state (p,), or -1, and whether each new state is the target (p,).
         """
-        apart = self.connections.apart(self.rows[None], targets[:, None])
-        near = np.where(self.pair == pairs[:, None], apart, np.inf).argmin(axis=1)
+        distances = self.connections.distances(self.rows[None], targets[:, None])
+        near = np.where(self.pair == pairs[:, None], distances, np.inf).argmin(axis=1)
         begin = np.repeat(self.rows[near], len(SHARES), axis=0)
         steps = np.tile(np.array(SHARES), pairs.size)[:, None] * self.connections.differences(
             begin, np.repeat(targets, len(SHARES), axis=0)
@@ -118,9 +124,9 @@ class Tree:
         self.pair = np.concatenate([self.pair, pairs[grown]])
         return new, grown & (first == 0)
 
-    def branch(self, place: int) -> list[int]:
+    def branch(self, index: int) -> list[int]:
         """Return the indices from a state to its root."""
-        branch = [place]
+        branch = [index]
         while self.parent[branch[-1]] >= 0:
             branch.append(int(self.parent[branch[-1]]))
         return branch
@@ -136,13 +142,13 @@ def guides(
 ) -> list[Guide]:
     """Return the guides that pairs of trees find from the start (k,) to goals (G, k), shortest first.
 
-    Trees that take much longer than the first pair that met are given up; all trees stop after STEPS steps.
+    Pairs that take much longer than the first pair that met are abandoned; all pairs stop after STEPS steps.
     """
     trees = (
         Tree(start[None], pairs, connections, onward=True),
         Tree(goals, pairs, connections, onward=False),
     )
-    waiting, found, last = np.arange(pairs), list[Guide](), STEPS
+    waiting, found_guides, last = np.arange(pairs), list[Guide](), STEPS
     for step in range(STEPS):
         spend.check(GROWN)
         if step >= last or not waiting.size:
@@ -154,25 +160,27 @@ def guides(
         if not grown.size:
             continue
         met, meets = opposite.grow(waiting[grown], growing.rows[new[grown]])
-        for place in np.flatnonzero(meets):
-            ends = {growing: int(new[grown[place]]), opposite: int(met[place])}
+        for index in np.flatnonzero(meets):
+            ends = {growing: int(new[grown[index]]), opposite: int(met[index])}
             there, back = trees[0].branch(ends[trees[0]])[::-1], trees[1].branch(ends[trees[1]])
             rows = np.concatenate([trees[0].rows[there], trees[1].rows[back[1:]]])
-            found.append(Guide(rows, back[-1] % len(goals)))
+            found_guides.append(Guide(rows, back[-1] % len(goals)))
         if meets.any():
             waiting = np.delete(waiting, grown[meets])
             last = min(last, PATIENCE * (step + 1) + len(SHARES))
     for _ in range(HALVINGS):
-        found = shortened([halved(guide, connections) for guide in shortened(found, connections)], connections)
-    return sorted(found, key=lambda guide: length(guide, connections))
+        found_guides = shorten(
+            [with_midpoints(guide, connections) for guide in shorten(found_guides, connections)], connections
+        )
+    return sorted(found_guides, key=lambda guide: length(guide, connections))
 
 
 def length(guide: Guide, connections: Connections) -> float:
     """Return the length of a guide by the metric of the space."""
-    return float(connections.apart(guide.rows[:-1], guide.rows[1:]).sum())
+    return float(connections.distances(guide.rows[:-1], guide.rows[1:]).sum())
 
 
-def halved(guide: Guide, connections: Connections) -> Guide:
+def with_midpoints(guide: Guide, connections: Connections) -> Guide:
     """Return a guide with a state added in the middle of each motion."""
     begin = guide.rows[:-1]
     rows = np.repeat(guide.rows, 2, axis=0)[:-1]
@@ -180,12 +188,12 @@ def halved(guide: Guide, connections: Connections) -> Guide:
     return guide._replace(rows=rows)
 
 
-def shortened(found: list[Guide], connections: Connections) -> list[Guide]:
-    """Return the shortest free path through some of the states of each guide, in their order.
+def shorten(found_guides: list[Guide], connections: Connections) -> list[Guide]:
+    """Shorten guides: return, for each, the shortest free path through a subsequence of its states.
 
     Only motions of a shortest path are checked for collisions.
     """
-    between = [connections.apart(guide.rows[:, None], guide.rows[None]) for guide in found]
+    between = [connections.distances(guide.rows[:, None], guide.rows[None]) for guide in found_guides]
     checked = [np.zeros(table.shape, np.bool_) for table in between]
     while True:
         paths = [_shortest(table) for table in between]
@@ -193,8 +201,8 @@ def shortened(found: list[Guide], connections: Connections) -> list[Guide]:
             (number, i, j) for number, path in enumerate(paths) for i, j in pairwise(path) if not checked[number][i, j]
         ]
         if not pairs:
-            return [guide._replace(rows=guide.rows[path]) for guide, path in zip(found, paths, strict=True)]
-        a, b = (np.stack([found[pair[0]].rows[pair[side]] for pair in pairs]) for side in (1, 2))
+            return [guide._replace(rows=guide.rows[path]) for guide, path in zip(found_guides, paths, strict=True)]
+        a, b = (np.stack([found_guides[pair[0]].rows[pair[side]] for pair in pairs]) for side in (1, 2))
         for (number, i, j), free in zip(pairs, connections.free(a, b).tolist(), strict=True):
             checked[number][i, j] = True
             if not free:
@@ -202,7 +210,7 @@ def shortened(found: list[Guide], connections: Connections) -> list[Guide]:
 
 
 def _shortest(table: FloatArray) -> list[int]:
-    """Return the shortest path from first to last in a table (n, n) of distances, forward steps only."""
+    """Return the shortest path from the first to the last of n states, by a table (n, n) of distances, forward only."""
     cost, before = np.full(len(table), np.inf), np.zeros(len(table), np.int64)
     cost[0] = 0.0
     for j in range(1, len(table)):

@@ -38,15 +38,15 @@ PIECES = 4  # least number of pieces in which a turn is checked
 
 @dataclass(frozen=True, eq=False)
 class StateRoadmap(StateGraph):
-    """Positions of a robot, with the states and motions that links between them make.
+    """Roadmap of positions: states are positions with headings, arcs are straight moves and turns in place.
 
-    positions  (P, 2)  m    distinct; the first is the start's
-    links      (L, 2)       pairs of positions between which a straight move may be free, in both directions
+    positions  (P, 2)  m    distinct; the first is that of the start
+    links      (L, 2)       pairs of positions between which straight moves, in both directions, may be free
     start_yaw  rad
-    targets    index of each goal's position, and its yaw, rad, or None where the heading is free
-    name       description in words
+    targets    for each goal: index of the position, and yaw, rad, or None if any heading will do
+    name       description of the roadmap
     chosen     options, as JSON
-    remedy     advice where it has no path, in words
+    remedy     advice if there is no path, as text
 
     Turns join the headings of a position; headings that differ by less than a degree are joined only at start and goal.
     A link that passes through a third position is left out, as the links to that position make the same path.
@@ -78,21 +78,21 @@ class StateRoadmap(StateGraph):
         return {"positions": len(self.positions), "moves": self.moves[0].size, "turns": self.turns[0].size}
 
     @cached_property
-    def arrows(self) -> tuple[IntArray, IntArray, FloatArray]:
-        """Tails and heads (positions) of all free moves, and their headings, rad; by tail, then by heading."""
-        self.spending.check(self._doing, 2 * len(self.links) * ARROW)
+    def directed_moves(self) -> tuple[IntArray, IntArray, FloatArray]:
+        """Positions of tails and heads of all free moves, and headings, rad, (M,) each; by tail, then by heading."""
+        self.spending.check(self._work_text, 2 * len(self.links) * ARROW)
         tails, heads = np.concatenate([self.links, self.links[:, ::-1]]).T
 
-        def free_arrows(ids: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
-            return self._free_arrows(tails[ids], heads[ids])
+        def free_moves(ids: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
+            return self._free_directed_moves(tails[ids], heads[ids])
 
-        return _joined(self.spending.each(free_arrows, _by_position(tails), self._doing))
+        return _concatenated(self.spending.each(free_moves, _by_position(tails), self._work_text))
 
-    def _free_arrows(self, tails: IntArray, heads: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return the free ones of some arrows; of several in one direction only the shortest."""
+    def _free_directed_moves(self, tails: IntArray, heads: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the free ones of some directed moves; of several from a position in one direction the shortest."""
         span = self.positions[heads] - self.positions[tails]
-        yaw = _within_turn(np.arctan2(span[:, 1], span[:, 0]))
-        direction = _numbered(tails, yaw)
+        yaw = _in_one_turn(np.arctan2(span[:, 1], span[:, 0]))
+        direction = _pair_numbers(tails, yaw)
         order = np.lexsort((np.hypot(*span.T), direction))
         nearest = order[np.unique(direction[order], return_index=True)[1]]
         tails, heads, yaw = tails[nearest], heads[nearest], yaw[nearest]
@@ -100,7 +100,7 @@ class StateRoadmap(StateGraph):
         return tails[free], heads[free], yaw[free]
 
     @property
-    def _doing(self) -> str:
+    def _work_text(self) -> str:
         return f"{self.words} was laid out"
 
     def _moves_free(self, tails: IntArray, heads: IntArray, yaw: FloatArray) -> BoolArray:
@@ -108,67 +108,67 @@ class StateRoadmap(StateGraph):
         return self.collision.motions_free(Motions(self.world, self.model, self.model.laws["move"], start, end))
 
     @cached_property
-    def _wanted(self) -> tuple[IntArray, FloatArray]:
-        """Position and heading of the tails of all arrows, of the heads of all arrows, of the start and of the goals.
+    def _needed_states(self) -> tuple[IntArray, FloatArray]:
+        """Positions and headings that need a state: of tails of moves, heads of moves, the start, the goals.
 
-        A goal with a free heading has a state even where no link reaches it.
+        A goal that may have any heading needs a state even if no link reaches it.
         """
-        tails, heads, yaw = self.arrows
+        tails, heads, yaw = self.directed_moves
         places, yaws = zip((0, self.start_yaw), *self.targets, strict=True)
-        ends = _within_turn(np.array([end or 0.0 for end in yaws]))
+        ends = _in_one_turn(np.array([end or 0.0 for end in yaws]))
         return np.concatenate([tails, heads, places]), np.concatenate([yaw, yaw, ends])
 
     @cached_property
-    def _numbers(self) -> IntArray:
-        """State of each wanted position and heading; the states of one position are consecutive."""
-        at, yaw = self._wanted
-        self.spending.check(self._doing, at.size * ARROW)
+    def _state_of_needed(self) -> IntArray:
+        """State of each entry of ``_needed_states``; equal entries share one, states of a position are consecutive."""
+        at, yaw = self._needed_states
+        self.spending.check(self._work_text, at.size * ARROW)
         numbers, count = np.empty(at.size, np.int64), 0
         for ids in _by_position(at):
-            numbers[ids] = count + _numbered(at[ids], yaw[ids])
+            numbers[ids] = count + _pair_numbers(at[ids], yaw[ids])
             count = int(numbers[ids].max()) + 1
-            self.spending.check(self._doing)
+            self.spending.check(self._work_text)
         return numbers
 
     @cached_property
-    def _state(self) -> tuple[IntArray, FloatArray]:
-        """Position and yaw (S,) of every state, from the first pair that needs it."""
-        at, yaw = self._wanted
-        first = np.full(self._numbers.max() + 1, at.size)
-        np.minimum.at(first, self._numbers, np.arange(at.size))
+    def _positions_and_yaws(self) -> tuple[IntArray, FloatArray]:
+        """Position and yaw (S,) of every state."""
+        at, yaw = self._needed_states
+        first = np.full(self._state_of_needed.max() + 1, at.size)
+        np.minimum.at(first, self._state_of_needed, np.arange(at.size))
         return at[first], yaw[first]
 
     @property
     def size(self) -> int:
         """Number of states."""
-        return int(self._state[0].size)
+        return int(self._positions_and_yaws[0].size)
 
     def places(self, ids: IntArray) -> IntArray:
         """Return the position of each state (N,)."""
-        return self._state[0][ids]
+        return self._positions_and_yaws[0][ids]
 
     def states(self, ids: IntArray) -> States:
         """Return states (N,), with yaws in [0, 2 pi)."""
-        x, y = self.positions[self._state[0][ids]].T
-        return States(x=x, y=y, yaw=self._state[1][ids])
+        x, y = self.positions[self._positions_and_yaws[0][ids]].T
+        return States(x=x, y=y, yaw=self._positions_and_yaws[1][ids])
 
     @property
     def start(self) -> int:
-        """The state of the start."""
-        return int(self._numbers[-1 - len(self.targets)])
+        """State of the start."""
+        return int(self._state_of_needed[-1 - len(self.targets)])
 
     @cached_property
     def goals(self) -> list[int]:
-        """States of the goals: one each, or all states at its position where its heading is free."""
+        """States of the goals: one for each goal, or all states at its position if any heading will do."""
         goals = list(self._exact_goals)
         for position, yaw in self.targets:
-            goals += np.flatnonzero(self._state[0] == position).tolist() if yaw is None else []
+            goals += np.flatnonzero(self._positions_and_yaws[0] == position).tolist() if yaw is None else []
         return list(dict.fromkeys(goals))
 
     @property
     def _exact_goals(self) -> list[int]:
         """States of the goals with a given heading."""
-        ids = self._numbers[-len(self.targets) :].tolist()
+        ids = self._state_of_needed[-len(self.targets) :].tolist()
         return [state for state, (_, yaw) in zip(ids, self.targets, strict=True) if yaw is not None]
 
     def edges(self, kind: str) -> tuple[IntArray, IntArray]:
@@ -178,8 +178,8 @@ class StateRoadmap(StateGraph):
     @cached_property
     def moves(self) -> tuple[IntArray, IntArray]:
         """Tails and heads of all free moves."""
-        count = self.arrows[0].size
-        return self._numbers[:count], self._numbers[count : 2 * count]
+        count = self.directed_moves[0].size
+        return self._state_of_needed[:count], self._state_of_needed[count : 2 * count]
 
     @cached_property
     def turns(self) -> tuple[IntArray, IntArray]:
@@ -188,10 +188,10 @@ class StateRoadmap(StateGraph):
         A row of smaller turns would turn by any angle without counting as a turn. Turns from the start's heading and to
         a goal's heading may be smaller.
         """
-        at = self._state[0]
+        at = self._positions_and_yaws[0]
         first = np.searchsorted(at, at)
         degree = np.searchsorted(at, at, side="right") - first - 1
-        self.spending.check(self._doing, int(degree.sum()) * TURN)
+        self.spending.check(self._work_text, int(degree.sum()) * TURN)
         if degree.sum() > MAX_EDGES:
             raise OptionError(
                 f"{self.words} has {self.size:,} states and {degree.sum():,} turns between them, more than "
@@ -206,11 +206,11 @@ class StateRoadmap(StateGraph):
             return self._free_turns(tails, heads)
 
         each = max(1, int(degree.max()) * PIECES)
-        return _joined(self.spending.each(free_turns, blocks(at.size, each), self._doing))
+        return _concatenated(self.spending.each(free_turns, blocks(at.size, each), self._work_text))
 
     def _free_turns(self, tails: IntArray, heads: IntArray) -> tuple[IntArray, IntArray]:
         """Return the turns that are large enough and free."""
-        at, yaw = self._state
+        at, yaw = self._positions_and_yaws
         large = (np.abs(wrap(yaw[heads] - yaw[tails])) > LEAST_TURN) | (tails == self.start)
         for goal in self._exact_goals:
             large |= heads == goal
@@ -223,11 +223,11 @@ class StateRoadmap(StateGraph):
         return tails[free], heads[free]
 
     def what_separates(self, start: int, goals: list[int]) -> str:
-        """Say why no path leads from start to goals: the components of the roadmap with both."""
+        """Return the reason why no path leads from start to goals, as text: their components of the roadmap."""
         from scipy.sparse import csr_array  # on first use: the import takes its time
         from scipy.sparse.csgraph import connected_components
 
-        tails, heads, _ = self.arrows
+        tails, heads, _ = self.directed_moves
         count = len(self.positions)
         links = csr_array((np.ones(tails.size), (tails, heads)), shape=(count, count))
         components, component = connected_components(links, directed=False)
@@ -245,14 +245,14 @@ class StateRoadmap(StateGraph):
         )
 
 
-def _within_turn(yaw: FloatArray) -> FloatArray:
-    """Return yaws in [0, 2 pi), those just below 2 pi as 0."""
+def _in_one_turn(yaw: FloatArray) -> FloatArray:
+    """Return yaws modulo 2 pi, in [0, 2 pi); yaws just below 2 pi become 0."""
     yaw = yaw % (2 * math.pi)
     return np.where(yaw > 2 * math.pi - ALIGNED, 0.0, yaw)
 
 
-def _numbered(at: IntArray, yaw: FloatArray) -> IntArray:
-    """Return the number (N,) of each pair of a position and a heading, by position, then by yaw."""
+def _pair_numbers(at: IntArray, yaw: FloatArray) -> IntArray:
+    """Return the number (N,) of each pair of a position and a heading, in the order of positions, then yaws."""
     order = np.lexsort((yaw, at))
     new = (np.diff(at[order], prepend=-1) != 0) | (np.diff(yaw[order], prepend=-1.0) > ALIGNED)
     number = np.empty(at.size, np.int64)
@@ -261,20 +261,20 @@ def _numbered(at: IntArray, yaw: FloatArray) -> IntArray:
 
 
 def _by_position(at: IntArray) -> Iterator[IntArray]:
-    """Yield the indices of an array of positions, position by position, in blocks that split no position."""
+    """Yield indices into an array of positions, sorted by position, in blocks that split no position."""
     order = np.argsort(at, kind="stable")
     cuts = np.array([part.stop for part in blocks(at.size)][:-1], dtype=np.int64)
     ends = np.unique(np.searchsorted(at[order], at[order][cuts]))
     yield from np.split(order, ends[ends > 0])
 
 
-def _joined(parts: Iterable[tuple[Any, ...]]) -> tuple[Any, ...]:
-    """Join the columns of all blocks."""
+def _concatenated(parts: Iterable[tuple[Any, ...]]) -> tuple[Any, ...]:
+    """Return the columns of all blocks, concatenated."""
     return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
 
 def nearest_links(positions: FloatArray, count: int, spending: Spending) -> IntArray:
-    """Return links (L, 2) from each position to its nearest ones."""
+    """Return links (L, 2) from each position to the ``count`` nearest positions."""
     from scipy.spatial import KDTree
 
     count = min(count, len(positions) - 1)
@@ -297,10 +297,10 @@ SAME = 1e-9  # m: two positions within this distance are one
 
 
 class PositionedEnds(NamedTuple):
-    """Start and goals of a roadmap.
+    """Positions of start and goals of a roadmap.
 
-    positions  (E, 2)  m; the first is the start's
-    goals      index of each goal's position, and its yaw, rad, None where it is free
+    positions  (E, 2)  m; the first is that of the start
+    goals      for each goal: index of the position, and yaw, rad, or None if any heading will do
     """
 
     positions: FloatArray
@@ -308,7 +308,7 @@ class PositionedEnds(NamedTuple):
 
 
 def checked_ends(problem: Problem) -> PositionedEnds:
-    """Return the start and the goals that are not blocked; raise QueryError where the start or all goals are."""
+    """Return the start and the goals that are not blocked; raise QueryError if the start or all goals are blocked."""
     collision = in_plane(problem.model).collision(problem.world)
 
     def refusal(what: str, end: End) -> str:
@@ -333,14 +333,14 @@ def checked_ends(problem: Problem) -> PositionedEnds:
 
 
 def pairs(count: int) -> IntArray:
-    """Return all pairs (L, 2) of the first positions."""
+    """Return all pairs (L, 2) of ``count`` positions."""
     return np.stack(np.triu_indices(count, 1), axis=1)
 
 
 def drawn_positions(problem: Problem, samples: int, seed: int, spending: Spending) -> FloatArray:
-    """Draw free positions (n, 2), m, uniformly; fewer than ``samples`` where hardly any are free.
+    """Draw free positions (n, 2), m, uniformly; fewer than ``samples`` if hardly any are free.
 
-    A position is kept if the robot is free there at a random heading.
+    A position counts as free if the robot is free there at a random heading.
     """
     rng = np.random.default_rng(seed)
     collision = problem.model.collision(problem.world)

@@ -27,7 +27,7 @@ START = 0  # node of the start
 LINKED = "configurations were linked"
 
 
-def linked(
+def links_between(
     space: StateSpace,
     start: States,
     samples: States,
@@ -39,16 +39,17 @@ def linked(
     rng: np.random.Generator,
     spending: Spending,
 ) -> IntArray:
-    """Return links as tails and heads (L, 2), by tail: between samples in both directions, from the start, to goals.
+    """Return the links of a roadmap as tails and heads (L, 2), sorted by tail.
 
-    The nodes are the start, the samples, the goals. The start is linked to all goals as well; no link leads back from
-    a goal, or to the start.
+    Nodes are numbered: the start, the samples, the goals. Samples are linked in both directions. Links lead from the
+    start and to the goals, also from the start to each goal; none leads to the start or from a goal.
 
     Parameters
     ----------
     count : number of nearest samples to which each sample is linked; start and goals too, if there are no far links
-    far : number of far links of each sample; with them, start and goals together are linked to as many as all samples
-    chosen : (C, 2) further links of nodes, first to second, and back between samples
+    far : number of far links of each sample; if not 0, start and goals are linked to more samples: start and each goal
+        to 1 / number of ends of all
+    chosen : (C, 2) further links, from the first node to the second; between samples also back
     """
     number, places = samples.size, np.arange(goals.size)
     if number * (count + far) > MAX_LINKS:
@@ -59,7 +60,7 @@ def linked(
     spending.check(LINKED, number * (count + far) * LINK)
     ids, neighbours = np.arange(number), nearest(space, samples, samples, count + 1, spending)  # itself included
     between = (chosen > START).all(axis=1) & (chosen <= number).all(axis=1)
-    away = farther(space, samples, far, rng, spending)
+    away = nearest_in_random_subsets(space, samples, far, rng, spending)
     ends = [
         np.stack([np.repeat(ids, neighbours.shape[1]), neighbours.ravel()], axis=1),
         np.stack([np.tile(ids, len(away)), away.ravel()], axis=1),
@@ -81,41 +82,44 @@ def linked(
 
 
 def nearest(space: StateSpace, states: States, of: States, count: int, spending: Spending) -> IntArray:
-    """Return the indices (N, c) of the nearest states to each of ``of`` (N,), by the metric of the space.
+    """Return the indices (N, c) in ``states`` of the c states nearest to each state of ``of`` (N,).
 
-    Coordinates that are NaN in the first of ``of`` are left out of the metric. Angles are periodic in the tree.
+    Distances are those of the space's metric, in which angles are periodic. Coordinates that are NaN in the first
+    state of ``of`` do not count.
     """
     count = min(count, states.size)
     if not count or not of.size:
         return np.zeros((of.size, count), np.int64)
     names = [name for name in space.names if not np.isnan(getattr(of, name)[:1]).any()]
-    points, queries = (_placed(space, names, rows) for rows in (states, of))
-    return _nearest(points, queries, _circles(space, names), count, spending)
+    points, queries = (_tree_points(space, names, rows) for rows in (states, of))
+    return _nearest(points, queries, _periods(space, names), count, spending)
 
 
-def farther(space: StateSpace, states: States, count: int, rng: np.random.Generator, spending: Spending) -> IntArray:
-    """Return the indices (c, N) of the nearest state to each state within each of c random subsets.
+def nearest_in_random_subsets(
+    space: StateSpace, states: States, count: int, rng: np.random.Generator, spending: Spending
+) -> IntArray:
+    """Return, for each state (N,), the indices (c, N) of the nearest state within each of c random subsets.
 
-    The sizes of the subsets are log-uniform, from 1 to half of the states, with one draw in each of c strata. All
-    states are dealt into groups of such a size; each state takes the nearest in the group after its own. One tree
-    answers all queries, as groups are farther apart in it than any states.
+    The sizes of the subsets are log-uniform, from 1 to half of the states, with one draw in each of c strata. For each
+    size, the states are divided at random into groups of this size, and each state takes the nearest state of the
+    next group. One k-d tree answers all queries: groups are moved so far apart that no other group is nearer.
     """
     number = states.size
     far_states = np.zeros((count if number > 1 else 0, number), np.int64)
     if not far_states.size:
         return far_states
-    rows, circles = _placed(space, space.names, states), _circles(space, space.names)
-    apart = 1.0 + math.sqrt(rows.shape[1]) * 2 * max(float(np.ptp(rows, axis=0).max()), float(circles.max()))
+    rows, periods = _tree_points(space, space.names, states), _periods(space, space.names)
+    apart = 1.0 + math.sqrt(rows.shape[1]) * 2 * max(float(np.ptp(rows, axis=0).max()), float(periods.max()))
     for level, share in enumerate((np.arange(count) + rng.random(count)) / count):
         groups = number // max(1, math.floor(math.exp(share * math.log(number / 2))))
         group = rng.permutation(number) % groups
         points, queries = (np.column_stack([rows, apart * place]) for place in (group, (group + 1) % groups))
-        far_states[level] = _nearest(points, queries, np.append(circles, 0.0), 1, spending)[:, 0]
+        far_states[level] = _nearest(points, queries, np.append(periods, 0.0), 1, spending)[:, 0]
     return far_states
 
 
-def _placed(space: StateSpace, names: tuple[str, ...] | list[str], states: States) -> FloatArray:
-    """Return states as points (N, d) of a tree, with weighted columns; angles lie within one period."""
+def _tree_points(space: StateSpace, names: tuple[str, ...] | list[str], states: States) -> FloatArray:
+    """Return states as points (N, d) of a k-d tree: weighted coordinates, angles within one period."""
     rows = [np.zeros(states.size)]
     for name, weight in zip(space.names, space.weights, strict=True):
         if weight and name in names:
@@ -127,19 +131,19 @@ def _placed(space: StateSpace, names: tuple[str, ...] | list[str], states: State
     return np.stack(rows, axis=1)
 
 
-def _circles(space: StateSpace, names: tuple[str, ...] | list[str]) -> FloatArray:
-    """Return the period (d,) of each of these columns, 0 for columns that are not periodic."""
+def _periods(space: StateSpace, names: tuple[str, ...] | list[str]) -> FloatArray:
+    """Return the period (d,) of each coordinate of :func:`_tree_points`, 0 for coordinates that are not periodic."""
     columns = [(name, weight) for name, weight in zip(space.names, space.weights, strict=True) if weight]
     return np.array(
         [0.0, *(2 * math.pi * weight * (name in space.turning) for name, weight in columns if name in names)]
     )
 
 
-def _nearest(points: FloatArray, queries: FloatArray, circles: FloatArray, count: int, spending: Spending) -> IntArray:
-    """Return the indices (N, c) of the nearest points to queries (N, d)."""
+def _nearest(points: FloatArray, queries: FloatArray, periods: FloatArray, count: int, spending: Spending) -> IntArray:
+    """Return the indices (N, c) of the c points nearest to each query (N, d); ``periods`` (d,) of the coordinates."""
     from scipy.spatial import KDTree  # on first use
 
-    box = circles if circles.any() else None  # without periods a query is faster
+    box = periods if periods.any() else None  # without periods a query is faster
     tree = KDTree(points, leafsize=LEAF, balanced_tree=False, boxsize=box)
     indices = np.zeros((len(queries), count), np.int64)
 
@@ -161,84 +165,87 @@ LONGER = 1.6  # largest length of a path through other samples, as a multiple of
 Rows = Callable[[int], FloatArray]
 
 
-def uniform(connections: Connections, number: int, rng: np.random.Generator, spending: Spending) -> FloatArray:
-    """Draw free states (n, k) uniformly from the space; fewer where hardly any are free."""
+def uniform_samples(connections: Connections, number: int, rng: np.random.Generator, spending: Spending) -> FloatArray:
+    """Draw free states (n, k) uniformly from the space; fewer if hardly any are free."""
     space = connections.space
-    return _drawn(connections, lambda count: connections.rows(space.sample(rng, count)), number, spending)
+    return _free_draws(connections, lambda count: connections.rows(space.sample(rng, count)), number, spending)
 
 
-def guided(
+def guided_samples(
     connections: Connections,
     start: FloatArray,
     goals: FloatArray,
-    found: list[Guide],
+    guides: list[Guide],
     number: int,
     rng: np.random.Generator,
     spending: Spending,
 ) -> FloatArray:
-    """Draw free states (n, k): three of ten near guides, the others uniformly where a path through them may be short.
+    """Draw free states (n, k): three of ten near guides, the others uniformly from an informed set.
 
-    That is where the distances from the start (k,) and to a goal (G, k) add up to at most 1.6 times the length of the
-    shortest guide: the informed set of informed RRT* (Gammell et al. 2014, doi 10.1109/IROS.2014.6942976).
+    The informed set has the states whose distances from the start (k,) and to a goal (G, k) add up to at most 1.6 times
+    the length of the shortest guide (informed RRT*, Gammell et al. 2014, doi 10.1109/IROS.2014.6942976).
 
-    If some coordinates of the space have a rest position, half of the samples of both kinds are at rest, inner states
-    of guides included. In all other samples, the remaining coordinates are those of a guide, the start or a goal.
+    If some coordinates of the space have a rest position, half of the samples of both kinds have these coordinates at
+    rest, and inner states of guides are samples too. In all other samples, the coordinates without a rest position are
+    those of a guide, the start or a goal.
     """
-    shortest, near = length(found[0], connections), round(NEAR * number)
+    shortest, near = length(guides[0], connections), round(NEAR * number)
     longest, space = LONGER * shortest, connections.space
     box, ends = replace(_box(connections, start, goals, longest), rest={}), np.vstack([start, goals])
-    begin, end = (np.concatenate([guide.rows[side] for guide in found]) for side in (slice(-1), slice(1, None)))
-    sizes = connections.apart(begin, end)
+    begin, end = (np.concatenate([guide.rows[side] for guide in guides]) for side in (slice(-1), slice(1, None)))
+    sizes = connections.distances(begin, end)
     metre = np.divide(1.0, connections.weights, out=np.zeros_like(begin[0]), where=connections.weights > 0)
     limits = [
         (-np.inf, np.inf) if name in space.turning else bounds
         for name, *bounds in zip(space.names, space.low, space.high, strict=True)
     ]
 
-    def settled(rows: FloatArray, places: FloatArray) -> FloatArray:
-        """Put half of the rows (n, k) at rest; in the others, only coordinates that can rest differ from places."""
+    def half_at_rest(rows: FloatArray, places: FloatArray) -> FloatArray:
+        """Put half of the rows (n, k) at rest; in the others, take coordinates without a rest position from places."""
         if not space.rest:
             return rows
         moved = np.where([name in space.rest for name in space.names], rows, places)
-        return np.where(rng.random((len(rows), 1)) < 0.5, rested(space, rows), moved)
+        return np.where(rng.random((len(rows), 1)) < 0.5, with_rest_positions(space, rows), moved)
 
-    def beside(count: int) -> FloatArray:
+    def near_guides(count: int) -> FloatArray:
         piece = rng.choice(len(begin), count, p=sizes / sizes.sum())
         share = rng.random((count, 1))
         spread = shortest * CLOSEST * (FARTHEST / CLOSEST) ** rng.random((count, 1))
         rows = begin[piece] + share * connections.differences(begin[piece], end[piece])
         rows += spread * metre * rng.standard_normal(rows.shape) / math.sqrt(max(1, int((metre > 0).sum())))
-        rows = settled(rows, np.where(share < 0.5, begin[piece], end[piece]))
+        rows = half_at_rest(rows, np.where(share < 0.5, begin[piece], end[piece]))
         return rows[((rows >= [low for low, _ in limits]) & (rows <= [high for _, high in limits])).all(axis=1)]
 
-    def within(count: int) -> FloatArray:
+    def in_ellipsoids(count: int) -> FloatArray:
         rows = connections.rows(box.sample(rng, count))
-        rows = settled(rows, ends[rng.integers(len(ends), size=count)] if space.rest else rows)
-        return rows[informed(connections, start, goals, longest, rows)]
+        rows = half_at_rest(rows, ends[rng.integers(len(ends), size=count)] if space.rest else rows)
+        return rows[in_informed_set(connections, start, goals, longest, rows)]
 
-    inner = rested(space, np.concatenate([guide.rows[1:-1] for guide in found]))[: near if space.rest else 0]
+    inner = with_rest_positions(space, np.concatenate([guide.rows[1:-1] for guide in guides]))[
+        : near if space.rest else 0
+    ]
     inner = inner[connections.collision.states_free(connections.states(inner))]
     near -= len(inner)
-    drawn = _drawn(connections, beside, near, spending)
-    return np.concatenate([inner, drawn, _drawn(connections, within, number - len(inner) - near, spending)])
+    drawn = _free_draws(connections, near_guides, near, spending)
+    return np.concatenate([inner, drawn, _free_draws(connections, in_ellipsoids, number - len(inner) - near, spending)])
 
 
-def rested(space: StateSpace, rows: FloatArray) -> FloatArray:
-    """Return rows (n, k) with their coordinates that have a rest position at rest."""
+def with_rest_positions(space: StateSpace, rows: FloatArray) -> FloatArray:
+    """Return rows (n, k) with each coordinate that has a rest position at that position."""
     rest = [space.rest.get(name, np.nan) for name in space.names]
     return np.where(np.isnan(rest), rows, rest)
 
 
-def informed(
+def in_informed_set(
     connections: Connections, start: FloatArray, goals: FloatArray, longest: float, rows: FloatArray
 ) -> BoolArray:
-    """Mark the rows (n, k) through which a straight path from start (k,) to a goal (G, k) is no longer than a limit."""
-    onward = np.min([connections.apart(rows, goal) for goal in goals], axis=0)
-    return np.asarray(connections.apart(start, rows) + onward <= longest)
+    """Mark the rows (n, k) through which a straight path from start (k,) to a goal (G, k) is at most ``longest``."""
+    onward = np.min([connections.distances(rows, goal) for goal in goals], axis=0)
+    return np.asarray(connections.distances(start, rows) + onward <= longest)
 
 
 def _box(connections: Connections, start: FloatArray, goals: FloatArray, longest: float) -> StateSpace:
-    """Return the space bounded to the informed set, for each goal an ellipsoid with start and goal as foci."""
+    """Return the space bounded to a box around the informed set: an ellipsoid per goal, with start and goal as foci."""
     space, weights = connections.space, connections.weights
     apart = connections.differences(np.broadcast_to(start, goals.shape), goals)
     room = np.maximum(0.0, longest**2 - ((weights * apart) ** 2).sum(axis=1))[:, None]
@@ -253,8 +260,8 @@ def _box(connections: Connections, start: FloatArray, goals: FloatArray, longest
     return space.bounded(**bounds)
 
 
-def _drawn(connections: Connections, draw: Rows, number: int, spending: Spending) -> FloatArray:
-    """Draw free rows (n, k), in batches; fewer where hardly any are free."""
+def _free_draws(connections: Connections, draw: Rows, number: int, spending: Spending) -> FloatArray:
+    """Draw ``number`` free rows (n, k) with ``draw``, in batches; fewer if hardly any are free."""
     at_once = min(max(1, number), DRAWN_AT_ONCE)
     parts, count = [np.zeros((0, len(connections.weights)))], 0
     for _ in range(DRAWS * math.ceil(number / at_once)):

@@ -28,51 +28,52 @@ GOAL_STATES = 100  # drawn from a goal with more than one state
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """Usable ends of a problem and guides between them, before samples are drawn.
+    """Usable start and goals of a problem, and guides between them, before samples are drawn.
 
+    connections  chains of motions between states
     start        (1,)  state
     goals        (G,)  free states; NaN in coordinates that may have any value
-    sought       number of goal states before blocked ones were left out
-    pairs        of trees that searched for guides
+    goal_count   number of goal states, blocked ones included
+    pairs        number of pairs of trees that searched for guides
     guides       paths that the trees found, shortest first
-    seed         of all random draws
+    seed         seed of all random draws
     """
 
     problem: Problem
     connections: Connections
     start: States
     goals: States
-    sought: int
+    goal_count: int
     pairs: int
     guides: list[Guide]
     seed: int
 
     @property
     def ends(self) -> tuple[FloatArray, FloatArray]:
-        """Start (k,) and goals (G, k) as rows; free coordinates of a goal have the start's values."""
+        """Start (k,) and goals (G, k) as rows; a coordinate of a goal that may have any value has the start's value."""
         start, goals = self.connections.rows(self.start)[0], self.connections.rows(self.goals)
         return start, np.where(np.isnan(goals), start, goals)
 
     @cached_property
     def inner(self) -> FloatArray:
-        """States of the guides between their ends, rows (n, k)."""
+        """Inner states of all guides, as rows (n, k)."""
         start = self.connections.rows(self.start)
         return np.concatenate([start[:0], *(guide.rows[1:-1] for guide in self.guides)])
 
-    def places(self, free: int) -> list[int]:
+    def goal_nodes(self, free: int) -> list[int]:
         """Return the nodes of the goals, which follow the start and ``free`` free states."""
         return list(range(1 + free, 1 + free + self.goals.size))
 
-    def targets(self, free: int) -> list[int]:
+    def target_nodes(self, free: int) -> list[int]:
         """Return the nodes of the goals, and of the start if it is at a goal."""
         at_goal = self.problem.target.reached(self.problem.model, self.start)[0]
-        return [START, *self.places(free)] if at_goal else self.places(free)
+        return [START, *self.goal_nodes(free)] if at_goal else self.goal_nodes(free)
 
 
 def survey(problem: Problem, trees: int | None, seed: int, spending: Spending) -> Survey:
     """Find usable goals, and guides to them.
 
-    Raises QueryError where the start or every goal is blocked.
+    Raises QueryError if the start or every goal is blocked.
 
     Parameters
     ----------
@@ -80,19 +81,22 @@ def survey(problem: Problem, trees: int | None, seed: int, spending: Spending) -
     """
     space, in_plane = sampled_space(problem.model, problem.world), "plane" in problem.model.provides
     of_goals, _, of_trees, _ = np.random.default_rng(seed).spawn(4)
-    start, (goals, sought) = _start(problem), _goals(problem, of_goals)
+    start, (goals, goal_count) = _free_start(problem), _free_goals(problem, of_goals)
     connections = Connections(problem, space)
     pairs = (0 if in_plane else PAIRS) if trees is None else trees
     begin, ends = connections.rows(start)[0], connections.rows(goals)
     ends = np.where(np.isnan(ends), begin, ends)  # free coordinates take the start's values
     found = guides(connections, begin, ends, pairs, of_trees, spending) if pairs else []
-    return Survey(problem, connections, start, goals, sought, pairs, found, seed)
+    return Survey(problem, connections, start, goals, goal_count, pairs, found, seed)
 
 
-def along(found: Sequence[Guide], goals: Sequence[int]) -> IntArray:
-    """Return links (L, 2) along guides; their inner states are the first nodes after the start."""
+def guide_links(guides: Sequence[Guide], goals: Sequence[int]) -> IntArray:
+    """Return links (L, 2) along guides, whose inner states are the first nodes after the start.
+
+    goals  nodes of the goals
+    """
     parts, node = [np.zeros((0, 2), np.int64)], START + 1
-    for guide in found:
+    for guide in guides:
         inner = len(guide.rows) - 2
         nodes = np.array([START, *range(node, node + inner), goals[guide.goal]])
         parts.append(np.stack([nodes[:-1], nodes[1:]], axis=1))
@@ -103,19 +107,20 @@ def along(found: Sequence[Guide], goals: Sequence[int]) -> IntArray:
 # Start and goals
 
 
-def _start(problem: Problem) -> States:
-    """Return the start (1,); raise QueryError where it is blocked."""
+def _free_start(problem: Problem) -> States:
+    """Return the start (1,); raise QueryError if it is blocked."""
     start = problem.model.space.state(problem.start)
     if reason := problem.model.collision(problem.world).why_blocked(start):
         hint = elsewhere(problem.model, problem.world, start)
-        raise QueryError(f"the start {_written(problem.start)} is not usable: {reason}.{hint}")
+        raise QueryError(f"the start {_state_text(problem.start)} is not usable: {reason}.{hint}")
     return start
 
 
-def _goals(problem: Problem, rng: np.random.Generator) -> tuple[States, int]:
-    """Return the goals (G,) that are not blocked, NaN where free, and the number of goals with blocked ones.
+def _free_goals(problem: Problem, rng: np.random.Generator) -> tuple[States, int]:
+    """Return the goals (G,) that are not blocked, and the number of all goals.
 
-    A goal that is no list of states is replaced by states drawn from it. Raises QueryError where all are blocked.
+    Coordinates that may have any value are NaN. A goal that is no list of states is replaced by states drawn from it.
+    Raises QueryError if all are blocked.
     """
     model, target = problem.model, problem.target
     collision = model.collision(problem.world)
@@ -139,17 +144,17 @@ def _goals(problem: Problem, rng: np.random.Generator) -> tuple[States, int]:
         tried = f" (at {drawn.size} angles drawn)" * (drawn.size > 1)
         reason = collision.why_blocked(drawn.take(slice(0, 1)))
         hint = elsewhere(model, problem.world, model.space.state(member, free=model.space.angles))
-        refusals.append(f"the {what} {_written(member)} is not usable{tried}: {reason}.{hint}")
+        refusals.append(f"the {what} {_state_text(member)} is not usable{tried}: {reason}.{hint}")
     if not usable:
         raise QueryError(" ".join(refusals))
-    return all_of(model.space, usable), len(target.listed)
+    return concatenated_states(model.space, usable), len(target.listed)
 
 
-def _written(values: Sequence[float | None]) -> str:
-    """Return a state in words, for messages."""
+def _state_text(values: Sequence[float | None]) -> str:
+    """Return a state as text, for messages."""
     return f"({', '.join('any' if value is None else f'{value:.3f}' for value in values)})"
 
 
-def all_of(space: StateSpace, parts: Sequence[States]) -> States:
-    """Return the states of several parts, in order."""
+def concatenated_states(space: StateSpace, parts: Sequence[States]) -> States:
+    """Return the states of several parts, concatenated."""
     return States(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in space.names})
