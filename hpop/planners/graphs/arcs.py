@@ -162,7 +162,7 @@ REACHED = 1e-6  # m or rad: largest difference of a chain's end from the state t
 class MotionChains:
     """Chains (C,) of motions between nodes: each is a sequence of legs of the same kinds, some of them absent.
 
-    graph         graph whose model and world check collisions
+    graph         graph with the model and world for collision checks
     tails, heads  (C,)  nodes
     kinds         kind of motion of each leg
     corners       states (C,) before the first leg and after each leg

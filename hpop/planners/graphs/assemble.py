@@ -134,7 +134,7 @@ def _path_provenance(
 
 
 def _rounding_notes(query: Query, paths: ParetoPaths, rounds: IntArray) -> list[str]:
-    """Return a note for each cost whose rounding errors, edge by edge, may exceed a hundredth of its range.
+    """Return a note for each cost with rounding errors, edge by edge, that may exceed a hundredth of its range.
 
     rounds  (n, k)  number of roundings of each cost along each path
     """

@@ -98,7 +98,7 @@ class CornersGraph(GraphFamily):
         )
 
     def _lattice(self, budget: Budget, time_limit: float | None) -> Planner:
-        """Return the lattice planner whose paths give the corners, with a time limit, s."""
+        """Return the lattice planner that finds the paths for the corners, with a time limit, s."""
         options = {"time_limit": time_limit, "max_labels": budget.max_labels, "max_memory": budget.max_memory}
         return make_planner({"lattice": {"step": self.step, "headings": self.headings, **options}})
 

@@ -77,7 +77,7 @@ class BuiltGraph:
     notes     remarks on the graph, for the user
     part      name of the part, if this is a part or a smaller graph that is searched first; "" for the whole graph
     is_large  whether an exact search may take so long that a coarse result should come first
-    status    COMPLETE, or the status of the lattice search whose paths gave the corners
+    status    COMPLETE, or the status of the lattice search that found the paths for the corners
     stats     counts and seconds of building the graph, by name
     first     paths found while the graph was built; the result if a limit ends the search before it finds a path
     """
@@ -201,7 +201,7 @@ class GraphFamily:
         """
 
     def anchored(self) -> Self:
-        """Return a family whose graph depends less on the start, or not at all, so that more queries can reuse it."""
+        """Return a family with a graph that depends less on the start, or not at all, so that more queries reuse it."""
         return self
 
 

@@ -231,7 +231,7 @@ class StateGraph(TrajectoryGraph):
         return columns
 
     def costed_in(self, world: World) -> Self:
-        """Return the graph with the same arcs, free or not, in another world, whose cache is not used.
+        """Return the graph with the same arcs, free or not, in another world; the cache of that world is not used.
 
         So costs after a change of people or doors are computed without building the graph again.
         """

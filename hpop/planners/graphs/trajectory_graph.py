@@ -143,7 +143,7 @@ N = TypeVar("N", bound=np.generic)
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryGraph(ABC):
-    """Graph whose nodes are states of a model in a world, and whose arcs are motions or chains of motions.
+    """Graph with states of a model in a world as nodes, and motions or chains of motions as arcs.
 
     States are numbered from 0.
 

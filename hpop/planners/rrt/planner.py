@@ -49,8 +49,7 @@ _alone = threading.Lock()  # the seed of OMPL's random numbers is global to the 
 class TreeRun(NamedTuple):
     """Result of growing one tree.
 
-    controls    (n, 3)  acceleration, m/s², angular acceleration, rad/s², and duration, s, of each drive; empty if the
-                run failed
+    controls    (n, 3)  acceleration, m/s², angular acceleration, rad/s², duration, s, of each drive; empty on failure
     failure     reason of a failure, or ""
     extensions  number of extensions of the tree, failed ones included
     missed      m, from the goal to the nearest position at which the tree could stop; 0 if it is near enough, inf if
@@ -89,10 +88,7 @@ def load_ompl() -> tuple[Any, Any, Any]:
 
 
 def grow(query: TreeQuery, seed: int) -> tuple[FloatArray | None, int, float]:
-    """Grow a tree until a drive ends at rest near the goal.
-
-    Returns the controls (n, 3), or None, the number of extensions, and the remaining gap to the goal, m.
-    """
+    """Grow a tree to rest near the goal; return controls (n, 3) or None, the number of extensions, the gap left, m."""
     ob, oc, util = load_ompl()
     level = util.getLogLevel()
     util.setLogLevel(util.LOG_NONE)
@@ -173,10 +169,7 @@ def _goal_region(query: TreeQuery, ob: Any, space: Any) -> Any:
 
 
 def _propagate(query: TreeQuery, state: Any, control: Any, duration: float, result: Any) -> None:
-    """Write the end state of a drive to ``result``; a drive that breaks a limit or collides gets a negative speed.
-
-    A negative speed is invalid, so OMPL rejects the drive.
-    """
+    """Write the end state of a drive to ``result``; an invalid drive gets a negative speed, so that OMPL rejects it."""
     base = _base_of(state)
     end = query.drive(base, *of_wheels(query.model, control[0], control[1]), duration)
     _write_base(result, base._replace(speed=-1.0) if end is None else end)
@@ -395,13 +388,13 @@ class _FinishedRuns:
             times = f"{least}" if least == most else f"{least} to {most}"
             notes.append(f"rrt: curvature changes its sign {times} times on the {sign_changes.size} found")
         else:
-            close_gap = (
+            nearest = (
                 f" The nearest that a tree came to the goal is about {least:.1f} m." if math.isfinite(least) else ""
             )
             helps = "take more runs or max_extensions" if runs else "raise time_limit"
             why = "" if runs else ": the time was up before a tree was at the goal"
             notes.append(
-                f"rrt found nothing{why}, which does not mean that there is no path.{close_gap} Trees reach goals "
+                f"rrt found nothing{why}, which does not mean that there is no path.{nearest} Trees reach goals "
                 f"some tens of metres away: {helps}, or plan with lattice or roadmap, which find longer paths"
             )
         return tuple(notes)

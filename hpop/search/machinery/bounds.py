@@ -116,7 +116,7 @@ def cost_to_go(
     tops (PILES,)           -1 before the call; above and below (n,) are scratch
 
     Open nodes are in a radix heap (Ahuja, Mehlhorn, Orlin and Tarjan 1990). Let d be the cost of the last node taken.
-    Pile b holds the nodes whose cost differs from d first in bit b, counted from 1; pile 0 holds those of cost d. When
+    Pile b holds the nodes with a cost that differs from d first in bit b, counted from 1; pile 0 those of cost d. When
     pile 0 is empty, d becomes the least cost of the next pile, and the nodes of that pile are distributed again.
     """
     n = len(start) - 1

@@ -143,7 +143,7 @@ class Keeper:
 
     @property
     def method(self) -> str | None:
-        """Name of the method whose search is in the file, or None."""
+        """Name of the search method in the file, or None."""
         return None if self.saved is None else self.saved.method
 
     def run(self, search: Search, method: str, clock: Clock) -> Status:

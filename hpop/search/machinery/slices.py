@@ -111,10 +111,7 @@ class Clock:
                 return list(threads.map(lambda arguments: compiled(*arguments), calls))
 
     def exceeded(self, labels: int, memory: int, *, record: bool = True) -> Status | None:
-        """Return the limit that is passed, or None.
-
-        ``record`` says that the memory (bytes) is in use and counts for the peak; otherwise it is only requested.
-        """
+        """Return the limit that is passed, or None; ``record``: ``memory`` bytes are in use, not only requested."""
         if record:
             self.peak = max(self.peak, memory)
         limit = self.budget
@@ -319,10 +316,7 @@ class Search(ABC):
 
     @abstractmethod
     def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
-        """Fill the queue with labels in the heap (h,) and in buckets (w,), with their estimates (h + w, k).
-
-        Raises Unsound if the labels are not in the order of the queue.
-        """
+        """Fill the queue with labels (h,) and (w,) and their estimates (h + w, k); raise Unsound if out of order."""
 
     @abstractmethod
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:

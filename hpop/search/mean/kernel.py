@@ -58,9 +58,9 @@ def is_nowhere_larger(rows: IntArray, i: int, f: IntArray) -> bool:
 
 @kernel
 def row_to_improve(front: IntArray, size: int, f: IntArray) -> int:
-    """Return the row of the front whose mean a label of estimate f (k,) must improve to be useful.
+    """Return the row of the front with the mean that a label of estimate f (k,) must improve to be useful.
 
-    It is the first row, in the order of means, that is at most f in the other costs, or else the last row.
+    This row is the first one, in the order of means, that is at most f in the other costs, or else the last one.
 
     front  (size, k)  sorted by the mean
     """

@@ -59,7 +59,7 @@ class HullRepair:
 
     arcs          (m,)  indices in the graph of the plain arcs, in the order of the chains
     closed        (m,)  plain arcs that are closed in the repaired layers
-    turns_closed  (g,)  groups whose turns are closed in the repaired layers
+    turns_closed  (g,)  groups with closed turns in the repaired layers
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class HullRepair:
     def close(self, closed: BoolArray, turns_closed: BoolArray, clock: DeadlineClock) -> bool:
         """Repair the hull for closed arcs (m,) of the graph, layer after layer; return False if time runs out.
 
-        ``turns_closed`` (g,) are the groups whose turns are all closed. Repaired values may depend on these; they are
+        ``turns_closed`` (g,) are the groups with all turns closed. Repaired values may depend on these; they are
         restored when the turns open. Layers that are not repaired yet belong to a graph with fewer closed arcs, so they
         are lower bounds too. The next call continues with them.
         """
@@ -189,7 +189,7 @@ class HullRepair:
 def mark_affected_lanes(
     tables: HullTables, moved: NDArray[np.uint8], new: BoolArray, before: NDArray[np.uint8], marks: NDArray[np.uint8]
 ) -> None:
-    """Mark the lanes of a layer whose best path from a node uses a closed arc, as bits.
+    """Mark, for each node, the lanes of a layer with a best path that uses a closed arc, as bits.
 
     moved   (m,)  lanes in which this layer improves on the previous layer by each arc, as bits
     new     (m,)  newly closed arcs

@@ -148,7 +148,7 @@ def copy_entries(
 def fill_buckets(
     tops: NDArray[np.int32], below: NDArray[np.int32], entries: IntArray, buckets: IntArray, waiting: IntArray
 ) -> None:
-    """Fill empty buckets with entries `waiting` (n, 2), whose buckets (n,) are sorted."""
+    """Fill empty buckets with entries `waiting` (n, 2), sorted by their `buckets` (n,)."""
     which, first, counts = np.unique(buckets, return_index=True, return_counts=True)
     chunks = -(-counts // CHUNK)
     begin = np.cumsum(chunks) - chunks

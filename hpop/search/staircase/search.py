@@ -312,7 +312,7 @@ class Staircase(JointSearch):
         most = np.array([ANYTHING, (1 << INDEX_BITS) - 1, self.packing[-1]])
         return clock.call(retrace, values, closed, self.root, self._tables(), self.turn, tails, most, at, f), f
 
-    def copy_to_double_width(self) -> bool:
+    def widen(self) -> bool:
         """Use 64 bits for costs; return False if they have 64 bits already."""
         narrow = self.dtype is np.int32
         if narrow:

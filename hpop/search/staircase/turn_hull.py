@@ -111,7 +111,7 @@ class TurnHull:
 
 
 def directions(typical: tuple[int, int]) -> FloatArray:
-    """Return weights (LANES, 2): each cost alone, then mixtures whose ratios are evenly spaced in the logarithm.
+    """Return weights (LANES, 2): each cost alone, then mixtures with ratios evenly spaced in the logarithm.
 
     typical  first and rest cost of a whole path
     """

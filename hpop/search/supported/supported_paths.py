@@ -275,8 +275,8 @@ class SupportedRun:
     def _task(self, weights: Vector, limit: int) -> Task:
         """Return the task for weights, with ties broken by the costs of weight 0.
 
-        The task's weights make a sum whose leading digits are the weighted sum, and whose further digits are the costs
-        of weight 0. ``limit`` is an upper bound of the weighted sum.
+        In the weighted sum of the task, the leading digits are the weighted sum for ``weights``, and further digits are
+        the costs of weight 0. ``limit`` is an upper bound of the weighted sum.
         """
         refined = [0] * len(weights)
         scale = 1

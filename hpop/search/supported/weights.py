@@ -119,7 +119,7 @@ def checked_divisions(value: Any, k: int = 1) -> int:
 
 
 def integer_weights(weights: Sequence[float], k: int | None = None) -> Vector:
-    """Return the smallest integers in the proportions of weights, of which k are required.
+    """Return the smallest integers in the proportions of k weights.
 
     Raises OptionError for weights that are negative, not finite, all zero, or not k.
 

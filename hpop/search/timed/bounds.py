@@ -209,7 +209,7 @@ class TimedJointBounds:
         return near
 
     def _calm_graph(self, prices: Prices, lanes: slice, needed: BoolArray) -> Graph:
-        """Return the graph of needed nodes whose costs are the weighted costs, from H on, of some lanes."""
+        """Return the graph of needed nodes with the weighted costs of some lanes, from H on, as costs."""
         graph = self.graph.graph
         calm = Graph.from_csr(graph.indptr, graph.heads, prices.priced[:, lanes].astype(np.int64))
         closed = (prices.priced == FAR).all(axis=1) | ~needed[graph.heads]

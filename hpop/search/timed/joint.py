@@ -170,7 +170,7 @@ class JointSweep(NamedTuple):
     first     (p + 1,)    index in `order` of the first node of each place
     together  least duration of an arc, ticks
     held      (w, power of two, LANES)  least w.Omega(s) + dep(v, s) over s from t on, for the last ticks t
-    rounded   (LANES,)    number of weights that are not whole, whose products are rounded
+    rounded   (LANES,)    number of weights that are not whole; their products are rounded
     stay      (ticks, LANES)  weighted cost of standing by duration, for the place and tick in `stay_of` (ticks,)
     cost (1, LANES), dep, now, then, later  (LANES,)  scratch
     """

@@ -101,7 +101,7 @@ NEGLIGIBLE = 1e-9  # length of a wide link relative to a narrow one
 def what_separates(lattice: StateLattice, start: int, goals: list[int]) -> str:
     """Return the reason why no path leads from a state to any of the goals, as text.
 
-    The text names the widest passage between them: the path whose narrowest position has the most room. Room is the
+    The text names the widest passage between them: the path with the most room at its narrowest position. Room is the
     clearance minus the robot's reach; if it is negative, the robot is too wide by twice as much. The widest passage is
     the path in a maximum spanning tree of the room; of equally wide passages, the shortest narrow part is named.
     """

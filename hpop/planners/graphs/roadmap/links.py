@@ -182,7 +182,7 @@ def guided_samples(
 ) -> FloatArray:
     """Draw free states (n, k): three of ten near guides, the others uniformly from an informed set.
 
-    The informed set has the states whose distances from the start (k,) and to a goal (G, k) add up to at most 1.6 times
+    For states of the informed set, the distances from the start (k,) and to a goal (G, k) add up to at most 1.6 times
     the length of the shortest guide (informed RRT*, Gammell et al. 2014, doi 10.1109/IROS.2014.6942976).
 
     If some coordinates of the space have a rest position, half of the samples of both kinds have these coordinates at

@@ -91,7 +91,7 @@ def survey(problem: Problem, trees: int | None, seed: int, spending: Spending) -
 
 
 def guide_links(guides: Sequence[Guide], goals: Sequence[int]) -> IntArray:
-    """Return links (L, 2) along guides, whose inner states are the first nodes after the start.
+    """Return links (L, 2) along guides; the inner states of guides are the first nodes after the start.
 
     goals  nodes of the goals
     """
