@@ -1,4 +1,4 @@
-"""The lattice of a changed world: states, arcs and costs are made again only where the change may reach them."""
+"""Update of a lattice after a change of the world: only states, arcs and costs near the change are computed again."""
 
 from __future__ import annotations
 
@@ -30,47 +30,47 @@ RIGID = 1e-9  # m: a camera at this constant distance from the base's axis does 
 
 
 def update(before: StateLattice, after: World, criteria: Sequence[Criterion]) -> StateLattice:
-    """Return a lattice in a changed world, and cache there the parts that the change leaves unchanged.
+    """Return the lattice in a changed world; parts that the change leaves unchanged are copied to that world's cache.
 
-    States and arcs are checked again where the change may reach them. Costs are computed again for those arcs; by a
-    criterion that reads a changed attribute of the world, for all arcs within its reach. All other values are copied,
-    so the result equals a lattice that is built from scratch. Nothing is copied if nothing was cached or the extent of
-    the map has changed.
+    States and arcs are checked again where the change may reach them, and costs of these arcs are computed again. If a
+    criterion reads a changed attribute of the world, its costs are computed again for all arcs that the change may
+    affect. All other values are copied, so the result equals a lattice built from scratch. Nothing is copied if nothing
+    was cached or the extent of the map has changed.
     """
     lattice = replace(before, world=after)
-    cached = {name: before.kept_part(name) for name in ("clear", "free", "arcs")}
+    cached = {name: before.cached_part(name) for name in ("clear", "free", "arcs")}
     if before.key is None or cached["arcs"] is None or before.world.bounds != after.bounds:
         return lattice
     take_over(before.world, after)
-    within = TURNED * max(part.reach for part in before.model.platform) + _longest(before) + SLACK
-    near = _near(before, lattice, within)
-    part = replace(lattice, kept=_near(before, lattice, within + _longest(before) + SLACK))
-    lattice.keep_part("clear", _frozen(np.where(near, part.clear, before.clear)))
+    within = TURNED * max(part.reach for part in before.model.platform) + _longest_step(before) + SLACK
+    near = _near_changes(before, lattice, within)
+    part = replace(lattice, kept=_near_changes(before, lattice, within + _longest_step(before) + SLACK))
+    lattice.cache_part("clear", _as_read_only(np.where(near, part.clear, before.clear)))
     if cached["free"] is not None:
-        lattice.keep_part("free", _frozen(np.where(near[:, :, None], part.free, before.free)))
-    arcs, origin = _joined(before, part, lattice, near)
-    lattice.keep_part("arcs", arcs)
+        lattice.cache_part("free", _as_read_only(np.where(near[:, :, None], part.free, before.free)))
+    arcs, origin = _arcs_after_change(before, part, lattice, near)
+    lattice.cache_part("arcs", arcs)
     is_new = origin < 0
-    lattice.keep_part("rechecked", int(is_new.sum()))
+    lattice.cache_part("rechecked", int(is_new.sum()))
     for criterion in criteria:
-        name = lattice.name_of(criterion)
-        counts = None if name is None else before.kept_part(name)
-        affected = None if counts is None else _affected(criterion, lattice, before.world)
+        name = lattice.cache_name(criterion)
+        counts = None if name is None else before.cached_part(name)
+        affected = None if counts is None else _affected_arcs(criterion, lattice, before.world)
         if counts is not None and affected is not None:
             column = counts[np.maximum(origin, 0)].astype(np.int64)
             for rows, motions in lattice.motions_of(np.flatnonzero(is_new | affected)):
                 column[rows] = quantised(motion_costs(criterion, motions), criterion)
-            lattice.keep_part(name, _frozen(column.astype(np.min_scalar_type(int(column.max(initial=0))))))
+            lattice.cache_part(name, _as_read_only(column.astype(np.min_scalar_type(int(column.max(initial=0))))))
     return lattice
 
 
-def _longest(lattice: StateLattice) -> float:
+def _longest_step(lattice: StateLattice) -> float:
     """Return the length, m, of the longest step."""
     return lattice.step * max(math.hypot(*step) for step in lattice.headings.steps)
 
 
-def _near(before: StateLattice, after: StateLattice, within: float) -> BoolArray:
-    """Mark positions (rows, columns) where the world differs from the one before within a distance, m."""
+def _near_changes(before: StateLattice, after: StateLattice, within: float) -> BoolArray:
+    """Mark the positions (rows, columns) that have a difference between both worlds within a distance, m."""
     x, y = _positions(before)
     return after.collision.differs(before.collision, x, y, within).reshape(before.shape)
 
@@ -81,8 +81,14 @@ def _positions(lattice: StateLattice) -> tuple[FloatArray, FloatArray]:
     return lattice.position(rows, columns)
 
 
-def _joined(before: StateLattice, part: StateLattice, lattice: StateLattice, near: BoolArray) -> tuple[Arcs, Ids]:
-    """Return the arcs after a change, joined from a part near it and the old arcs elsewhere, with their old indices."""
+def _arcs_after_change(
+    before: StateLattice, part: StateLattice, lattice: StateLattice, near: BoolArray
+) -> tuple[Arcs, Ids]:
+    """Return the arcs after a change, and the old index (m,) of each arc, -1 for an arc that was checked again.
+
+    part  lattice of the positions near the change, with arcs that are checked again; arcs elsewhere are the old ones
+    near  (rows, columns)  mask of the positions near the change
+    """
     from hpop.planners.graphs.lattice.splicing import splice  # numba: on first use
 
     is_new, width = near[lattice.cells], lattice.width
@@ -95,19 +101,19 @@ def _joined(before: StateLattice, part: StateLattice, lattice: StateLattice, nea
     start = np.append(0, np.cumsum(degrees.ravel()))
     size = int(start[-1])
     heads, kinds, origin = np.empty(size, np.int32), np.empty(size, np.uint8), np.empty(size, np.int32)
-    sources = [column for of in (before, part) for column in (of.arcs.heads, of.arcs.kinds, _renumbered(of, lattice))]
+    sources = [column for of in (before, part) for column in (of.arcs.heads, of.arcs.kinds, _new_ids(of, lattice))]
     splice(first, degrees.sum(axis=1), is_new, *sources, heads, kinds, origin)
     return Arcs(start, heads, kinds).frozen(), origin
 
 
-def _renumbered(of: StateLattice, lattice: StateLattice) -> Ids:
-    """Return the ids (n,) in a lattice of the states of another one with the same grid; negative where missing."""
+def _new_ids(of: StateLattice, lattice: StateLattice) -> Ids:
+    """Return, for each state of the lattice ``of``, its id (n,) in ``lattice`` on the same grid; negative if none."""
     number = lattice.number[of.cells].astype(np.int32)
     ids = number[:, None] * lattice.width + np.arange(lattice.width, dtype=np.int32)
     return ids.ravel().astype(np.int32, copy=False)
 
 
-def _frozen(array: Any) -> Any:
+def _as_read_only(array: Any) -> Any:
     array.setflags(write=False)
     return array
 
@@ -116,7 +122,7 @@ def _frozen(array: Any) -> Any:
 
 
 class _WatchedWorld(World):
-    """A stand-in for a world that records which attributes are read, and the radii of obstruction."""
+    """World that records which of its attributes are read, and with which radii its obstruction is computed."""
 
     def __getattribute__(self, name: str) -> Any:
         """Record the attribute, and return the world's."""
@@ -136,22 +142,22 @@ def _recording(obstruction: Callable[..., Any], radii: set[float]) -> Callable[.
     return recorded
 
 
-def _affected(criterion: Criterion, lattice: StateLattice, before: World) -> BoolArray | None:
-    """Mark the arcs (m,) that may cost something else in a criterion after a change; None if all may.
+def _affected_arcs(criterion: Criterion, lattice: StateLattice, before: World) -> BoolArray | None:
+    """Mark the arcs (m,) with costs in a criterion that a change may affect; return None if it may affect all arcs.
 
-    A sample of arcs shows the attributes that hpop's own criteria read. A user's criterion may read more on other arcs,
-    so its costs are always computed again.
+    A sample of arcs shows which attributes of the world a criterion of hpop reads. A criterion of the user may read
+    others on other arcs, so all of its costs may be affected.
     """
     after = lattice.world
     if not type(criterion).__module__.startswith("hpop.") or lacking(criterion.requires, lattice.model, after):
         return None
-    name = ("reads", lattice.name_of(criterion))
-    read = replace(lattice, world=before).kept_part(name) if _same_content(before, after) else None
+    name = ("reads", lattice.cache_name(criterion))
+    read = replace(lattice, world=before).cached_part(name) if _same_content(before, after) else None
     if read is None:
-        read = _read(criterion, lattice)
+        read = _attributes_read(criterion, lattice)
     if read is None:
         return None
-    lattice.keep_part(name, read)
+    lattice.cache_part(name, read)
     reads, radii = set(read[0]), read[1]
     if before.ground is after.ground:
         reads -= {"obstruction", "obstruction_field"}
@@ -163,13 +169,13 @@ def _affected(criterion: Criterion, lattice: StateLattice, before: World) -> Boo
 
 
 def _same_content(before: World, after: World) -> bool:
-    """Return whether two worlds have one content, or none."""
+    """Return whether two worlds share their content, or have no people, objects and zones at all."""
     contents = [world.content for world in (before, after)]
     return contents[0] is contents[1] or not any(content.present or content.zones for content in contents)
 
 
-def _read(criterion: Criterion, lattice: StateLattice) -> tuple[frozenset[str], frozenset[float]] | None:
-    """Return the attributes of a lattice's world that a criterion reads, and radii of obstruction; None if unknown."""
+def _attributes_read(criterion: Criterion, lattice: StateLattice) -> tuple[frozenset[str], frozenset[float]] | None:
+    """Return the attributes of the world that a criterion reads, and the radii, m, of obstruction; None if unknown."""
     reads, radii = set[str](), set[float]()
     watched = copied(lattice.world.stand_in(_WatchedWorld), watched=lattice.world, reads=reads, radii=radii)
     size = lattice.arcs.heads.size
@@ -183,7 +189,7 @@ def _read(criterion: Criterion, lattice: StateLattice) -> tuple[frozenset[str], 
 
 
 def _seeing_change(lattice: StateLattice, before: World, radius: float) -> BoolArray | None:
-    """Mark the arcs (m,) on which the obstruction within a radius, m, may have changed; None if all may be."""
+    """Mark the arcs (m,) on which the obstruction within a radius, m, may have changed; return None if on all."""
     rasters, aside = (before.raster, lattice.world.raster), _camera_aside(lattice)
     if None in rasters or aside is None or before.obstacles or lattice.world.obstacles:
         return None
@@ -198,13 +204,13 @@ def _seeing_change(lattice: StateLattice, before: World, radius: float) -> BoolA
         across, up = np.maximum(np.maximum(x0 - x, x - x1), 0), np.maximum(np.maximum(y0 - y, y - y1), 0)
         away = np.minimum(away, np.hypot(across, up))
     degrees = np.diff(lattice.arcs.start).reshape(-1, lattice.width).sum(axis=1)
-    near, farther = (np.repeat(away <= reach, degrees) for reach in (within, within + _longest(lattice)))
+    near, farther = (np.repeat(away <= reach, degrees) for reach in (within, within + _longest_step(lattice)))
     affected: BoolArray = near | (farther & (lattice.arcs.kinds == MOVE))
     return affected
 
 
 def _camera_aside(lattice: StateLattice) -> float | None:
-    """Return the distance, m, of the camera from the base's axis; None where it moves in the base."""
+    """Return the distance, m, of the camera from the base's axis; None if the camera moves relative to the base."""
     states = lattice.stations.states
     camera, base = (lattice.model.pose(body, states) for body in ("camera", "base"))
     aside = np.hypot(camera.x - base.x, camera.y - base.y)

@@ -1,4 +1,4 @@
-"""Compiled loop that joins the arcs of a lattice after a local change from those before it and those made again.
+"""Compiled loop that joins arcs from before a local change with the arcs that were checked again near the change.
 
 Imported on first use only, because importing numba takes a quarter of a second.
 """
@@ -27,13 +27,14 @@ def splice(
     out_kinds: NDArray[np.uint8],
     origin: NDArray[np.int32],
 ) -> None:
-    """Write the heads, kinds and origins (m,) of the arcs that leave each position.
+    """Write the heads, kinds and origins (m,) of all arcs, position by position.
 
-    first, count, is_new  (P,)  the first arc of each position, their number, and whether they are made again
-    heads, kinds                of the arcs before the change
-    number                (n,)  number of each of its states after the change, -1 for none
-    new_heads, ...              of the arcs that are made again
-    origin                      index of an arc before the change; -1 for an arc that was made again
+    first, count  (P,)  first arc of each position, and number of its arcs, before the change or among the new arcs
+    is_new        (P,)  whether the arcs of a position are the new arcs, checked again
+    heads, kinds        of the arcs before the change
+    number        (n,)  id after the change of each state before it, negative for none
+    new_heads, new_kinds, new_number  the same for the new arcs
+    origin              output: index of the arc before the change; -1 for a new arc
     """
     m = 0
     for p in range(first.size):
