@@ -23,13 +23,13 @@ class Preferring(Protocol):
         """Return the preferred row."""
 
     def expected(self, front: Any, costs: FloatArray, /) -> FloatArray:
-        """Return the cost (m,) to this person of costs (m, k) in a front's columns: at least 0, less is better."""
+        """Return how much this person dislikes costs (m, k), in a front's columns: (m,), at least 0, less is better."""
 
 
 class Choices(Generic[T]):
-    """Choices among the points of a front, one method for each way to choose.
+    """Base class of fronts: one method for each way to choose a point.
 
-    Choosing from a front without points raises FrontError.
+    All methods raise FrontError for a front without points.
     """
 
     names: tuple[str, ...]
@@ -67,7 +67,7 @@ class Choices(Generic[T]):
         return self.lexicographic([name])
 
     def lexicographic(self, order: Sequence[str]) -> Point[T]:
-        """Return the best point by the first criterion, ties settled by the second, and so on.
+        """Return the best point in the first criterion of ``order``; the second criterion breaks ties, and so on.
 
         Criteria that are not named follow in the front's order. ``front.lexicographic(["turns", "length"])``.
         """
@@ -101,8 +101,8 @@ class Choices(Generic[T]):
     def nearest(self, wishes: Mapping[str, float]) -> Point[T]:
         """Return the point nearest to some wished values, of criteria or of reported values.
 
-        Only named values count, each scaled by its range over the front; ties go to the least sum of the other
-        criteria. ``front.nearest({"turns": 3})``.
+        Only named values count, each scaled by its range over the front. Ties go to the point with the least sum of the
+        other criteria. ``front.nearest({"turns": 3})``.
         """
         values = choosing.named_numbers("wishes", wishes)
         columns = [choosing.column_index(name, self.names + self.reported_names) for name in wishes]

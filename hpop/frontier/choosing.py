@@ -36,9 +36,9 @@ ZERO = 1e-12  # in a tableau with entries of order one
 
 
 def column_index(name: str, names: Sequence[str], reported: Sequence[str] = ()) -> int:
-    """Return the column of a name; an unknown name raises an error with the known names and the nearest.
+    """Return the column of a name; raise UnknownColumnError for an unknown name, with the names and the nearest one.
 
-    A name of ``reported`` cannot be chosen by; the error says so and how to choose instead.
+    Names in ``reported`` are values that a front reports but cannot be chosen by; the error says so.
 
     >>> column_index("length", ["turns", "length"])
     1
@@ -58,7 +58,10 @@ def column_index(name: str, names: Sequence[str], reported: Sequence[str] = ()) 
 
 
 def named_numbers(what: str, values: Mapping[str, float]) -> FloatArray:
-    """Return the values of a mapping, refusing an empty one and anything but finite numbers."""
+    """Return the values of a mapping; raise FrontError if it is empty or has a value that is no finite number.
+
+    what  name of the argument, for the error
+    """
     if not isinstance(values, Mapping) or not values:
         raise FrontError(f"expected {what} by criterion, such as {{'length': 1.0}}, got {shown(values)}")
     for name, value in values.items():
@@ -91,7 +94,7 @@ def normalised(Y: FloatArray, ideal: FloatArray, nadir: FloatArray) -> FloatArra
 def weighted_sum(Y: FloatArray, weights: FloatArray) -> int:
     """Return the row with the least weighted sum of normalised costs; ties go to the least plain sum.
 
-    It can only be a supported point, one on the convex hull of the front.
+    The result is a supported point: a point on the convex hull of the front.
 
     Parameters
     ----------
@@ -142,7 +145,7 @@ def nearest(named: FloatArray, wishes: FloatArray, rest: FloatArray) -> int:
     rest : (n, k) array
         The costs that no wish names.
     """
-    distance = np.linalg.norm(_gaps(named, wishes), axis=1)  # (n,)
+    distance = np.linalg.norm(_scaled_differences(named, wishes), axis=1)  # (n,)
     return least(distance, scaled(rest).sum(axis=1))
 
 
@@ -163,7 +166,7 @@ def achievement(Y: FloatArray, columns: Sequence[int], aspirations: FloatArray) 
     aspirations : (m,) array
         The reference point, one value for each of ``columns``, in the units of ``Y``.
     """
-    gaps = _gaps(Y[:, list(columns)], aspirations)  # (n, columns that vary)
+    gaps = _scaled_differences(Y[:, list(columns)], aspirations)  # (n, columns that vary)
     worst = gaps.max(axis=1) if gaps.shape[1] else np.zeros(len(Y))
     return least(worst + AUGMENTATION * scaled(Y).sum(axis=1))
 
@@ -176,7 +179,7 @@ def differing(Y: FloatArray, count: int, *, always: Sequence[int] = ()) -> list[
     Y : (n, k) array
         Costs, at least one row.
     count : int
-        How many rows; all where there are no more. Those of ``always`` stay, also where they are more.
+        Number of rows; all rows if there are no more. Rows of ``always`` are returned even if they are more.
     always : sequence of int
         Rows that are chosen first; without any, the first row of ``Y`` is.
 
@@ -190,14 +193,14 @@ def differing(Y: FloatArray, count: int, *, always: Sequence[int] = ()) -> list[
 
 
 def farthest(distances: Callable[[int], FloatArray], size: int, count: int, *, always: Sequence[int] = ()) -> list[int]:
-    """Return points, each the farthest from those chosen before it; ties go to the first.
+    """Return indices of points, each the farthest from all points chosen before; ties go to the first.
 
     Gonzalez 1985, "Clustering to minimize the maximum intercluster distance": no choice of equally many points leaves
     the remaining ones less than half as far from their nearest chosen one.
 
     Parameters
     ----------
-    distances : of a point to all, (size,), not negative
+    distances : function that returns the distances (size,) of a point to all points, not negative
     size : number of points, at least one
     count, always : as for :func:`differing`
     """
@@ -213,12 +216,12 @@ def farthest(distances: Callable[[int], FloatArray], size: int, count: int, *, a
 
 
 def scaled(Y: FloatArray) -> FloatArray:
-    """Normalise by the front's own ideal and nadir."""
+    """Return costs (n, k) normalised by their own ideal and nadir."""
     return normalised(Y, Y.min(axis=0), Y.max(axis=0))
 
 
-def _gaps(Y: FloatArray, wishes: FloatArray) -> FloatArray:
-    """Return scaled signed differences from the wishes, without the columns that do not vary."""
+def _scaled_differences(Y: FloatArray, wishes: FloatArray) -> FloatArray:
+    """Return the signed differences of costs from the wishes, scaled by ranges, without columns that do not vary."""
     low, high = Y.min(axis=0), Y.max(axis=0)
     varies = normalised(Y, low, high).any(axis=0)
     gaps: FloatArray = (Y[:, varies] - wishes[varies]) / (high - low)[varies]
@@ -226,7 +229,7 @@ def _gaps(Y: FloatArray, wishes: FloatArray) -> FloatArray:
 
 
 def least(*keys: FloatArray, tie: float = TIE) -> int:
-    """Return the first row with the least first key; ties are settled by the next key."""
+    """Return the first row with the least first key; the next key breaks ties, also of values within ``tie``."""
     rows = np.arange(len(keys[0]))
     for key in keys:
         lowest = key[rows].min()
@@ -259,7 +262,7 @@ def knee(Y: ArrayLike) -> int:
     Y : (n, k) array
         Finite costs, at least one row. Dominated rows, and copies of a row, are ignored.
 
-    Raises FrontError where there are no rows.
+    Raises FrontError if there are no rows.
 
     Examples
     --------
@@ -311,7 +314,7 @@ def _deepest(z: FloatArray, candidates: BoolArray, extremes: FloatArray) -> tupl
 
 
 def _depth(point: FloatArray, extremes: FloatArray) -> tuple[float, FloatArray]:
-    """Return the depth of a point, and the weights (m,) of the criteria that prove it: not negative, of sum one.
+    """Return the depth of a point, and weights (m,) of the criteria that prove it, not negative, with the sum 1.
 
     The depth is the value of a game: one player mixes extreme points, the other weighs criteria. With all payoffs above
     zero its linear program is max sum(u) such that payoffs u <= 1, u >= 0, and the optimum has the weights u / sum(u)

@@ -46,7 +46,7 @@ class ColumnCondition(NamedTuple):
 
     @classmethod
     def of(cls, name: str, given: Any) -> ColumnCondition:
-        """Return a condition from its text, such as "<=5", or from a number, which the value must equal.
+        """Parse a condition on a column from text, such as "<=5", or from a number that the value must equal.
 
         >>> print(ColumnCondition.of("turns", "<=5"), ColumnCondition.of("length", "> 2.5e1"), sep=", ")
         turns <= 5, length > 25
@@ -69,7 +69,7 @@ class ColumnCondition(NamedTuple):
         return f"{self.name} {self.comparison} {self.bound:.12g}"
 
     def met(self, values: FloatArray, quantum: float) -> BoolArray:
-        """Return which of the values (n,) meet the condition; a quantum of 0 compares them as they are."""
+        """Return which values (n,) meet the condition, compared in whole quanta; quantum 0: compared as they are."""
         bound, slack = self.bound, choosing.ROUNDING * abs(self.bound)
         if quantum:
             values, bound = np.rint(values / quantum), self.bound / quantum
@@ -79,9 +79,9 @@ class ColumnCondition(NamedTuple):
 
 
 def conditions(given: Mapping[str, Any] | None, named: Mapping[str, Any]) -> tuple[ColumnCondition, ...]:
-    """Return conditions from a dict, for names that are no Python names, and from keywords; at least one.
+    """Parse conditions from a dict, needed for names that are no Python names, and from keywords.
 
-    Raises FrontError for an invalid condition.
+    Raises FrontError for an invalid condition, or if there is none.
     """
     if given is not None and not isinstance(given, Mapping):
         raise FrontError(f"expected conditions such as turns='<=5', or a dict of them, got {shown(given)}")
@@ -104,7 +104,7 @@ def met(front: Front[Any], wanted: Sequence[ColumnCondition]) -> BoolArray:
 
 
 def nearest(front: Front[Any], wanted: Sequence[ColumnCondition]) -> int:
-    """Return the row that misses the conditions by least: Euclidean, each column scaled by its range over the front."""
+    """Return the row nearest to the conditions: least Euclidean distance, columns scaled by their ranges."""
     gaps = []
     for condition in wanted:
         values, quantum = _column(front, condition.name)
@@ -114,7 +114,7 @@ def nearest(front: Front[Any], wanted: Sequence[ColumnCondition]) -> int:
 
 
 def in_words(front: Front[Any], wanted: Sequence[ColumnCondition]) -> str:
-    """Return the conditions in words, with the nearest point if none meets them."""
+    """Return the conditions as text for a certificate; if no point meets them, the text names the nearest point."""
     words = " and ".join(map(str, wanted))
     if not len(front) or met(front, wanted).any():
         return words
@@ -144,7 +144,7 @@ def _column(front: Front[Any], name: str) -> tuple[FloatArray, float]:
 
 
 def kept(index: Any, size: int) -> tuple[BoolArray, str]:
-    """Return which of ``size`` rows (n,) an index selects, and the selection in words.
+    """Return which of ``size`` rows an index (slice or mask) selects, (n,), and the selection as text.
 
     Raises TypeError for an invalid index, IndexError for a mask of another length or a slice that goes backwards.
 

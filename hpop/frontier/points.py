@@ -81,7 +81,7 @@ def floats(values: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
 
 
 def origins(provenance: Sequence[Mapping[str, Any]]) -> tuple[list[dict[str, Any]], list[str]]:
-    """Return copies of origins as plain JSON values, and their texts; equal origins become one object."""
+    """Return copies of provenance entries as plain JSON values, and their texts; equal entries become one object."""
     copies: dict[str, dict[str, Any]] = {}
     texts: list[str] = []
     text_of: dict[int, str] = {}

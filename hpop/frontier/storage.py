@@ -179,7 +179,7 @@ def _document(stored: StoredFront) -> dict[str, Any]:
 
 
 def _texts(provenance: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Yield the text of each origin; a text that many points share is written once."""
+    """Yield the JSON text of each provenance entry; equal objects are encoded once."""
     text_of: dict[int, str] = {}
     for origin in provenance:
         text = text_of.get(id(origin))
@@ -215,7 +215,7 @@ def _stored(top: dict[str, Any]) -> StoredFront:
 
 
 def _points(top: dict[str, Any], names: list[str], reported_names: list[str]) -> dict[str, Any]:
-    """Return the points of a file: costs and reported values in columns by name, origins and items."""
+    """Return the fields of a front's points from a file: costs, reported values, provenance and items."""
     count, *tables, origins, origin = parts(top["points"], "points", _POINTS)
     for key, column in (("origin", origin), ("items", top["items"])):
         if isinstance(column, list) and len(column) != count:
@@ -238,7 +238,7 @@ def _points(top: dict[str, Any], names: list[str], reported_names: list[str]) ->
 
 
 def _refuse(source: Path, expected: str, found: str, advice: str) -> NoReturn:
-    """Raise the error of a file that cannot be read."""
+    """Raise FrontFileError with what was expected, what was found, and what to do."""
     raise FrontFileError(f"{source}: expected {expected}, found {found:.200}; {advice}") from None
 
 

@@ -79,7 +79,7 @@ def _is_table(rows: Any) -> bool:
 
 
 def _rows(rows: Any, indent: int) -> Iterator[str]:
-    """Yield a list of lists of whole numbers without its last bracket, many lines in one piece."""
+    """Yield the text of a list of lists of whole numbers, without the last bracket, many lines in one piece."""
     line = f"\n{' ' * indent}"
     for begin in range(0, len(rows), SLICE_OF_ROWS):
         lines = _dense(rows[begin : begin + SLICE_OF_ROWS])[1:-1].replace("],[", f"],{line}[")
@@ -87,7 +87,7 @@ def _rows(rows: Any, indent: int) -> Iterator[str]:
 
 
 def _line(values: Any) -> Iterator[str]:
-    """Yield a list without nested lists or objects."""
+    """Yield the text of a list, or of an object, without nested lists and objects, on one line."""
     yield "["
     for begin in range(0, len(values), SLICE):
         yield ("," if begin else "") + _dense(values[begin : begin + SLICE])[1:-1]
@@ -95,7 +95,7 @@ def _line(values: Any) -> Iterator[str]:
 
 
 def parse(data: bytes) -> Any:
-    """Return the value of a text; raise ValueError, or RecursionError for brackets nested too deeply."""
+    """Parse strict JSON; raise ValueError for invalid text, or RecursionError for brackets nested too deeply."""
     return json.loads(
         data.decode("utf-8"),
         object_pairs_hook=_object_without_duplicates,
@@ -111,7 +111,7 @@ def plain(value: Any) -> Any:
 
 
 def _object_without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return an object; raise ValueError for a key that comes twice."""
+    """Return a dict of key-value pairs; raise ValueError for a key that occurs twice."""
     result = dict(pairs)
     if len(result) != len(pairs):
         seen: set[str] = set()

@@ -70,7 +70,7 @@ def join(first: F, second: F) -> F:
 
 
 def each_claim(certificate: str, words: str) -> str:
-    """Return a certificate with each of its statements inserted into ``words`` at the braces.
+    """Return a certificate in which ``words``, with braces as a place for it, surround each of its statements.
 
     >>> each_claim("exact | supported", "of 9 points: {}")
     'of 9 points: exact | of 9 points: supported'
@@ -85,7 +85,7 @@ def _require_same(name: str, mine: object, theirs: object) -> None:
 
 
 def _joined(first: str, second: str) -> str:
-    """Return distinct statements once, in alphabetical order."""
+    """Return the distinct statements of two certificates or statuses, in alphabetical order, joined by " | "."""
     return JOINT.join(sorted({*first.split(JOINT), *second.split(JOINT)}))
 
 

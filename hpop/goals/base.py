@@ -37,19 +37,19 @@ REACHED = 1e-6  # m or rad: no column of a state that reaches a goal is off by m
 
 @runtime_checkable
 class Goal(Protocol):
-    """Goal with one or more states; reaching any one of them is enough.
+    """Goal with one or more states; a trajectory must reach any one of them.
 
-    These may be left out, and have defaults:
+    These attributes are optional, with defaults:
 
-    requires      what a model must provide; frozenset()
-    places        positions (x, y, z), m, for pictures to mark; ()
-    listed        values of its states, where the goal is a list of states; ()
-    looked_at     position (x, y, z), m, at which the camera looks at the goal; None
-    alternatives  method: the goals of a goal with several; by default itself
+    requires      capabilities that a model must provide; frozenset()
+    places        positions (x, y, z), m, that pictures mark; ()
+    listed        values of the goal's states, if the goal is a list of states; ()
+    looked_at     position (x, y, z), m, at which the camera looks in the goal's states; None
+    alternatives  method: the goals of which any one must be reached; by default the goal itself
     """
 
     def states(self, problem: Problem, rng: np.random.Generator, count: int) -> States:
-        """Return at most ``count`` states of the goal (n,), drawn at random where there are more."""
+        """Return at most ``count`` states of the goal (n,), drawn at random if there are more."""
 
     def reached(self, model: Model, states: States) -> BoolArray:
         """Return which states (M,) reach the goal."""
@@ -83,12 +83,12 @@ class GoalDefaults:
     looked_at: Any = None
 
     def alternatives(self) -> tuple[Goal, ...]:
-        """Return the alternative goals of this one."""
+        """Return the alternative goals: the goal itself."""
         return (cast(Goal, self),)
 
 
 def checked_count(count: int) -> int:
-    """Return the number of states to draw, or raise a QueryError."""
+    """Return a number of states to draw; raise QueryError if it is invalid."""
     return whole("count", count, 0, MOST_STATES, "a number of states", error=QueryError)
 
 
@@ -109,7 +109,7 @@ def goal(name: str) -> Callable[[T], T]:
 @checked_arguments
 @dataclass(frozen=True)
 class GoalSet(GoalDefaults):
-    """Set of states; reaching any one of them is enough. A value of None is free.
+    """Set of states, of which any one must be reached. A value of None may have any value.
 
     >>> GoalSet([(3, 1, None), (5, 2, 0.0)]).describe()
     [[3, 1, None], [5, 2, 0.0]]
@@ -132,7 +132,7 @@ class GoalSet(GoalDefaults):
         return f"({', '.join('any' if value is None else f'{value:.4g}' for value in self.members[0])})"
 
     def states(self, problem: Problem, rng: RNG, count: int) -> States:
-        """Return each member without free values once, then the others in turn, with angles drawn at random."""
+        """Return each fully given member once, then the other members in turn, with free angles drawn at random."""
         count = checked_count(count)
         whole, others = ([m for m in self.members if (None in m) is free] for free in (False, True))
         rows = list(islice(chain(whole, cycle(others)), count))
@@ -162,9 +162,9 @@ class GoalSet(GoalDefaults):
 @checked_arguments
 @dataclass(frozen=True, init=False)
 class AnyOf(GoalDefaults):
-    """Alternative goals: to look at one of several cans, or to be at a state.
+    """Alternative goals, of which any one must be reached: to look at one of several cans, or to be at a state.
 
-    A problem with such a goal resolves states, and names of states and goals.
+    Members may be goals, states, or their names; the problem resolves them.
 
     >>> AnyOf("ready", [0, 0, 0]).members, AnyOf(["ready", "home"]).members
     (('ready', [0, 0, 0]), ('ready', 'home'))
@@ -194,7 +194,7 @@ class AnyOf(GoalDefaults):
         return tuple(goal for member in self.members for goal in member.alternatives())
 
     def states(self, problem: Problem, rng: RNG, count: int) -> States:
-        """Return about equally many states of each member; warn of unreachable members, QueryError if all are."""
+        """Return about equally many states of each member; warn of unreachable members, raise QueryError if all are."""
         count = checked_count(count)
         rng = np.random.default_rng(rng)  # one for all members
         shares = [count // len(self.members) + (i < count % len(self.members)) for i in range(len(self.members))]

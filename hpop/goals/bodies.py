@@ -28,9 +28,9 @@ Axes = tuple[Vector, Vector, Vector]
 
 
 def off_axis(pose: Pose, offset: Vector) -> tuple[Column, Column]:
-    """Return the angles (M,), rad, of an offset to the left of a body's forward axis and above it.
+    """Return two angles (M,), rad: how far an offset points to the left of a body's forward axis, and above it.
 
-    Their norm is the whole angle. An offset straight behind is half a turn to the left.
+    The norm of the two is the whole angle. An offset straight behind is half a turn to the left.
     """
     ahead, left, up = (dot(axis, offset) for axis in (pose.ahead, pose.left, pose.up))
     sine = norm((left, up))
@@ -41,9 +41,9 @@ def off_axis(pose: Pose, offset: Vector) -> tuple[Column, Column]:
 
 
 def off_axis_rates(pose: Pose, twist: Twist, offset: Vector, change: Vector) -> tuple[Column, Column]:
-    """Return the rates of these angles, rad/s, as the offset changes by ``change`` and the body turns."""
+    """Return the rates of the angles of :func:`off_axis`, rad/s, if the offset changes at a rate and the body turns."""
     length = np.maximum(norm(offset), CLOSEST)
-    turned = _less(change, cross(twist.rotation, offset))
+    turned = _difference(change, cross(twist.rotation, offset))
     ahead, left, up = (dot(axis, offset) / length for axis in (pose.ahead, pose.left, pose.up))
     growth = dot(offset, change) / length
     ahead_rate, left_rate, up_rate = (
@@ -59,7 +59,7 @@ def off_axis_rates(pose: Pose, twist: Twist, offset: Vector, change: Vector) -> 
 
 
 def roll_of(pose: Pose) -> Column:
-    """Return the angle (M,), rad, by which a body is rolled to the right; arbitrary where it looks up or down."""
+    """Return the roll (M,), rad, of a body to the right; arbitrary if it looks straight up or down."""
     return np.arctan2(pose.left[2], pose.up[2])
 
 
@@ -71,20 +71,20 @@ def roll_rate(pose: Pose, twist: Twist) -> Column:
 
 
 def turn_to(pose: Pose, axes: Axes) -> Vector:
-    """Return the rotation vector, rad, world frame, from a body's orientation to given axes ahead, left, up.
+    """Return the rotation vector, rad, world frame, that turns a body's orientation to given axes ahead, left, up.
 
     For half a turn its length is right, and its direction is the x axis.
     """
-    normal, sine, cosine = _turn(pose, axes)
+    normal, sine, cosine = _remaining_rotation(pose, axes)
     some = sine > ALIGNED
     share = np.where(some, np.arctan2(sine, cosine) / np.maximum(sine, CLOSEST), 1.0)
     return np.where(some | (cosine > 0.0), share * normal[0], np.pi), share * normal[1], share * normal[2]
 
 
 def turn_to_rates(pose: Pose, twist: Twist, axes: Axes) -> Vector:
-    """Return the rates of `turn_to` as the body turns, rad/s: the inverse right Jacobian of SO(3), times -ω."""
+    """Return the rates of :func:`turn_to`, rad/s, if the body turns: the inverse right Jacobian of SO(3) times -ω."""
     vector = turn_to(pose, axes)
-    _, sine, cosine = _turn(pose, axes)
+    _, sine, cosine = _remaining_rotation(pose, axes)
     angle = np.maximum(np.arctan2(sine, cosine), CLOSEST)
     bend = 1.0 / angle**2 - (1.0 + cosine) / (2.0 * angle * np.maximum(sine, CLOSEST))
     bend = np.where(angle > 1e-3, bend, 1.0 / 12.0)  # its limit; nearer, the difference loses more than it is off
@@ -94,8 +94,8 @@ def turn_to_rates(pose: Pose, twist: Twist, axes: Axes) -> Vector:
     return x, y, z
 
 
-def _turn(pose: Pose, axes: Axes) -> tuple[Vector, Column, Column]:
-    """Return the axis of the remaining rotation, as long as its sine; its sine and its cosine."""
+def _remaining_rotation(pose: Pose, axes: Axes) -> tuple[Vector, Column, Column]:
+    """Return the axis of the remaining rotation, with the sine as its length, and the sine and cosine of its angle."""
     own = (pose.ahead, pose.left, pose.up)
     normals = [cross(one, other) for one, other in zip(own, axes, strict=True)]
     normal = tuple(0.5 * sum(part) for part in zip(*normals, strict=True))
@@ -103,7 +103,7 @@ def _turn(pose: Pose, axes: Axes) -> tuple[Vector, Column, Column]:
     return (normal[0], normal[1], normal[2]), norm(normal), 0.5 * (trace - 1.0)
 
 
-def _less(one: Vector, other: Vector) -> Vector:
+def _difference(one: Vector, other: Vector) -> Vector:
     x, y, z = (a - b for a, b in zip(one, other, strict=True))
     return x, y, z
 
@@ -115,13 +115,12 @@ class LookAt(Region):
 
     target           m    (x, y, z), in the middle of the view
     distance         m    (least, greatest) from the camera to the target
-    roll             rad  of the camera to the right, 0 with the horizon level; None leaves it free. It has no effect if
-                          the
-                          camera looks straight up or down, within 1e-6 rad
+    roll             rad  roll of the camera to the right, 0 with the horizon level; None allows any roll. It has no
+                          effect if the camera looks straight up or down, within 1e-6 rad
     angle_tolerance  rad  largest error of the view: the target's angle from its middle and the roll together
 
-    Obstacles between camera and target are a matter of a criterion (``occlusion``); a front has a note where nothing of
-    the target is visible.
+    Obstacles between camera and target do not matter here, but to a criterion (``occlusion``); a front has a note if
+    nothing of the target is visible.
     """
 
     target: tuple[float, float, float]
@@ -164,27 +163,27 @@ class LookAt(Region):
 
     @property
     def widened(self) -> tuple[str, ...]:
-        """Return distance and tolerance."""
+        """Return the parameters that give the goal more room: distance and angle tolerance."""
         return "distance", "angle_tolerance"
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Return the band of distances, and zeros for angles."""
+        """Return bounds of the coordinates: the band of distances, m, and zeros for the angles, rad."""
         still = [0.0] * (2 if self.roll is None else 3)
         return np.array([self.distance[0], *still]), np.array([self.distance[1], *still])
 
     @property
     def lengths(self) -> BoolArray:
-        """Mark the distance."""
+        """Mark the distance as the only coordinate in m."""
         return np.array([True, False, False, *([] if self.roll is None else [False])])
 
     @property
     def tolerances(self) -> tuple[float, float]:
-        """Return almost none in distance, which is a band, and the angle tolerance."""
+        """Return the tolerances: almost 0 m, since the distance has a band, and the angle tolerance, rad."""
         return REACHED, self.angle_tolerance
 
     def coordinates(self, pose: Pose) -> tuple[Column, ...]:
-        """Return the distance, the angles to the left and above the middle, and the roll error."""
+        """Return the distance, m, the target's angles to the left and above the middle of the view, and the roll error."""
         offset = self._offset(pose)
         return norm(offset), *off_axis(pose, offset), *(() if self.roll is None else (self._off_roll(pose),))
 
@@ -197,7 +196,7 @@ class LookAt(Region):
         return approach, *off_axis_rates(pose, twist, offset, (x, y, z)), *rolled
 
     def _off_roll(self, pose: Pose) -> Column:
-        """Return the roll error; 0 where the camera shows no horizon."""
+        """Return the roll error, rad; 0 if the camera looks straight up or down."""
         off_vertical = np.arctan2(hypot(pose.left[2], pose.up[2]), np.abs(pose.ahead[2]))
         return np.where(off_vertical <= REACHED, 0.0, wrap(roll_of(pose) - self.roll))
 
@@ -249,22 +248,22 @@ class PoseAt(Region):
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Return zeros: the tolerances are separate."""
+        """Return zero bounds: coordinates must be 0, within the tolerances."""
         return np.zeros(self.lengths.size), np.zeros(self.lengths.size)
 
     @property
     def lengths(self) -> BoolArray:
-        """Mark the position."""
+        """Mark the coordinates of the position as those in m."""
         angles = 3 if self.yaw_pitch_roll is not None else 2 if self.direction is not None else 0
         return np.array([True] * 3 + [False] * angles)
 
     @property
     def tolerances(self) -> tuple[float, float]:
-        """Return the given tolerances."""
+        """Return the tolerances of position, m, and orientation, rad."""
         return self.position_tolerance, self.angle_tolerance
 
     def coordinates(self, pose: Pose) -> tuple[Column, ...]:
-        """Return the offset of the body from its place, and the angles that remain."""
+        """Return the offset of the body from the position, m, and the remaining rotation, rad."""
         x, y, z = self.position
         apart = (pose.x - x, pose.y - y, pose.z - z)
         if self._axes is not None:
@@ -281,15 +280,15 @@ class PoseAt(Region):
 
     @cached_property
     def _axes(self) -> Axes | None:
-        """Return the body's axes ahead, left and up: turned by the yaw, then up by the pitch, right by the roll."""
+        """Return the goal's axes ahead, left and up: turned by the yaw, then up by the pitch, right by the roll."""
         if self.yaw_pitch_roll is None:
             return None
         (cy, cp, cr), (sy, sp, sr) = (tuple(map(f, self.yaw_pitch_roll)) for f in (math.cos, math.sin))
         left, up = (-sy, cy, 0.0), (-sp * cy, -sp * sy, cp)  # before the roll
-        return (cp * cy, cp * sy, sp), _mixed(cr, left, sr, up), _mixed(cr, up, -sr, left)
+        return (cp * cy, cp * sy, sp), _linear_combination(cr, left, sr, up), _linear_combination(cr, up, -sr, left)
 
 
-def _mixed(a: float, one: Vector, b: float, other: Vector) -> Vector:
+def _linear_combination(a: float, one: Vector, b: float, other: Vector) -> Vector:
     x, y, z = (a * p + b * q for p, q in zip(one, other, strict=True))
     return x, y, z
 
@@ -301,9 +300,8 @@ class CameraAt(PoseAt):
 
     position            m    (x, y, z)
     yaw_pitch_roll      rad  yaw counter-clockwise, then pitch up, then roll to the right
-    direction                (x, y, z) of the view, with any roll; give this, or yaw_pitch_roll, or neither: then it may
-                             look
-                             anywhere
+    direction                (x, y, z) of the view, with any roll. Give either this or yaw_pitch_roll; with neither, the
+                             camera may look anywhere
     position_tolerance  m    largest error of the position
     angle_tolerance     rad  largest error of the orientation
     """
@@ -321,9 +319,8 @@ class ToolAt(PoseAt):
 
     position            m    (x, y, z)
     yaw_pitch_roll      rad  yaw counter-clockwise, then pitch up, then roll to the right
-    direction                (x, y, z) in which it points, with any roll; give this, or yaw_pitch_roll, or neither: then
-                             it may
-                             point anywhere
+    direction                (x, y, z) in which the body points, with any roll. Give either this or yaw_pitch_roll; with
+                             neither, the body may point anywhere
     position_tolerance  m    largest error of the position
     angle_tolerance     rad  largest error of the orientation
     body                     name of the body in the model

@@ -47,7 +47,7 @@ Place = tuple[float, float, float]
 
 
 class Miss(NamedTuple):
-    """Distances of bodies (M,) beyond the bounds of a region, m and rad."""
+    """Distances (M,) of a body beyond the bounds of a region: of its lengths, m, and of its angles, rad."""
 
     metres: FloatArray
     radians: FloatArray
@@ -55,22 +55,22 @@ class Miss(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class InverseKinematics:
-    """Inverse kinematics of a model: states of a space in which a body is in a region."""
+    """Inverse kinematics: search for states of a model, in a space, with a body in a region."""
 
     model: Model
     space: StateSpace
     region: Region
 
     def states(self, rows: FloatArray) -> States:
-        """Return states (M,) of rows (M, n)."""
+        """Return rows (M, n), the coordinates of the space as columns, as states (M,)."""
         return States(**dict(zip(self.space.names, rows.T, strict=True)))
 
     def rows(self, states: States) -> FloatArray:
-        """Return rows (M, n) of states."""
+        """Return states (M,) as rows (M, n), with the coordinates of the space as columns."""
         return np.stack([getattr(states, name) for name in self.space.names], axis=1)
 
     def excess(self, states: States, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Return the signed excess of coordinates (M, k) beyond bounds (M, k) or (k,)."""
+        """Return the signed excess (M, k) of the region's coordinates beyond bounds (M, k) or (k,)."""
         pose = self.model.pose(self.region.body, states)
         found = _stacked(self.region.coordinates(pose), states.size)
         return found - np.clip(found, low, high)
@@ -81,8 +81,8 @@ class InverseKinematics:
         excess, lengths = self.excess(states, low, high), self.region.lengths
         return Miss(*(np.sqrt((excess[:, part] ** 2).sum(axis=1)) for part in (lengths, ~lengths)))
 
-    def descended(self, rows: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Return rows (M, n) after a descent that brings their coordinates towards bounds (M, k)."""
+    def descend(self, rows: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+        """Return rows (M, n) after a descent that moves the region's coordinates towards bounds (M, k)."""
         least, most = self._limits
         rows, damping = rows.copy(), np.full(len(rows), DAMPING)
         excess = self.excess(self.states(rows), low, high)
@@ -105,10 +105,10 @@ class InverseKinematics:
             rows[took], excess[took], cost[took] = there[better], found[better], costs[better]
             damping[going] = np.maximum(damping[going] * np.where(better, EASED, RAISED), LEAST_DAMPING)
             going = going[(cost[going] > DONE) & (damping[going] < MOST_DAMPING)]
-        return self._wrapped(rows)
+        return self._within_one_turn(rows)
 
     def distinct(self, rows: FloatArray) -> FloatArray:
-        """Return rows (N, n) without repetitions."""
+        """Return the distinct rows (N, n)."""
         from scipy.spatial import KDTree  # slow to import
 
         columns = []
@@ -127,7 +127,7 @@ class InverseKinematics:
         return -(jacobian.transpose(0, 2, 1) @ pull)[:, :, 0]
 
     def _jacobian(self, states: States) -> FloatArray:
-        """Return the rates of the coordinates (m, k, n) with each state."""
+        """Return the derivatives (m, k, n) of the region's coordinates with respect to the columns of the rows."""
         pose = self.model.pose(self.region.body, states)
         columns = []
         for name in self.space.names:
@@ -137,14 +137,14 @@ class InverseKinematics:
 
     @cached_property
     def _limits(self) -> tuple[FloatArray, FloatArray]:
-        """Return the limits of the states, infinite for turning ones."""
+        """Return the lower and upper limits (n,) of the columns, infinite for angles without limits."""
         turning = self._turning
         low, high = np.array(self.space.low, float), np.array(self.space.high, float)
         return np.where(turning, -np.inf, low), np.where(turning, np.inf, high)
 
     @cached_property
     def _weights(self) -> FloatArray:
-        """Return metres per unit of each state, so that steps are short in the space's own measure."""
+        """Return metres per unit of each column, so that steps are short in the metric of the space."""
         weights = np.array(self.space.weights, float)
         return np.where(weights > 0.0, weights, 1.0)
 
@@ -152,12 +152,12 @@ class InverseKinematics:
     def _turning(self) -> BoolArray:
         return np.array([name in self.space.turning for name in self.space.names], dtype=bool)
 
-    def _wrapped(self, rows: FloatArray) -> FloatArray:
+    def _within_one_turn(self, rows: FloatArray) -> FloatArray:
         return np.where(self._turning, wrap(rows), rows)
 
 
 def sampled_space(model: Model, world: World) -> StateSpace:
-    """Return the space in which states are sampled: a placed base is bounded by the world."""
+    """Return the space in which states are sampled; the base's position is bounded by the world."""
     if not ({"base", "plane"} & model.provides and {"x", "y"} <= set(model.space.names)):
         return model.space
     x_min, y_min, x_max, y_max = world.bounds
@@ -180,7 +180,7 @@ def _stacked(columns: tuple[Column, ...], size: int) -> FloatArray:
 
 @checked_arguments
 class Region(GoalDefaults, ABC):
-    """Goal with a body within bounds: the base class of frozen dataclasses with parameters as fields.
+    """Base class of goals that keep a body within bounds: frozen dataclasses with parameters as fields.
 
     A goal of your own needs ``body``, ``coordinates`` of its pose, their ``rates`` and ``bounds``;
     :func:`hpop.goals.goal` registers it.
@@ -196,7 +196,7 @@ class Region(GoalDefaults, ABC):
     @property
     @abstractmethod
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Low and high bounds of coordinates (k,), equal for an exact value; states are drawn within them."""
+        """Lower and upper bounds of the coordinates (k,), equal for an exact value; states are drawn within them."""
 
     @property
     @abstractmethod
@@ -210,19 +210,19 @@ class Region(GoalDefaults, ABC):
 
     @abstractmethod
     def coordinates(self, pose: Pose) -> tuple[Column, ...]:
-        """Return k columns, m or rad, of a pose of the body."""
+        """Return k coordinates of poses of the body as columns (M,), each in m or rad."""
 
     @abstractmethod
     def rates(self, pose: Pose, twist: Twist) -> tuple[Column, ...]:
-        """Return the rate of each coordinate, from the velocity and rotation of the body."""
+        """Return the rate (M,) of each coordinate, from the velocity and the rotation rate of the body."""
 
     @property
     def requires(self) -> frozenset[str]:
-        """Return the body."""
+        """Return the requirement of a model: the body."""
         return frozenset({self.body})
 
     def states(self, problem: Problem, rng: RNG, count: int) -> States:
-        """Return at most ``count`` distinct states (n,); fewer if new random descents find no others.
+        """Return at most ``count`` distinct states (n,); fewer if further random descents find no others.
 
         Raises QueryError, with the distance of the nearest state, if none is found.
         """
@@ -231,7 +231,7 @@ class Region(GoalDefaults, ABC):
         sought = InverseKinematics(model, sampled_space(model, problem.world), self)
         found, nearest = np.zeros((0, len(sought.space.names))), (np.inf, np.inf)
         while len(found) < count:
-            rows = self._descended(sought, rng, max(count, LEAST_SEEDS))
+            rows = self._descend_from(sought, rng, max(count, LEAST_SEEDS))
             metres, radians = sought.miss(sought.states(rows))
             best = int(np.argmin(metres + radians))
             nearest = min(nearest, (float(metres[best]), float(radians[best])), key=sum)
@@ -252,32 +252,32 @@ class Region(GoalDefaults, ABC):
         """Return the names of the parameters that leave the goal more room."""
         return tuple(field.name for field in fields(self) if field.name.endswith("tolerance"))  # type: ignore[arg-type]
 
-    def _descended(self, sought: InverseKinematics, rng: np.random.Generator, seeds: int) -> FloatArray:
+    def _descend_from(self, sought: InverseKinematics, rng: np.random.Generator, seeds: int) -> FloatArray:
         """Descend from random rows (seeds, n) to samples of the bounds, or else to any point within the bounds."""
         low, high = (np.broadcast_to(bound, (seeds, len(bound))) for bound in self.bounds)
         aims = rng.uniform(low, high)
-        rows = sought.descended(sought.rows(sought.space.sample(rng, seeds)), aims, aims)
+        rows = sought.descend(sought.rows(sought.space.sample(rng, seeds)), aims, aims)
         if np.array_equal(low, high):
             return rows
         off = np.flatnonzero(~self.reached(sought.model, sought.states(rows)))
-        rows[off] = sought.descended(rows[off], low[off], high[off])
+        rows[off] = sought.descend(rows[off], low[off], high[off])
         return rows
 
     def reached(self, model: Model, states: States) -> BoolArray:
-        """Return which states (M,) have the body within the bounds and their tolerances."""
+        """Return which states (M,) have the body within the bounds, up to the tolerances."""
         metres, radians = InverseKinematics(model, model.space, self).miss(states)
         most_metres, most_radians = self.tolerances
         return np.asarray((metres <= most_metres) & (radians <= most_radians))
 
     def describe(self) -> dict[str, Any]:
-        """Return name and parameters, without missing ones."""
+        """Return the name and the parameters as JSON, without parameters that are None."""
         own = [(field, getattr(self, field.name)) for field in fields(self)]  # type: ignore[arg-type]
         given = {field.name: value for field, value in own if not (value is None is field.default)}
         return {self.name: {name: list(v) if isinstance(v, tuple) else v for name, v in given.items()}}
 
 
 def checked_numbers(name: str, given: Any, count: int, form: str) -> tuple[float, ...]:
-    """Return ``count`` coordinates, or raise a QueryError that says what they are."""
+    """Return ``count`` numbers; raise QueryError for other values, with ``form`` as a description of the numbers."""
     many = given.tolist() if isinstance(given, np.ndarray) else given
     if not isinstance(many, Sequence) or isinstance(many, str) or len(many) != count:
         raise QueryError(f"{name} is {form}, got {shown(given)}")
@@ -285,13 +285,13 @@ def checked_numbers(name: str, given: Any, count: int, form: str) -> tuple[float
 
 
 def checked_place(name: str, given: Any) -> Place:
-    """Return three coordinates, m."""
+    """Return a position (x, y, z), m; raise QueryError for other values."""
     x, y, z = checked_numbers(name, given, 3, "(x, y, z) in m")
     return x, y, z
 
 
 def checked_angle(name: str, given: Any) -> float:
-    """Return an angle in rad, within two turns."""
+    """Return an angle, rad, of at most two turns; raise QueryError for other values."""
     angle = float(real(name, given, -MOST, MOST, "an angle in rad", error=QueryError))
     if advice := not_radians(angle):
         raise QueryError(f"{name} {advice}")
