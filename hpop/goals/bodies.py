@@ -183,7 +183,7 @@ class LookAt(Region):
         return REACHED, self.angle_tolerance
 
     def coordinates(self, pose: Pose) -> tuple[Column, ...]:
-        """Return the distance, m, the target's angles to the left and above the middle of the view, and the roll error."""
+        """Return the distance, the target's angles to the left and above the middle of the view, and the roll error."""
         offset = self._offset(pose)
         return norm(offset), *off_axis(pose, offset), *(() if self.roll is None else (self._off_roll(pose),))
 

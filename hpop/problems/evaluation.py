@@ -56,7 +56,7 @@ def evaluated(
 
 
 def requested(problem: Problem, also: Sequence[CriterionSpec], there: Sequence[Criterion]) -> list[Criterion]:
-    """Return the requested criteria, each once, without those that exist.
+    """Return the requested criteria, each once, without those of ``there``, which are evaluated already.
 
     Raises CriterionError for requirements that robot and world lack, and for two criteria of one name with different
     parameters.
@@ -86,7 +86,7 @@ def criteria_of(front: Front) -> list[Criterion]:
 
 
 def claimable(problem: Problem) -> dict[str, Criterion]:
-    """Return the criteria that may have costs in a front of this problem, stand-ins of means included."""
+    """Return, by name, the criteria that may have costs in a front of this problem, stand-ins of means included."""
     additive = [c for c in problem.criteria if c.aggregate != "trajectory"]
     optimised = edge_objectives(additive, "front").optimised if additive else ()
     return {criterion.name: criterion for criterion in (*optimised, *problem.criteria)}
@@ -116,11 +116,9 @@ class Trace:
     criteria    k
     cost        (k,)    cost of the whole trajectory
     running     (n, k)  cost up to the end of each piece: total, mean, worst, or value with memory; at the end of each
-                        motion
-                        it is the cost of the motions so far
-    rate        (n, k)  sum: cost per second in the piece (0 if it has no duration); time-mean: mean over the piece;
-                        max:
-                        worst in the piece; with memory: growth of the running value per second
+                        motion, this is the cost of all motions so far
+    rate        (n, k)  for a sum: cost per second in the piece (0 if it has no duration); time-mean: mean over the
+                        piece; max: worst in the piece; with memory: growth of the running value per second
     """
 
     pieces: TrajectoryPieces
@@ -158,7 +156,9 @@ def trace(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -
     """
     pieces = in_pieces(trajectory)
     cost = trajectory_costs(criteria, [trajectory], world)[0]
-    columns = [_along(criterion, value, pieces, world) for criterion, value in zip(criteria, cost, strict=True)]
+    columns = [
+        _running_and_rate(criterion, value, pieces, world) for criterion, value in zip(criteria, cost, strict=True)
+    ]
     shape = (len(pieces), len(columns))
     running = np.array([column[0] for column in columns]).T.reshape(shape)
     rate = np.array([column[1] for column in columns]).T.reshape(shape)
@@ -166,7 +166,7 @@ def trace(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -
 
 
 def in_pieces(trajectory: Trajectory) -> TrajectoryPieces:
-    """Return motions cut into short pieces, as by a finer lattice; planned turns of the base stay whole.
+    """Return the motions of a trajectory cut into short pieces; planned turns of the base stay whole.
 
     Such a turn stands still before and after it, which belongs to the moves beside it. So the time at which a cost
     arises within a turn means little, and maps show each turn as one dot.
@@ -174,21 +174,23 @@ def in_pieces(trajectory: Trajectory) -> TrajectoryPieces:
     piece = max(min(PIECE, trajectory.duration / FEWEST), trajectory.duration / MOST) or 1.0
     counts = np.maximum(1, np.ceil(trajectory.durations / piece)).astype(np.int64)
     laws = laws_of(trajectory.model)
-    uncut = [laws[kind].varies == {"yaw"} and _stands(trajectory, i) for i, kind in enumerate(trajectory.kinds)]
+    uncut = [laws[kind].varies == {"yaw"} and _has_standstill(trajectory, i) for i, kind in enumerate(trajectory.kinds)]
     return TrajectoryPieces(trajectory, np.where(uncut, 1, counts))
 
 
-def _stands(trajectory: Trajectory, i: int) -> bool:
-    """Return whether a motion stands for a while."""
+def _has_standstill(trajectory: Trajectory, i: int) -> bool:
+    """Return whether the base of the robot stands during a part of motion i."""
     ends = (trajectory.states.take(slice(j, j + 1)) for j in (i, i + 1))
     return any(phase.shape == "hold" for phase in laws_of(trajectory.model)[trajectory.kinds[i]].phases(*ends))
 
 
-def _along(criterion: Criterion, value: float, pieces: TrajectoryPieces, world: World) -> tuple[FloatArray, FloatArray]:
+def _running_and_rate(
+    criterion: Criterion, value: float, pieces: TrajectoryPieces, world: World
+) -> tuple[FloatArray, FloatArray]:
     """Return the running value (n,) and the rate (n,) of one criterion over the pieces."""
     duration = pieces.durations
     if criterion.aggregate == "trajectory":
-        running = _remembered(criterion, value, pieces, world)
+        running = _running_with_memory(criterion, value, pieces, world)
         return running, _ratio(np.diff(running, prepend=0.0), duration)
     costs = _piece_costs(criterion, pieces, world)
     if criterion.aggregate == "max":
@@ -198,7 +200,7 @@ def _along(criterion: Criterion, value: float, pieces: TrajectoryPieces, world: 
     return np.cumsum(costs), _ratio(costs, duration)
 
 
-def _remembered(criterion: Criterion, value: float, pieces: TrajectoryPieces, world: World) -> FloatArray:
+def _running_with_memory(criterion: Criterion, value: float, pieces: TrajectoryPieces, world: World) -> FloatArray:
     """Return running values (n,) of a criterion with memory; interpolated between motions if pieces do not agree."""
     running: FloatArray = running_values(criterion, PiecesHistory(world, pieces.trajectory, pieces))
     if np.isclose(running[-1:], value, rtol=1e-9, atol=1e-3 * criterion.quantum).all():
@@ -210,8 +212,8 @@ def _remembered(criterion: Criterion, value: float, pieces: TrajectoryPieces, wo
 def _piece_costs(criterion: Criterion, pieces: TrajectoryPieces, world: World) -> FloatArray:
     """Return costs (n,) of pieces, scaled so that their sum, or their worst, is that of the motions."""
     whole, owner = pieces.trajectory, pieces.owner
-    costs = _each(criterion, pieces.batches(world), len(pieces))
-    motions = _each(criterion, whole.batches(world), len(whole))
+    costs = _costs_of_batches(criterion, pieces.batches(world), len(pieces))
+    motions = _costs_of_batches(criterion, whole.batches(world), len(whole))
     found = np.zeros(len(whole))
     if criterion.aggregate == "max":
         np.maximum.at(found, owner, costs)
@@ -226,7 +228,7 @@ def _piece_costs(criterion: Criterion, pieces: TrajectoryPieces, world: World) -
     return np.where((agrees & (found > 0))[owner], scaled, motions[owner] * share)
 
 
-def _each(criterion: Criterion, batches: Iterator[tuple[IntArray, Motions]], count: int) -> FloatArray:
+def _costs_of_batches(criterion: Criterion, batches: Iterator[tuple[IntArray, Motions]], count: int) -> FloatArray:
     costs = np.zeros(count)
     for place, motions in batches:
         costs[place] = motion_costs(criterion, motions)
@@ -234,7 +236,7 @@ def _each(criterion: Criterion, batches: Iterator[tuple[IntArray, Motions]], cou
 
 
 def _shares(pieces: TrajectoryPieces, *, counts: bool) -> FloatArray:
-    """Return the share (n,) of each piece in its motion: of its duration, or all counts in the last piece."""
+    """Return the share (n,) of each piece in its motion: of the duration; with ``counts``, 1 for the last piece."""
     last = np.diff(pieces.owner, append=len(pieces.trajectory)) > 0
     lasts = pieces.trajectory.durations[pieces.owner]
     return np.where(last if counts else last & (lasts == 0), 1.0, 0.0 if counts else _ratio(pieces.durations, lasts))

@@ -84,7 +84,7 @@ class Front(frontier.Front[Trajectory]):
 
     @property
     def inactive(self) -> tuple[str, ...]:
-        """Criteria with one and the same cost all over the front, which decide nothing; none for a single point."""
+        """Names of criteria with equal costs at all points, which decide nothing; () for a front of one point."""
         if len(self) < 2:
             return ()
         same = (self.integers == self.integers[0]).all(axis=0)
@@ -92,7 +92,7 @@ class Front(frontier.Front[Trajectory]):
 
     @property
     def evaluated(self) -> tuple[str, ...]:
-        """Criteria that no run optimised, only evaluated; other trajectories may be better in them."""
+        """Names of criteria that were only evaluated, not optimised; other trajectories may be better in these."""
         known = [names for run in self.runs if isinstance(names := run.get("evaluated"), list)]
         if not known or len(known) < len(self.runs):
             return ()
@@ -210,7 +210,7 @@ def _stored_model(path: str | os.PathLike[str], problem: Mapping[str, Any] | Non
 
 
 def _trajectories(path: str | os.PathLike[str], model: Model, items: dict[str, Any]) -> tuple[Trajectory, ...]:
-    """Return trajectories that are stored together."""
+    """Return the trajectories of a front's file, which are stored together as a table of motions."""
     try:
         return MotionTable.from_description(model, items).trajectories()
     except (ModelError, ValueError) as error:
@@ -218,13 +218,13 @@ def _trajectories(path: str | os.PathLike[str], model: Model, items: dict[str, A
 
 
 def seen_from_file(path: str | os.PathLike[str], problem: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a problem in which files of world, model and criteria are also named relative to a front's folder."""
+    """Return a problem's description with its files also named relative to a front's folder."""
     folder = _folder(path)
     return _changed(problem, partial(seen_from, folder), partial(files.with_relative_paths, folder))
 
 
 def found_from_file(path: str | os.PathLike[str], problem: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a problem in which files are found relative to a front's folder."""
+    """Return a problem's description with the files named so that they are found relative to a front's folder."""
     folder = _folder(path)
     return _changed(problem, partial(found_from, folder), partial(files.with_absolute_paths, folder))
 
@@ -234,6 +234,6 @@ def _folder(path: str | os.PathLike[str]) -> str:
 
 
 def _changed(problem: Mapping[str, Any], world: Callable[[Any], Any], model: Callable[[Any], Any]) -> dict[str, Any]:
-    """Return a problem with changed descriptions of its world, its model and its criteria."""
+    """Return a problem's description with functions applied to the descriptions of world, model and criteria."""
     changes = {"world": world, "model": model, "criteria": model}
     return {key: changes[key](value) if key in changes else value for key, value in problem.items()}

@@ -79,7 +79,7 @@ def _number(front: Front, request: object) -> int | None:
 
 
 def name_meant(names: Iterable[str], request: object) -> str:
-    """Return the full name of a point by that name or a criterion's; raise UnknownName if there is none."""
+    """Return the full name of a point, given by this name or by a criterion's name; raise UnknownName otherwise."""
     choices = list(names)
     meant = str(request).strip()
     for name in choices:

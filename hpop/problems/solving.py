@@ -244,9 +244,9 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
 
 
 def _spending(problem: Problem, planner: Planner) -> Spending:
-    """Return the time that a planner may spend, including the evaluation of its results.
+    """Return the account of a planner's time, including the evaluation of its results.
 
-    Reading the map is included for a planner with a limit on that.
+    Time for reading the map counts as well if the planner's limits include it.
     """
     if isinstance(planner, Limited):
         return Spending(Budget(planner.budget().time_limit), spent=problem.read_seconds)
@@ -300,7 +300,7 @@ def _evaluated(
 def _save_some(
     problem: Problem, before: Front | None, stages: Candidates | None, stage: StageCallback | None, last: Candidates
 ) -> bool:
-    """Pass some of many points of an interrupted planner to ``stage``; return whether there were that many."""
+    """Pass a front of some points to ``stage`` if an interrupted planner found many; return whether it did so."""
     number = SOME_WITH_MEMORY if any(c.aggregate == "trajectory" for c in problem.criteria) else SOME
     if stage is None or last.status is not Status.INTERRUPTED or len(last.trajectories) <= number:
         return False

@@ -37,7 +37,7 @@ MOST_TURNED = 1e4  # rad: larger yaws are invalid, and would take for ever to ch
 def verify(
     problem: Problem, front: Front, *, rows: IntArray | None = None, say: Callable[[str], None] | None = None
 ) -> list[str]:
-    """Return the faults of a front of this problem, in words; none if its claims hold.
+    """Return the faults of a front of this problem, as texts; [] if its claims hold.
 
     Independent of the planner: costs come from the criteria, collisions from python-fcl at states no further apart than
     5 cm or 3 degrees, the ends from the problem. People who move are checked every hundredth of a second
@@ -124,7 +124,7 @@ def lost_trajectories(problem: Problem, front: Front, rows: IntArray | None = No
 
 
 def _lost(problem: Problem, table: MotionTable) -> list[str]:
-    """Return these faults for a table; states that trajectories share are checked once."""
+    """Return the faults of :func:`lost_trajectories` for a table; states that trajectories share are checked once."""
     lost = ~on_map(problem, table.states)
     for name in problem.model.space.turning:
         lost |= ~(np.abs(getattr(table.states, name)) <= MOST_TURNED)
@@ -132,12 +132,12 @@ def _lost(problem: Problem, table: MotionTable) -> list[str]:
 
 
 def _known(problem: Problem, front: Front) -> dict[str, Criterion]:
-    """Return the criteria that this front may have costs of: those of its problem, and those evaluated besides."""
+    """Return, by name, the criteria that may have costs in this front: those of the problem, and those evaluated."""
     return {criterion.name: criterion for criterion in criteria_of(front)} | claimable(problem)
 
 
 def _declared_faults(problem: Problem, front: Front) -> Iterator[str]:
-    """Yield faults of the columns: criteria that are not the problem's, or with a wrong declaration."""
+    """Yield faults of the columns: unknown criteria, and criteria with another unit, quantum or group than declared."""
     every = _known(problem, front)
     names = [*front.names, *front.reported_names]
     unknown = [name for name in names if name not in every]

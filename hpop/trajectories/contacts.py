@@ -41,15 +41,15 @@ def contact(
 ) -> str:
     """Return a description of the first contact, or of the first distance below a margin, m; "" if there is none.
 
-    For a person who is uncertain or has several futures, it is the first moment at which more than 5 % of the
-    prediction is too near. A robot that begins within a margin, or is approached within a second, may leave; so may one
-    that begins in contact, as long as its own motion does not make the gap smaller. Where a position is uncertain, a
-    chance of contact above 5 % counts as contact, also if it comes within a second while no gap becomes smaller. Of
-    people who stand, those count by number that the robot leaves (``left``).
+    For a person with an uncertain position or several futures, contact begins when more than 5 % of the prediction is
+    too near, also if this happens within a second while no gap becomes smaller. A robot that begins within a person's
+    margin, or is approached within a second, may leave. So may a robot that begins in contact, as long as its own
+    motion does not reduce the gap. People who stand are not checked, except those with numbers in ``left``, which the
+    robot leaves.
     """
     moments = _moments(trajectory)
     for least, what in ((0.0, "touches"), (margin, f"comes within {margin:g} m of")):
-        found = _first_of_all(parts, people, moments, least, left)
+        found = _earliest_contact(parts, people, moments, least, left)
         if found is not None:
             moment, who = found
             return f"{what} {who} at {moment:.2f} s"
@@ -59,22 +59,22 @@ def contact(
 def first_contact(
     parts: Sequence[Any], people: Sequence[Person], trajectory: Trajectory, margin: float, *, begin: float = 0.0
 ) -> tuple[float, str] | None:
-    """Return the time, s, at which a robot is first nearer than a margin, m, to any person, and the person.
+    """Return the first time, s, at which a robot is nearer than a margin, m, to any person, and a description of both.
 
     begin  s, of the trajectory, at which the predictions of people begin; the returned time counts from then
     """
-    return _first_of_all(parts, people, _moments(trajectory, begin), margin, range(len(people)))
+    return _earliest_contact(parts, people, _moments(trajectory, begin), margin, range(len(people)))
 
 
 class _Moments(NamedTuple):
-    """Moments of a check: times, s, (N,), and states of the robot."""
+    """Moments of a check: times (N,), s, and states (N,) of the robot at these times."""
 
     times: FloatArray
     states: States
 
 
 def _moments(trajectory: Trajectory, begin: float = 0.0) -> list[_Moments]:
-    """Return all moments from a time on, s, from which they count."""
+    """Return the moments of a check from time ``begin``, s, on, in blocks; their times count from ``begin``."""
     duration = trajectory.duration - begin
     count = math.ceil(duration / STEP) + 1
     parts = (np.arange(first, min(first + TOGETHER, count)) for first in range(0, count, TOGETHER))
@@ -82,40 +82,43 @@ def _moments(trajectory: Trajectory, begin: float = 0.0) -> list[_Moments]:
     return [_Moments(times, trajectory.at(begin + times)) for times in several]
 
 
-def _first_of_all(
+def _earliest_contact(
     parts: Sequence[Any],
     people: Sequence[Person],
     moments: Sequence[_Moments],
     margin: float,
     left: Collection[int] = (),
 ) -> tuple[float, str] | None:
-    """Return the time, s, at which the robot is first too near to a person, and the person.
+    """Return the first time, s, at which the robot is too near to a person, and a description of the person.
 
-    People who move count, and those who are left, by number.
+    People who move are checked, and people who stand if ``left`` has their numbers.
     """
     found = [
         (moment, person.name or f"person {number}")
         for number, person in enumerate(people)
-        if (person.moves or number in left) and (moment := _first(parts, person, moments, margin)) is not None
+        if (person.moves or number in left)
+        and (moment := _first_contact_with(parts, person, moments, margin)) is not None
     ]
     return min(found, default=None)
 
 
-def _first(parts: Sequence[Any], person: Person, moments: Sequence[_Moments], margin: float) -> float | None:
-    """Return the first moment, s, at which one person is too near, unless the robot leaves that person's margin."""
+def _first_contact_with(
+    parts: Sequence[Any], person: Person, moments: Sequence[_Moments], margin: float
+) -> float | None:
+    """Return the first time, s, at which the robot is too near to one person, or None; leaving is allowed."""
     uncertain = any(likely.spread or likely.growth for _, likely in person.hypotheses)
     leaves, parts_from = margin > 0.0, margin == 0.0  # it may still be leaving; or parting from contact
     for times, states in moments:
         touched = np.zeros(times.size)
         for weight, likely in person.hypotheses:
-            touched += weight * _share(parts, likely, states, times, margin)
+            touched += weight * _share_too_near(parts, likely, states, times, margin)
         near = touched > (RISK + UNSURE if uncertain else RISK)
         if leaves:
             away = np.flatnonzero(~near & (np.logical_or.accumulate(near) | (times > SOON)))
             near[: away[0] if away.size else near.size] = False
             leaves = not away.size
         if parts_from and (near[:1] | (uncertain and near[times <= SOON].any())).any():
-            near[: _parted(parts, person, states, times, near)] = False
+            near[: _moments_of_leaving(parts, person, states, times, near)] = False
         parts_from = False
         late = np.flatnonzero(near)
         if late.size:
@@ -123,11 +126,13 @@ def _first(parts: Sequence[Any], person: Person, moments: Sequence[_Moments], ma
     return None
 
 
-def _parted(parts: Sequence[Any], person: Person, states: States, times: FloatArray, near: BoolArray) -> int:
-    """Return how many moments a robot stays in contact from its beginning without making the gap smaller by itself.
+def _moments_of_leaving(
+    parts: Sequence[Any], person: Person, states: States, times: FloatArray, near: BoolArray
+) -> int:
+    """Return the number of moments, from the first one on, in contact without the robot itself reducing the gap.
 
-    A person may follow faster than the robot leaves. A chance of contact that comes later must come without any person
-    who comes nearer, as a position becomes less certain.
+    A person may follow faster than the robot leaves. A chance of contact that arises later must arise without any
+    person coming nearer, as a position becomes less certain.
     """
     first = int(np.argmax(near))
     apart = np.flatnonzero(~near[first:])
@@ -147,8 +152,10 @@ def _parted(parts: Sequence[Any], person: Person, states: States, times: FloatAr
     return until
 
 
-def _share(parts: Sequence[Any], person: Person, states: States, times: FloatArray, margin: float) -> FloatArray:
-    """Return the share (N,) of the prediction at times (N,), s, that is too near: 0 or 1 for a certain position."""
+def _share_too_near(
+    parts: Sequence[Any], person: Person, states: States, times: FloatArray, margin: float
+) -> FloatArray:
+    """Return the share (N,) of a person's prediction at times (N,), s, that is too near; 0 or 1 if it is certain."""
     x, y = (np.broadcast_to(column, times.shape) for column in person.at(times))
     there = np.broadcast_to(np.asarray(person.there(times), float), times.shape) > 0
     deviation = np.broadcast_to(np.asarray(person.deviation(times), float), times.shape)
@@ -162,7 +169,7 @@ def _share(parts: Sequence[Any], person: Person, states: States, times: FloatArr
     for begin in range(0, unsure.size, PLACED):
         some = unsure[begin : begin + PLACED]
         middle = np.stack([x[some], y[some]], axis=1)[:, None]
-        positions = middle + deviation[some, None, None] * _normal()  # (n, POINTS, 2)
+        positions = middle + deviation[some, None, None] * _normal_points()  # (n, POINTS, 2)
         here = states.take(np.repeat(some, POINTS))
         share[some] = (_distance(parts, here, positions.reshape(-1, 2)) < least).reshape(-1, POINTS).mean(axis=1)
     return share
@@ -175,11 +182,11 @@ def _distance(parts: Sequence[Any], states: States, positions: FloatArray) -> Fl
     ahead, left = cos * x + sin * y, cos * y - sin * x
     nearest = np.full(len(positions), np.inf)
     for part in parts:
-        nearest = np.minimum(nearest, _to_hull(part.corners, ahead, left) - part.radius)
+        nearest = np.minimum(nearest, _distance_to_hull(part.corners, ahead, left) - part.radius)
     return np.asarray(np.maximum(nearest, 0.0))
 
 
-def _to_hull(corners: Sequence[tuple[float, float]], x: FloatArray, y: FloatArray) -> FloatArray:
+def _distance_to_hull(corners: Sequence[tuple[float, float]], x: FloatArray, y: FloatArray) -> FloatArray:
     """Return the distance (N,), m, of points from the convex hull of some corners; 0 within it."""
     ring = shapely.get_coordinates(shapely.convex_hull(shapely.MultiPoint(corners)))
     if len(ring) == 1:
@@ -197,7 +204,7 @@ def _to_hull(corners: Sequence[tuple[float, float]], x: FloatArray, y: FloatArra
 
 
 @cache
-def _normal() -> FloatArray:
+def _normal_points() -> FloatArray:
     """Return points (POINTS, 2) with equal shares of a standard normal distribution: a spiral of golden angles."""
     number = np.arange(POINTS)
     radius = np.sqrt(-2.0 * np.log1p(-(number + 0.5) / POINTS))
