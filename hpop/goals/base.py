@@ -45,7 +45,7 @@ class Goal(Protocol):
     places        positions (x, y, z), m, that pictures mark; ()
     listed        values of the goal's states, if the goal is a list of states; ()
     looked_at     position (x, y, z), m, at which the camera looks in the goal's states; None
-    alternatives  method: the goals of which any one must be reached; by default the goal itself
+    alternatives  method: the alternative goals; by default the goal itself
     """
 
     def states(self, problem: Problem, rng: np.random.Generator, count: int) -> States:
@@ -109,7 +109,7 @@ def goal(name: str) -> Callable[[T], T]:
 @checked_arguments
 @dataclass(frozen=True)
 class GoalSet(GoalDefaults):
-    """Set of states, of which any one must be reached. A value of None may have any value.
+    """Set of states; a trajectory must reach any one of them. A value of None may have any value.
 
     >>> GoalSet([(3, 1, None), (5, 2, 0.0)]).describe()
     [[3, 1, None], [5, 2, 0.0]]
@@ -162,7 +162,7 @@ class GoalSet(GoalDefaults):
 @checked_arguments
 @dataclass(frozen=True, init=False)
 class AnyOf(GoalDefaults):
-    """Alternative goals, of which any one must be reached: to look at one of several cans, or to be at a state.
+    """Alternative goals; a trajectory must reach any one of them, such as a view of one of several cans.
 
     Members may be goals, states, or their names; the problem resolves them.
 
