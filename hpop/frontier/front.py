@@ -40,38 +40,38 @@ MOST_CLAIMED = 200  # characters of a certificate in a repr
 class Front(Choices[T], Generic[T]):
     """Mutually non-dominated cost vectors, each with the item that has these costs. All costs are minimised.
 
-        Costs are compared as whole numbers of a quantum per criterion (:func:`hpop.frontier.quantised`), so equal
-        costs are equal whatever the order of the sums they came from; the costs kept are the exact ones. Rows are
-        in the lexicographic order of those integers. Build a front with :meth:`of`, which filters and sorts; the
-        constructor takes rows that already are a front, and checks that. A front without points is legal.
+    Costs are compared as whole numbers of a quantum per criterion (:func:`hpop.frontier.quantised`), so equal
+    costs are equal whatever the order of the sums they came from; the costs kept are the exact ones. Rows are
+    in the lexicographic order of those integers. Build a front with :meth:`of`, which filters and sorts; the
+    constructor takes rows that already are a front, and checks that. A front without points is legal.
 
-        costs           (n, k)    read-only, one row for each point
-        items           n         objects that have the costs
-        names           k         names of the criteria; no name twice, none shared with a reported value
-        units           k         units of the criteria: "m", "rad", "1", ...
-        quanta          (k,)      smallest difference of each criterion that counts, in its unit
-        groups          k         class of each criterion ("P", "C", "R", "O"), may be ""
-        reported        (n, r)    further values of each point, not optimised
-            reported_names  r
-        reported_units  r
-        status                    outcome of the search, a value of hpop.Status; "complete" if it ran to its end
-            certificate               claim about the points, and the search space it holds for
-        provenance      n         origin of each point, as JSON
-        problem                   description of the problem, as JSON, or None
-        runs                      reports of the searches behind the front (notes, counts, seconds), as JSON
-        integers        (n, k)    the costs as whole quanta, int64
+    costs           (n, k)    read-only, one row for each point
+    items           n         objects that have the costs
+    names           k         criteria; no name twice, none shared with a reported value
+    units           k         "m", "rad", "1", ...
+    quanta          (k,)      step of each criterion, in its unit
+    groups          k         class of each criterion ("P", "C", "R", "O"), may be ""
+    reported        (n, r)    further values of each point, not optimised
+    reported_names  r
+    reported_units  r
+    status                    outcome of the search, a value of hpop.Status; "complete" if it ran to its end
+    certificate               claim about the points, and the search space it holds for
+    provenance      n         origin of each point, as JSON
+    problem                   description of the problem, as JSON, or None
+    runs                      reports of the searches behind the front (notes, counts, seconds), as JSON
+    integers        (n, k)    the costs as whole quanta, int64
 
-        Examples
-        --------
-        >>> front = Front.of([[2.0, 0.3], [3.0, 0.1 + 0.2], [1.0, 5.0]], ["a", "b", "c"],
-        ...     names=("turns", "length"), units=("1", "m"), quanta=(1.0, 1e-6),
-        ...     status="complete", certificate="exact")
-        >>> front
-        <Front: 2 points of turns [1], length [m]; complete; exact>
-        >>> [point.item for point in front]
-        ['c', 'a']
-        >>> front.best("length").costs
-        {'turns': 2.0, 'length': 0.3}
+    Examples
+    --------
+    >>> front = Front.of([[2.0, 0.3], [3.0, 0.1 + 0.2], [1.0, 5.0]], ["a", "b", "c"],
+    ...     names=("turns", "length"), units=("1", "m"), quanta=(1.0, 1e-6),
+    ...     status="complete", certificate="exact")
+    >>> front
+    <Front: 2 points of turns [1], length [m]; complete; exact>
+    >>> [point.item for point in front]
+    ['c', 'a']
+    >>> front.best("length").costs
+    {'turns': 2.0, 'length': 0.3}
     """
 
     costs: FloatArray
@@ -145,9 +145,9 @@ class Front(Choices[T], Generic[T]):
     ) -> Self:
         """Build the front of any candidates: drop dominated ones, keep one for each cost vector, sort.
 
-        Of candidates equal in whole quanta, the one with the lexicographically smallest exact costs is kept; further
-        ties go to the smallest reported values (in the order of their names), then to the smallest provenance text. So
-        the front does not depend on the order of the candidates, except for candidates equal in all of these.
+        Of candidates equal in whole quanta the one with the lexicographically smallest exact costs is kept,
+        then the smallest reported values (in the order of their names), then the smallest provenance text. So
+        the front does not depend on the order of the candidates, except between those alike in all of these.
 
         Parameters
         ----------
@@ -218,7 +218,7 @@ class Front(Choices[T], Generic[T]):
 
     @classmethod
     def _numbers(cls, n: int) -> Sequence[T]:
-        """Return the default items of ``n`` candidates: the numbers of their rows."""
+        """Return the items of candidates without items: the numbers of their rows."""
         return cast(Sequence[T], range(n))
 
     def __len__(self) -> int:
@@ -301,7 +301,7 @@ class Front(Choices[T], Generic[T]):
 
     @property
     def question(self) -> dict[str, Any] | None:
-        """Part of the problem's description that must be equal in two fronts if they are joined."""
+        """Part of the problem that must be equal in two fronts to be joined."""
         return self.problem
 
     def __or__(self, other: Self) -> Self:
@@ -372,7 +372,7 @@ class Front(Choices[T], Generic[T]):
         items: Sequence[Any],
         decode: Callable[[Any], T] | None,
     ) -> Self:
-        """Return the front stored in a file, with items decoded one by one."""
+        """Return the front in a file, its items decoded one by one."""
         decoded: list[Any] = []
         for row, item in enumerate(items):
             try:
