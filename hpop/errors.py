@@ -46,7 +46,7 @@ class ScenarioError(HpopError, ValueError):
 
 
 class QueryError(HpopError, ValueError):
-    """Error in a start or goal: it is in an obstacle, off the map, or off the headings."""
+    """Error in a start or goal: it is in an obstacle, off the map, or its yaw is not one of the lattice."""
 
     exit_code = 5
 

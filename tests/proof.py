@@ -83,7 +83,7 @@ def prove(part: str, now: str) -> dict[str, Any]:
     RESULTS.mkdir(parents=True, exist_ok=True)
     report, output = RESULTS / f"{part}.xml", RESULTS / f"{part}.txt"
     command = [sys.executable, "-m", "pytest", "-p", "no:xdist", "-q", "-m", ""]
-    command += ["--hypothesis-profile=proof", f"--junitxml={report}", *PARTS[part]]
+    command += ["-o", "faulthandler_timeout=3600", "--hypothesis-profile=proof", f"--junitxml={report}", *PARTS[part]]
     report.unlink(missing_ok=True)
     begin = time.monotonic()
     with output.open("w") as file:
