@@ -127,7 +127,7 @@ def _turns_free(lattice: StateLattice, others: NDArray[np.int32]) -> BoolArray:
     Where a collision test says that turns compose, only turns between neighbouring headings are checked: a longer turn
     is free if all of these are that it passes.
     """
-    if not lattice.collision.turns_compose:
+    if not lattice.collision.turns_compose or not lattice.cells[0].size:  # without positions there is no motion to try
         return _each_turn_free(lattice, others)
     free = lattice.free[lattice.cells]  # (P, H)
     count = lattice.headings.count
