@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 TOOLS := $(VENV)/.tools
 
-.PHONY: demo test proof mutants fuzz bench reference docs web lint pythons clean
+.PHONY: demo test proof mutants fuzz bench reference docs web lint wheel-search pythons clean
 
 demo: $(READY)
 	$(BIN)/hpop demo
@@ -70,6 +70,10 @@ lint: $(TOOLS)
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+# The search alone, as the small wheel hpop-search in out/wheels.
+wheel-search: $(TOOLS)
+	$(BIN)/python tools/search/build.py out/wheels
 
 # Other versions of Python, those that are found: the wheel, what it needs, the demo and some tests.
 pythons:

@@ -54,7 +54,7 @@ PARTS = {
     "testing": ["tests/testing"],
     "motions": ["tests/motions", "tests/trajectories"],
     "problems": ["tests/problems", "tests/goals"],
-    "batches": ["tests/batches", "tests/ros"],
+    "batches": ["tests/batches", "tests/benchmark", "tests/ros"],
 }
 
 

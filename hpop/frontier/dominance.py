@@ -76,11 +76,23 @@ def is_nondominated(Y: ArrayLike) -> BoolArray:
     matrix = cost_matrix(Y)
     if len(matrix) == 0:
         return np.zeros(0, dtype=np.bool_)
-    import moocore  # slow to import
-
     columns = [np.unique(column, return_inverse=True)[1] for column in matrix.T]
     ranks = np.column_stack(columns).astype(np.float64)  # (n, k)
+    try:
+        import moocore  # slow to import
+    except ImportError:  # the wheel hpop-search needs numpy and numba only
+        return _swept(ranks)
     return np.asarray(moocore.is_nondominated(ranks), dtype=np.bool_)
+
+
+def _swept(ranks: FloatArray) -> BoolArray:
+    """Mark the non-dominated rows of a finite matrix, the first of equal ones, by a pass over the rows for each."""
+    is_marked = np.zeros(len(ranks), np.bool_)
+    waiting = np.lexsort(ranks.T[::-1])  # no row is dominated by a later one
+    while len(waiting):
+        is_marked[waiting[0]] = True
+        waiting = waiting[(ranks[waiting] < ranks[waiting[0]]).any(axis=1)]
+    return is_marked
 
 
 @checked_arguments

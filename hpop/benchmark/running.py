@@ -1,0 +1,183 @@
+"""Runs of a foreign program on the instances of a folder: its fronts against the reference, seconds, memory."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import shlex
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from hpop.benchmark.graph_files import front_hash, read_graph, split_costs, write_graph
+from hpop.benchmark.reference import BenchmarkQuery
+from hpop.errors import OptionError
+
+LAUNCHER = Path(__file__).with_name("launch.py")
+MARKS = re.compile(r"[\s,;()\[\]]+")
+
+
+@dataclass(frozen=True)
+class ForeignProgram:
+    """Command of a foreign program, and how to read its output.
+
+    command     words with placeholders: {graph}, {graphs} (one file a cost), {source}, {target}, {costs} (their number)
+    first_node  number of the first node in graphs, sources and targets: 1 or 0
+    count       pattern of the number of vectors in the output, for a program that prints no vectors; or ""
+    clock       pattern of the program's own seconds in the output, or ""
+    """
+
+    command: str
+    first_node: int = 1
+    count: str = ""
+    clock: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("count", "clock"):
+            try:
+                groups = re.compile(getattr(self, name)).groups
+            except re.error as error:
+                raise OptionError(f"{name} must be a regular expression: {error}") from None
+            if getattr(self, name) and groups != 1:
+                raise OptionError(f"{name} must have one group, such as 'in (\\S+) s'; got {groups}")
+
+    def words(self, query: BenchmarkQuery, scratch: Path) -> list[str]:
+        """Return the command of a query, after the files that it needs are written to a scratch folder."""
+        graph = query.graph
+        graphs: list[Path] = []
+        if self.first_node != 1:
+            graph = scratch / query.graph.name
+            if not graph.exists():
+                write_graph(read_graph(query.graph), graph, first_node=self.first_node)
+        if "{graphs}" in self.command:
+            graphs = sorted(scratch.glob(f"{query.graph.stem}.c*.gr")) or split_costs(
+                read_graph(query.graph), scratch / query.graph.stem, first_node=self.first_node
+            )
+        shift = self.first_node - 1
+        values = {
+            "{graph}": str(graph),
+            "{graphs}": " ".join(map(str, graphs)),
+            "{source}": str(query.source + shift),
+            "{target}": str(query.target + shift),
+            "{costs}": str(query.costs),
+        }
+        words: list[str] = []
+        for word in shlex.split(self.command):
+            replaced = re.sub(r"\{\w+\}", lambda match: values.get(match[0], match[0]), word)
+            words += [str(path) for path in graphs] if word == "{graphs}" else [replaced]
+        return words
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """Result of a program for one query: a row of the table.
+
+    front    "equal", "equal size", "differs", "time limit" or "failed"
+    seconds, processor_seconds, memory  of the whole process with the reading of the graph: s, s and MB
+    clock    seconds by the program's own clock, or None
+    """
+
+    instance: str
+    source: int
+    target: int
+    vectors: int
+    front: str
+    found: int | None
+    seconds: float
+    processor_seconds: float
+    memory: float
+    clock: float | None
+    message: str = ""
+
+
+def run_program(program: ForeignProgram, queries: Sequence[BenchmarkQuery], time_limit: float) -> Iterator[RunResult]:
+    """Yield the result of a program for each query, one process after another."""
+    with tempfile.TemporaryDirectory() as folder:
+        scratch = Path(folder)
+        for query in queries:
+            yield _run(program, query, time_limit, scratch)
+
+
+def _run(program: ForeignProgram, query: BenchmarkQuery, time_limit: float, scratch: Path) -> RunResult:
+    used, output, errors = scratch / "used.json", scratch / "output", scratch / "errors"
+    used.unlink(missing_ok=True)
+    launcher = [sys.executable, "-I", "-S", str(LAUNCHER), str(used), str(time_limit)]
+    with output.open("wb") as out, errors.open("wb") as err:
+        subprocess.run(
+            [*launcher, *program.words(query, scratch)], stdin=subprocess.DEVNULL, stdout=out, stderr=err, check=False
+        )
+    text = output.read_text(errors="replace")
+    complaint = (errors.read_text(errors="replace").strip().splitlines() or [""])[-1][:200]
+    row: dict[str, Any] = {"instance": query.instance, "source": query.source, "target": query.target}
+    row |= {"vectors": query.vectors, "found": None, "clock": None}
+    if not used.exists():
+        return RunResult(**row, front="failed", seconds=0, processor_seconds=0, memory=0, message=complaint)
+    spent = json.loads(used.read_text())
+    row |= {"seconds": spent["seconds"], "processor_seconds": spent["processor_seconds"]}
+    row |= {"memory": spent["memory"] / 1e6, "clock": _last(program.clock, text)}
+    if spent["is_late"]:
+        return RunResult(**row, front="time limit")
+    front, row["found"] = _compared(program, query, text)
+    if front != "equal" and front != "equal size" and spent["exit_status"]:
+        return RunResult(**row, front="failed", message=f"exit status {spent['exit_status']} {complaint}".rstrip())
+    return RunResult(**row, front=front)
+
+
+def _compared(program: ForeignProgram, query: BenchmarkQuery, text: str) -> tuple[str, int | None]:
+    """Return how a front compares with the reference, and its size."""
+    if program.count:
+        number = _last(program.count, text)
+        return ("equal size" if number == query.vectors else "differs"), None if number is None else int(number)
+    vectors = read_vectors(text, query.costs)
+    return ("equal" if front_hash(vectors) == query.sha256 else "differs"), len(vectors)
+
+
+def read_vectors(text: str, costs: int) -> list[tuple[int, ...]]:
+    r"""Return the distinct vectors of an output: lines of as many whole numbers as there are costs.
+
+    >>> read_vectors("c 3 labels\n2 10\n(9, 1)\n9 1\n1 2 3", 2)
+    [(2, 10), (9, 1)]
+    """
+    rows = ([word for word in MARKS.split(line) if word] for line in text.splitlines())
+    return sorted({tuple(map(int, row)) for row in rows if len(row) == costs and all(map(str.isdecimal, row))})
+
+
+def _last(pattern: str, text: str) -> float | None:
+    """Return the last number that a pattern finds in a text."""
+    try:
+        return float(re.findall(pattern, text)[-1]) if pattern else None
+    except (IndexError, ValueError):
+        return None
+
+
+def write_tables(results: Sequence[RunResult], command: str, stem: Path) -> None:
+    """Write results as STEM.csv, with all digits, and STEM.md, a row for each instance."""
+    names = [field.name for field in fields(RunResult)]
+    with stem.with_suffix(".csv").open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(names)
+        writer.writerows([getattr(result, name) for name in names] for result in results)
+    stem.with_suffix(".md").write_text(f"`{command}`\n\n{markdown(results)}", encoding="utf-8")
+
+
+def markdown(results: Sequence[RunResult]) -> str:
+    """Return a table of results with a row for each instance: sums of seconds, the largest memory."""
+    lines = [
+        "| instance | queries | vectors | front | seconds | processor | own clock | memory, MB |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for name in dict.fromkeys(result.instance for result in results):
+        rows = [result for result in results if result.instance == name]
+        fronts = [row.front for row in rows]
+        verdict = ", ".join(f"{fronts.count(front)} {front}" for front in dict.fromkeys(fronts))
+        clocks = [row.clock for row in rows if row.clock is not None]
+        cells = [name, str(len(rows)), f"{sum(row.vectors for row in rows):,}", verdict]
+        cells += [f"{sum(row.seconds for row in rows):.3g}", f"{sum(row.processor_seconds for row in rows):.3g}"]
+        cells += [f"{sum(clocks):.3g}" if len(clocks) == len(rows) else "", f"{max(row.memory for row in rows):.0f}"]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
