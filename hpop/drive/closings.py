@@ -79,7 +79,7 @@ class Closing:
 
     def collision(self, model: Model) -> Collision:
         """Return the collision check with this area; motions out of contact with a standing person are free."""
-        collision = model.collision(self.alone)
+        collision = model.collision(self.world_of_area)
         if not self.person:
             return collision
         return Leaving(model.platform, self.place, collision)

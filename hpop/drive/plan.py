@@ -277,7 +277,7 @@ def closed_trajectories(trajectories: Sequence[Trajectory], closings: Iterable[C
     """Mark the trajectories (n,) that lead through a closed area."""
     closed = np.zeros(len(trajectories), dtype=np.bool_)
     for closing in closings:
-        for owner, motions in batches(trajectories, closing.alone):
+        for owner, motions in batches(trajectories, closing.world_of_area):
             closed[owner[~closing.collision(motions.model).motions_free(motions)]] = True
     return closed
 
@@ -295,7 +295,7 @@ def _motion(trajectory: Trajectory, t: float) -> int:
 def _touches(trajectory: Trajectory, t: float, closing: Closing) -> float | None:
     """Return the time, s, up to which a trajectory is free of a closed area from ``t`` on; None where it stays free."""
     collision = closing.collision(trajectory.model)
-    free = _free(between(trajectory, t, trajectory.duration), collision, closing.alone)
+    free = _free(between(trajectory, t, trajectory.duration), collision, closing.world_of_area)
     if free.all():
         return None
     # In times of the whole trajectory: the rest of a turn under way would take longer as a turn of its own.
@@ -305,7 +305,7 @@ def _touches(trajectory: Trajectory, t: float, closing: Closing) -> float | None
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         tried = between(trajectory, begin, middle)
-        low, high = (middle, high) if _free(tried, collision, closing.alone).all() else (low, middle)
+        low, high = (middle, high) if _free(tried, collision, closing.world_of_area).all() else (low, middle)
     return low
 
 
