@@ -169,4 +169,4 @@ def test_without_just_in_time_compilation_kernels_run_as_plain_python_and_find_t
         [sys.executable, "-W", "error", "-c", asks], env=environment, capture_output=True, text=True, check=False
     )
     assert plain.stderr == ""
-    assert plain.stdout.strip() == f"_Plain {compiled['fronts']()}"
+    assert plain.stdout.strip() == f"_PlainKernel {compiled['fronts']()}"

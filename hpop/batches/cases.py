@@ -305,7 +305,7 @@ def digest(value: Any) -> str:
 def planner_label(planner: Any) -> str:
     """Return the label of a planner, or of several that plan together.
 
-    >>> label({"lattice": {"step": 0.5}}), label(["lattice", "roadmap"]), label(None)
+    >>> planner_label({"lattice": {"step": 0.5}}), planner_label(["lattice", "roadmap"]), planner_label(None)
     ('lattice(step=0.5)', 'lattice + roadmap', 'lattice')
     """
     if planner is None:

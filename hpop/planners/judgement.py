@@ -6,6 +6,7 @@ candidate is therefore judged by its trajectory alone: by the criteria that fron
 
 from __future__ import annotations
 
+import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -46,6 +47,12 @@ class Judgement:
     def accepted_rows(self) -> IntArray:
         """Indices of the accepted candidates."""
         return np.flatnonzero([not reason for reason in self.reasons])
+
+    @property
+    def kept(self) -> IntArray:
+        """Indices of the accepted candidates. Deprecated: :attr:`accepted_rows`."""
+        warnings.warn("Judgement.kept is Judgement.accepted_rows now", DeprecationWarning, stacklevel=2)
+        return self.accepted_rows
 
     @property
     def rejection_counts(self) -> dict[str, int]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Page, expect
 
 import hpop
 from benchmarks import seeded_fronts as seeded
@@ -202,6 +202,7 @@ def test_words_are_explained_until_they_are_closed_for_good(
     path = explored.written(seeded.problem(K), front, tmp_path_factory.mktemp("first") / "front.html")
     page = opened(path)
     hint = page.get_by_role("complementary", name="what the words on this page mean")
+    expect(hint).to_be_visible()
     assert {"knee", "certificate"} <= set(hint.locator("dt").all_inner_texts())
     assert "proven" in (page.locator(".about summary").get_attribute("title") or "")
     page.get_by_role("button", name="Got it").click()

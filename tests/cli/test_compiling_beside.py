@@ -33,7 +33,7 @@ def moments(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         def __init__(self, parts: Sequence[str], *costs: object) -> None:
             done.append("compile")
 
-        def is_at(self, name: str) -> bool:
+        def is_compiling_kernel(self, name: str) -> bool:
             return False
 
         def stop(self) -> None:
@@ -47,7 +47,7 @@ def moments(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         done.append("map" if map_alone else "pictures")
         return []
 
-    monkeypatch.setattr(beside, "_Process", Process)
+    monkeypatch.setattr(beside, "_Compiler", Process)
     monkeypatch.setattr(os, "cpu_count", lambda: 1)  # hence one process
     monkeypatch.setattr(hpop.runtime.compiled, "is_cached", lambda compiled: False)
     monkeypatch.setattr(results, "save", saved)

@@ -104,7 +104,7 @@ def test_what_ends_a_process_interrupts_a_command_unless_it_is_ignored(number: s
 def test_a_terminal_that_is_closed_takes_what_is_still_said() -> None:
     """The master of a pair of terminals closes: each write to the other one fails from then on."""
     ours, theirs = os.openpty()
-    code = "import os, sys; from hpop import entry; sys.stdout = entry._patient(sys.stdout); sys.stdin.read();"
+    code = "import os, sys; from hpop import entry; sys.stdout = entry._tolerant_stream(sys.stdout); sys.stdin.read();"
     code += "print('to nobody', flush=True); os._exit(7)"
     child = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=theirs)
     os.close(theirs)

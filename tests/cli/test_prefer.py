@@ -220,7 +220,7 @@ def test_the_page_asks_takes_each_answer_once_and_tells_the_end_to_who_knows_its
     request("POST", here, answer="b", question=1)  # sent twice
     request("POST", here, answer="rm", question=2)
     assert request("POST", here, answer="x" * 5_000, question=2)[0] == 413
-    assert request("POST", here, {"Content-Length": "9" * 5_000}, answer="a")[0] == 413
+    assert request("POST", here, {"Content-Length": "9" * 5_000}, answer="a")[0] == 400
     asked.disk_is_full = True
     assert (
         "answer was not kept: cannot write p07.json: &lt;no&gt; space"

@@ -242,7 +242,7 @@ def precision_text(eps: float, tolerance: Mapping[str, float]) -> str:
 def gap_text(gap: float, tolerance: Mapping[str, float]) -> str:
     """Return text for a claim: how much better than the returned points a missing point may be.
 
-    >>> how_far(0.1, {"turns": 2.0})
+    >>> gap_text(0.1, {"turns": 2.0})
     '; for each of them, a point here is at most 10 % worse in every cost, besides 2 in turns'
     """
     if not math.isfinite(gap):

@@ -120,7 +120,7 @@ def test_a_mesh_that_is_not_read_is_refused_with_the_way_out(tmp_path, name, sai
 def test_a_concave_mesh_is_refused_with_how_deep_it_is(tmp_path):
     ELL.export(tmp_path / "ell.stl")
     with pytest.raises(
-        ModelError, match=r"ell.stl': it is not convex, nor .* up to 0.0\d+ m within its convex hull; cut it"
+        ModelError, match=r"ell.stl': it is neither convex nor .* up to 0.0\d+ m within its convex hull; cut it"
     ):
         with_mesh(tmp_path, "ell.stl")
 
@@ -133,7 +133,7 @@ def test_convex_pieces_that_share_corners_are_refused_with_the_way_out(tmp_path)
     corner.apply_translation((0, 2 * BOX.bounds[1][1], 0))
     trimesh.util.concatenate([BOX, shifted, corner]).export(tmp_path / "touching.obj")
     with pytest.raises(
-        ModelError, match=r"convex pieces that do not touch: .* give each a <collision> with a file of its"
+        ModelError, match=r"separate convex pieces: .* give each a <collision> element with its own file"
     ):
         with_mesh(tmp_path, "touching.obj")
 

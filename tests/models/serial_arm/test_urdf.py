@@ -233,7 +233,7 @@ def test_soft_limits_are_those_of_the_panda(shared_data):
 def test_an_srdf_in_xacro_is_refused_as_a_urdf_in_xacro_is(tmp_path):
     srdf = tmp_path / "arm.srdf.xacro"
     srdf.write_text('<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="r"><xacro:states/></robot>')
-    with pytest.raises(ModelError, match=r"it is xacro, .*: xacro arm.srdf.xacro > arm.srdf"):
+    with pytest.raises(ModelError, match=r"it is xacro; .*: xacro arm.srdf.xacro > arm.srdf"):
         made(tmp_path, srdf=srdf)
 
 
