@@ -73,7 +73,7 @@ class Closing:
         return {"name": self.name, "area": mapping(self.area)}
 
     @cached_property
-    def alone(self) -> World:
+    def world_of_area(self) -> World:
         """A world with this area as its only obstacle."""
         return world_of_area(self.area)
 
