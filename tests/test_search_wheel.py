@@ -29,7 +29,7 @@ OPTIONAL = {"networkx", "moocore", "rich", "pydantic_core", "pandas", "xarray"}
 CODE = """
 import json, sys
 from hpop_search import Graph, Prepared, __version__, pareto_paths, supported_paths
-from hpop_search.errors import GraphError
+from hpop_search.errors import QueryError
 from hpop_search.timed import TimedGraph, timed_paths
 
 n, tails, heads, costs = json.load(sys.stdin)
@@ -41,7 +41,7 @@ ride = TimedGraph(Graph.from_arcs(3, [0, 0, 1], [1, 2, 2], [[1, 0], [9, 0], [1, 
                   costs={0: [[8, 8, 8, 0]]}, hold=1)
 try:
     pareto_paths(graph, 0, "1")
-except GraphError as error:
+except QueryError as error:
     message = str(error)
 front = pareto_paths(graph, 0, n - 1).front()
 others = sorted({name.partition(".")[0] for name in sys.modules} & {"hpop", "scipy", "networkx", "moocore", "pydantic"})
