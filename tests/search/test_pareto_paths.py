@@ -339,15 +339,28 @@ def test_bad_queries_say_what_was_expected(source, target, message):
         pareto_paths(hard(2), source, target)
 
 
+def test_the_method_follows_groups_of_turns_and_the_size_of_staircases(lattice):
+    """Turns that form groups: staircase. Else staircase if nodes times values of the index are few, or general."""
+    grouped = lattice(3, 6)
+    assert pareto_paths(grouped, 0, grouped.nodes - 1).stats.method == "staircase"
+    chain = np.arange(99)
+    costs = np.c_[np.full(99, 5000), 100 + chain % 3 * 2000, np.full(99, 10)]
+    for nodes, method in ((100, "staircase"), (6_000, "staircase"), (6_100, "general")):  # 991 values
+        paths = pareto_paths(Graph.from_arcs(nodes, chain, chain + 1, costs), 0, 99)
+        assert (paths.stats.method, len(paths)) == (method, 1)
+
+
 def test_a_way_that_dawdles_through_free_turns_does_not_keep_the_staircase_away():
     """The best way in a cost may take any number of turns that cost nothing in it (found on a lattice of 300 x 300)."""
-    n = 1200
-    chain = np.arange(n - 1)
-    tails, heads = np.append(chain, 0), np.append(chain + 1, n - 1)
-    costs = np.vstack([np.tile([0, 1, 1], (n - 1, 1)), [[7, 1, 5]]])
-    paths = pareto_paths(Graph.from_arcs(n, tails, heads, costs), 0, n - 1)
+    n = 1200  # cells with two headings; each move leaves in the heading in which the move before did not arrive
+    cell = np.arange(n)
+    leave, arrive = 2 * cell[:-1] + cell[:-1] % 2, 2 * cell[1:] + cell[:-1] % 2
+    tails = np.concatenate([leave, 2 * cell, 2 * cell + 1, [0]])
+    heads = np.concatenate([arrive, 2 * cell + 1, 2 * cell, [2 * n - 2]])
+    costs = np.vstack([np.tile([0, 0, 1], (n - 1, 1)), np.tile([0, 1, 1], (2 * n, 1)), [[7, 0, 5]]])
+    paths = pareto_paths(Graph.from_arcs(2 * n, tails, heads, costs), 0, 2 * n - 2)
     assert paths.stats.method == "staircase"
-    assert front(paths) == [(0, n - 1, n - 1), (7, 1, 5)]
+    assert front(paths) == [(0, n - 2, 2 * n - 3), (7, 0, 5)]
 
 
 def test_staircases_larger_than_kernels_can_index_are_left_for_the_general_search(lattice, monkeypatch):

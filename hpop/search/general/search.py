@@ -68,7 +68,7 @@ from hpop.search.machinery.turns import SIZE as GROUP_SIZE
 from hpop.search.machinery.turns import Groups
 
 MAX_KEY = 2**WORD_BITS - 1
-WORD = 8  # members of a set compared in one elementary step
+WORD, SORTED = 8, 256  # members of a set compared in one elementary step, and of a sorted set
 
 
 @lean
@@ -125,6 +125,7 @@ def advance(
     word, shift, limit, words = plan
     key, (f, g, turned, moved, reach) = scratch
     k = len(word)
+    per_step = SORTED if k == 3 else WORD
     size = counters[N_OPEN]
     done = counters[N_CLOSED]
     goal = len(sets) - 1
@@ -145,7 +146,7 @@ def advance(
             code = DONE
             break
         at_goal = sets[goal, SIZE]
-        work -= 1 + (at_goal + sets[v, SIZE]) // WORD
+        work -= 1 + (at_goal + sets[v, SIZE]) // per_step
         if is_covered(sets, pool, goal, f) or is_covered(sets, pool, v, f):
             drop_first(keys, values, size, words)
             size -= 1
@@ -190,7 +191,7 @@ def advance(
             if b >= start[v]:
                 u, now = np.int64(arcs[b, 0]), turned
                 extend_label(g, arcs, b, nodes, u, is_max, turned, f)
-                work -= 1 + (at_goal + sets[u, SIZE]) // WORD
+                work -= 1 + (at_goal + sets[u, SIZE]) // per_step
                 if is_covered(sets, pool, u, f) or is_covered(sets, pool, goal, f):
                     continue
                 counters[N_ROWS] = add_to_set(sets, pool, u, f, counters[N_ROWS])
@@ -199,10 +200,10 @@ def advance(
             for a in range(plain[u], start[u + 1]):
                 x = np.int64(arcs[a, 0])
                 extend_label(now, arcs, a, nodes, x, is_max, moved, f)
-                work -= 1 + sets[x, SIZE] // WORD
+                work -= 1 + sets[x, SIZE] // per_step
                 if is_covered(sets, pool, x, f):
                     continue
-                work -= at_goal // WORD
+                work -= at_goal // per_step
                 if is_covered(sets, pool, goal, f):
                     continue
                 for w in range(words):

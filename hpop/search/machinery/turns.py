@@ -36,6 +36,7 @@ from hpop.search.machinery.slices import PARTS, Clock
 OFFSET, SIZE, TURNS, GROUP_COLUMNS = range(4)
 MOST = 1024  # a turn raises its cost by less
 SPARE = 8  # columns of turns for nodes that are added
+CACHED = 2**26  # bytes of tables up to which a graph keeps them for its next query
 NODE, ARC = 24, 8  # bytes of a node in groups, also while they are searched, and of an arc that is no turn
 
 
@@ -95,7 +96,12 @@ class Groups:
     def of_turns(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
         """Return the groups of turns that raise the cost of a column, or None if these turns form no groups."""
         if graph.base is None or not _turns_are_at_ends(graph, column):
-            return cls._computed(graph, column, clock)
+            if ("groups", column) in graph.cache:
+                return None
+            own = cls._computed(graph, column, clock)
+            if own is None:
+                graph.cache["groups", column] = None  # of graphs with groups the cache belongs to graphs that extend it
+            return own
         cache = graph.base.cache
         name = ("groups", column)
         if name not in cache:
@@ -162,9 +168,16 @@ class Groups:
     @classmethod
     def single_nodes(cls, graph: Graph, clock: Clock) -> Self:
         """Return groups of one node each; all arcs are plain."""
+        groups: Self | None = graph.cache.get("single nodes")
+        if groups is not None:
+            _check_room(clock, groups.nbytes)
+            return groups
         rows = np.zeros((graph.nodes, GROUP_COLUMNS), np.int64)
         rows[:, OFFSET], rows[:, SIZE] = np.arange(graph.nodes), 1
-        return cls._with_arcs(graph, -1, 0, np.arange(graph.nodes), rows, graph.arcs, clock)
+        groups = cls._with_arcs(graph, -1, 0, np.arange(graph.nodes), rows, graph.arcs, clock)
+        if clock.budget.max_memory is None and groups.nbytes <= CACHED:
+            graph.cache["single nodes"] = groups
+        return groups
 
     @classmethod
     def _with_arcs(

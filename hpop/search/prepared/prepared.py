@@ -24,13 +24,14 @@ from hpop.base.arrays import BoolArray, IntArray
 from hpop.base.options import MOST, real
 from hpop.frontier import is_nondominated
 from hpop.runtime.status import Budget, ProgressCallback, Status
+from hpop.search.choice import choose_method, choose_order
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import Precision
 from hpop.search.machinery.bounds import PILES, UNREACHABLE, costs_of_least_paths, costs_to_go
 from hpop.search.machinery.kernels import proven_gap
 from hpop.search.machinery.slices import N_GENERATED, Clock, DeadlineClock, Search
 from hpop.search.machinery.turns import Groups
-from hpop.search.pareto_paths import SearchQuery, choose_method, choose_order
+from hpop.search.pareto_paths import SearchQuery
 from hpop.search.prepared.closings import ClosedArcs, KnownPaths, StaircaseBounds, known_paths, least_path
 from hpop.search.prepared.hull_repair import HullRepair
 from hpop.search.prepared.repair import lower_bounds_of_opened, raise_bounds, sort_by_head
@@ -231,7 +232,7 @@ class Prepared:
             np.argmax(np.where(reached, (h / (1 + h.max(axis=1, where=reached, initial=0))[:, None]).sum(axis=0), -1))
         )
         samples = costs_of_least_paths(graph, far, h, self.onward, clock)
-        method, index = choose_method(graph, "auto", samples)
+        method, index = choose_method(graph, "auto", samples, groups)
         if method == "staircase" and groups.column != index:
             groups = Groups.single_nodes(graph, clock)
         self.plans = [

@@ -8,6 +8,7 @@ import pytest
 from hpop.runtime.status import Budget, Status
 from hpop.search import Graph
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
+from hpop.search.machinery.plain_bounds import plain_bounds
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import Groups
 from hpop.search.namoa_star import ideal_cost_to_go
@@ -59,6 +60,35 @@ def test_bounds_are_the_scalar_optima_where_turns_make_groups(seed, how):
         assert h[j].tolist() == [expected.get(v, int(UNREACHABLE)) for v in range(graph.nodes)]
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_bounds_that_stop_early_are_exact_near_the_source_and_consistent_everywhere(seed):
+    rng = np.random.default_rng(seed)
+    n, m = 60, [60, 150][seed % 2]
+    how = ["sum", "max", "sum"]
+    graph = Graph.from_arcs(
+        n, rng.integers(0, n, m), rng.integers(0, n, m), rng.integers(0, [3, 9, 10**6], (m, 3)), aggregates=how
+    )
+    targets, clock = np.unique(rng.integers(0, n, 2)), Clock(Budget(), None)
+    groups = Groups.single_nodes(graph, clock)
+    full, expected, _ = lower_bounds(graph, 3, targets, clock, groups)
+    for _ in range(2):  # the second query takes the reversed arcs from the cache
+        h, samples, status = plain_bounds(graph, 3, targets, clock, groups)
+        assert status is None
+        assert np.diagonal(samples).tolist() == np.diagonal(expected).tolist()
+        if not len(samples):
+            continue
+        tails = np.repeat(np.arange(n), np.diff(graph.indptr))
+        for j in range(3):
+            assert (h[j] <= full[j]).all()
+            near = full[j] <= samples[:, j].max()
+            assert (h[j, near] == full[j, near]).all()
+            assert (h[j, ~near] > samples[:, j].max()).all()
+            cost, onward = graph.costs[:, j], h[j, graph.heads]
+            reached = onward < UNREACHABLE
+            along = np.maximum(cost, onward) if how[j] == "max" else cost + onward
+            assert (h[j, tails] <= along)[reached].all()
+
+
 def test_parallel_arcs_do_not_add_up():
     graph = Graph.from_arcs(2, [0, 0], [1, 1], [[3], [5]])
     h, _, _ = lower_bounds(graph, 0, np.array([1]), Clock(Budget(), None))
@@ -84,6 +114,7 @@ def test_memory_is_counted_before_it_is_taken_scratch_included():
     lower_bounds(graph, 0, np.array([1]), clock, groups)
     bounded = Clock(Budget(max_memory=clock.peak - 1), None)
     assert lower_bounds(graph, 0, np.array([1]), bounded, groups)[2] is Status.MEMORY_LIMIT
+    graph = Graph.from_csr(graph.indptr, graph.heads, graph.costs)  # with nothing cached
     tracemalloc.start()
     lower_bounds(graph, 0, np.array([1]), clock)
     arrays = tracemalloc.get_traced_memory()[1]

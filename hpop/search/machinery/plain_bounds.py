@@ -1,0 +1,141 @@
+"""Lower bounds of one query on a graph without groups of turns: reversed arcs are cached, and searches stop early.
+
+A backward Dijkstra search for each cost runs until it reaches the source. This gives the path that is least in the
+cost. Let U be the largest cost j of these k paths. Search j goes on until all open nodes are farther than U, and stops
+at a distance D > U. The bound of every other node is D, if D is less than its open distance. The minimum of a
+consistent bound and a constant is consistent, so the front remains exact. A label at such a node exceeds U in cost j,
+as only few labels of a front do.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.base.arrays import IntArray
+from hpop.runtime.compiled import lean
+from hpop.runtime.status import Status
+from hpop.search.graph import Graph
+from hpop.search.machinery.bounds import UNREACHABLE, costs_of_least_paths, lower_bounds, sort_arcs_by_head
+from hpop.search.machinery.kernels import WORD_BITS
+from hpop.search.machinery.slices import Clock
+from hpop.search.machinery.turns import CACHED, Groups
+
+FARTHEST = 2**61  # distance that no path has
+
+
+@lean
+def settle(
+    begin: IntArray,
+    tails: NDArray[np.int32],
+    weights: IntArray,
+    is_max: bool,
+    bits: int,
+    source: int,
+    until: int,
+    size: int,
+    heap: IntArray,
+    out: IntArray,
+    parent: NDArray[np.int32],
+) -> int:
+    """Go on with a backward search up to a distance, or to that of the source; return the number of heap entries left.
+
+    An entry of the 4-ary heap is distance << bits | node. An entry is obsolete if its node has a smaller distance.
+    """
+    mask = (1 << bits) - 1
+    while size > 0:
+        entry = heap[0]
+        d, v = entry >> bits, entry & mask
+        if d > until:
+            break
+        if v == source:
+            until = d
+        size -= 1
+        last = heap[size]
+        i = 0
+        while True:
+            child = 4 * i + 1
+            if child >= size:
+                break
+            best = child
+            for j in range(child + 1, min(child + 4, size)):
+                best = j if heap[j] < heap[best] else best
+            if heap[best] >= last:
+                break
+            heap[i] = heap[best]
+            i = best
+        heap[i] = last
+        if d > out[v]:
+            continue
+        for a in range(begin[v], begin[v + 1]):
+            u = np.int64(tails[a])
+            cost = max(d, weights[a]) if is_max else d + weights[a]
+            if cost >= out[u]:
+                continue
+            out[u] = cost
+            parent[u] = v
+            entry = (cost << bits) | u
+            i = size
+            size += 1
+            while i > 0 and heap[(i - 1) >> 2] > entry:
+                heap[i] = heap[(i - 1) >> 2]
+                i = (i - 1) >> 2
+            heap[i] = entry
+    return int(size)
+
+
+def plain_bounds(
+    graph: Graph, source: int, targets: IntArray, clock: Clock, groups: Groups
+) -> tuple[IntArray, IntArray, Status | None]:
+    """Return the results of :func:`.lower_bounds` for searches from the source; bounds of far nodes may be smaller.
+
+    With groups of turns, or with costs that do not fit a heap entry, they are those of :func:`.lower_bounds`.
+    """
+    n, k, m = graph.nodes, graph.criteria, len(groups.heads)
+    bits = n.bit_length()
+    if groups.column >= 0 or int(graph.largest.max(initial=0)) * n >> (WORD_BITS - bits):
+        return lower_bounds(graph, source, targets, clock, groups)
+    clock.report("bounds")
+    memory = groups.nbytes + k * (12 * n + 8 * (m + len(targets))) + 8 * n + m * (4 + 8 * k)
+    status = clock.exceeded(0, memory)
+    if status is not None:
+        return np.empty((k, 0), np.int64), np.zeros((0, k), np.int64), status
+    begin, tails, weights = _reversed(graph, groups, clock)
+    h, onward = np.full((k, n), UNREACHABLE), np.full((k, n), -1, np.int32)
+    heaps = np.empty((k, m + len(targets)), np.int64)
+    h[:, targets] = 0
+    heaps[:, : len(targets)] = targets
+
+    def settled(end: int, until: IntArray, sizes: IntArray) -> IntArray:
+        worst = [aggregate == "max" for aggregate in graph.aggregates]
+        states = [(int(until[j]), int(sizes[j]), heaps[j], h[j], onward[j]) for j in range(k)]
+        return np.array(
+            clock.call_all(settle, [(begin, tails, weights[j], worst[j], bits, end, *states[j]) for j in range(k)])
+        )
+
+    sizes = settled(source, np.full(k, FARTHEST), np.full(k, len(targets)))
+    samples = costs_of_least_paths(graph, source, h, onward, clock)
+    if len(samples):
+        sizes = settled(-1, samples.max(axis=0), sizes)
+        unreached = np.zeros(n, np.bool_)
+        for j in range(k):
+            if sizes[j] > 0:
+                np.minimum(h[j], heaps[j, 0] >> bits, out=h[j])
+            else:
+                unreached |= h[j] >= UNREACHABLE
+        h[:, unreached] = UNREACHABLE
+    return h, samples, clock.exceeded(0, memory)
+
+
+def _reversed(graph: Graph, groups: Groups, clock: Clock) -> tuple[IntArray, NDArray[np.int32], IntArray]:
+    """Return the offsets of the arcs that enter each node, their tails (m,) and their costs (k, m)."""
+    if "reversed" in graph.cache:
+        arcs: tuple[IntArray, NDArray[np.int32], IntArray] = graph.cache["reversed"]
+        return arcs
+    n, k, m = graph.nodes, graph.criteria, len(groups.heads)
+    begin, tails, weights = np.zeros(n + 2, np.int64), np.empty(m, np.int32), np.empty((k, m), np.int64)
+    clock.call(sort_arcs_by_head, groups.start, groups.heads, groups.origin, graph.costs, begin, tails, weights)
+    arcs = begin[:-1], tails, weights
+    if clock.budget.max_memory is None and tails.nbytes + weights.nbytes <= CACHED:
+        graph.cache["reversed"] = arcs
+    return arcs
