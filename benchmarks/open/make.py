@@ -128,7 +128,6 @@ RECIPES = {
     "m100": Recipe("lattice of museums.py", lambda: museum("m100")),
     "m160": Recipe("lattice of museums.py", lambda: museum("m160")),
     "m200": Recipe("lattice of museums.py", lambda: museum("m200"), is_large=True),
-    "m300": Recipe("lattice of museums.py", lambda: museum("m300"), is_large=True),
 }
 
 
