@@ -1,8 +1,7 @@
 """Process of the command ``hpop``: everything around :func:`hpop.cli.main`, from the first import to the last output.
 
 Ctrl-C is answered without a traceback even while modules are imported. A search goes on if the reader of its output
-ends
-(``hpop plan ... | head -1``) or the terminal is closed. No code from the current folder is run.
+ends (``hpop plan ... | head -1``) or the terminal is closed. No code from the current folder is run.
 """
 
 from __future__ import annotations
@@ -39,8 +38,7 @@ def _distrust_current_folder() -> None:
     """Import no module from the current folder, in this process and its children, because anyone may have written it.
 
     Numba also reads settings from the current folder, which can name a folder of compiled code, and offers no switch to
-    turn
-    this off; if such a file exists, the command ends. Matplotlib's settings are undone once it is imported
+    turn this off; if such a file exists, the command ends. Matplotlib's settings are undone once it is imported
     (:mod:`hpop.view`), and IPOPT's are turned off where its options are set.
     """
     os.environ["PYTHONSAFEPATH"] = "1"

@@ -1,8 +1,7 @@
 """Child process that reads a file of a foreign format within bounds of memory and time.
 
 Its input is a line of JSON, ``{"module": .., "options": .., "memory": .., "seconds": ..}``, followed by the bytes of
-the
-file. ``memory`` bounds the address space, including the libraries; ``seconds`` is processor time. Its output is a
+the file. ``memory`` bounds the address space, including the libraries; ``seconds`` is processor time. Its output is a
 `ChildAnswer`: words and arrays of numbers, and no object that could run code.
 """
 

@@ -64,8 +64,7 @@ class _EntityWalk:
         """Yield visible entities, those of a block once for each reference to the block.
 
         Layer 0 within a block stands for the layer of the reference. Matrices are multiplied here, because ezdxf
-        changes a
-        reference within a stretched block into a form that it can represent.
+        changes a reference within a stretched block into a form that it can represent.
 
         matrix  from ``entities`` to the drawing, or None
         around  layer of the reference

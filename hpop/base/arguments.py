@@ -1,8 +1,7 @@
 """Errors that name the wrong argument of a public function.
 
 A value of an unexpected type usually fails deep inside hpop, with an AttributeError about an object that the caller
-never
-saw. :func:`checked_arguments` marks public functions and classes. Once a call of such a function has failed, its
+never saw. :func:`checked_arguments` marks public functions and classes. Once a call of such a function has failed, its
 arguments are compared with the signature, and a TypeError or ValueError says which argument is wrong, what was expected
 and what came. A successful call costs one extra stack frame, and no call that works is refused. Errors that hpop raises
 on purpose pass unchanged.

@@ -41,8 +41,7 @@ def copied(value: T, without: Collection[str] = (), **fields: Any) -> T:
     """Return a copy of a frozen dataclass with some fields replaced.
 
     Unlike `dataclasses.replace`, the copy skips ``__post_init__`` and keeps cached properties, which saves time if the
-    new
-    fields do not affect them.
+    new fields do not affect them.
 
     Parameters
     ----------

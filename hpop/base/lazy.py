@@ -18,8 +18,7 @@ def on_first_use(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]
     """Return the ``__getattr__`` of a package, which imports each public name from its home module at the first use.
 
     ``homes`` gives the home module of each name, as :func:`homes_of` returns it. For a module of the package itself the
-    home
-    is "".
+    home is "".
     """
 
     def imported(name: str) -> Any:

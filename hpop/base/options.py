@@ -1,8 +1,7 @@
 """Checks of numbers that users enter: each number is checked once, against bounds stated here.
 
 The bounds are wide: they refuse only values that no robot and no building has. No value within them overflows, divides
-by
-zero or makes a computation endless.
+by zero or makes a computation endless.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Random numbers from the argument ``rng`` (SPEC 7 of Scientific Python), and the seed that is derived from it.
 
 All random draws of a run follow from one seed. Certificates, provenance and saved fronts record this seed, so results
-can
-be reproduced whatever ``rng`` was. Scenario files state the ``seed`` itself.
+can be reproduced whatever ``rng`` was. Scenario files state the ``seed`` itself.
 """
 
 from __future__ import annotations

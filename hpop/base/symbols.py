@@ -52,9 +52,8 @@ class Symbols(NDArrayOperatorsMixin):
     """Array of CasADi symbols: a column (M,), or a matrix if it has two axes.
 
     ``casadi.ArrayInterface`` implements NumPy's protocol. The most frequent calls, elementwise functions of numbers and
-    of
-    columns of one shape, go to CasADi directly. CasADi's Python operators would first try to convert their arguments to
-    several types, which takes 18 of the 20 microseconds of an operation.
+    of columns of one shape, go to CasADi directly. CasADi's Python operators would first try to convert their arguments
+    to several types, which takes 18 of the 20 microseconds of an operation.
     """
 
     __slots__ = ("_array", "_value", "shape")
@@ -205,8 +204,7 @@ def sum_over_rows(function: Callable[..., Any], rows: Sequence[Sequence[float]],
     """Return the sum (M,) of ``function(*row, *columns)`` over rows of numbers.
 
     For symbolic columns the function is called once, on the symbols of a single sample, and this expression is mapped
-    over
-    rows and samples, so that it stays small.
+    over rows and samples, so that it stays small.
 
     rows     numbers, one sequence for each call
     columns  columns (M,) or numbers

@@ -1,8 +1,7 @@
 """Results of a batch: a folder with one Parquet data set, one row per trajectory, and a journal of the newest rows.
 
 Each finished case is one line of the journal, written to the disk before the next case counts as done. When the journal
-is
-large, and at the end, its lines become a further Parquet file. A killed batch loses only the cases that were being
+is large, and at the end, its lines become a further Parquet file. A killed batch loses only the cases that were being
 solved.
 """
 

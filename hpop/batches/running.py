@@ -1,8 +1,7 @@
 """Run the cases of a batch in this process, in processes of this machine, or on Dask or Ray; write each result at once.
 
 A setting (world, robot, criteria) is sent to each worker only once. If a worker dies, the case that killed it gets a
-row
-with the error; other cases that were being solved are solved again.
+row with the error; other cases that were being solved are solved again.
 """
 
 from __future__ import annotations
@@ -91,8 +90,7 @@ def solve(shared: Setting, task: CaseTask) -> list[dict[str, Any]]:
     """Solve a case and return its rows: one per trajectory, or a single row that explains why there is none.
 
     An error of the problem, the planner or the user's own code is stored in ``error`` of the row. The list is empty
-    after
-    Ctrl-C.
+    after Ctrl-C.
     """
     wall, processor = time.perf_counter(), time.process_time()
     front: Front | None = None

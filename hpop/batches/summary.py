@@ -26,8 +26,7 @@ class PlannerSummary:
     seconds  (n,) planning time of the cases without an error, s
     points   (n,) front sizes of these cases; 0 if no path was found
     shares   (p,) hypervolume of its front divided by that of the joint front of all planners, for each problem that
-    several
-             planners were given and at least one solved
+             several planners were given and at least one solved
     """
 
     planner: str

@@ -216,8 +216,7 @@ class PlanarModel(Model):
         Each heading (H,), rad, with three values of each joint, and the motions in place.
 
         The values of a joint are both stops and 0, or the middle if 0 is not between the stops. Raises UnsupportedModel
-        for a model
-        with other states, which needs a method of its own.
+        for a model with other states, which needs a method of its own.
         """
         joints = self.joints
         if other := [name for name in self.space.names if name not in ("x", "y", "yaw", *joints)]:

@@ -39,8 +39,7 @@ class Drive(LawDefaults):
     """Law of a motion with constant wheel accelerations.
 
     The states at both ends should agree with these. Their mismatch (a solver's tolerance) is spread evenly over the
-    motion, so
-    that the motion begins and ends in the given states.
+    motion, so that the motion begins and ends in the given states.
     """
 
     kind: str = "drive"

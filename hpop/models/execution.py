@@ -7,18 +7,15 @@ and turns that stand v/2a before and after:
 - A run of length L is planned for L/v. It takes L/v + v/a, or 2 sqrt(L/a) <= L/v + v/a if it is shorter than v²/a, so
     in
   the middle it takes at most v/2a of the standing before and after it. A turn takes all but its standing halves. So
-  where
-  two runs have a turn, or a hold of v/a, between them, motions in the middle of their times do not overlap.
+  where two runs have a turn, or a hold of v/a, between them, motions in the middle of their times do not overlap.
 - The robot is then never more than v²/8a from its planned position, and always on the planned path: at the end of a
     long
   run, plan and robot are v²/2a - v²/8a and v²/2a before the end of ramps, and of a run of u v²/a, u < 1, the distance
-  is
-  (u/2)(1 - sqrt(u)/2)² v²/a, which grows with u up to 1/8.
+  is (u/2)(1 - sqrt(u)/2)² v²/a, which grows with u up to 1/8.
 - A run at the start cannot begin v/2a early, unless the plan stands so long before it. It is late by v/2a then, and so
     are
   its successors, until standing makes up for it: at a hold, between two turns, about short runs. No motion is ever
-  later,
-  because each begins as soon as its predecessor has ended and its own time has come.
+  later, because each begins as soon as its predecessor has ended and its own time has come.
 
 So at time t the robot is at its planned position of that time, or up to v/2a before if the plan begins with a run, with
 an error of v²/8a along its path (:class:`Ramps`).

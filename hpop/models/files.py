@@ -48,9 +48,8 @@ def with_absolute_paths(folder: str, description: Any) -> Any:
     The inverse of :func:`with_relative_paths`.
 
     If a relative path leads nowhere, a file of the same name in the folder is used. Records of earlier versions also
-    have
-    absolute paths: if the file at the relative path has changed and the one at the absolute path has not, the latter is
-    used.
+    have absolute paths: if the file at the relative path has changed and the one at the absolute path has not, the
+    latter is used.
     The record of a missing file keeps its relative path.
     """
 

@@ -149,8 +149,7 @@ class PanTilt(OnBase, PlanarModel):
     """Base in the plane with a camera on a pan-tilt head; states x, y (m), yaw, pan and tilt (rad).
 
     base               a model in the plane without joints, which carries the head where the base has its own camera;
-                       the head
-                       is taken to be within the base's mast
+                       the head is taken to be within the base's mast
     pan                rad     (low, high), the end stops that a cable sets, or "all round"; relative to the base, 0
                                ahead, counter-clockwise, continuous: a pan of -pi is not one of pi
     tilt               rad     (low, high), up positive; equal where the head does not tilt

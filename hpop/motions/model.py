@@ -132,12 +132,10 @@ class Model(Protocol):
     name           in the registry; the name of the class
     field_of_view  (horizontal, vertical) rad of the camera; None for all round (:mod:`hpop.models.camera`)
     bodies         method of the states (N,): bodies of the robot that can hide a target from its camera, and are drawn,
-                   as
-                   pairs of a shape of :mod:`hpop.world.geometry.solids` and its poses (N, 4, 4); ()
+                   as pairs of a shape of :mod:`hpop.world.geometry.solids` and its poses (N, 4, 4); ()
     parts          collision geometry, in a form of the model's own; ()
     platform       upright prisms, :class:`hpop.models.base.Part`, placed by x, y and yaw, that contain the robot
-                   whatever
-                   its other states are; the parts of a model that provides "plane", () of others
+                   whatever its other states are; the parts of a model that provides "plane", () of others
     mounts         positions of bodies on the base, by name, as :class:`hpop.models.base.Mount`; {}
     joints         names of the states that are joints; ()
     executed       law of execution by the kind of a planned law; {}

@@ -7,8 +7,7 @@ cheaper one by a Bradley-Terry model; with a small probability, a lapse of atten
     P(a over b) = lapse / 2 + (1 - lapse) logistic(w . (z_b - z_a)),    w = sharpness x shares,   shares add up to 1
 
 If "no difference" is a possible answer, ties follow Davidson (1970, "On extending the Bradley-Terry model to
-accommodate
-ties in paired comparison experiments"), with ``nu`` the weight of a tie.
+accommodate ties in paired comparison experiments"), with ``nu`` the weight of a tie.
 """
 
 from __future__ import annotations
@@ -40,8 +39,7 @@ class Evidence:
     """Answers in the form that the model needs, without the order in which two points were shown.
 
     gains    (n, f)  extra cost of the point that was not chosen, by cost, as a share of its range; for a tie either
-    sign
-    tied     (n,)    True where the answer was "no difference"
+    sign tied     (n,)    True where the answer was "no difference"
     offered  (n,)    True where "no difference" was a possible answer
     weight   (n,)    number of answers that each row counts for
     """
@@ -170,8 +168,7 @@ def answers_of_ratings(ratings: Mapping[int, float], costs: FloatArray) -> list[
     For each pair of rows, the better one is chosen.
 
     Rows with equal ratings count as "no difference". m ratings hold no more information than m - 1 comparisons, so each
-    of
-    the m (m - 1) / 2 pairs has the weight 2 / m.
+    of the m (m - 1) / 2 pairs has the weight 2 / m.
     """
     if not isinstance(ratings, Mapping) or len(ratings) < 2:
         raise StudyError(f"ratings are given by row, at least two, such as {{3: 7, 12: 4.5}}, got {shown(ratings)}")

@@ -1,12 +1,11 @@
 """Prior of the next participant, learnt from the answers of earlier participants and from their profiles.
 
 Method: empirical Bayes. The shares of people are taken as draws of one Dirichlet distribution. Its concentrations
-maximise
-the probability of all answers; they are shrunk towards the default prior, so that a few people change little. Each
-person
-enters through the draws of their own posterior, which carry their uncertainty. Shares refer to the mean ranges of all
-people: a person who answered about a front with other ranges is rescaled by units. From ``LEAST_PEOPLE`` people on, the
-concentrations also depend log-linearly on a profile (sickness in cars, experience of virtual reality, age).
+maximise the probability of all answers; they are shrunk towards the default prior, so that a few people change little.
+Each person enters through the draws of their own posterior, which carry their uncertainty. Shares refer to the mean
+ranges of all people: a person who answered about a front with other ranges is rescaled by units. From ``LEAST_PEOPLE``
+people on, the concentrations also depend log-linearly on a profile (sickness in cars, experience of virtual reality,
+age).
 """
 
 from __future__ import annotations
@@ -99,8 +98,7 @@ class People:
         """Return the prior of the next person, for :meth:`Preference.fit`; with a profile, the prior depends on it.
 
         A number of the profile is clipped to the range of these people's numbers. Raises StudyError for a number that
-        none of
-        these people's profiles has.
+        none of these people's profiles has.
         """
         if strange := sorted({*(profile or {})} - {*self.names}):
             known = ", ".join(self.names) or "none"

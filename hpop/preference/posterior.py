@@ -2,16 +2,14 @@
 
 Draws of the prior are weighted by the probability of the answers. This is exact up to the number of draws, whereas a
 normal approximation would fail where a share may be 0. With more answers, fewer draws carry the weight. Once the
-effective
-sample size is less than ``LEAST_EFFECTIVE``, draws are resampled, and each is moved by a random walk that leaves the
-posterior invariant (Metropolis; Chopin 2002, "A sequential particle filter method for static models"). The walk keeps
-shares of 0, so the fraction of draws with such shares is the probability that the person cares for some costs only.
+effective sample size is less than ``LEAST_EFFECTIVE``, draws are resampled, and each is moved by a random walk that
+leaves the posterior invariant (Metropolis; Chopin 2002, "A sequential particle filter method for static models"). The
+walk keeps shares of 0, so the fraction of draws with such shares is the probability that the person cares for some
+costs only.
 
 Questions are chosen by Bayesian active learning by disagreement (Houlsby et al. 2011, arXiv 1112.5745): the answer to
-the
-best question is uncertain overall, although it would be certain if the person's weights were known. Candidates are
-random
-pairs, and pairs among the rows that are currently most often the best.
+the best question is uncertain overall, although it would be certain if the person's weights were known. Candidates are
+random pairs, and pairs among the rows that are currently most often the best.
 """
 
 from __future__ import annotations
@@ -306,8 +304,7 @@ def most_informative_pair(
         Equally weighted draws of the posterior.
     asked
         Earlier pairs, in the order in which they were shown. None is repeated; a reversed pair is asked only if there
-        is no
-        new pair.
+        is no new pair.
     ties
         True if "no difference" is a possible answer.
     """

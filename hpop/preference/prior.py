@@ -42,17 +42,14 @@ class Prior:
     """Prior of a person's weights: Dirichlet for the shares, log-normal for sharpness and ties, all independent.
 
     Some people answer at random: their sharpness is 0. Without them, the answer to the most informative question would
-    always
-    be uncertain, and a person without a preference could not be distinguished from a fastidious person.
+    always be uncertain, and a person without a preference could not be distinguished from a fastidious person.
 
     Some people care for some of the costs only: the shares of the other costs are 0. Without them no credible interval
-    would
-    include 0 or 1, because a Dirichlet distribution has no probability there (George and McCulloch 1993, "Variable
-    selection
+    would include 0 or 1, because a Dirichlet distribution has no probability there (George and McCulloch 1993,
+    "Variable selection
     via Gibbs sampling", Journal of the American Statistical Association 88, 881-889). For f costs, each number from 1
-    to f - 1
-    of cared-for costs is equally probable, and so is each subset of that size. Their shares are Dirichlet with the same
-    concentrations.
+    to f - 1 of cared-for costs is equally probable, and so is each subset of that size. Their shares are Dirichlet with
+    the same concentrations.
 
     concentration    concentration of each share; empty: 1 for all, so that all shares are equally probable
     sharpness        median of the sharpness
@@ -90,8 +87,7 @@ class Prior:
         """Return the prior for a front with other ranges, rescaled such that the weight of a unit of each cost stays.
 
         A cost that is constant on one of the two fronts keeps its share. StudyError if costs or units differ, or if a
-        logarithmic
-        cost has another range.
+        logarithmic cost has another range.
         """
         if not self.about:
             return self
@@ -166,8 +162,7 @@ class Prior:
         """Return the log densities of shares (N,), and of sharpness and ties (N,), separately.
 
         Over log ratios, the Dirichlet exponent of each share is one larger: that is the Jacobian. Rescaling to other
-        ranges has
-        Jacobian 1. StudyError if sharpness or ties are not positive.
+        ranges has Jacobian 1. StudyError if sharpness or ties are not positive.
         """
         for name, values in (("sharpness", sharpness), ("ties", ties)):
             if not (np.asarray(values) > 0).all():

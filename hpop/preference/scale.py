@@ -1,8 +1,7 @@
 """Scale of costs for a preference: costs as shares of a front's range, with an extra column for each threshold.
 
 The scale is that of the front of the questions, and is kept by units: on another front a metre weighs as much as on
-that
-front, however wide the other front is.
+that front, however wide the other front is.
 """
 
 from __future__ import annotations
@@ -47,8 +46,7 @@ class CostScale:
     ideal     (k,)   least value of each cost on the front
     span      (k,)   range of each cost on the front; 0 for a constant cost, which has no effect on a preference
     features  nonlinearities by name of a cost: "log" lets a unit near the ideal count more; a number in the cost's unit
-    is a
-              threshold, and the excess above it is a further column with a share of its own
+              is a threshold, and the excess above it is a further column with a share of its own
     """
 
     names: tuple[str, ...]

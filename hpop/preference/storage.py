@@ -1,8 +1,7 @@
 """Preference file: strict JSON, read without running code.
 
 The file is written completely or not at all. It holds the costs by name and unit with their scale, equally weighted
-draws
-of the posterior, and the answers, so that asking can go on. The reader checks every key, type and number.
+draws of the posterior, and the answers, so that asking can go on. The reader checks every key, type and number.
 """
 
 from __future__ import annotations

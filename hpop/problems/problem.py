@@ -152,8 +152,7 @@ class Problem:
         planner : a name with its ``options``, ``{name: {option: value}}``, a planner object, or a list of these
         progress : True shows a line on the terminal; a function is called now and then with a
             :class:`hpop.runtime.status.Progress`. The logger "hpop" reports stages (DEBUG) and the result of each
-            planner
-            (INFO)
+            planner (INFO)
         executor : where planners that sweep run their jobs (processes, Dask, ...); the front is the same with any
         """
         several = [planner] if isinstance(planner, str) or not isinstance(planner, Sequence) else planner

@@ -29,8 +29,7 @@ def stop_collecting() -> None:
     """Exclude all objects from further collection; the system frees the memory when the process ends.
 
     Two cases keep collecting. A file that a user's registered code left open may hold lines that are written only when
-    the
-    file is collected. And some libraries print the number of uncollected objects.
+    the file is collected. And some libraries print the number of uncollected objects.
     """
     has_plugins = any(registry.own() for registry in (criteria, goals, models, planners, readers))
     if not has_plugins and COUNTING not in sys.modules:

@@ -1,9 +1,8 @@
 """Limits of time and memory for all work done within a block of code, in this thread.
 
 A map is read before there is a problem to plan, and fields and integrals are computed when a criterion first needs
-them,
-far from the planner that holds the limits. Long work is therefore done in parts, and between two parts it checks the
-limits of the surrounding block. Without such a block there are no limits.
+them, far from the planner that holds the limits. Long work is therefore done in parts, and between two parts it checks
+the limits of the surrounding block. Without such a block there are no limits.
 """
 
 from __future__ import annotations

@@ -29,8 +29,7 @@ class Budget:
     """Limits of time and memory of a planner or a search; None is no limit.
 
     time_limit  s      wall-clock time without compilation. For a planner: reading the map, building its graph and
-    searching;
-                       for a search alone: from its start
+                       searching; for a search alone: from its start
     max_labels  count  labels generated (partial paths kept in memory)
     max_memory  bytes  memory of the map, of the planner's fields, of its graph and of its search
     """

@@ -178,8 +178,7 @@ class Sweep(Generic[S, T, R]):
         """Yield results of the executor; add the indices of tasks without a result to ``lost``.
 
         Ctrl-C is delayed wherever futures take their locks (`concurrent.futures.wait` takes all of them), but not while
-        this
-        method waits for a result.
+        this method waits for a result.
         """
         ended: SimpleQueue[Future[Any]] = SimpleQueue()
         pending: dict[Future[Any], range] = {}
@@ -287,8 +286,7 @@ class _Processes(ProcessPoolExecutor):
         """Shut the workers down after their current tasks.
 
         Ctrl-C is delayed meanwhile: if it interrupted the join of the pool's thread, that thread and the process would
-        wait for
-        ever.
+        wait for ever.
         """
         with interrupts_held():
             super().shutdown(wait, cancel_futures=cancel_futures)
@@ -304,8 +302,7 @@ def processes(workers: int) -> ProcessPoolExecutor:
     """Return a pool of fresh worker processes on this machine; only the planning process reacts to Ctrl-C.
 
     Raises OptionError if the system has no locks that processes share (for example, /dev/shm cannot be written), or
-    cannot
-    start a process.
+    cannot start a process.
     """
     workers = whole("workers", workers, 1, MOST_WORKERS, "a whole number of processes")
     method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"

@@ -37,8 +37,7 @@ class Trajectory:
 
     model     the model that moves
     states    (n+1,) columns: states where motions begin, and the final one; yaw is continuous, rad; the model's states,
-              then
-              those that curves and holds need besides
+              then those that curves and holds need besides
     kinds     (n,) law of each motion; none when the start is the goal
     punctual  whether its :meth:`execution` keeps to its times, as it must among people who move
     """

@@ -38,8 +38,7 @@ class SocialMetrics:
     space_compliance         1  share of the time in which all people are at least ``COMPLIANT`` = .5 m away
     least_time_to_collision  s  ∞ when robot and people never are on a collision course
     path_efficiency          1  shortest length / max(length, shortest length), as SPL has it for one success; None when
-                                no
-                                shortest length is given
+                                no shortest length is given
     """
 
     min_human_distance: float

@@ -1,10 +1,9 @@
 """Leaving contact with a standing person: a robot that touches a person may move where the gap does not shrink.
 
 A robot that touches a wall is stuck, or its map is wrong. Contact with a standing person is different: trackers are off
-by
-centimetres, and people step up to a robot. So contact may be left by motions along which the gap grows or stays, until
-the robot is free. From then on the person blocks the robot like any other obstacle. No motion leads into contact, so
-motions that begin free stay free, however they are combined.
+by centimetres, and people step up to a robot. So contact may be left by motions along which the gap grows or stays,
+until the robot is free. From then on the person blocks the robot like any other obstacle. No motion leads into contact,
+so motions that begin free stay free, however they are combined.
 """
 
 from __future__ import annotations

@@ -223,8 +223,7 @@ class PlanarCollision:
         """Return whether a part is free on straight moves, from corners (N, c, 2) ``start`` to corners ``end``.
 
         A long move is halved until its middle is found blocked or its pieces are short. The pieces together sweep the
-        area of the
-        move.
+        area of the move.
         """
         free, owner = np.ones(len(start), dtype=bool), np.arange(len(start))
         while (long := np.hypot(*(end - start)[:, 0].T) > LONG).any():
@@ -252,9 +251,8 @@ class PlanarCollision:
         """Return whether a part is free on turns, in place or moving, by hulls of outlines at neighbouring yaws.
 
         Hulls are grown by the bulge of the arcs between. In place, a point leaves the chord of its arc by no more than
-        the sagitta,
-        r (1 - cos(Δ/2)). On a straight path the arc moves evenly along, and the point leaves its chord by no more than
-        r Δ²/8.
+        the sagitta, r (1 - cos(Δ/2)). On a straight path the arc moves evenly along, and the point leaves its chord by
+        no more than r Δ²/8.
         """
         turned = np.abs(end.yaw - start.yaw)
         pieces = np.maximum(1, np.ceil(turned / TURN_SAMPLE)).astype(np.int64)

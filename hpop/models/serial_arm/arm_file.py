@@ -1,8 +1,7 @@
 """Arms from URDF and SRDF files: read once, assembled, with hashes for saved fronts, and notes on oddities.
 
 SRDFs are written for several variants of a robot, so links and joints that they name need not exist. A misspelt name
-looks
-the same as such a name, so both give a note.
+looks the same as such a name, so both give a note.
 """
 
 from __future__ import annotations

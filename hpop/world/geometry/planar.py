@@ -253,8 +253,7 @@ class EdgeGrid:
     corner   (x, y)    m   lower-left corner of bucket [0, 0]
     side     float     m   of a bucket
     start    (R C + 1,)    the edges of bucket [i, j] are members[start[i C + j]:start[i C + j + 1]]
-    members  (K,)
-    shape    (R, C)
+    members  (K,) shape    (R, C)
     """
 
     edges: FloatArray
@@ -278,7 +277,7 @@ class EdgeGrid:
 
 
 def _crossings(edges: FloatArray, corner: FloatArray, side: float, shape: tuple[int, int]) -> tuple[IntArray, IntArray]:
-    """Return sorted pairs (bucket, edge); long edges are cut, and a piece is in the buckets of its bounding box.
+    """Return sorted pairs (bucket, edge).
 
     Long edges are cut, and a piece belongs to the buckets of its bounding box.
     """
