@@ -60,7 +60,9 @@ class Lines:
         """Count one more entity of the drawing; `ChildRefused` if there are too many."""
         self._things += 1
         if self._things > MOST_THINGS:
-            raise ChildRefused(f"it has more than {MOST_THINGS:,} entities; expected a floor plan. Remove some of them")
+            raise ChildRefused(
+                f"the drawing has more than {MOST_THINGS:,} entities, too many for a floor plan; remove some of the entities"
+            )
 
     def wants(self, layer: str, *, shown: bool = True) -> bool:
         """Count an entity of a layer, and return whether to read the entity."""

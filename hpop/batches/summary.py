@@ -25,8 +25,8 @@ class PlannerSummary:
     counts   number of cases by status: "complete", "no path", "error", a limit, ...
     seconds  (n,) planning time of the cases without an error, s
     points   (n,) front sizes of these cases; 0 if no path was found
-    shares   (p,) hypervolume of its front divided by that of the joint front of all planners, for each problem that
-             several planners were given and at least one solved
+    shares   (p,) hypervolume of the planner's front divided by that of the joint front of all planners; one for each
+             problem that was given to several planners and solved by at least one
     """
 
     planner: str

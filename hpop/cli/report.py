@@ -230,7 +230,7 @@ def print_wide(console: Console, table: Table) -> None:
 
 
 def plain_table() -> Table:
-    """Return an empty table as the command line prints them."""
+    """Return an empty table in the style of the command line."""
     return Table(box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
 
 

@@ -122,15 +122,15 @@ def to_open(area: Any, areas: Mapping[str, BaseGeometry], closed: Sequence[Closi
         if opened := [closing for closing in closed if closing.name == area]:
             return opened
         if area in areas:
-            raise DriveError(f"{area!r} is not closed, so there is nothing to open; closed are {listed(closed)}")
+            raise DriveError(f"{area!r} is not closed, so there is nothing to open; closed areas: {listed(closed)}")
         names = [closing.name for closing in closed if closing.name]
-        raise DriveError(_no_door(area, [*areas, *names], f"closed are {listed(closed)}"))
+        raise DriveError(_no_door(area, [*areas, *names], f"closed areas: {listed(closed)}"))
     polygon = polygon_of(area, "an area to open")
     opened = [closing for closing in closed if closing.area.equals(polygon)]
     if not opened:
         raise DriveError(
             f"no closed area equals {shown(polygon.wkt)}; open an area by its name, or by the polygon with which it "
-            f"was closed; closed are {listed(closed)}"
+            f"was closed; closed areas: {listed(closed)}"
         )
     return opened
 

@@ -63,7 +63,7 @@ class Drive(LawDefaults):
         return begin + displacement
 
     def slopes(self, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
-        """Return the first and second derivatives of a state by the fraction of the motion's time."""
+        """Return the first and second derivatives of a state with respect to the share of the motion's time."""
         span = getattr(end, name) - getattr(start, name)
         if name == "yaw":
             return span - _rotation_change(start, end) * (0.5 - share), _rotation_change(start, end) + 0.0 * share

@@ -122,7 +122,7 @@ class Coupled(Law, Protocol):
     """Law with states that depend on one another, so that not every end can be reached from a start."""
 
     def slopes(self, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
-        """Return the first and second derivatives of a state by the share of the motion done."""
+        """Return the first and second derivatives of a state with respect to the share of the motion done."""
 
     def strays(self, start: States, end: States) -> Column:
         """Return the distance (M,), m or rad, between each given end and the end computed by the law from the start."""
@@ -169,7 +169,7 @@ def follows(law: Law, protocol: type) -> bool:
 
 @checked_arguments
 def slopes(law: Law, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
-    """Return the first and second derivatives of a state by the share of the motion done."""
+    """Return the first and second derivatives of a state with respect to the share of the motion done."""
     if is_coupled(law):
         return law.slopes(name, start, end, share)
     return getattr(end, name) - getattr(start, name), 0.0
@@ -220,7 +220,7 @@ class Hold(LawDefaults):
         return (Phase(duration, 0.0 * duration, 1.0 + 0.0 * duration, "cruise"),)
 
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
-        """Return the clock where a share of the time has passed."""
+        """Return the clock after a share of the motion's time."""
         begin = getattr(start, name)
         return begin + (getattr(end, name) - begin) * share
 

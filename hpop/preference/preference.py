@@ -294,7 +294,7 @@ class Preference:
 
     def _points(self) -> Front[Any]:
         if self.points is None:
-            raise StudyError("this preference was read from a file and has no front; give it one: person.on(front)")
+            raise StudyError("this preference was read from a file and has no front; attach one: preference.on(front)")
         return self.points
 
     def _is_about(self, answer: PairAnswer, costs: FloatArray) -> bool:

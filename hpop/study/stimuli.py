@@ -150,9 +150,9 @@ def view_page(problem: Problem, trajectory: Trajectory, name: str, seconds: floa
 
 
 def _held(packed: dict[str, Any]) -> dict[str, Any]:
-    """Return the first of packed values, held for two samples.
+    """Return packed values that decode to the first value twice, for a still view.
 
-    Since values are differenced twice, these are v and -v.
+    Packing stores second differences, so the two samples (v, v) are stored as (v, -v).
     """
     return {"scale": packed["scale"], "columns": [[column[0], -column[0]] for column in packed["columns"]]}
 

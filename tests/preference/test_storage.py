@@ -55,7 +55,7 @@ def test_asking_goes_on_where_it_ended(tmp_path: Path) -> None:
 
 def test_without_a_front_it_says_what_to_do(tmp_path: Path) -> None:
     saved(tmp_path / "p.json")
-    with pytest.raises(StudyError, match=re.escape("person.on(front)")):
+    with pytest.raises(StudyError, match=re.escape("preference.on(front)")):
         Preference.load(tmp_path / "p.json").next_pair()
 
 

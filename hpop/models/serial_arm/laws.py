@@ -234,7 +234,7 @@ class JointSpline:
         return (Phase(duration, 0.0 * duration, 1.0 + 0.0 * duration, "drive"),)
 
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
-        """Return a joint, its speed or the clock where a share of the time has passed."""
+        """Return the value of a joint, of its speed or of the clock after a share of the motion's time."""
         if name in self._joint_of:
             slope, _ = self.slopes(self._joint_of[name], start, end, share)
             lasts = end.clock - start.clock

@@ -273,7 +273,7 @@ class JoinedEnds(TrajectoryGraph):
 
     @property
     def _rows(self) -> IntArray:
-        """Index (n + 1,) of the first arc of each node among the inner graph's; ends have no arcs there."""
+        """Row pointers (n + 1,) into the arcs of the graph that is extended; the rows of added ends are empty."""
         start = self.inner.arcs.start
         return np.append(start, np.full(len(self.ends), start[-1]))
 

@@ -138,7 +138,7 @@ class TimedSearch:
     def _add_best_completions(self, clock: Clock) -> None:
         """Complete some labels of this tick by best paths to a target, which gives solutions early.
 
-        These labels are not pruned. Therefore many of the paths are solutions that no other solution covers.
+        The labels have survived pruning, so many of these paths are solutions that no other solution covers.
         """
         tables, first = len(self.bounds.sweeps), int(self.state[FIRST])
         fresh = np.flatnonzero(self.kept[: int(self.counters[N_CLOSED]) - first])

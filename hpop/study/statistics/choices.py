@@ -130,7 +130,7 @@ def _check(pairs: IntArray, outcome: IntArray, names: Sequence[str]) -> None:
     """Raise StudyError if the likelihood has no maximum (Ford 1957, American Mathematical Monthly 64, 28)."""
     stimuli = len(names)
     if not len(pairs) or stimuli < 2 or pairs.min() < 0 or pairs.max() >= stimuli or (pairs[:, 0] == pairs[:, 1]).any():
-        raise StudyError(f"expected comparisons of two different ones of {stimuli} stimuli, counted from 0")
+        raise StudyError(f"each comparison must name two different stimuli, by numbers from 0 to {stimuli - 1}")
     if (outcome == 2).all():
         raise StudyError("nobody chose one of two stimuli: all said neither, and strengths cannot be told")
     forth, back = outcome != 1, outcome != 0

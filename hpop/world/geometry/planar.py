@@ -277,9 +277,9 @@ class EdgeGrid:
 
 
 def _crossings(edges: FloatArray, corner: FloatArray, side: float, shape: tuple[int, int]) -> tuple[IntArray, IntArray]:
-    """Return sorted pairs (bucket, edge).
+    """Return sorted pairs (grid cell, edge).
 
-    Long edges are cut, and a piece belongs to the buckets of its bounding box.
+    Long edges are cut; each piece is in the cells that its bounding box overlaps.
     """
     length = np.hypot(edges[:, 2] - edges[:, 0], edges[:, 3] - edges[:, 1])
     pieces = np.maximum(1, np.ceil(length / side)).astype(np.int64)

@@ -131,8 +131,8 @@ def test_intervals_are_wider_the_surer_they_are():
         ([(0, 1, 0), (1, 0, 1)], "0, 1; 2|2; 0, 1"),
         ([(0, 1, None), (1, 2, None), (2, 0, None)], "nobody chose one of two stimuli"),
         ([(0, 1, 2)], "of the stimuli 0 and 1 one is chosen, or None; got 2"),
-        ([(1, 1, 1)], "two different ones of 3 stimuli"),
-        ([(0, 3, 0)], "two different ones of 3 stimuli"),
+        ([(1, 1, 1)], "two different stimuli, by numbers from 0 to 2"),
+        ([(0, 3, 0)], "two different stimuli, by numbers from 0 to 2"),
     ],
 )
 def test_choices_without_finite_strengths_are_refused(choices, said):

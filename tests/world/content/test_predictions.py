@@ -140,7 +140,7 @@ def test_who_is_deep_within_an_obstacle_is_left_out_and_the_others_are_there():
     assert [note for note in notes if "Bob" in note] == ["people within an obstacle, left out: 'Bob' at (5.5, 2)"]
     with pytest.raises(MapError, match=r"person 'Bob' begins at \(5.5, 2\), within an obstacle. People who walk begin"):
         people_of(lost, world=block)
-    with pytest.raises(MapError, match="within an obstacle, as all do"):
+    with pytest.raises(MapError, match="within an obstacle, and so do all the others"):
         people_of(lost, lost, world=block)
 
 
