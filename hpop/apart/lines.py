@@ -61,7 +61,7 @@ class Lines:
         self._things += 1
         if self._things > MOST_THINGS:
             raise ChildRefused(
-                f"the drawing has more than {MOST_THINGS:,} entities, too many for a floor plan; remove some of the entities"
+                f"the drawing has more than {MOST_THINGS:,} entities, too many for a floor plan; remove some entities"
             )
 
     def wants(self, layer: str, *, shown: bool = True) -> bool:

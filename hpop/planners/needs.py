@@ -81,7 +81,7 @@ def on_wheels(model: Model) -> Wheeled:
 
 
 def reaches(model: PlanarModel, world: World) -> tuple[tuple[Heights, float], ...]:
-    """Return each height range of the robot with the largest horizontal distance, m, of its parts there from its axis."""
+    """Return the robot's height ranges, each with the largest distance, m, of its parts there from the robot's axis."""
     by_space: dict[int, tuple[Heights, float]] = {}
     for part in model.platform:
         z = (part.z_min, part.z_max)

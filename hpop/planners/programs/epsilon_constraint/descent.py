@@ -167,8 +167,8 @@ class Descent:
     ) -> tuple[tuple[Polyline, FloatArray], float] | None:
         """Return the best displacement of one corner that keeps the bounds (k,), and its size, m; None without a gain.
 
-        Sizes are tried one after the other, the largest first. Displacements are projected so that segments with a fixed
-        heading keep this heading; otherwise the robot would have to turn once more.
+        Sizes are tried one after the other, the largest first. Displacements are projected so that segments with a
+        fixed heading keep it; otherwise the robot would have to turn once more.
         """
         vertices = polyline.vertices
         ahead = np.diff(vertices, axis=0)
