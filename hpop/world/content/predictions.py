@@ -303,8 +303,8 @@ def _outside(world: World) -> tuple[World, list[Inside]]:
         one = next(one for one in inside if one.what == LEFT_OUT)
         raise MapError(
             f"person {one.who} begins at ({one.place[0]:.4g}, {one.place[1]:.4g}), within an obstacle"
-            f"{', and so do all the others' if walking > 1 else ''}. People who walk begin where there is room: check the "
-            "place, and that the map and the track have the same origin, axes and unit."
+            f"{', and so do all the others' if walking > 1 else ''}. People who walk begin where there is room: check "
+            "the place, and that the map and the track have the same origin, axes and unit."
         )
     return with_people(world, world.content.people if not inside else tuple(people)), inside
 
