@@ -89,8 +89,7 @@ class BatchProgress:
 def solve(shared: Setting, task: CaseTask) -> list[dict[str, Any]]:
     """Solve a case and return its rows: one per trajectory, or a single row that explains why there is none.
 
-    An error of the problem, the planner or the user's own code is stored in ``error`` of the row. The list is empty
-    after Ctrl-C.
+    An error of the problem, the planner or the user's own code is stored in ``error``. No row comes after Ctrl-C.
     """
     wall, processor = time.perf_counter(), time.process_time()
     front: Front | None = None
@@ -121,11 +120,11 @@ def solve(shared: Setting, task: CaseTask) -> list[dict[str, Any]]:
     }
     if front is None or error is not None:
         return [common]
-    runs = [run_cases for run_cases in front.runs if isinstance(run_cases, Mapping)]
+    runs = [run for run in front.runs if isinstance(run, Mapping)]
     common |= {
         "certificate": front.certificate,
         "points": len(front),
-        "labels": sum(int(run_cases.get("labels_generated", 0)) for run_cases in runs),
+        "labels": sum(int(run.get("labels_generated", 0)) for run in runs),
         "units": dict(zip(front.names, front.units, strict=True)),
     }
     if not len(front):
