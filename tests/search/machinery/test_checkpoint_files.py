@@ -6,7 +6,6 @@ import errno
 import json
 import os
 import signal
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ import pytest
 import hpop.search.machinery.checkpoint as module
 from hpop.errors import OptionError
 from hpop.runtime.status import Budget, Progress, Status
-from hpop.search import Graph, pareto_paths
+from hpop.search import Graph, choice, pareto_paths
 from hpop.search.machinery.checkpoint import SHARE, Checkpoint, CheckpointError, Keeper
 
 
@@ -68,8 +67,7 @@ def test_one_that_takes_the_costs_in_another_order_is_refused(interrupted, monke
     """As of a version that breaks ties otherwise between the paths that are least in one cost."""
     graph, file = interrupted
     before = file.read_bytes()
-    code = sys.modules["hpop.search.pareto_paths"]
-    monkeypatch.setattr(code, "_by_spread", lambda *arguments, usual=code._by_spread: usual(*arguments)[::-1])
+    monkeypatch.setattr(choice, "_by_spread", lambda *arguments, usual=choice._by_spread: usual(*arguments)[::-1])
     with pytest.raises(CheckpointError, match=r"does not fit .*it takes the costs in another order.*; remove it"):
         pareto_paths(graph, 0, 60, checkpoint=file)
     assert file.read_bytes() == before
