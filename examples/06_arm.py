@@ -26,7 +26,7 @@ BOARDS = {
 CANS = {"below": (0.66, -0.2, 0.0785), "left": (0.7, 0.25, 0.4285), "right": (0.7, -0.25, 0.4285)}
 
 
-def main(folder: Path = Path("out/06_arm"), samples: int = 1000) -> list[hpop.Front]:
+def main(folder: Path = Path("out/06_arm"), samples: int = 300) -> list[hpop.Front]:
     """Plan from can to can, choose the knee, and draw each front."""
     # World: a shelf on a table, made of boxes and cylinders, which are placed by their centres.
     boards = [Solid(Box(size), pose_at(place), name) for name, (size, place) in BOARDS.items()]
