@@ -295,7 +295,7 @@ def test_an_arm_before_a_shelf_is_planned_and_shown_from_the_command_line(tmp_pa
     scenario, folder = tmp_path / "shelf.yaml", tmp_path / "out"
     text = (EXAMPLES / "arm_shelf.yaml").read_text().replace("arm/arm6", str(EXAMPLES / "arm/arm6"))
     before, _, planner = text.partition("planner:")
-    assert "spline: {warm_start: {roadmap: {samples: 2000}}}" in planner
+    assert "spline: {warm_start: {roadmap: {samples: 600}}}" in planner
     scenario.write_text(before + "planner: {roadmap: {samples: 200}}\n")
     planned = CliRunner().invoke(main, ["plan", str(scenario), "--out", str(folder)])
     assert planned.exit_code == 0, planned.output
