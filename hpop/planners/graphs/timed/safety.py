@@ -23,6 +23,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -314,25 +315,43 @@ class Safety:
             ends = _of_rows(seen, some)
             clear[some] |= self._outline_gaps(pieces, some, ends, person, walk) >= touch.gap[some] - TOUCH
         if person in self.touched:
-            clear |= self._parts_from(pieces, seen, person, touch) & (walk.stray <= TOUCH)
+            clear |= self._parts_from(pieces, tick, person, touch)
         leaves: BoolArray = inside & clear & (tick <= self._left_by)
         return leaves
 
-    def _parts_from(
-        self, pieces: MotionPieces, seen: tuple[Place, Place], person: Person, touch: Separation
-    ) -> BoolArray:
+    def _parts_from(self, pieces: MotionPieces, tick: IntArray, person: Person, touch: Separation) -> BoolArray:
         """Mark pieces (N,) that begin in contact, or so near that a robot behind its plan is, and never reduce the gap.
 
-        The gap of a robot that does not turn is convex in time.
+        Between the corners of a person's path, the gap of a robot that does not turn is convex in time, so it never
+        shrinks if it does not shrink at first.
         """
-        (x, y), (to_x, to_y) = seen
+        begin, end = (self.clock.seconds(ticks)[:, None] for ticks in (tick, tick + pieces.lasts))
+        corners = person.way()[:, 0]
+        corners = corners[(corners > begin.min(initial=np.inf)) & (corners < end.max(initial=-np.inf))]
+        times = np.concatenate([begin, np.clip(corners, begin, end), end], axis=1)
+        share = (times - begin) / (end - begin)
+        (ax, ay), (bx, by) = pieces.start, pieces.end
+        x, y = person.at(times)
+        x, y = x - ax[:, None] - share * (bx - ax)[:, None], y - ay[:, None] - share * (by - ay)[:, None]
+        parts = np.ones(tick.size, dtype=bool)
         if self._round:
-            in_contact = np.hypot(x, y) < self._axis(person, touch) + self.stray
-            return np.asarray(in_contact & (x * (to_x - x) + y * (to_y - y) >= -TOUCH))
-        soon = x + EARLY * (to_x - x), y + EARLY * (to_y - y)
-        gap, then = (to_parts(self.parts, pieces.yaw, [place]) - person.radius for place in (seen[0], soon))
-        in_contact = gap < touch.gap + self.stray
-        return np.asarray(in_contact & (then >= gap - TOUCH) & (pieces.moves | pieces.stands))
+            in_contact = np.hypot(x[:, 0], y[:, 0]) < self._axis(person, touch) + self.stray
+        else:
+            parts = pieces.moves | pieces.stands
+            in_contact = self._to_outline(pieces, (x[:, 0], y[:, 0]), person) < touch.gap + self.stray
+        for (x0, x1), (y0, y1), (since, until) in zip(*(pairwise(c.T) for c in (x, y, times)), strict=True):
+            dx, dy = x1 - x0, y1 - y0
+            if self._round:
+                grows = x0 * dx + y0 * dy >= -TOUCH
+            else:
+                gap, then = (self._to_outline(pieces, (x0 + s * dx, y0 + s * dy), person) for s in (0.0, EARLY))
+                grows = then >= gap - TOUCH
+            parts &= grows | (until <= since) | ~(np.asarray(person.there(0.5 * (since + until))) > 0)
+        return np.asarray(in_contact & parts)
+
+    def _to_outline(self, pieces: MotionPieces, at: Place, person: Person) -> FloatArray:
+        """Return the gaps (N,), m, of a person at positions relative to the robot that begins some pieces."""
+        return to_parts(self.parts, pieces.yaw, [at]) - person.radius
 
     def _needed_on(self, person: Person, tick: IntArray, lasts: IntArray, margin: float) -> Separation:
         """Return the largest distances for a margin, m, needed at the ends and in the middle of some ticks."""
