@@ -57,12 +57,12 @@ class Criterion(Protocol):
 
     These may be left out, and have defaults:
 
-    role         "duration", "length" or "turns", if the cost is what planners know by that name; None
-    world_frame  whether the cost depends on directions or positions of its own, apart from the world's content; False
+    role         "duration", "length" or "turns", if planners may use the cost as this quantity; None
+    world_frame  whether the cost has directions or positions of its own, so that turning the world changes it; False
     instead      names of criteria for models that lack a requirement; ()
-    integral     of a time-mean: the criterion that adds up in its place; None for the time integral of ``cost`` itself
-    mean         of a stand-in for a time-mean: that time-mean; None
-    stand_in_quantum  of a time-mean: the quantum of its stand-in, where one was set; None
+    integral     of a time-mean: the sum that searches minimise in its place; None for the time integral of ``cost``
+    mean         of a sum that replaces a time-mean (its stand-in): the time-mean; None
+    stand_in_quantum  of a time-mean: the quantum that the user set for its stand-in; None
     places       positions (x, y, z), m, for pictures to mark; ()
     bound        method of two states (M,): a lower bound (M,) on the cost of any trajectory between them; None
     convex       method of a path: the cost of polylines as a convex expression, :mod:`hpop.criteria.convex`; None
@@ -231,7 +231,7 @@ def check_usable(criterion: Criterion, model: Model, world: World) -> None:
 
 
 def check_command(criterion: Criterion) -> str:
-    """Return the command that checks a criterion's conformance, by the file or the module of its class."""
+    """Return the shell command that tests a criterion: ``hpop check`` with the file or module of its class."""
     cls = class_of(criterion)
     file = getattr(sys.modules.get(cls.__module__), "__file__", None)
     source = cls.__module__ if "." in cls.__module__ or file is None else file
@@ -239,7 +239,10 @@ def check_command(criterion: Criterion) -> str:
 
 
 def class_of(criterion: Criterion) -> type:
-    """Return the class of a criterion; for hpop's own time integral in place of a mean, the class of the mean."""
+    """Return the class of a criterion.
+
+    If hpop made the criterion as the integral of a time-mean, the class of that mean.
+    """
     cls, mean = type(criterion), criterion.mean
     return type(mean) if cls.__module__.startswith("hpop.") and mean is not None else cls
 

@@ -41,10 +41,10 @@ def motion_costs(criterion: Criterion, motions: Motions) -> FloatArray:
     if not len(motions):
         check_requirements(criterion, motions.model, motions.world)
         return np.zeros(0)
-    return _checked(criterion, motions, len(motions), motions.kind)
+    return _checked_costs(criterion, motions, len(motions), motions.kind)
 
 
-def _checked(criterion: Criterion, m: Motions | History, size: int, kind: str) -> FloatArray:
+def _checked_costs(criterion: Criterion, m: Motions | History, size: int, kind: str) -> FloatArray:
     laws_of(with_optional_members(m.model, MODEL_DEFAULTS))  # completes the laws as well
     check_requirements(criterion, m.model, m.world)
     try:
@@ -173,7 +173,10 @@ def _own_costs(criteria: Sequence[Criterion], trajectories: Sequence[Trajectory]
 
 
 def _parts(counts: Sequence[int]) -> Iterator[slice]:
-    """Yield slices of trajectories, by their numbers of motions; a slice ends once it has `BLOCK` motions or more."""
+    """Yield slices of trajectories with about `BLOCK` motions each.
+
+    ``counts`` has each trajectory's number of motions.
+    """
     begin = motions = 0
     for i, number in enumerate(counts):
         motions += number
@@ -189,11 +192,11 @@ def running_costs(criterion: Criterion, trajectory: Trajectory, world: World) ->
 
 def running_values(criterion: Criterion, history: History) -> FloatArray:
     """Return the running values (M,) of a criterion with memory along a history."""
-    return _checked(criterion, history, len(history), "trajectory") if len(history) else np.zeros(0)
+    return _checked_costs(criterion, history, len(history), "trajectory") if len(history) else np.zeros(0)
 
 
 def with_quanta(criteria: Sequence[C], quanta: Mapping[str, Any] | None) -> tuple[C, ...]:
-    """Return criteria that compare costs at other quanta, given by the name of a criterion or of a mean's stand-in.
+    """Return copies of the criteria with the given quanta, by the name of a criterion or of a mean's integral.
 
     Raises CriterionError for an unknown name, a quantum that is not positive, and a quantum other than 1 for a count.
 
@@ -223,18 +226,18 @@ def with_quanta(criteria: Sequence[C], quanta: Mapping[str, Any] | None) -> tupl
 
 
 def stand_in_of(mean: Criterion) -> Criterion | None:
-    """Return the criterion that adds up in place of a time-mean, with the quantum set for it."""
+    """Return the sum that searches minimise in place of a time-mean, with the quantum that the user set for it."""
     if mean.integral is None or mean.stand_in_quantum is None:
         return mean.integral
     return _set(mean.integral, "quantum", mean.stand_in_quantum)
 
 
-def stated(criteria: Sequence[Criterion], quanta: Mapping[str, float]) -> str:
-    """Return the quanta that were set, as the end of a certificate.
+def quanta_statement(criteria: Sequence[Criterion], quanta: Mapping[str, float]) -> str:
+    """Return the quanta that the user set, as the last part of a certificate.
 
     >>> from hpop.criteria.comfort.length import Length
-    >>> stated(with_quanta([Length()], {"length": 0.001}), {"length": 0.001}), stated([Length()], {})
-    ('; quanta as set: length 0.001 m', '')
+    >>> quanta_statement(with_quanta([Length()], {"length": 0.001}), {"length": 0.001})
+    '; quanta as set: length 0.001 m'
     """
     own = [f"{c.name} {c.quantum:g}{f' {c.unit}' if c.unit != '1' else ''}" for c in criteria if c.name in quanta]
     return f"; quanta as set: {', '.join(own)}" if own else ""
@@ -248,7 +251,7 @@ def _with_quantum(criterion: C, quanta: Mapping[str, float]) -> C:
 
 
 def _set(criterion: C, name: str, quantum: float) -> C:
-    """Return a copy with an attribute that hides the class's declaration."""
+    """Return a copy of a criterion with another quantum, in an attribute of the copy that hides that of its class."""
     changed = copy(criterion)
     try:
         object.__setattr__(changed, name, float(quantum))

@@ -199,7 +199,10 @@ def _refuse(path: Any, fault: str) -> NoReturn:
 
 
 def document(pieces: tuple[tuple[float, Mapping[str, Any]], ...], source: Source) -> dict[str, Any]:
-    """Return the content of a file: weights of described criteria, and their source."""
+    """Return the content of a file, ready for JSON.
+
+    The weights, the described criteria, and the source of the weights.
+    """
     return {
         "schema": SCHEMA,
         "version": VERSION,

@@ -18,7 +18,7 @@ from hpop.base.arrays import BoolArray
 from hpop.base.registry import GROUPS
 from hpop.base.text import shown, some
 from hpop.criteria.base import Criterion
-from hpop.criteria.costs import stated, trajectory_costs
+from hpop.criteria.costs import quanta_statement, trajectory_costs
 from hpop.errors import NOTE, CriterionError, OptionError, QueryError
 from hpop.frontier.dominance import MAX_QUANTA
 from hpop.frontier.union import JOINT
@@ -208,7 +208,7 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
             )
     optimised = costs[:, : len(candidates.objectives)]
     off = np.abs(optimised - candidates.planned) > candidates.tolerance + 1e-9 * np.abs(optimised)
-    certificate = candidates.certificate + stated(objectives, problem.quanta)
+    certificate = candidates.certificate + quanta_statement(objectives, problem.quanta)
     if off.any():
         names = [objectives[j].name for j in np.flatnonzero(off.any(axis=0))]
         certificate = f"NOT VALID: planned and re-evaluated {', '.join(names)} differ, please report ({certificate})"

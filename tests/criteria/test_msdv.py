@@ -6,7 +6,7 @@ import shapely
 from scipy.signal import TransferFunction, lsim
 
 from hpop.criteria import MSDV, trajectory_cost
-from hpop.criteria.comfort.msdv import sections, weighted, weighting
+from hpop.criteria.comfort.msdv import apply_wf_filter, sections, weighting
 from hpop.criteria.costs import running_costs
 from hpop.models import DifferentialDrive
 from hpop.trajectories.trajectory import Trajectory
@@ -24,12 +24,12 @@ def test_the_weighting_has_the_gains_of_the_standard(frequency, gain):
 @pytest.mark.parametrize(("frequency", "gain"), PUBLISHED)
 def test_the_digital_filter_weighs_a_long_sinusoid_alike(frequency, gain):
     times = np.arange(0, 400, 0.02)
-    out = weighted(np.sin(2 * np.pi * frequency * times)[:, None], 0.02)[times >= 200, 0]  # whole periods
+    out = apply_wf_filter(np.sin(2 * np.pi * frequency * times)[:, None], 0.02)[times >= 200, 0]  # whole periods
     assert np.sqrt(2 * np.mean(out**2)) == pytest.approx(gain, rel=3e-3)
 
 
 def test_a_constant_acceleration_is_not_weighed_in_the_long_run():
-    assert abs(weighted(np.ones((20_000, 1)), 0.02)[-1, 0]) < 1e-6
+    assert abs(apply_wf_filter(np.ones((20_000, 1)), 0.02)[-1, 0]) < 1e-6
 
 
 @pytest.mark.cases("1.2")

@@ -58,7 +58,10 @@ def _visual_motion(m: History, longest: float) -> VisualMotion:
 
 
 def _in_frame(axes: list[FloatArray], vectors: FloatArray) -> FloatArray:
-    """Return components (N, 3) of vectors (N, 3) along the axes (N + 2, 3) of the same moments."""
+    """Return the components (N, 3) of vectors (N, 3) along three axes.
+
+    Axes (N + 2, 3) have one more sample at either end.
+    """
     return np.stack([np.sum(vectors * axis[1:-1], axis=1) for axis in axes], axis=1)
 
 

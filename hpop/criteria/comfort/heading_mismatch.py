@@ -39,7 +39,10 @@ class _Mismatch:
 
 
 def _fine(m: Motions) -> Motions:
-    """Return motions with enough panels for ramps of turns that swing the camera round."""
+    """Return turns in place with more quadrature panels, since the camera's speed then has steep ramps.
+
+    Else the motions.
+    """
     if not m.whole or m.panels is not None or m.law.quadrature == "adaptive" or {"x", "y"} & m.law.varies:
         return m
     if any(is_symbolic(getattr(m.start, name)) for name in m.start.names):
@@ -77,5 +80,5 @@ class MeanHeadingMismatch(_Mismatch):
 
     @property
     def integral(self) -> HeadingMismatch:
-        """Criterion that adds up in the mean's place."""
+        """Time integral, which searches minimise in place of the mean."""
         return HeadingMismatch(self.slow)

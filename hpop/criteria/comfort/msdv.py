@@ -49,8 +49,11 @@ def _quadratic(frequency: float, quality: float) -> FloatArray:
     return np.array([1.0, w / quality, w * w])
 
 
-def weighted(acceleration: FloatArray, step: float) -> FloatArray:
-    """Return accelerations (N, k), m/s², every ``step`` seconds, filtered by Wf from rest; each column by itself."""
+def apply_wf_filter(acceleration: FloatArray, step: float) -> FloatArray:
+    """Return accelerations (N, k), m/s², after the filter Wf, from rest; each column by itself.
+
+    step  s between samples
+    """
     from scipy.signal import sosfilt
 
     filtered: FloatArray = sosfilt(np.array(_digital(step)), acceleration, axis=0)
@@ -83,6 +86,6 @@ class MSDV:
     def cost(self, m: History) -> FloatArray:
         """Return the dose (M,), m/s^1.5, up to the end of each motion."""
         visual = visual_motion(m, STEP)
-        squares = np.sum(weighted(visual.acceleration, visual.step) ** 2, axis=1)
+        squares = np.sum(apply_wf_filter(visual.acceleration, visual.step) ** 2, axis=1)
         dose = np.sqrt(np.cumsum(squares) * visual.step)
         return m.at_motion_ends(visual.times, dose)

@@ -25,7 +25,7 @@ def rays_of_view(view: FieldOfView, bearings: int) -> FloatArray:
 
 
 def flow_in_space(surfaces: Surfaces, view: FloatArray, nearest: float, *, largest: bool) -> Rate:
-    """Return the rate of the mean, or the largest, flow along rays (K, 3) in the camera's frame."""
+    """Return a function of instants: the mean or the largest flow, rad/s, along rays (K, 3) in the camera's frame."""
 
     def rate(s: Instants) -> FloatArray:
         pose, twist, size = s.camera, s.twist("camera"), s.state.size
@@ -52,7 +52,7 @@ class _Flow:
         set_wholes(self, "bearings", least=4, most=360, kind="a number of directions", error=CriterionError)
 
     def _rate(self, m: Motions, *, largest: bool) -> Rate:
-        """Return the rate of the flow as the camera moves and turns: the mean, or the largest."""
+        """Return a function of instants: the mean or the largest flow, rad/s, as the camera moves and turns."""
         if height_varies(m.model):
             view = rays_of_view(field_of_view(m.model), self.bearings)
             return flow_in_space(surfaces_of(m.world), view, self.nearest, largest=largest)

@@ -48,7 +48,7 @@ class PassingDistance:
         return np.where(m.camera.length > 0.0, worst, 0.0)
 
     def convex(self, path: ConvexPath) -> ConvexCost:
-        """Return an upper bound: the distance to half-planes that contain all visible obstacles."""
+        """Return a convex upper bound of the cost, by the distance to half-planes that contain the seen obstacles."""
         z = float(np.round(path.model.pose("camera", path.start).z[0], 6))
         heights = (z - self.band, z + self.band)
         seen = as_seen(path.world, heights).free_space(heights)

@@ -51,7 +51,7 @@ def base_velocity(m: Motions, s: Instants) -> tuple[Column, Column]:
 
 
 def clock(s: Instants, people: Iterable[Person]) -> Column | None:
-    """Return the times of moments, s, if a person moves; else None, so that graphs without time can be costed."""
+    """Return the times of the instants, s; None if all people stand, so that graphs without time can be costed."""
     return s.t if any_moves(people) else None
 
 
@@ -120,7 +120,10 @@ def _flow(world: World, zone: Zone) -> tuple[Field, Field]:
 
 
 def _grid(world: World, area: BaseGeometry) -> tuple[FloatArray, FloatArray]:
-    """Return sample positions a field cell apart; coarser where a zone would take over four million."""
+    """Return the x and y of samples a field cell apart.
+
+    Farther apart if a zone would need over four million samples.
+    """
     x0, y0, x1, y1 = shapely.bounds(area)
     spacing = max(world.cell, math.sqrt((x1 - x0) * (y1 - y0) / MAX_SAMPLES))
     return grid_points((x0, y0, x1, y1), spacing)

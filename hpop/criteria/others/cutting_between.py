@@ -63,12 +63,15 @@ class CuttingBetween:
         for pair in pairs:
             relative = [_relative_to(pair, pose.x, pose.y, t) for pose, t in zip(poses, times, strict=True)]
             pieces = zip(pairwise(relative), pairwise(times), strict=True)
-            crossings = crossings + sum(_crossed(*ends, *interval, pair) for ends, interval in pieces)
+            crossings = crossings + sum(_crosses_pair(*ends, *interval, pair) for ends, interval in pieces)
         return crossings
 
 
 def _relative_to(pair: tuple[Person, Person], x: Column, y: Column, t: Column | None) -> tuple[Column, Column]:
-    """Return coordinates (N,) along the segment between two people (0 to 1), and to its left on the same scale."""
+    """Return a position in coordinates (N,) of the segment between two people: along it, 0 to 1, and to its left.
+
+    Both coordinates have the length of the segment as their unit.
+    """
     ax, ay = position(pair[0], t)
     bx, by = position(pair[1], t)
     dx, dy = bx - ax, by - ay
@@ -86,14 +89,18 @@ def _pieces(m: Motions, people: list[Person]) -> int:
     return int(np.clip(np.ceil(farthest / STEP), chords, MOST_CHORDS))
 
 
-def _crossed(
+def _crosses_pair(
     begin: tuple[Column, Column],
     end: tuple[Column, Column],
     t_begin: Column | None,
     t_end: Column | None,
     pair: tuple[Person, Person],
 ) -> Column:
-    """Return 1 where the straight line from begin to end crosses the segment while both people are present, else 0."""
+    """Return 1 (M,) where a straight move from begin to end crosses the segment between two present people, else 0.
+
+    begin, end      position in coordinates of the segment, as from ``_relative_to``
+    t_begin, t_end  s, times at both ends, or None for people who stand
+    """
     (along, left), (to_along, to_left) = begin, end
     changes = np.where(np.logical_and(left >= 0, to_left < 0), 1.0, 0.0)
     changes = np.where(np.logical_and(left < 0, to_left >= 0), 1.0, changes)

@@ -62,7 +62,7 @@ class HallZones:
             distance, deviation = hypot(*offset(person, x, y, t)), person.deviation(t)
             if is_zero(deviation):
                 return self.weight(distance - person.radius - radius)
-            return _blurred(self, person.radius + radius)(distance, deviation)
+            return _mean_zone_weight(self, person.radius + radius)(distance, deviation)
 
         return m.integrate(lambda s: expected(people, intrusion, s.base.x, s.base.y, clock(s, people)))
 
@@ -74,13 +74,19 @@ class HallZones:
 
 
 def within(depth: Column, softness: float) -> Column:
-    """Return 0 outside a border and 1 inside, by depth, m; between over the softness, m; twice differentiable."""
+    """Return a smooth step (N,) of the depth behind a border, m: 0 outside, 1 inside; ``softness`` is its width, m.
+
+    It is a polynomial of degree 5, 1/2 at the border, and twice differentiable.
+    """
     u = np.clip(depth / softness + 0.5, 0.0, 1.0)
     return u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
 
 
 @lru_cache(maxsize=128)  # 0.6 MB each; one per radius of a person
-def _blurred(zones: HallZones, radii: float) -> Blurred:
-    """Return the mean weight of an uncertain distance, m, between the axes of robot and person; radii are their sum."""
+def _mean_zone_weight(zones: HallZones, radii: float) -> Blurred:
+    """Return the function for the mean weight of an uncertain distance, m, between the axes of robot and person.
+
+    radii  m, sum of both radii
+    """
     end = HALL["social"] + 0.5 * zones.softness + radii
     return Blurred(lambda distance: zones.weight(distance - radii), end, detail=zones.softness)

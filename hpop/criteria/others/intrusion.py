@@ -45,7 +45,7 @@ class WorstIntrusion:
         _check_nearness(self, self.robot_radius)
 
     def cost(self, m: Motions) -> Column:
-        """Return the largest expected number (M,) of people who are nearer."""
+        """Return the largest expected number (M,) of people nearer than ``distance``."""
         return m.worst(_nearer(m, self.distance, self.softness, self.robot_radius), detail=self.softness)
 
 
@@ -89,7 +89,7 @@ def _check_nearness(criterion: WorstIntrusion | ExpectedContacts, robot_radius: 
 
 
 def _nearer(m: Motions, distance: float, softness: float, robot_radius: float | None) -> Rate:
-    """Return the rate: the expected number of people nearer than a distance, m."""
+    """Return a function of instants: the expected number (N,) of people nearer than a distance, m."""
     people, radius = m.world.content.people, reach(m.model, robot_radius)
 
     def nearness(person: Person, x: Column, y: Column, t: Column | None) -> Column:
@@ -97,7 +97,7 @@ def _nearer(m: Motions, distance: float, softness: float, robot_radius: float | 
         near = distance + person.radius + radius  # between axes
         if is_zero(deviation):
             return within(near + 0.5 * softness - gap, softness)
-        return _blurred(near, softness)(gap, deviation)
+        return _mean_nearness(near, softness)(gap, deviation)
 
     def rate(s: Instants) -> Column:
         return expected(people, nearness, s.base.x, s.base.y, clock(s, people))
@@ -106,8 +106,8 @@ def _nearer(m: Motions, distance: float, softness: float, robot_radius: float | 
 
 
 @lru_cache(maxsize=128)  # 0.6 MB each; one per radius of a person
-def _blurred(near: float, softness: float) -> Blurred:
-    """Return the mean nearness by the uncertain distance between axes."""
+def _mean_nearness(near: float, softness: float) -> Blurred:
+    """Return the function for the mean nearness at an uncertain distance between the axes of robot and person."""
     return Blurred(
         lambda gap: np.asarray(within(near + 0.5 * softness - gap, softness)), near + softness, detail=softness
     )

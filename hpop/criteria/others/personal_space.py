@@ -20,11 +20,14 @@ from hpop.world.content.proxemics import expected, in_frame, worst
 
 Combination = Literal["sum", "max"]
 LEAST_AHEAD = 0.5  # m
-TINY = 1e-6  # m: smallest deviation of one that grows
+TINY = 1e-6  # m: smallest deviation, where deviations grow with time
 
 
 def spreads(person: Person, t: Column | None = None) -> tuple[Column, Column, Column]:
-    """Return standard deviations ahead, aside and behind, m, at times t (N,): max(2v, 1/2), its 2/3 and its half."""
+    """Return the standard deviations ahead, aside and behind, m, of a person's space at times t (N,).
+
+    They are σ_h = max(2v, 1/2), 2/3 σ_h and 1/2 σ_h at the person's speed v, m/s.
+    """
     vx, vy = person.velocity_at(t)
     steady = isinstance(vx, float)
     ahead = max(2.0 * math.hypot(vx, vy), LEAST_AHEAD) if steady else np.maximum(2.0 * hypot(vx, vy), LEAST_AHEAD)
@@ -66,13 +69,13 @@ def _intrusion(person: Person, x: Column, y: Column, t: Column | None) -> Column
     front, side, rear = spreads(person, t)
     deviation = person.deviation(t)
     if not is_zero(deviation):
-        return _blurred(ahead, left, (front, side, rear), deviation)
+        return _mean_intrusion(ahead, left, (front, side, rear), deviation)
     u = np.maximum(ahead, 0.0) / front + np.minimum(ahead, 0.0) / rear  # one of the two is 0: no jump in the slope
     v = left / side
     return np.exp(-0.5 * (u * u + v * v))
 
 
-def _blurred(ahead: Column, left: Column, widths: tuple[Column, Column, Column], deviation: Column) -> Column:
+def _mean_intrusion(ahead: Column, left: Column, widths: tuple[Column, Column, Column], deviation: Column) -> Column:
     """Return the mean (N,) of the intrusion if the person's position has a deviation (N,), m, along each axis.
 
     A blurred Gaussian is a Gaussian with the sum of variances. Each half, ahead and behind, contributes with the share

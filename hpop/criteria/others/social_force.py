@@ -18,7 +18,7 @@ from hpop.world.content.content import Person
 from hpop.world.content.proxemics import expected, offset
 
 STANDSTILL = 1e-9  # |D| below which the force is 0, since its range γ|D| is
-TINY = 1e-6  # m: smallest deviation of one that grows
+TINY = 1e-6  # m: smallest deviation, where deviations grow with time
 ROOT_PI = float(np.sqrt(np.pi))
 
 
@@ -78,11 +78,15 @@ class SocialForce:
             ahead = np.where(apart, ex, 1.0)  # any direction serves where none is defined
             columns = (distance, ahead, ey, walks_x - vx, walks_y - vy, np.maximum(deviation, TINY))
             return sum_over_rows(self._towards, DIRECTIONS, *columns)
-        reach, strongest = self._along(ex, ey, walks_x - vx, walks_y - vy)
+        reach, strongest = self._range_and_strength(ex, ey, walks_x - vx, walks_y - vy)
         return strongest * np.exp(-distance / reach)
 
-    def _along(self, ex: Column, ey: Column, wx: Column, wy: Column) -> tuple[Column, Column]:
-        """Return B (N,), m, and |f| (N,) at distance 0, m/s², in directions e; w is the relative velocity."""
+    def _range_and_strength(self, ex: Column, ey: Column, wx: Column, wy: Column) -> tuple[Column, Column]:
+        """Return the force's range B (N,), m, and its strength |f| (N,) at distance 0, m/s².
+
+        ex, ey  unit direction to the person
+        wx, wy  relative velocity, m/s
+        """
         Dx, Dy = self.anticipation * wx + ex, self.anticipation * wy + ey
         length = hypot(Dx, Dy)
         pushes = length > STANDSTILL
@@ -105,7 +109,7 @@ class SocialForce:
         wy: Column,
         deviation: Column,
     ) -> Column:
-        """Return the contribution (N,) of a direction to the mean of |f|, for a prediction at a distance along e.
+        """Return the contribution (N,), m/s², of one direction to the mean of |f| over a person's uncertain position.
 
         In polar coordinates r, φ about the robot, φ = 0 towards the prediction, a position has the density exp(-(r² - 2
         r d cos φ + d²)/2σ²)/2πσ², and |f| is exp(-r/B) times a function of φ. With a = d cos φ - σ²/B the integral over
@@ -116,7 +120,7 @@ class SocialForce:
         scale = 1.0 + narrow * narrow
         versine = 2.0 * narrow * narrow / scale  # 1 - cos φ
         cos, sin = 1.0 - versine, 2.0 * narrow / scale
-        reach, strongest = self._along(ex * cos - ey * sin, ex * sin + ey * cos, wx, wy)
+        reach, strongest = self._range_and_strength(ex * cos - ey * sin, ex * sin + ey * cos, wx, wy)
         shortening = distance * versine + deviation * deviation / reach
         nearest = distance - shortening  # a
         z = nearest / (np.sqrt(2.0) * deviation)
@@ -131,7 +135,7 @@ class SocialForce:
 
 
 def _directions(count: int) -> tuple[tuple[float, float], ...]:
-    """Return tan(ψ/2) of even directions ψ, and (1 + tan²(ψ/2)) / count."""
+    """Return nodes for the integral over directions ψ, evenly spaced: pairs of tan(ψ/2) and (1 + tan²(ψ/2)) / count."""
     tangents = np.tan(np.pi * ((np.arange(count) + 0.5) / count - 0.5))
     return tuple(zip(tangents.tolist(), ((1.0 + tangents**2) / count).tolist(), strict=True))
 

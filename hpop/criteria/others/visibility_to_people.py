@@ -52,15 +52,18 @@ class VisibilityToPeople:
         apart = distance > 0
         cosine = np.where(apart, ahead / np.where(apart, distance, 1.0), 0.0)
         if not is_zero(deviation):
-            near, seen = _blurred(self.range)
+            near, seen = _mean_visibility(self.range)
             return 0.5 * np.maximum(near(distance, deviation) - cosine * seen(distance, deviation), 0.0)
         near = np.maximum(0.0, 1.0 - distance / self.range)
         return 0.5 * (1.0 - np.clip(cosine, -1.0, 1.0)) * near * near
 
 
 @lru_cache(maxsize=16)
-def _blurred(range_: float) -> tuple[Blurred, Blurred]:
-    """Return the mean nearness at an uncertain distance, and the mean of nearness times the cosine to the gaze."""
+def _mean_visibility(range_: float) -> tuple[Blurred, Blurred]:
+    """Return two functions of an uncertain distance.
+
+    The mean nearness, and the mean of nearness times the cosine to the gaze.
+    """
 
     def near(distance: FloatArray) -> FloatArray:
         return np.asarray(np.maximum(0.0, 1.0 - distance / range_) ** 2)

@@ -82,5 +82,5 @@ class LandmarkVisibility(_Unseen):
 
     @property
     def integral(self) -> LandmarkBlindness:
-        """Criterion that adds up in the mean's place."""
+        """Time integral, which searches minimise in place of the mean."""
         return LandmarkBlindness(self.near, self.far, self.fov)

@@ -30,7 +30,10 @@ class _Obstructed:
         return m.integrate(self._fraction(m))
 
     def _fraction(self, m: Motions) -> Rate:
-        """Return the rate of the obstructed fraction: from a field, or in space where the height changes."""
+        """Return a function of instants.
+
+        The obstructed fraction (N,), from a field, or in space if the camera's height varies.
+        """
         if not height_varies(m.model):
             return lambda s: m.world.obstruction(s.camera, self.radius)
         share = filled(m.world, self.radius)
@@ -66,7 +69,7 @@ class Obstruction(_Obstructed):
 
     @property
     def integral(self) -> Exposure:
-        """Criterion that adds up in the mean's place."""
+        """Time integral, which searches minimise in place of the mean."""
         return Exposure(self.radius)
 
 

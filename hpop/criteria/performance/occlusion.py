@@ -50,10 +50,10 @@ class Occlusion(Targeted):
     def cost(self, m: Motions) -> Column:
         """Return the time integral of the blocked share (M,), s."""
         surfaces = surfaces_of(m.world)
-        return m.integrate(lambda s: self._blocked(m.model, surfaces, s), jumps=True)
+        return m.integrate(lambda s: self._blocked_share(m.model, surfaces, s), jumps=True)
 
-    def _blocked(self, model: Model, surfaces: Surfaces, s: Instants) -> FloatArray:
-        """Return the blocked share of the rays (N,)."""
+    def _blocked_share(self, model: Model, surfaces: Surfaces, s: Instants) -> FloatArray:
+        """Return the share (N,) of rays to the target that are blocked."""
         size = s.state.size
         camera = rows((s.camera.x, s.camera.y, s.camera.z), size)
         bodies = model.bodies(s.state)

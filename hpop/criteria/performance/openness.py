@@ -55,5 +55,5 @@ class Openness(_Enclosed):
 
     @property
     def integral(self) -> Enclosure:
-        """Criterion that adds up in the mean's place."""
+        """Time integral, which searches minimise in place of the mean."""
         return Enclosure(self.radius)

@@ -27,7 +27,7 @@ class _RoundTurns:
         kind = "an angle in rad, such as pi/4 or pi/2,"
         set_reals(self, "multiple", least=LEAST, most=np.pi, kind=kind, error=CriterionError)
 
-    def _missed(self, turn: Column) -> Column:
+    def _angle_to_multiple(self, turn: Column) -> Column:
         """Return the signed angle (M,), rad, from the nearest multiple to a turn; at most half a multiple."""
         count = np.ceil(np.abs(turn) / self.multiple - 0.5 - TIE)
         return np.sign(turn) * (np.abs(turn) - self.multiple * count)
@@ -57,7 +57,7 @@ class OrientationRetention(_RoundTurns):
 
     def cost(self, m: Motions) -> Column:
         """Return the angles (M,), rad, that turns ending in each motion are off the nearest multiple."""
-        return sum(np.abs(self._missed(turn)) for turn in m.camera.turns)
+        return sum(np.abs(self._angle_to_multiple(turn)) for turn in m.camera.turns)
 
 
 @criterion(
@@ -82,7 +82,7 @@ class NetMisalignment(_RoundTurns):
         """Return the misalignment (M,), rad, at the end of each motion."""
         turned = m.of_motions(lambda batch: batch.camera.rotation)
         turning = np.abs(turned) > TIE
-        so_far = self._missed(_since_last(turning, turned)) * turning
+        so_far = self._angle_to_multiple(_since_last(turning, turned)) * turning
         complete = so_far * (turning & ~np.append(turning[1:], False))
         return np.abs(wrap(np.cumsum(complete) - complete + so_far))
 

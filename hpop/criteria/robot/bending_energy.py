@@ -50,7 +50,10 @@ class BendingEnergy:
         return self._bent(m.base.turned, m.base.length)
 
     def _bent(self, turned: Column, length: Column) -> Column:
-        """Return the squared rotation over the length it takes; both of whole motions, or per second."""
+        """Return the squared rotation divided by the length (but at least by ``rounding`` times the rotation).
+
+        Both arguments are those of whole motions, rad and m, or rates, rad/s and m/s.
+        """
         stretch = np.maximum(length, self.rounding * turned)
         bends = stretch > 0
         return np.where(bends, turned * turned / np.where(bends, stretch, 1.0), 0.0)

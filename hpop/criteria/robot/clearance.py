@@ -48,5 +48,5 @@ class Clearance:
         return m.worst(lambda s: np.maximum(self.enough - m.world.clearance(s.base.x, s.base.y), 0.0))
 
     def convex(self, path: ConvexPath) -> ConvexCost:
-        """Return an upper bound: the distance to half-planes that contain all obstacles."""
+        """Return a convex upper bound of the cost, from the distance to half-planes that contain all obstacles."""
         return ConvexCost(path.shortfall(self.enough, path.world.free_space(), "base"), exact=False)
