@@ -27,9 +27,9 @@ SLOW = "#b3541e"
 WAY = "#2f6690"
 LEAST_RADIUS = 0.0065  # of a person's disc, as a share of the map's longer side
 REACH = 0.06  # length of a velocity of 1 m/s, as a share of the map's longer side
-PITCH = 0.11  # from one arrow of a way to the next, as a share of the map's longer side
-ENLARGED = 1.5  # on a small map these shares are so many times as large
-MOST_NAMES = 12  # landmarks, and people, are named where there are no more
+PITCH = 0.11  # from one arrow of a one-way zone to the next, as a share of the map's longer side
+ENLARGED = 1.5  # factor of these shares on a small map
+MOST_NAMES = 12  # most landmarks, and most people, whose names are written
 Handle = Line2D | Patch
 
 
@@ -47,7 +47,7 @@ def draw_content(axes: Axes, world: World, view: View, *, small: bool = False) -
     side = (ENLARGED if small else 1.0) * max(view.width, view.height)
     if not small:
         _draw_names(axes, people, landmarks, side)
-    ways = [] if small else _draw_ways(axes, content.people)
+    ways = [] if small else _draw_predicted_paths(axes, content.people)
     return [
         *_draw_zones(axes, zones, side),
         *_draw_groups(axes, [talk for talk in talks if any(person in people for person in talk)]),
@@ -57,16 +57,16 @@ def draw_content(axes: Axes, world: World, view: View, *, small: bool = False) -
     ]
 
 
-def _draw_ways(axes: Axes, people: Sequence[Person]) -> list[Handle]:
-    """Draw dotted lines along the predicted paths of people, one for each future, unless there are too many."""
+def _draw_predicted_paths(axes: Axes, people: Sequence[Person]) -> list[Handle]:
+    """Draw a dotted line along each predicted path, one for each hypothesis of a person, unless many people walk."""
     walking = [person for person in people if person.moves and math.isfinite(person.settled)]
     if not walking or len(walking) > MOST_NAMES:
         return []
     look = {"color": INK, "linewidth": 1.1, "linestyle": ":"}
-    for one in (one for person in walking for _, one in person.hypotheses):
-        way = one.way()
+    for hypothesis in (hypothesis for person in walking for _, hypothesis in person.hypotheses):
+        way = hypothesis.way()
         axes.plot(way[:, 1], way[:, 2], zorder=5.85, gid="predicted", **look)  # type: ignore[arg-type]
-    return [Line2D([], [], label="way of a person,\nas predicted", **look)]  # type: ignore[arg-type]
+    return [Line2D([], [], label="predicted path\nof a person", **look)]  # type: ignore[arg-type]
 
 
 def _draw_people(axes: Axes, people: Sequence[Person], side: float) -> Iterator[Handle]:
@@ -93,7 +93,9 @@ def _draw_people(axes: Axes, people: Sequence[Person], side: float) -> Iterator[
         label = f"person walking{size},\narrow: velocity"
         yield Line2D([], [], color=INK, linewidth=1.1, label=label, **look)  # type: ignore[arg-type]
     if any(person.likeliest.begin > 0 for person in people):
-        yield Patch(facecolor=SKIN, edgecolor=INK, linestyle="--", label="person who comes later,\nwhere it comes")
+        yield Patch(
+            facecolor=SKIN, edgecolor=INK, linestyle="--", label="person who comes later,\nat the first position"
+        )
 
 
 def _draw_groups(axes: Axes, talks: Sequence[Sequence[Person]]) -> Iterator[Handle]:
@@ -134,7 +136,7 @@ def _draw_zones(axes: Axes, zones: Sequence[Zone], side: float) -> Iterator[Hand
             patch.set_hatch_linewidth(0.5)
             axes.add_patch(patch)
             if zone.path is not None:
-                _draw_way(axes, zone.path, side)
+                _draw_arrows(axes, zone.path, side)
             if zone.limit is not None:
                 middle = zone.area.representative_point()
                 write(axes, f"{zone.limit:g} m/s", middle.x, middle.y, (0, 0), SLOW, "center")
@@ -142,7 +144,7 @@ def _draw_zones(axes: Axes, zones: Sequence[Zone], side: float) -> Iterator[Hand
             yield Patch(facecolor="none", edgecolor=colour, hatch=hatch, label=label)
 
 
-def _draw_way(axes: Axes, path: LineString, side: float) -> None:
+def _draw_arrows(axes: Axes, path: LineString, side: float) -> None:
     """Draw arrows along a path, at least one."""
     count = max(1, round(path.length / (PITCH * side)))
     size = min(0.035 * side, path.length / count)
@@ -153,7 +155,7 @@ def _draw_way(axes: Axes, path: LineString, side: float) -> None:
 
 
 def _draw_names(axes: Axes, people: Sequence[Person], landmarks: Sequence[Landmark], side: float) -> None:
-    """Draw names to the upper right of discs and stars, if few; of people where drawn to scale."""
+    """Write names beside landmarks and people; people only if drawn to scale, and neither if there are too many."""
     named = [mark for mark in landmarks if mark.name]
     for mark in named if len(named) <= MOST_NAMES else ():
         write(axes, mark.name, mark.x, mark.y, (6, 3), INK, "left")
@@ -164,7 +166,10 @@ def _draw_names(axes: Axes, people: Sequence[Person], landmarks: Sequence[Landma
 
 
 def write(axes: Axes, text: str, x: float, y: float, off: tuple[float, float], colour: str, align: str) -> None:
-    """Write text beside a point, at an offset in typographical points; on the map or not at all."""
+    """Write text at an offset, in typographical points, from a point of the map.
+
+    Nothing if the point is out of view.
+    """
     label = axes.annotate(
         printable(text),
         (x, y),
@@ -181,7 +186,7 @@ def write(axes: Axes, text: str, x: float, y: float, off: tuple[float, float], c
 
 
 def _disc(person: Person, side: float) -> float:
-    """Return radius of the disc that stands for a person, m: large enough to be seen."""
+    """Return the radius, m, of the disc that stands for a person, enlarged where it would be too small to see."""
     return max(person.radius, LEAST_RADIUS * side)
 
 

@@ -64,7 +64,7 @@ def draw_front(front: Front, *, chosen: Mapping[str, int] | None = None, ax: Axe
     Raises
     ------
     OptionError
-        If the front has no points, or a chosen row is not one of them.
+        If the front has no points, or ``chosen`` names a row that it does not have.
     """
     if not len(front):
         raise OptionError(f"a front without points cannot be drawn; its search ended with {front.status!r}")
@@ -87,7 +87,7 @@ def limits(values: FloatArray) -> tuple[float, float]:
 
 
 def _scatter_matrix(columns: Sequence[Quantity], named: Sequence[Mark], ax: Axes | None) -> FigureBase:
-    """Draw panels of every pair, below the diagonal; the legend is in the empty corner, or below one panel."""
+    """Draw a scatter plot of each pair of criteria, below the diagonal, with the legend in the empty corner."""
     size = len(columns) - 1
     figure = figure_for(ax, *((6.4, 5.6) if size == 1 else (2.7 * size + 1.2, 2.5 * size + 0.9)))
     panels = figure.subplots(size, size, squeeze=False)
@@ -232,7 +232,7 @@ def _legend(figure: FigureBase, columns: Sequence[Quantity], named: Sequence[Mar
 
 
 def _handles(columns: Sequence[Quantity], named: Sequence[Mark], width: int) -> list[Line2D]:
-    """Return legend entries of the marks with their costs, and of the rest; as lines where lines are drawn."""
+    """Return the legend entries: one for each named trajectory, with its costs, and one for all other trajectories."""
     points = 2 <= len(columns) <= MOST_IN_MATRIX
     entries = [
         Line2D(
@@ -289,7 +289,7 @@ def draw_preference(problem: Problem, front: Front, person: Preference, *, ax: A
 
 
 def _draw_shares(axes: Axes, person: Preference) -> None:
-    """Draw means as dots on intervals, a line for each cost, the greatest above."""
+    """Draw the mean weight of each cost as a dot on its interval, the greatest weight at the top."""
     shares, intervals = person.weights, person.interval(LEVEL)
     names = sorted(shares, key=lambda name: shares[name])
     places = np.arange(len(names))
@@ -300,6 +300,6 @@ def _draw_shares(axes: Axes, person: Preference) -> None:
     axes.set_yticks(places, names)
     axes.set_ylim(-0.7, len(names) - 0.3)
     axes.set_xlim(0.0, 1.0)
-    axes.set_xlabel("share of the cost, with its 90 % interval;\ndotted: if all counted alike", fontsize=SMALL)
+    axes.set_xlabel("weight of the cost, with its 90 % interval;\ndotted: equal weights", fontsize=SMALL)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)

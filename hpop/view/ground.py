@@ -31,14 +31,14 @@ OFF_CAMERA = "#b4b4b4"
 KEEP_OUT = "#8c4a6b"
 # White to sand, one hue and evenly falling lightness: trajectories stand out on it.
 FIELD_COLOURS = LinearSegmentedColormap.from_list("obstruction", ["#ffffff", "#dac69b"])
-MOST_SEEN = 0.99  # share of the free places whose obstructed fraction the colours resolve
+MOST_SEEN = 0.99  # quantile of the obstructed fraction over free space at which the colours end
 GROWTH = 0.6  # exponent of the colours of the obstructed fraction
 PIXELS = 700  # of the field along the longer side of the map
 CELLS = 2000  # of a raster along its longer side, more than a picture has pixels: 100 bytes are taken for each
 MARGIN = 0.4  # m round the free space
 SURROUNDINGS = 0.2  # round the paths where they are a small part of the map, as a share of their longer side
 LEAST_SURROUNDINGS = 4.0  # m
-ROUND_A_HAND = 0.4  # m: as LEAST_SURROUNDINGS, of a robot that drives nowhere
+ROUND_A_HAND = 0.4  # m: as LEAST_SURROUNDINGS, for a fixed robot
 SMALL_PART = 0.4  # of the longer side of the map
 
 
@@ -83,7 +83,7 @@ def view_of(problem: Problem, paths: Sequence[FloatArray] = ()) -> View:
     """
     start, goals = end_poses(problem)
     ends = shapely.MultiPoint([pose[:2] for pose in (start, *goals)])
-    x0, y0, x1, y1 = shapely.total_bounds([_open(problem.world), ends])
+    x0, y0, x1, y1 = shapely.total_bounds([_open_area(problem.world), ends])
     whole = View(x0 - MARGIN, y0 - MARGIN, x1 + MARGIN, y1 + MARGIN)
     if not len(paths):
         return whole
@@ -129,7 +129,7 @@ def draw_field(axes: Axes, world: World, view: View, ball: Ball) -> AxesImage:
     y = np.arange(view.y_min + pixel / 2, view.y_max, pixel)
     X, Y = np.meshgrid(x, y)  # (h, w)
     phi: FloatArray = world.obstruction_field(ball.radius, ball.z)(X.ravel(), Y.ravel()).reshape(X.shape)
-    free = _open(world)
+    free = _open_area(world)
     shapely.prepare(free)
     seen = phi[shapely.contains_xy(free, X, Y)]
     image = axes.imshow(
@@ -188,15 +188,15 @@ def _obstacle_looks(heights: Heights) -> dict[int, Patch]:
     """Return the appearance and legend text of obstacles by layer."""
     if not heights.vary:
         light = f"obstacle below or above\nthe camera (at {heights})"
-        return {2: Patch(facecolor=OBSTACLE, label="obstacle"), 0: _hatched(OFF_CAMERA, "////", light)}
+        return {2: Patch(facecolor=OBSTACLE, label="obstacle"), 0: _hatched_patch(OFF_CAMERA, "////", light)}
     return {
         2: Patch(facecolor=OBSTACLE, label=f"obstacle at all heights\nof the camera ({heights})"),
-        1: _hatched(AT_SOME, "....", "obstacle at some of them"),
-        0: _hatched(OFF_CAMERA, "////", "obstacle below or above all"),
+        1: _hatched_patch(AT_SOME, "....", "obstacle at some of them"),
+        0: _hatched_patch(OFF_CAMERA, "////", "obstacle below or above all"),
     }
 
 
-def _hatched(colour: str, hatch: str, label: str) -> Patch:
+def _hatched_patch(colour: str, hatch: str, label: str) -> Patch:
     return Patch(facecolor=colour, edgecolor=OBSTACLE, hatch=hatch, label=label)
 
 
@@ -235,8 +235,8 @@ def _rings(geometry: BaseGeometry) -> Iterator[FloatArray]:
             yield from (shapely.get_coordinates(ring) for ring in (part.exterior, *part.interiors))
 
 
-def _open(world: World) -> BaseGeometry:
-    """Return the extent without obstacles of any height; the extent if nothing remains."""
+def _open_area(world: World) -> BaseGeometry:
+    """Return the extent without all obstacles, whatever their height; the whole extent if nothing remains."""
     rest = shapely.difference(world.extent, world.solid())
     return world.extent if rest.is_empty else rest
 
@@ -253,7 +253,10 @@ def _fill(axes: Axes, geometry: BaseGeometry, like: Patch, zorder: float) -> Non
 
 
 def _draw_raster(axes: Axes, raster: Raster, colour: ColorType, view: View) -> None:
-    """Draw the cells in view; if there are too many, blocks of cells, occupied if any cell is."""
+    """Draw the raster's cells in view, merged to blocks if they are too many.
+
+    A block with an occupied cell is occupied.
+    """
     to_world = (
         Affine2D().scale(raster.resolution).rotate(raster.origin[2]).translate(raster.origin[0], raster.origin[1])
     )

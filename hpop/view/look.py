@@ -27,7 +27,7 @@ from hpop.view.robot import LOOK, from_above, outlines_at
 from hpop.view.silhouettes import draw_map_obstacles
 from hpop.view.style import camera_heights, plain
 
-SEEN = 0.05  # of the longer side of the map: a smaller robot lies under the letter of its start
+SEEN = 0.05  # share of the map's longer side: a smaller robot would be hidden by the letter at its start
 REACHED, APART, NARROW = "#cfe8cf", "#fbd9a5", "#e6e6ea"
 BETTER: dict[str, Any] = {
     "linestyle": "none",
@@ -54,7 +54,9 @@ class MapLook(NamedTuple):
 
 
 @plain
-def _drawn(problem: Problem, title: str, free: FreeMap | None, text: Sequence[str], better: Sequence[States]) -> Figure:
+def _map_figure(
+    problem: Problem, title: str, free: FreeMap | None, text: Sequence[str], better: Sequence[States]
+) -> Figure:
     view = view_of(problem)
     axes = new_figure(1.0, 1.0, layout=None).add_axes(WHOLE, label="look")
     axes.set_facecolor("white")
@@ -69,7 +71,7 @@ def _drawn(problem: Problem, title: str, free: FreeMap | None, text: Sequence[st
     for state in better:
         axes.plot(state.x, state.y, zorder=8.5, gid="usable", **BETTER)
     if better:
-        symbols.append(Line2D([], [], label="the nearest place that is usable", **BETTER))
+        symbols.append(Line2D([], [], label="nearest collision-free position", **BETTER))
     draw_frame(axes, view)
     half = (len(symbols) + 1) // 2
     return lay_out(
@@ -102,11 +104,11 @@ def look(problem: Problem, title: str) -> MapLook:
     apart = [] if free is None or refused else _apart(free, ends)
     notes = [] if free is None else _notes(free, apart)
     no_way = 0 < len(apart) == len(ends) - 1
-    return MapLook(_drawn(problem, title, free, [*refused, *notes], better), tuple(refused), tuple(notes), no_way)
+    return MapLook(_map_figure(problem, title, free, [*refused, *notes], better), tuple(refused), tuple(notes), no_way)
 
 
 def _ends(problem: Problem) -> dict[str, States]:
-    """Return start and goals that are states; free values are NaN."""
+    """Return the states of the start and of the listed goals, by name ("start", "goal 0"); free values are NaN."""
     space = problem.model.space
     ends = {"start": space.state(problem.start)}
     if problem.target.listed:
@@ -133,12 +135,12 @@ def _notes(free: FreeMap, apart: Sequence[str]) -> list[str]:
     whole = float(free.areas.sum())
     largest = float(free.areas.max())
     many = int((free.areas > 0.0).sum())
-    notes = [f"the robot is free on {_area(whole)}, looked at every {free.pitch:.2g} m"]
+    notes = [f"the robot is free on {_area(whole)}, sampled every {free.pitch:.2g} m"]
     if many > 1:
         notes[0] += f", in {many} parts between which it cannot go; the largest has {_area(largest)}"
     if apart:
         notes.append(
-            f"as it seems, no way leads from the start to the {' or the '.join(apart)}: they are in other parts"
+            f"no path seems to lead from the start to the {' or the '.join(apart)}: the free space between is cut off"
         )
     return notes
 

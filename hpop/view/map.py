@@ -47,7 +47,7 @@ from hpop.view.page import (
     WHOLE,
     Bar,
     Handle,
-    checked,
+    checked_axes,
     claim_of,
     draw_caption,
     lay_on,
@@ -93,7 +93,10 @@ def scale_of(front: Front, colour: str | None) -> Quantity:
 
 
 def draw_all(axes: Axes, front: Front, scale: Quantity, rows: IntArray, line: Line) -> list[Bar]:
-    """Draw the trajectories of some rows, the least on top, and return the colour bar; none if all values are equal."""
+    """Draw the trajectories in ``rows``, coloured by ``scale``, the least on top.
+
+    Return the colour bar if values differ.
+    """
     order = rows[np.argsort(-scale.values[rows], kind="stable")]
     norm = Normalize(float(scale.values.min()), float(scale.values.max()))
     alpha = float(np.clip(7.0 / np.sqrt(rows.size), 0.15, 0.9))
@@ -198,7 +201,7 @@ def draw_map(
         more = [targets_of(problem)[:, :2], corners_of(robot)]
         view = view_of(problem, [*map(line, shown), *more] if shown else ())
     scale = scale_of(front, colour) if len(front) else None
-    axes = new_figure(1.0, 1.0, layout=None).add_axes(WHOLE, label="map") if ax is None else checked(ax)
+    axes = new_figure(1.0, 1.0, layout=None).add_axes(WHOLE, label="map") if ax is None else checked_axes(ax)
     heights = camera_heights(problem, shown)
     symbols: list[Handle] = [
         *draw_map_obstacles(axes, problem, heights, view),
@@ -227,7 +230,7 @@ def draw_map(
         axes.add_line(turn_dot(mark.colour, x, y, zorder=5 + 0.1 * layer, gid=f"turns of {mark.label}"))
     ends = end_poses(problem, picked)
     if any(len(places) for places in turns):
-        symbols.append(turn_dot(QUIET, label="turn in place" + _hidden(np.concatenate(turns), ends, view)))
+        symbols.append(turn_dot(QUIET, label="turn in place" + _hidden_turns_note(np.concatenate(turns), ends, view)))
     for row, (mark, trajectory) in enumerate((m, t) for m, t in zip(named, picked, strict=True) if is_held(t).any()):
         draw_holds(axes, trajectory, mark.colour, view.width, row=row, gid=f"holds of {mark.label}")
         symbols += [hold_entry()] * (row == 0)
@@ -253,7 +256,7 @@ def _draw_floor(axes: Axes, problem: Problem, view: View, heights: Heights) -> l
 
 
 def _turn_places(trajectory: Trajectory) -> FloatArray:
-    """Return the places (N, 2), m, where the base turns in place."""
+    """Return the positions (N, 2), m, at which the base turns in place."""
     turns = turns_in_place(trajectory)
     return mapped_points(trajectory.model, trajectory.states)[1:][turns]
 
@@ -274,8 +277,8 @@ def turn_dot(colour: str, x: FloatArray | None = None, y: FloatArray | None = No
     )
 
 
-def _hidden(turns: FloatArray, ends: Ends, view: View) -> str:
-    """Name the letters, start or goal, that cover some of the turns (N, 2), which a reader would miss."""
+def _hidden_turns_note(turns: FloatArray, ends: Ends, view: View) -> str:
+    """Return the legend's note on turns (N, 2), m, that the letter of start or goal covers; "" if there are none."""
     covered = CIRCLE / 2 / 72 * max(view.width / MOST_WIDE, view.height / MOST_HIGH)  # m
     start, goals = ends
     under = [

@@ -16,17 +16,17 @@ from hpop.base.arrays import BoolArray, FloatArray
 from hpop.motions import HOLD, States
 from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
-from hpop.view.style import GOAL, HALO, QUIET, SMALL, START, mapped, mapped_points, positions
+from hpop.view.style import GOAL, HALO, QUIET, SMALL, START, mapped_points, mapped_pose, positions
 
 CIRCLE = 12.0  # points across
 RING = 19.0  # points across
 LOOKS = {"start": ("S", START), "goal": ("G", GOAL)}
-END_DIGITS = 6  # digits, m, to which equal ends agree
+END_DIGITS = 6  # decimals of m to which two ends are compared
 Place = Sequence[float]
 
 
 class EndPose(NamedTuple):
-    """Pose of a robot at an end: m, m, rad; yaw is None if free, or without a base."""
+    """Pose of the mapped body at the start or a goal: m, m, rad; yaw is None where it is free, or without a base."""
 
     x: float
     y: float
@@ -37,13 +37,13 @@ Ends = tuple[EndPose, tuple[EndPose, ...]]
 
 
 def end_poses(problem: Problem, found: Sequence[Trajectory] = ()) -> Ends:
-    """Return the start of a problem on a map, and all possible ends.
+    """Return the poses on a map of a problem's start and of its goals.
 
-    For a goal that lists no states, the ends of the ``found`` trajectories are returned.
+    A goal that lists no states is represented by the last poses of the ``found`` trajectories.
     """
     model, poses = problem.model, []
     for state in _end_states(problem, found):
-        pose = mapped(model, state)
+        pose = mapped_pose(model, state)
         x, y, yaw = (float(column[0]) for column in (pose.x, pose.y, pose.yaw))
         if not math.isnan(x + y):
             poses.append(EndPose(x, y, None if math.isnan(yaw) or "base" not in model.provides else yaw))
@@ -51,7 +51,7 @@ def end_poses(problem: Problem, found: Sequence[Trajectory] = ()) -> Ends:
 
 
 def end_positions(problem: Problem, found: Sequence[Trajectory] = ()) -> tuple[FloatArray, FloatArray]:
-    """Return the camera's start (3,) and possible ends (n, 3), m; see :func:`end_poses`."""
+    """Return the camera's positions at the start (3,) and at the goals (n, 3), m; see :func:`end_poses`."""
     poses = [positions(problem.model.pose("camera", state)) for state in _end_states(problem, found)]
     places = np.concatenate(poses)
     known = places[1:][~np.isnan(places[1:]).any(axis=1)]
@@ -59,10 +59,11 @@ def end_positions(problem: Problem, found: Sequence[Trajectory] = ()) -> tuple[F
 
 
 def camera_ends(problem: Problem, found: Sequence[Trajectory] = ()) -> Ends:
-    """Return the camera's start, seen from above, and all possible ends; see :func:`end_poses`.
+    """Return the camera's poses at the start and at the goals, seen from above; see :func:`end_poses`.
 
-    A free heading is None. If a free heading allows many camera positions, the ends of the ``found`` trajectories are
-    returned.
+    A free heading is None. If a free heading moves the camera, the last poses of the ``found`` trajectories are
+    returned
+    for the goals.
     """
     states, poses = _end_states(problem, found), []
     start, *listed = (problem.model.pose("camera", state) for state in states)
@@ -79,7 +80,7 @@ def camera_ends(problem: Problem, found: Sequence[Trajectory] = ()) -> Ends:
 
 
 def goal_words(problem: Problem, count: int) -> str:
-    """Return the legend's words for a number of goals."""
+    """Return the words that follow "goal" in the legend, for a number of goals."""
     if not problem.target.listed:
         return ", where trajectories end"
     return f", any of {count}" * (count > 1)
@@ -117,35 +118,35 @@ SIZE, WIDTH = 14.0, 2.0  # points: round the star of a landmark that is the targ
 
 def targets_of(problem: Problem) -> FloatArray:
     """Return the distinct targets (n, 3), m."""
-    places = dict.fromkeys(place for _, place in _named(problem))
+    places = dict.fromkeys(place for _, place in _named_targets(problem))
     return np.array(list(places), float).reshape(-1, 3)
 
 
 def targets_by_name(problem: Problem) -> list[tuple[str, tuple[float, float, float]]]:
     """Return the distinct targets, m, each with the names of its criteria or goals."""
     names: dict[tuple[float, float, float], list[str]] = {}
-    for name, place in _named(problem):
+    for name, place in _named_targets(problem):
         names.setdefault(place, []).append(name)
     return [(", ".join(dict.fromkeys(several)), place) for place, several in names.items()]
 
 
 def draw_targets(axes: Axes, problem: Problem, flatten: Callable[[FloatArray], FloatArray]) -> list[Line2D]:
-    """Draw a ring round each target, at its ``flatten``-ed position, and return the legend entry."""
+    """Draw a ring round each target, projected to the picture by ``flatten``, and return the legend entry."""
     places = targets_of(problem)
     if not len(places):
         return []
     axes.plot(*flatten(places).T, markersize=SIZE, markeredgewidth=WIDTH, zorder=5.8, gid="targets", **TARGET)
-    names = ", ".join(dict.fromkeys(name for name, _ in _named(problem)))
+    names = ", ".join(dict.fromkeys(name for name, _ in _named_targets(problem)))
     return [Line2D([], [], markersize=0.7 * SIZE, markeredgewidth=WIDTH, label=f"target of {names}", **TARGET)]
 
 
-def _named(problem: Problem) -> list[tuple[str, tuple[float, float, float]]]:
-    """Return the criteria or goals with their targets."""
+def _named_targets(problem: Problem) -> list[tuple[str, tuple[float, float, float]]]:
+    """Return the criteria and goals that have a target, with the targets."""
     named = [(criterion.name, place) for criterion in problem.criteria for place in criterion.places]
     return [*named, *(("the goal", place) for place in problem.target.places)]
 
 
-HOLD_DIGITS = 6  # digits, m, to which holds at one place agree
+HOLD_DIGITS = 6  # decimals of m to which the positions of holds are compared
 BESIDE = 11.0  # points to the right of and above the place, beside dots of turns and letters
 ROW = 13.0  # points between the clocks of two trajectories
 ASIDE = 44.0  # points between clocks of one trajectory at close places
@@ -167,7 +168,7 @@ class Held(NamedTuple):
 
 
 def is_held(trajectory: Trajectory) -> BoolArray:
-    """Mark motions (n,) that are holds."""
+    """Return which motions (n,) are holds."""
     return np.array([kind == HOLD.kind for kind in trajectory.kinds], dtype=bool)
 
 
@@ -201,9 +202,11 @@ def draw_holds(
     gid: str = "hold",
     face: Callable[[Held], Colour] = lambda held: WHITE,
 ) -> None:
-    """Draw the clocks of a trajectory's holds in its colour, in a row above their places; ``face`` colours them.
+    """Draw a clock with the waiting time beside each position where a trajectory holds.
 
-    ``width`` is the width of the picture, m: clocks of close places are drawn side by side.
+    width  m, of the picture: clocks of close positions are drawn side by side
+    row    number of the trajectory: the clocks of each trajectory have a row of their own
+    face   colour of a clock's face, by its hold
     """
     figure = axes.get_figure(root=True)
     up = BESIDE + ROW * row
@@ -229,7 +232,7 @@ def _are_near(one: Held, other: Held, width: float) -> bool:
 def hold_clock(
     colour: str, x: float | None = None, y: float | None = None, face: Colour = WHITE, **more: Any
 ) -> Line2D:
-    """Return a clock, with white hands on a dark face; without a place the legend entry."""
+    """Return a clock at a position, or for the legend without one; its hands are white on a dark face."""
     xs, ys = ([], []) if x is None or y is None else ([x], [y])
     edge = colour if sum(face[:3]) > DARK else "white"
     look: dict[str, Any] = {"markerfacecolor": face, "markeredgecolor": edge, "markeredgewidth": 1.2}
@@ -238,4 +241,4 @@ def hold_clock(
 
 def hold_entry() -> Line2D:
     """Return the legend entry of clocks."""
-    return hold_clock(QUIET, label="stands still, for so long")
+    return hold_clock(QUIET, label="stands still, for this time")

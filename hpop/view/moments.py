@@ -59,12 +59,12 @@ DRIVEN, PLANNED, TAKEN = COLOURS[0], COLOURS[1], COLOURS[2]
 def draw_drive(drive: Execution, happenings: Sequence[Happening]) -> Figure:
     """Draw a drive: a map for each of the first twelve events, and one of the whole drive.
 
-    On each there are the way driven until then, the plan as it was before, all options, and the one that was taken.
+    Each map shows the path driven until then, the plan before the event, all options, and the option taken.
 
-    Raises OptionError without any happening.
+    Raises OptionError if there are no events.
     """
     if not happenings:
-        raise OptionError("nothing happened on this drive that could be drawn")
+        raise OptionError("this drive has no event to draw; hpop.view.draw_map draws its plan")
     shown = happenings[:MOST]
     problem = drive.problem
     ways = [path_points(option.item) for happening in shown for option in happening.options]
@@ -84,12 +84,12 @@ def draw_drive(drive: Execution, happenings: Sequence[Happening]) -> Figure:
     _draw_map(last, problem, view, drive.plan, there.closings, people)
     last.plot(*path_points(drive.plan).T, color=DRIVEN, linewidth=2.4, zorder=4, gid="driven")
     arrives = drive.plan.duration >= drive.announced.duration
-    end = f"driven in {drive.plan.duration:.1f} s" if arrives else "it stands before what is closed"
+    end = f"driven in {drive.plan.duration:.1f} s" if arrives else "it stops before a closed area"
     last.set_title(f"in the end: {end}", fontsize=NORMAL)
     for axes in panels[len(shown) + 1 :]:
         axes.remove()
     more = f", the first {MOST} of {len(happenings)} events" if len(happenings) > MOST else ""
-    figure.suptitle(f"A drive and what could be chosen on its way{more}", fontsize=LARGE)
+    figure.suptitle(f"A drive, and the options at its events{more}", fontsize=LARGE)
     disc = {"linestyle": "none", "marker": "o", "markersize": 8}
     handles: list[Line2D | Patch] = [
         Line2D([], [], color=DRIVEN, label="robot", **disc),  # type: ignore[arg-type]
@@ -147,8 +147,8 @@ def _draw_robot(axes: Axes, problem: Problem, happening: Happening) -> None:
     axes.add_patch(Circle((x, y), max(reach(problem.model, None), 0.05), facecolor=DRIVEN, edgecolor=QUIET, zorder=5))
 
 
-TIMES, PLACES = 400, 300  # of the coloured way
-MOMENTS = 4  # maps above it
+TIMES, PLACES = 400, 300  # samples of the lower panel: times, and positions along the path
+MOMENTS = 4  # maps above the lower panel
 TRAIL = 2.0  # s of path shown behind each person
 NEARNESS = ("#7f1d1d", "#e8956d", "#f6cf9f", "#fbf0dc", "#ffffff")  # touching, and Hall's zones, from within
 WORDS = ("robot and person would touch", *(f"{zone} zone, to {limit:g} m" for zone, limit in HALL.items()))
@@ -180,7 +180,7 @@ def draw_encounters(
     """
     walkers = _walkers(problem)
     if not walkers:
-        raise QueryError("nobody moves in this problem's world: a map (hpop.view.draw_map) shows all there is")
+        raise QueryError("this problem's world has no moving people; draw the map with hpop.view.draw_map")
     driven = _Driven.of(trajectory)
     view = view_of(problem, [path_points(trajectory)])
     wide = view.width >= view.height
@@ -192,13 +192,13 @@ def draw_encounters(
     for axes, moment in zip(maps, moments, strict=True):
         _draw_moment(axes, problem, trajectory, walkers, view, float(moment))
     way = below.subplots()
-    _draw_way(way, driven, np.min(nearness, axis=0), moments)
+    _draw_progress(way, driven, np.min(nearness, axis=0), moments)
     for person, gaps in zip(walkers, nearness, strict=True):
         _name_tube(way, person, driven, gaps)
     figure.suptitle(f"Among people who move, {name}: {trajectory.duration:.1f} s", fontsize=LARGE)
     handles = [
         Line2D([], [], color=ROBOT, linewidth=2.2, label="robot, level where it turns or stands"),
-        Line2D([], [], color=INK, linewidth=1.1, linestyle=":", label="person, way of the last 2 s"),
+        Line2D([], [], color=INK, linewidth=1.1, linestyle=":", label="person, path of the last 2 s"),
         *(Patch(facecolor=c, edgecolor=QUIET, linewidth=0.4, label=w) for c, w in zip(NEARNESS, WORDS, strict=False)),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=SMALL, frameon=False)
@@ -232,9 +232,9 @@ def _walkers(problem: Problem) -> list[Person]:
 
 
 def _gap(problem: Problem, person: Person, driven: _Driven) -> FloatArray:
-    """Return distances (PLACES, TIMES), m, of a person to the robot at each place of its path and each time.
+    """Return the gap (PLACES, TIMES), m, that a robot at each position of its path would have to a person at each time.
 
-    Inf if absent.
+    It is inf while the person is absent.
     """
     along = np.linspace(0.0, driven.along[-1], PLACES)
     rising = np.append(True, np.diff(driven.along) > 0)
@@ -246,7 +246,10 @@ def _gap(problem: Problem, person: Person, driven: _Driven) -> FloatArray:
 
 
 def _moments(walkers: Sequence[Person], driven: _Driven, gaps: FloatArray) -> FloatArray:
-    """Return times (MOMENTS,), s: the start, and the shortest distance in each equal part of the time with changes."""
+    """Return the times (MOMENTS,), s, of the maps: the start, and the nearest encounters while people move.
+
+    That time is divided into equal parts, and each part has its nearest encounter.
+    """
     t = np.linspace(0.0, driven.times[-1], TIMES)
     changing = np.flatnonzero(t <= max(person.settled for person in walkers))
     places = np.interp(t, driven.times, driven.along) / max(driven.along[-1], 1e-9) * (PLACES - 1)
@@ -295,8 +298,8 @@ def _draw_person(axes: Axes, person: Person, moment: float, weight: float) -> No
             text.set_path_effects(list(HALO))
 
 
-def _draw_way(axes: Axes, driven: _Driven, gaps: FloatArray, moments: FloatArray) -> None:
-    """Draw the distance driven over time among the tubes of people."""
+def _draw_progress(axes: Axes, driven: _Driven, gaps: FloatArray, moments: FloatArray) -> None:
+    """Draw the distance driven over time, on colours for the distance to the nearest person."""
     levels = [-1e9, 0.0, *HALL.values(), 1e9]
     axes.imshow(
         gaps,
@@ -313,9 +316,10 @@ def _draw_way(axes: Axes, driven: _Driven, gaps: FloatArray, moments: FloatArray
     for moment in moments:
         axes.axvline(moment, color=QUIET, linewidth=0.7, linestyle=(0, (3, 3)), zorder=2)
     axes.set_xlabel("time (s); dashed: the moments of the maps", fontsize=NORMAL)
-    axes.set_ylabel("way of the robot (m)", fontsize=NORMAL)
+    axes.set_ylabel("path of the robot (m)", fontsize=NORMAL)
     axes.tick_params(labelsize=SMALL)
-    axes.set_title("how near somebody is to each place of the way", fontsize=SMALL, color=QUIET, loc="left", pad=2)
+    words = "colour: distance of the nearest person to each position of the path"
+    axes.set_title(words, fontsize=SMALL, color=QUIET, loc="left", pad=2)
 
 
 def _name_tube(axes: Axes, person: Person, driven: _Driven, gaps: FloatArray) -> None:

@@ -49,7 +49,7 @@ def figure_for(ax: Axes | None, width: float, height: float, layout: Any = "cons
     """
     if ax is None:
         return new_figure(width, height, layout)
-    place = checked(ax).get_subplotspec()
+    place = checked_axes(ax).get_subplotspec()
     parent = ax.get_figure(root=False)
     if place is None or parent is None:
         raise OptionError(
@@ -60,8 +60,8 @@ def figure_for(ax: Axes | None, width: float, height: float, layout: Any = "cons
     return parent.add_subfigure(place)
 
 
-def checked(ax: Any) -> Axes:
-    """Return axes; OptionError for another value."""
+def checked_axes(ax: Any) -> Axes:
+    """Return ``ax``; OptionError unless it is Matplotlib axes."""
     if not isinstance(ax, Axes):
         raise OptionError(f"ax must be axes of Matplotlib, such as one of plt.subplots(1, 2)[1], got {shown(ax)}")
     return ax
@@ -84,11 +84,11 @@ Box = tuple[float, float, float, float]  # left, bottom, width, height, as share
 MOST_WIDE, MOST_HIGH = 6.4, 6.2  # of the map
 LEAST = 1.6
 LEFT, TOP, BELOW = 0.75, 0.88, 0.62  # round the map: ticks and label, title and scale bar, ticks and label
-BAR, PITCH, GAP = 0.16, 0.95, 0.15  # a colour bar, from one to the next at least, before each
+BAR, PITCH, GAP = 0.16, 0.95, 0.15  # width of a colour bar, least distance from bar to bar, gap before a bar
 LEGEND = 8.0  # width of the two legends
-SYMBOLS = 4.95  # where the second one begins
+SYMBOLS = 4.95  # left edge of the second legend
 LINE = 0.205  # height of a line of the legends
-CLAIM_LINE = 0.155  # and of the certificate
+CLAIM_LINE = 0.155  # height of a line of the certificate
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,12 @@ class PageLayout:
 
     @classmethod
     def of(cls, view: View, *, words: Sequence[float], lines: int, claim: int) -> PageLayout:
-        """Lay out a map of a view, with numbers of lines of legend and certificate, and widths of bars' labels."""
+        """Return the layout of a map of a view.
+
+        words  inches, width of the labels beside each colour bar
+        lines  number of lines of the longer legend
+        claim  number of lines of the certificate
+        """
         map_width, map_height = _size(view)
         offsets = np.cumsum([GAP, *(max(PITCH, BAR + wide + GAP) for wide in words)])
         with_bars = LEFT + map_width + offsets[-1]

@@ -69,11 +69,11 @@ def draw_robot(axes: Axes, outlines: Sequence[BaseGeometry], named: Sequence[Mar
 
 
 REACH = 0.045  # length of a wedge, as a share of the map's longer side
-APART = 1.5  # reaches: from one wedge to the next, along the way
+APART = 1.5  # reaches: from one wedge to the next, along the path
 CONE_REACH = 0.07  # as REACH, of a cone
 CONES_APART = 3.0  # reaches
 RIM = np.linspace(-1.0, 1.0, 9)  # shares of half an angle of view at which a cone's rim is sampled
-AHEAD = 1 + RIM.size**2 // 2  # place of the middle of the view among the points of a cone
+AHEAD = 1 + RIM.size**2 // 2  # index of the middle of the view among the points of a cone
 POINTER = math.radians(16.0)  # width of the wedge of an all-round camera
 SAMPLES = 4000  # sampled times of a trajectory
 ASIDE = 1e-6  # rad: tolerance of "the camera looks along the base"
@@ -113,7 +113,7 @@ def draw_sight(axes: Axes, trajectory: Trajectory, colour: str, view: View, *, z
 def draw_cones(
     axes: Axes, trajectory: Trajectory, colour: str, view: View, flatten: Flatten, *, zorder: float, gid: str
 ) -> None:
-    """Draw the camera's view cones up to a short distance, seen from afar, at even distances along the path.
+    """Draw short view cones of the camera at even distances along the path, in a picture seen from above or the side.
 
     flatten : points in space (..., 3) as they are in the picture (..., 2)
     """
@@ -127,9 +127,9 @@ def draw_cones(
 
 
 def cone_points(model: Model, pose: Pose, reach: float) -> FloatArray:
-    """Return the camera position and points (N, 1 + K, 3), m, in view at one distance.
+    """Return points (N, 1 + K, 3), m, of view cones: the camera, then K points in view at the distance ``reach``, m.
 
-    Ahead for an all-round camera.
+    A camera that sees all round has a narrow cone ahead.
     """
     h, v = (angle if angle < math.pi else POINTER for angle in field_of_view(model))
     b, e = (grid.ravel() for grid in np.meshgrid(0.5 * h * RIM, 0.5 * v * RIM))

@@ -72,7 +72,7 @@ def save_pictures(
     If people move, ``encounters.png`` shows the knee over time among them. If the camera rises or sinks, ``side.png``
     is a view from the side. If states change that maps do not show, such as joints, there is ``states.png``. With a
     person's ``preference`` the best trajectory for that person is marked too. The map's field is left out, and the map
-    says so, if it takes more than ``max_memory`` bytes, 500 MB if not said. A knee without motion, since the start is
+    says so, if it takes more than ``max_memory`` bytes (by default 500 MB). A knee without motion, since the start is
     the goal, has no ``trace.png`` and ``where.png``. The folder is created if missing; existing pictures are replaced,
     or removed if this front has none of that name. All are drawn before the first is written.
 
@@ -188,7 +188,7 @@ def _front_png(front: Front) -> bytes | None:
 
 
 def provide() -> None:
-    """Let worlds, problems and fronts show pictures."""
+    """Register the small pictures that notebooks show for worlds, problems and fronts."""
     PICTURES[World] = lambda world: png_of(small_map(world), NOTEBOOK_DPI)
     PICTURES[Problem] = lambda problem: png_of(small_map(problem.world, problem), NOTEBOOK_DPI)
     PICTURES[Front] = _front_png

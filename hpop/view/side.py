@@ -25,7 +25,7 @@ from hpop.view.marks import draw_ends, draw_targets, end_positions, goal_words, 
 from hpop.view.page import (
     WHOLE,
     Handle,
-    checked,
+    checked_axes,
     claim_of,
     draw_caption,
     lay_on,
@@ -42,7 +42,7 @@ from hpop.world.content.content import Landmark
 BORDER = 0.1  # round the paths, as a share of the longer side of the picture
 LEAST_BORDER = 0.15  # m
 NEAR = 0.4  # m above and below the paths, to which obstacles are shown
-STRETCHED = 1.05  # heights that are drawn larger by less need no word
+STRETCHED = 1.05  # ratio of vertical to horizontal scale above which the label of the axis says so
 EARTH = "#8a7a5c"
 
 
@@ -100,7 +100,7 @@ def draw_side(
     def line(trajectory: Trajectory) -> FloatArray:
         return section.flattened(path(trajectory))
 
-    axes = new_figure(1.0, 1.0, layout=None).add_axes(WHOLE, label="side") if ax is None else checked(ax)
+    axes = new_figure(1.0, 1.0, layout=None).add_axes(WHOLE, label="side") if ax is None else checked_axes(ax)
     symbols: list[Handle] = [
         *draw_silhouettes(axes, solid, view),
         *(_draw_floor(axes, view) if drives else ()),
@@ -126,7 +126,10 @@ def draw_side(
 
 
 def _view(points: FloatArray, solid: Heights, drives: bool) -> View:
-    """Return the extent: points (N, 2), upper ends of obstacles above them, and the floor or lower ends."""
+    """Return the rectangle to show.
+
+    Points (N, 2), m, obstacles just above them, and the floor or obstacles just below.
+    """
     (a, low), (b, high) = points.min(axis=0), points.max(axis=0)
     border = max(BORDER * max(b - a, high - low), LEAST_BORDER)
     near = max(2.0 * border, NEAR)

@@ -72,7 +72,7 @@ class Section:
         return f"along {sign.strip('+')}{angle}: x cos {angle} {sign} y sin {angle} (m)"
 
     def flattened(self, points: FloatArray) -> FloatArray:
-        """Project points in space (..., 3) to the picture (..., 2), m."""
+        """Return points in space (..., 3) projected to the picture (..., 2), m."""
         return np.stack([points[..., :2] @ self.direction, points[..., 2]], axis=-1)
 
 
@@ -87,8 +87,8 @@ class PathSurroundings:
     """Zone round some paths, for obstacles in a view from the side.
 
     among    the hull of the paths on the ground
-    beside   the same, grown
-    heights  those of the paths
+    beside   the hull, grown by a border
+    heights  range of the paths' heights
     """
 
     among: BaseGeometry
@@ -122,14 +122,17 @@ class PathSurroundings:
 
 
 def draw_map_obstacles(axes: Axes, problem: Problem, heights: Heights, view: View) -> list[Patch]:
-    """Draw the obstacles of a map, shaded by camera height for a base, and return the legend entries."""
+    """Draw the obstacles of a map, shaded by the camera's heights if the robot has a base.
+
+    Return the legend entries.
+    """
     world = problem.world
     if "base" in problem.model.provides:
         return draw_obstacles(axes, world, heights, view)
     solid = [*(obstacle.polygon for obstacle in world.obstacles), world.ground.raster_solid()]
     outlines = [outline(geometry) for geometry in solid if not geometry.is_empty]
     axes.add_collection(PathCollection(outlines, zorder=1.0, gid="silhouettes", **LOOK), autolim=False)
-    return [Patch(**LOOK, label="obstacle, of whatever height")]
+    return [Patch(**LOOK, label="obstacle of any height")]
 
 
 def draw_silhouettes(axes: Axes, found: Sequence[Polygon], view: View) -> list[Patch]:
@@ -143,7 +146,7 @@ def draw_silhouettes(axes: Axes, found: Sequence[Polygon], view: View) -> list[P
 
 
 def ends_of(found: Sequence[Polygon]) -> Heights:
-    """Return the lowest and highest end of outlines, m; reversed infinities without any."""
+    """Return the lowest and the highest end of outlines, m; (inf, -inf) if there are none."""
     ends = np.array([(one.bounds[1], one.bounds[3]) for one in found]).reshape(-1, 2)
     lows, highs = (side[np.abs(side) < ENDLESS] for side in ends.T)
     return Heights(float(lows.min(initial=np.inf)), float(highs.max(initial=-np.inf)))

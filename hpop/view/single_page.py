@@ -96,14 +96,14 @@ def single_page(
         policy=policy,
         title=html.escape(printable(title)),
         payload=data,
-        bundle=_deflated(code),
+        bundle=_compressed_script(code),
         loader=LOADER,
     )
 
 
 @lru_cache(maxsize=4)
-def _deflated(code: bytes) -> str:
-    """Return a script as a page holds it, cached, since a study has a page for each participant."""
+def _compressed_script(code: bytes) -> str:
+    """Return a script in the compressed form of a page, cached, since a study has a page for each participant."""
     return base64.b64encode(zlib.compress(code, LEVEL)).decode()
 
 

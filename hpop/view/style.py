@@ -64,7 +64,7 @@ def plain(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
 @dataclass(frozen=True)
 class Mark:
-    """Named trajectory of a front, drawn equally in every picture.
+    """Named trajectory of a front, drawn alike in every picture.
 
     names   such as "knee", "least turns"
     row     row of the front
@@ -86,8 +86,8 @@ class Mark:
 
     def legend(self, columns: Iterable[Quantity], width: int) -> str:
         """Return names and costs, in lines of at most ``width`` characters, broken only between names and costs."""
-        values = ", ".join(_unbroken(column.text(column.values[self.row])) for column in columns)
-        return fill(", ".join(map(_unbroken, self.names)) + ": " + values, width, break_long_words=False)
+        values = ", ".join(_nonbreaking(column.text(column.values[self.row])) for column in columns)
+        return fill(", ".join(map(_nonbreaking, self.names)) + ": " + values, width, break_long_words=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +110,7 @@ class Quantity:
 
     def text(self, value: float) -> str:
         """Return a value in words: "length 12.3 m", "turns 4"."""
-        return f"{self.name} {written(value, self.unit, self.counts)}"
+        return f"{self.name} {value_text(value, self.unit, self.counts)}"
 
 
 def label(name: str, unit: str, counts: bool) -> str:
@@ -132,10 +132,10 @@ def stacked(words: str) -> str:
     return fill(name.replace("_", "_ "), NAME_WIDTH, break_long_words=False).replace("_ ", "_") + f"\n({unit}"
 
 
-def written(value: float, unit: str, counts: bool) -> str:
-    """Write a value with its unit, to three digits.
+def value_text(value: float, unit: str, counts: bool) -> str:
+    """Return a value with its unit, to three digits.
 
-    >>> written(16.0, "m", False), written(4.0, "1", True), written(1234.5, "s", False)
+    >>> value_text(16.0, "m", False), value_text(4.0, "1", True), value_text(1234.5, "s", False)
     ('16.0 m', '4', '1234 s')
     """
     number = f"{value:.0f}" if counts or value == 0.0 or abs(value) >= 999.5 else f"{value:#.3g}".rstrip(".")
@@ -176,7 +176,9 @@ def quantities(front: Front) -> tuple[Quantity, ...]:
 def marks(
     front: Front, chosen: Mapping[str, int] | None = None, *, preference: Preferring | None = None
 ) -> tuple[Mark, ...]:
-    """Name trajectories: those ``chosen`` (label: row), or the knee, the best of each criterion, and for a person.
+    """Return the named trajectories: those ``chosen`` (label.
+
+    Row), or the knee, the best of each criterion and of a person.
 
     A row with several names is one mark. Raises OptionError for a row that the front does not have.
     """
@@ -192,8 +194,8 @@ def marks(
 
 
 def turns_in_place(trajectory: Trajectory) -> BoolArray:
-    """Mark motions (n,) that turn the mapped body by more than a degree without moving it."""
-    pose = mapped(trajectory.model, trajectory.states)
+    """Return which motions (n,) turn the mapped body by more than a degree without moving it."""
+    pose = mapped_pose(trajectory.model, trajectory.states)
     still = np.hypot(np.diff(pose.x), np.diff(pose.y)) == 0.0
     turns: BoolArray = (np.abs(np.diff(pose.yaw)) > LEAST_TURN) & still
     return turns
@@ -204,14 +206,14 @@ def mapped_body(model: Model) -> str:
     return "base" if "base" in model.provides else "camera"
 
 
-def mapped(model: Model, states: States) -> Pose:
-    """Return the pose of the mapped body."""
+def mapped_pose(model: Model, states: States) -> Pose:
+    """Return the pose of the body that the map shows."""
     return model.pose(mapped_body(model), states)
 
 
 def mapped_points(model: Model, states: States) -> FloatArray:
     """Return the positions (M, 2), m, of the mapped body."""
-    pose = mapped(model, states)
+    pose = mapped_pose(model, states)
     return np.stack([pose.x, pose.y], axis=1)
 
 
@@ -234,7 +236,7 @@ class _WholeValue(ScalarFormatter):
         return ""
 
 
-def _unbroken(text: str) -> str:
+def _nonbreaking(text: str) -> str:
     return text.replace(" ", "\N{NO-BREAK SPACE}")
 
 
@@ -263,12 +265,12 @@ def path_points(trajectory: Trajectory) -> FloatArray:
     """Return points (N, 2), m, of the path on a map: ends of motions, and more along curves."""
     model = trajectory.model
     pieces = _base_pieces if "base" in model.provides else _camera_pieces
-    return mapped_points(model, _along(trajectory, pieces))
+    return mapped_points(model, _sampled_states(trajectory, pieces))
 
 
 def camera_path(trajectory: Trajectory) -> FloatArray:
     """Return points (N, 3), m, of the camera's path: ends of motions, and more along curves."""
-    return positions(trajectory.model.pose("camera", _along(trajectory, _camera_pieces)))
+    return positions(trajectory.model.pose("camera", _sampled_states(trajectory, _camera_pieces)))
 
 
 def positions(pose: Pose) -> FloatArray:
@@ -292,7 +294,7 @@ def may_rise(model: Model, state: States) -> bool:
     return not isinstance(model.twist("camera", state, rates).velocity[2], float)
 
 
-def _along(trajectory: Trajectory, pieces_of: Callable[[Law], int]) -> States:
+def _sampled_states(trajectory: Trajectory, pieces_of: Callable[[Law], int]) -> States:
     """Return the states at the ends of motions, and within motions drawn in several pieces."""
     pieces = _pieces(trajectory, pieces_of)
     if not (pieces > 1).any():

@@ -37,14 +37,14 @@ from hpop.view.style import (
     plain,
     stacked,
     turns_in_place,
+    value_text,
     whole_ticks,
-    written,
 )
 
 SAMPLES = 3000  # of the speeds
 PLANNED, EXECUTED = COLOURS[2], COLOURS[1]
 TURN, HELD = "#e6e6e6", "#cfe3d4"
-DIGIT, GAP = 0.64 * SMALL, 11.0  # points: width of a digit at a tick, and what else is between a panel and its name
+DIGIT, GAP = 0.64 * SMALL, 11.0  # points: width of a digit at a tick, and other space between a panel and its name
 
 
 @checked_arguments
@@ -54,8 +54,8 @@ def draw_trace(
 ) -> Figure:
     """Draw each criterion of the problem, and the camera's planned and executed speeds, along one trajectory.
 
-    A sum is shown as its running total, a time-mean as the running mean over the mean of each piece, a worst moment as
-    the running worst over each piece's, a criterion with memory as its running value. Planned turns in place and holds
+    A sum is shown as its running total, a criterion with memory as its running value. Time-means and worst moments are
+    a line, the running mean or worst value, over an area, the value in each piece. Planned turns in place and holds
     are shaded; their executed times differ slightly.
 
     Parameters
@@ -95,7 +95,7 @@ def draw_trace(
     _align_names(figure, panels.tolist())
     lasts = f"planned {trajectory.duration:.1f} s, executed {executed.duration:.1f} s"
     if as_planned:
-        lasts = f"{written(trajectory.duration, 's', False)}, executed as planned"
+        lasts = f"{value_text(trajectory.duration, 's', False)}, executed as planned"
     figure.suptitle(f"Along {name}: {lasts}", fontsize=LARGE)
     shades = [
         Patch(color=colour, label=f"planned {what}")
@@ -161,7 +161,7 @@ def _draw_criterion(axes: Axes, trace: Trace, column: int) -> None:
         zorder=2.5,
         clip_on=False,  # else a last step at the right end is half as thick
     )
-    final = written(cost, criterion.unit, counts)
+    final = value_text(cost, criterion.unit, counts)
     axes.set_ylim(0.0, 1.18 * max(values.max(), highest) or 1.0)
     axes.annotate(
         final, (1.0, cost), xycoords=("axes fraction", "data"), xytext=(4, 0), textcoords="offset points",
@@ -193,7 +193,7 @@ def _shade(axes: Axes, trajectory: Trajectory, motions: BoolArray, colour: str, 
 
 
 def _moments(trajectory: Trajectory) -> FloatArray:
-    """Return even times, and times on both sides of motions' ends, where speeds jump."""
+    """Return even times (N,), s, and times just before and after the ends of motions, where speeds jump."""
     ends = trajectory.times
     near = 1e-6 * max(trajectory.duration, 1.0)
     even = np.linspace(0.0, trajectory.duration, SAMPLES)
@@ -206,7 +206,7 @@ def _look(colour: str, width: float) -> dict[str, Any]:
 
 STATE_SAMPLES = 600  # along each trajectory, beside the ends of its motions
 CHANGES = 1e-6  # m or rad: a state that varies by less stays
-WIDTH, PANEL, WORDS = 7.2, 1.15, 1.2  # inches: of the picture, the height of a panel, what is above and below all
+WIDTH, PANEL, WORDS = 7.2, 1.15, 1.2  # inches: width of the picture, height of a panel and of the texts outside
 LEGEND_LINE = 0.2  # inches
 LEGEND_COLUMNS = 2
 DEGREES = "°"
@@ -285,6 +285,7 @@ def draw_states(front: Front, *, chosen: Mapping[str, int] | None = None, ax: Ax
 
 
 def _sampled(trajectory: Trajectory) -> tuple[FloatArray, States]:
+    """Return even times (T,), s, with the ends of motions, and the states at these times."""
     times = np.union1d(np.linspace(0.0, trajectory.duration, STATE_SAMPLES), trajectory.times)
     return times, trajectory.at(times)
 

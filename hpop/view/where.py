@@ -40,8 +40,8 @@ from hpop.view.style import (
     path_points,
     plain,
     turns_in_place,
+    value_text,
     whole_ticks,
-    written,
 )
 
 COLUMNS = 2  # of maps
@@ -50,7 +50,7 @@ WIDTH, MAP_WIDTH = 4.6, 3.45  # inches of one map, with and without its axes and
 WORDS = 0.7  # inches above and below it
 DOT = 6.5  # points across, of a turn
 BEYOND = 5.5  # points by which a turn at an end is larger than the letter that covers its middle
-SPOT = 6  # digits, m, to which turns at one place agree
+SPOT = 6  # decimals of m to which the positions of turns are compared
 DIGITS = 10  # of the largest rate; further digits are rounding errors, which would shift ticks
 TITLE_WIDTH = 45  # characters a line of the title over one map
 RATE_COLOURS: Colormap = ListedColormap(colormaps["magma_r"](np.linspace(0.12, 1.0, 256)), name="rate")
@@ -189,13 +189,13 @@ def _draw_shown(figure: FigureBase, axes: Axes, trace: Trace, column: int, width
     bar.ax.tick_params(labelsize=SMALL)
     bar.set_label(shown_label(criterion), fontsize=SMALL)
     whole_ticks(bar.ax.yaxis, _counts(criterion))
-    total = written(float(trace.cost[column]), criterion.unit, _counts(criterion))
+    total = value_text(float(trace.cost[column]), criterion.unit, _counts(criterion))
     words = {"time-mean": "on average", "max": "at worst"}.get(criterion.aggregate, "in all")
     axes.set_title(printable(f"{criterion.name}: {total} {words}"), fontsize=NORMAL)
 
 
 def _turns_at_ends(points: FloatArray, turns: FloatArray) -> dict[str, BoolArray]:
-    """Return the turns (m, 2) at the start and the goal of a path (n, 2), under the letters."""
+    """Return which turns (m, 2) are at the start ("S") and which at the goal ("G") of a path (n, 2)."""
     return {letter: (turns == end).all(axis=1) for letter, end in (("S", points[0]), ("G", points[-1]))}
 
 

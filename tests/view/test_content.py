@@ -227,5 +227,5 @@ def test_predicted_ways_that_end_are_dotted_and_who_comes_later_is_dashed(drawn)
     ways = {tuple(map(tuple, line.get_xydata()[[0, -1]])) for line in of(axes, "predicted")}
     assert ways == {((8.0, 5.0), (7.0, 5.5)), ((1.0, 1.0), (2.0, 4.0))}
     assert [disc.get_linestyle() for disc in of(axes, "person")] == ["-", "--", "-"]
-    assert {"way of a person, as predicted", "person who comes later, where it comes"} < set(entries)
+    assert {"predicted path of a person", "person who comes later, at the first position"} < set(entries)
     assert not of(drawn(people=[WALKING])[0], "predicted")  # for ever

@@ -52,7 +52,7 @@ def test_of_many_events_the_first_are_drawn_and_the_title_says_so(driven):
 
 
 def test_a_drive_on_which_nothing_happened_is_no_picture(driven):
-    with pytest.raises(OptionError, match="nothing happened"):
+    with pytest.raises(OptionError, match="no event to draw"):
         draw_drive(driven[0], [])
 
 
@@ -76,7 +76,7 @@ def test_a_drive_that_does_not_arrive_is_not_called_driven_and_only_what_is_draw
     assert "closed" not in legend(draw_drive(drive, free))
     shut = list(performed(drive, [Event(1.0, "close", "north"), Event(1.0, "close", "south")]))
     figure = draw_drive(drive, shut)
-    assert figure.axes[-1].get_title() == "in the end: it stands before what is closed"
+    assert figure.axes[-1].get_title() == "in the end: it stops before a closed area"
     assert {"robot", "closed"} < set(legend(figure))
     assert "person" not in legend(figure)
     assert "option taken" not in legend(draw_drive(drive, free))

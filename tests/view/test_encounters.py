@@ -37,7 +37,7 @@ def nearness(problem, x, y, t):
 
 def test_each_place_of_the_way_is_coloured_by_how_near_somebody_is_then(problem, trajectory):
     figure = draw_encounters(problem, trajectory)
-    axes = next(axes for axes in figure.axes if axes.get_ylabel() == "way of the robot (m)")
+    axes = next(axes for axes in figure.axes if axes.get_ylabel() == "path of the robot (m)")
     (image,) = axes.images
     left, right, bottom, top = image.get_extent()
     gaps = image.get_array()
@@ -56,7 +56,7 @@ def test_each_place_of_the_way_is_coloured_by_how_near_somebody_is_then(problem,
 
 def test_the_way_is_level_while_the_robot_stands(problem, trajectory):
     figure = draw_encounters(problem, trajectory)
-    axes = next(axes for axes in figure.axes if axes.get_ylabel() == "way of the robot (m)")
+    axes = next(axes for axes in figure.axes if axes.get_ylabel() == "path of the robot (m)")
     (way,) = (line for line in axes.lines if line.get_gid() == "way")
     t, along = way.get_data()
     np.testing.assert_allclose(np.interp([0.0, 2.0, 3.0, 6.0, 8.0], t, along), [0, 2, 2, 2, 4], atol=0.02)
@@ -74,7 +74,7 @@ def test_maps_are_of_the_start_and_of_moments_of_shortest_distance(problem, traj
 
 
 def test_nobody_who_moves_is_no_such_picture(make_problem, trajectory):
-    with pytest.raises(QueryError, match="nobody moves"):
+    with pytest.raises(QueryError, match="no moving people"):
         draw_encounters(make_problem(), trajectory)
 
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from hpop.errors import OptionError
 from hpop.view import draw_front
-from hpop.view.style import quantities, written
+from hpop.view.style import quantities, value_text
 
 SIX = ["turns", "length", "exposure", "rotation", "clearance", "duration"]
 
@@ -171,4 +171,4 @@ def test_an_empty_front_is_refused_with_its_status(make_problem, make_front):
 def test_rounding_noise_below_the_quantum_is_written_as_nothing(make_problem, make_front):
     front = make_front(make_problem(["exposure", "length"]), np.array([[3e-32, 8.0], [2e-6, 6.0]]))
     exposure, *_ = quantities(front)
-    assert [written(value, "s", False) for value in exposure.values] == ["0 s", "2.00e-06 s"]
+    assert [value_text(value, "s", False) for value in exposure.values] == ["0 s", "2.00e-06 s"]

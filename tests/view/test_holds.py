@@ -10,7 +10,7 @@ from hpop.view.marks import holds_of
 from hpop.view.trace import draw_trace
 from hpop.view.where import RATE_COLOURS, draw_where
 
-CLOCKS = "stands still, for so long"
+CLOCKS = "stands still, for this time"
 
 
 @pytest.fixture(scope="module")

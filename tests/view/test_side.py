@@ -259,7 +259,7 @@ def test_the_hand_of_an_arm_goes_along_its_arc_on_the_map():
     assert caption.get_text() == "From above: paths of the camera"
     assert not any("obstructed fraction" in each.get_label() for each in figure.axes)
     assert not found(figure, "map", "start heading")  # cones say where it looks
-    assert {"S: start", "G: goal", "obstacle, of whatever height"} < set(legend_texts(figure))
+    assert {"S: start", "G: goal", "obstacle of any height"} < set(legend_texts(figure))
     assert any("60° wide and 45° high" in text for text in legend_texts(figure))
 
 

@@ -28,7 +28,7 @@ THOUSANDTHS = 1000.0  # rad
 
 
 def traced_rows(front: Front, named: Sequence[int]) -> list[int]:
-    """Return rows to trace: those with a name, then others evenly over the front."""
+    """Return the rows of the front that get a trace: the named rows, then others evenly over the front."""
     rows = list(dict.fromkeys(named))
     others = max(0, min(TRACES + len(front) // ONE_IN, MOST, len(front)) - len(rows))
     middles = (np.arange(others) + 0.5) * len(front) / max(1, others)
@@ -53,16 +53,16 @@ def traces(
     criteria = [criterion for criterion in columns if criterion is not None]
     for row in rows:
         if len(front.trajectories[row]):
-            yield {"row": row, **_packed(trace(criteria, front.trajectories[row], problem.world), packer, origin)}
+            yield {"row": row, **_packed_trace(trace(criteria, front.trajectories[row], problem.world), packer, origin)}
 
 
-def _packed(found: Trace, packer: Packer, origin: tuple[float, float]) -> dict[str, Any]:
-    ends = told_ends(len(found.pieces), MOST_PIECES)
+def _packed_trace(found: Trace, packer: Packer, origin: tuple[float, float]) -> dict[str, Any]:
+    ends = piece_ends(len(found.pieces), MOST_PIECES)
     pose = found.pieces.trajectory.model.pose("camera", found.states)
     x, y, yaw = (np.broadcast_to(column, found.times.shape)[ends] for column in (pose.x, pose.y, pose.yaw))
     places = millimetres(np.stack([x, y], axis=1), origin)
     tick = float(found.times[-1]) / TICKS or 1.0  # s
-    several = [_along(found, column, ends) for column in range(len(found.criteria))]
+    several = [_quantised_values(found, column, ends) for column in range(len(found.criteria))]
     return {
         "tick": tick,
         "t": packer.integers(np.rint(found.times[ends] / tick), order=1),
@@ -74,12 +74,12 @@ def _packed(found: Trace, packer: Packer, origin: tuple[float, float]) -> dict[s
     }
 
 
-def told_ends(pieces: int, most: int) -> IntArray:
-    """Return the indices of the ends (n+1,) of pieces to include: all, or ``most`` of them evenly."""
+def piece_ends(pieces: int, most: int) -> IntArray:
+    """Return the indices (n+1,) of the ends of at most ``most`` merged pieces, evenly over all pieces."""
     return np.unique(np.linspace(0, pieces, min(pieces, most) + 1).round().astype(np.int64))
 
 
-def taken_together(found: Trace, column: int, ends: IntArray) -> FloatArray:
+def merged_rates(found: Trace, column: int, ends: IntArray) -> FloatArray:
     """Return the rate (m,) of a criterion in merged pieces between ends (m+1,).
 
     It is the greatest rate for a maximum, else the mean.
@@ -91,8 +91,8 @@ def taken_together(found: Trace, column: int, ends: IntArray) -> FloatArray:
     return np.asarray(np.divide(total, time, out=np.zeros_like(total), where=time > 0))
 
 
-def _along(found: Trace, column: int, ends: IntArray) -> tuple[float, FloatArray]:
-    """Return a criterion in pieces between ends (m+1,), as a step and whole multiples (m,) of it.
+def _quantised_values(found: Trace, column: int, ends: IntArray) -> tuple[float, FloatArray]:
+    """Return a criterion's values in pieces between ends (m+1,), as a step and whole multiples (m,) of this step.
 
     Sums, and criteria with memory, are given as growth per piece; means and worst moments as values.
     """
@@ -100,7 +100,7 @@ def _along(found: Trace, column: int, ends: IntArray) -> tuple[float, FloatArray
         reached = np.concatenate([[0.0], found.running[:, column]])[ends]
         step = _step(reached)
         return step, np.diff(np.rint(reached / step))
-    joined = taken_together(found, column, ends)
+    joined = merged_rates(found, column, ends)
     step = _step(joined)
     return step, np.rint(joined / step)
 

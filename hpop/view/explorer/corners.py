@@ -27,8 +27,8 @@ from hpop.trajectories.trajectory import Trajectory
 from hpop.view.style import positions
 
 PIECES = 24  # most straight pieces for a motion with a curved camera path
-FEWER = (1, 2, 3, 4, 6, 8, 12)  # smaller numbers of pieces, if the path is then
-BENDS = 2e-3  # m: nowhere farther from the pieces
+FEWER = (1, 2, 3, 4, 6, 8, 12)  # smaller numbers of pieces, tried first
+BENDS = 2e-3  # m: tolerance between the path and the pieces
 PROBES, EXACT = 4, 1e-9  # m: number and tolerance of the points that test a path for straightness
 STRAIGHT = 1e-7  # rad: smaller bends are no corners
 MILLIMETRES = 1000.0
@@ -62,12 +62,12 @@ def corners(trajectories: Sequence[Trajectory], origin: tuple[float, float]) -> 
         nothing = np.zeros(0, dtype=np.int64)
         return PathCorners(nothing.reshape(0, 2), nothing, nothing, (np.inf, -np.inf))
     table = MotionTable.of(trajectories)
-    points, through, owner = _passed(table)
+    points, through, owner = _trajectory_points(table)
     heights = float(points[:, 2].min()), float(points[:, 2].max())
     plane = points[:, :2]
     grid = millimetres(plane, origin)
-    through, owner = _kept(through, owner, _moves(grid[through], owner))
-    through, owner = _kept(through, owner, _turns(plane[through], owner))
+    through, owner = _selected(through, owner, _moves(grid[through], owner))
+    through, owner = _selected(through, owner, _turns(plane[through], owner))
     keys = grid[through, 0] * (2 * FARTHEST + 2) + grid[through, 1]  # within 64 bits
     _, first, place = np.unique(keys, return_index=True, return_inverse=True)
     order = np.argsort(first)  # by first appearance: near each other, as paths are
@@ -77,8 +77,11 @@ def corners(trajectories: Sequence[Trajectory], origin: tuple[float, float]) -> 
     return PathCorners(grid[through[first[order]]], rank[place.reshape(-1)], counts, heights)
 
 
-def _passed(table: MotionTable) -> tuple[FloatArray, IntArray, IntArray]:
-    """Return points (G, 3), m, the indices (T,) of the points along all trajectories, and their trajectories (T,)."""
+def _trajectory_points(table: MotionTable) -> tuple[FloatArray, IntArray, IntArray]:
+    """Return the points (G, 3), m, of all motions.
+
+    For all trajectories in turn the point indices (T,) and their owners (T,).
+    """
     ends = positions(table.model.pose("camera", table.states))
     known, counts = [ends], np.zeros(len(table), dtype=np.int64)
     begins: IntArray = np.zeros(len(table), dtype=np.int64)
@@ -122,7 +125,7 @@ def _line(model: Model, law: Law, start: States, end: States, pieces: int) -> Fl
 
 
 def _off(line: FloatArray, pieces: int) -> FloatArray:
-    """Return distances (M, N), m, seen from above, of lines (M, N + 1, 3) from ``pieces`` straight pieces of them."""
+    """Return distances (M, N), m, from above, between lines (M, N + 1, 3) and their shortening to ``pieces`` pieces."""
     plane, count = line[..., :2], line.shape[1] - 1
     step = count // pieces
     knots = plane[:, ::step]
@@ -134,9 +137,9 @@ def _off(line: FloatArray, pieces: int) -> FloatArray:
 
 
 def _pieces(line: FloatArray) -> Iterator[tuple[int, IntArray, FloatArray]]:
-    """Yield curved lines (M, PIECES + 1, 3) by number of pieces: the number, their indices, and their inner points.
+    """Yield, for each number of straight pieces, the indices of the lines it suffices for, and their inner points.
 
-    The number is the smallest within tolerance.
+    line  (M, PIECES + 1, 3) m, curved lines; each gets the smallest number of pieces within tolerance
     """
     left = np.arange(len(line))
     for pieces in (*FEWER, PIECES):
@@ -146,19 +149,19 @@ def _pieces(line: FloatArray) -> Iterator[tuple[int, IntArray, FloatArray]]:
         left = left[~fits]
 
 
-def _kept(through: IntArray, owner: IntArray, kept: BoolArray) -> tuple[IntArray, IntArray]:
+def _selected(through: IntArray, owner: IntArray, kept: BoolArray) -> tuple[IntArray, IntArray]:
     return through[kept], owner[kept]
 
 
 def _moves(grid: IntArray, owner: IntArray) -> BoolArray:
-    """Mark points (T,) of paths that differ from the previous point, or are the first of their path."""
+    """Return which points (T,) of paths differ from the previous point, or are the first of their path."""
     kept = np.ones(owner.size, dtype=bool)
     kept[1:] = (owner[1:] != owner[:-1]) | (grid[1:] != grid[:-1]).any(axis=1)
     return kept
 
 
 def _turns(points: FloatArray, owner: IntArray) -> BoolArray:
-    """Mark points (T,) of paths that are ends, or where the path bends or turns back."""
+    """Return which points (T,) of paths are ends, or bends, or points where the path turns back."""
     kept = np.ones(owner.size, dtype=bool)
     before, after = points[1:-1] - points[:-2], points[2:] - points[1:-1]
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
@@ -170,7 +173,7 @@ def _turns(points: FloatArray, owner: IntArray) -> BoolArray:
 
 Kind = Literal["int32", "int16", "float64"]
 Part = tuple[Kind, int, int, int]
-"""What a payload says of a part: kind, where it begins, bytes, how many numbers, and ``order``."""
+"""Description of a packed column: kind, position of its first byte, number of values, and ``order``."""
 LEVEL = 9  # of 9; a tenth of a second for a front of thousands
 
 
@@ -183,21 +186,21 @@ class Packer:
 
     def integers(self, values: ArrayLike, *, order: int = 0) -> Part:
         """Add whole numbers (N,) within 32 bits, differenced ``order`` times."""
-        return self._added("int32", _differences(values, order), order)
+        return self._add_part("int32", _differences(values, order), order)
 
     def short(self, values: ArrayLike) -> Part:
         """Add whole numbers (N,) within 16 bits."""
-        return self._added("int16", values, 0)
+        return self._add_part("int16", values, 0)
 
     def floats(self, values: ArrayLike) -> Part:
         """Add floats (N,), bit for bit."""
-        return self._added("float64", values, 0)
+        return self._add_part("float64", values, 0)
 
     def text(self) -> str:
         """Return everything packed, as text."""
         return base64.b64encode(zlib.compress(b"".join(self._parts), LEVEL)).decode()
 
-    def _added(self, kind: Kind, values: ArrayLike, order: int) -> Part:
+    def _add_part(self, kind: Kind, values: ArrayLike, order: int) -> Part:
         data = np.ascontiguousarray(values, dtype=np.dtype(kind).newbyteorder("<"))
         planes: NDArray[np.uint8] = data.view(np.uint8).reshape(data.size, data.itemsize).T
         part = (kind, self._size, data.size, order)

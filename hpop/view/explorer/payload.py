@@ -71,7 +71,7 @@ def bounds_of(world: World, points: Sequence[FloatArray]) -> View:
     return View(*places.min(axis=0).tolist(), *places.max(axis=0).tolist())
 
 
-def described(
+def world_payload(
     problem: Problem, front: Front, paths: FloatArray, heights: Heights, packer: Packer, origin: tuple[float, float]
 ) -> tuple[dict[str, Any], list[str]]:
     """Return the world for the page's payload, and notes on parts that the map leaves out.
@@ -86,7 +86,7 @@ def described(
         if side > 1:
             notes.append(
                 f"the map is drawn in cells of {side * world.raster.resolution:g} m, occupied where one of "
-                f"{side} x {side} is; the search knows all of them"
+                f"{side} x {side} is; the search uses all cells"
             )
     start, goals = camera_ends(problem, front.trajectories)
     content = world.content
@@ -117,7 +117,7 @@ def described(
 
 
 def _person(person: Person) -> Mapping[str, Any]:
-    """Return a person at the begin; of several futures the likeliest."""
+    """Return a person at the first moment of presence; of several hypotheses the likeliest."""
     first = person.likeliest
     now = np.float64(first.begin)
     (x, y), velocity = first.at(now), first.velocity_at(now)
@@ -172,7 +172,7 @@ def _caption(problem: Problem, heights: Heights) -> str:
 
 SCHEMA = "hpop-page"
 VERSION = 1
-SCRIPT = "explorer.js"  # that reads it
+SCRIPT = "explorer.js"  # reads the payload
 
 
 def payload(
@@ -201,7 +201,9 @@ def payload(
         "corners": packer.integers(drawn.corners),
         "counts": packer.integers(drawn.counts),
     }
-    ground, left_out = described(problem, front, drawn.places / MILLIMETRES + np.array(origin), heights, packer, origin)
+    ground, left_out = world_payload(
+        problem, front, drawn.places / MILLIMETRES + np.array(origin), heights, packer, origin
+    )
     criteria = along.columns_of(problem, front)
     rows = along.traced_rows(front, [mark.row for mark in named])
     return {

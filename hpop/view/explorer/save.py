@@ -47,10 +47,10 @@ def save_explorer(
     title : str, optional
         Title of the page; by default the traded costs.
     saved : path, optional
-        The file that holds the front, for the Python code that the page writes of a choice: as it is given, but a whole
-        path, which tells a user's name, as the page's folder sees it.
+        The file that holds the front, for the Python code that the page offers. It is shown as given, but an absolute
+        path, which may contain a user's name, becomes relative to the page's folder.
     preference : Preference, optional
-        Of a person: the trajectory that is best for them is marked "for you".
+        Preference of a person: the best trajectory for this person is marked "for you".
 
     Raises
     ------
@@ -96,7 +96,7 @@ def widget(problem: Problem, front: Front, *, title: str | None = None, height: 
     title : str, optional
         Title of the page; by default the traded costs.
     height : int
-        Of the page, pixels.
+        Height of the page, pixels.
 
     Raises
     ------

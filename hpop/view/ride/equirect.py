@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 WIDTH = 2048
 LEAST_WIDTH, MOST_WIDTH = 64, 16384
 LEVEL = 1e-9
-"""Cosines from the vertical beyond which a camera is tilted."""
+"""Deviation of the camera's axes from the level above which it counts as tilted."""
 XMP = """<?xpacket begin="\N{ZERO WIDTH NO-BREAK SPACE}" id="W5M0MpCehiHzreSzNTczkc9d"?>
 <x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">
 <rdf:Description rdf:about="" xmlns:GPano="http://ns.google.com/photos/1.0/panorama/"

@@ -29,20 +29,20 @@ from hpop.problems.named_rows import NamedRow, named_rows
 from hpop.problems.problem import Problem
 from hpop.trajectories.poses import on_one_side, poses, quaternions_of
 from hpop.trajectories.trajectory import Trajectory
-from hpop.view.explorer.along import columns_of, taken_together, told_ends, words
+from hpop.view.explorer.along import columns_of, merged_rates, piece_ends, words
 from hpop.view.ride.scene import ViewScene
 from hpop.view.ride.surfaces import Colour
 from hpop.view.single_page import page_file, single_page
-from hpop.view.style import quantities, written
+from hpop.view.style import quantities, value_text
 from hpop.world import World
 from hpop.world.geometry.solids import Shape, Sphere
 
 LINKS: tuple[Colour, ...] = ((206, 208, 210), (120, 128, 138))
-"""Of the links of a robot, in turns."""
+"""Alternating colours of a robot's links."""
 DIRECTIONS = 120
-"""Points on a sphere."""
+"""Number of points on a sphere."""
 DIGITS = 4
-"""Of coordinates, m: tenths of millimetres."""
+"""Decimals of coordinates in m."""
 
 
 class BodyMesh(NamedTuple):
@@ -119,13 +119,13 @@ def _on_sphere(radius: float) -> FloatArray:
 RATE = 20.0
 """Poses a second."""
 LENGTH, TURN = 1e-5, 1e-7
-"""Steps in which positions, m, and quaternions are told."""
+"""Resolution of the camera's positions, m, and quaternions."""
 LINK_LENGTH, LINK_TURN = 1e-4, 1e-4
-"""The same of links, which are only looked at."""
+"""Resolution of the links' positions, m, and quaternions, which need less."""
 FIGURES = 4
-"""Of rates."""
+"""Significant digits of rates."""
 MOST_PIECES = 1500
-"""Of a trace, between which rates are told."""
+"""Most pieces of a trajectory that have rates of their own."""
 
 
 def track(trajectory: Trajectory) -> dict[str, Any]:
@@ -140,9 +140,9 @@ def track(trajectory: Trajectory) -> dict[str, Any]:
     return {
         "duration": float(seen.times[-1]),
         "rate": RATE,
-        "positions": packed(seen.positions, LENGTH),
-        "quaternions": packed(seen.quaternions, TURN),
-        "links": packed(np.hstack(columns) * LINK_TURN if columns else np.zeros((len(seen), 0)), LINK_TURN),
+        "positions": packed_columns(seen.positions, LENGTH),
+        "quaternions": packed_columns(seen.quaternions, TURN),
+        "links": packed_columns(np.hstack(columns) * LINK_TURN if columns else np.zeros((len(seen), 0)), LINK_TURN),
     }
 
 
@@ -152,18 +152,18 @@ def rates(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -
     if not len(run) or not criteria:
         return None
     found = trace(criteria, run, world)
-    ends = told_ends(len(found.pieces), MOST_PIECES)
+    ends = piece_ends(len(found.pieces), MOST_PIECES)
     columns = [
-        [float(f"{value:.{FIGURES}g}") for value in taken_together(found, column, ends).tolist()]
+        [float(f"{value:.{FIGURES}g}") for value in merged_rates(found, column, ends).tolist()]
         for column in range(len(found.criteria))
     ]
     return {"times": np.round(found.times[ends], 4).tolist(), "values": columns}
 
 
-def packed(values: FloatArray, scale: float) -> dict[str, Any]:
-    """Return columns of numbers (N, C) in whole steps, differenced twice, which gives mostly zeros for even motion.
+def packed_columns(values: FloatArray, scale: float) -> dict[str, Any]:
+    """Return columns of numbers (N, C) as whole multiples of a step, differenced twice: mostly zeros for even motion.
 
-    >>> packed(np.array([[1.0], [2.0], [3.0]]), 0.5)
+    >>> packed_columns(np.array([[1.0], [2.0], [3.0]]), 0.5)
     {'scale': 0.5, 'columns': [[2, 0, 0]]}
     """
     counts = np.rint(values / scale).astype(np.int64)
@@ -174,7 +174,7 @@ def packed(values: FloatArray, scale: float) -> dict[str, Any]:
 
 SCHEMA, VERSION = "hpop-ride", 1
 NAMES = "ABCDEFGH"
-"""Of the trajectories of a page, in the order in which they are asked for."""
+"""Names of the trajectories of a page, in the order of ``rows``."""
 
 
 @checked_arguments
@@ -257,12 +257,12 @@ def _track(
         "label": "" if blind else _label(front, row),
         **track(trajectory),
         "rates": rates(list(told.values()), trajectory, problem.world),
-        "costs": [written(float(column.values[row.number]), column.unit, column.counts) for column in shown],
+        "costs": [value_text(float(column.values[row.number]), column.unit, column.counts) for column in shown],
     }
 
 
 def licence() -> str:
-    """Return the licence of three.js, which is part of the page."""
+    """Return the licence text of three.js, which is part of the page."""
     return resources.files("hpop.view").joinpath("web", "three_license.txt").read_text(encoding="utf-8")
 
 

@@ -21,11 +21,11 @@ Picture = NDArray[np.uint8]
 """(H, W, 3), sRGB; row 0 looks up, the middle of a row ahead, its left part to the left."""
 
 FINE = 1 << 16
-"""Headings are rounded to so many parts of a column: 5e-8 rad at a width of 2048."""
+"""Parts of a column to which headings are rounded: 5e-8 rad at a width of 2048."""
 STEP = 2.0**-30
-"""Sines and cosines are rounded to multiples of it, so that libraries that differ in the last digit give the same."""
+"""Sines and cosines are rounded to its multiples, so that libraries that differ in the last digit give equal bytes."""
 RAYS = 2
-"""Rays of each column."""
+"""Number of rays of each column."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,11 +45,11 @@ class Panorama:
 
     def draw(self, position: FloatArray, yaw: float, t: float) -> Picture:
         """Render the panorama of a level camera at a position (3,), m, yaw, rad, and time, s."""
-        return self._drawn(position, yaw, t, per_column=RAYS, hard=False)[0]
+        return self._render(position, yaw, t, per_column=RAYS, hard=False)[0]
 
     def numbers(self, position: FloatArray, yaw: float, t: float) -> NDArray[np.int32]:
         """Return the number of the thing visible at the middle of each pixel (H, W); 0 for floor and sky."""
-        return self._drawn(position, yaw, t, per_column=1, hard=True)[1]
+        return self._render(position, yaw, t, per_column=1, hard=True)[1]
 
     def draw_turned(self, position: FloatArray, axes: FloatArray, t: float) -> Picture:
         """Render the panorama of a tilted camera with axes (3, 3), ahead, left and up in its columns.
@@ -57,14 +57,14 @@ class Panorama:
         It samples a level picture of twice the size, so that little sharpness is lost.
         """
         fine = Panorama(self.scene, 2 * self.width)
-        fine.__dict__.update(_standing=self._standing, _pictures=self._pictures)
-        level = fine._drawn(position, 0.0, t, per_column=1, hard=False)[0]
+        fine.__dict__.update(_static_edges=self._static_edges, _pictures=self._pictures)
+        level = fine._render(position, 0.0, t, per_column=1, hard=False)[0]
         out = np.empty((self.width // 2, self.width, 3), np.uint8)
         columns = _unit(self.width / 2 - np.arange(self.width) - 0.5, self.width)
         turned(level, columns, _slopes(self.width // 2), np.round(axes / STEP) * STEP, out)
         return out
 
-    def _drawn(
+    def _render(
         self, position: FloatArray, yaw: float, t: float, *, per_column: int, hard: bool
     ) -> tuple[Picture, NDArray[np.int32]]:
         rays, rows = per_column * self.width, self.width // 2
@@ -95,8 +95,8 @@ class Panorama:
         return colours, numbers
 
     @cached_property
-    def _standing(self) -> tuple[FloatArray, IntArray, FloatArray]:
-        """Return edges (E, 4), the item of each, and items (I, 7): prisms, boxes of cells, the floor and its zones."""
+    def _static_edges(self) -> tuple[FloatArray, IntArray, FloatArray]:
+        """Edges (E, 4), the item of each edge, and items (I, 7): prisms, boxes of cells, the floor and its zones."""
         edges: list[FloatArray] = []
         counts: list[int] = []
         items: list[tuple[float, ...]] = []
@@ -128,7 +128,7 @@ class Panorama:
         return tiles.plates(self.scene.plates)
 
     def _things(self, x: float, y: float, t: float) -> Things:
-        """Return the things at a time, with plates without a facing turned to the camera."""
+        """Return everything to draw at a time t, s; plates without a facing are turned towards the camera at (x, y)."""
         parts: list[tuple[float, ...]] = []
         for figure in self.scene.figures:
             person, now = figure.person.likeliest, np.float64(t)
@@ -148,7 +148,7 @@ class Panorama:
             else:
                 normal = (math.cos(mark.facing), math.sin(mark.facing))
             plates.append((mark.x, mark.y, mark.z, *normal, plate.width, plate.height, plate.number))
-        edges, item_of, items = self._standing
+        edges, item_of, items = self._static_edges
         bitmaps, places = self._pictures
         tables = _rows_of(parts, 16), _rows_of(plates, 8)
         highest = max(
@@ -160,7 +160,7 @@ class Panorama:
 
 
 def _meetings(edges: FloatArray, x: float, y: float, directions: FloatArray) -> tuple[RayMeetings, int]:
-    """Return the meetings of rays with edges, and the largest number of one ray."""
+    """Return the meetings of rays with edges, and the largest number of meetings of a ray."""
     room, last = 8 * len(directions) + 64, np.empty(len(directions), np.int64)
     while True:
         met = RayMeetings(last, np.empty(room), np.empty(room, np.int64), np.empty(room, np.int64))

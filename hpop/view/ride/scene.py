@@ -28,19 +28,19 @@ from hpop.world.geometry.solids import Solid
 
 VERSION = 1
 STOREY = 3.0
-"""Height of what has no upper end, m."""
+"""Drawn height of obstacles without an upper end, m."""
 HEADROOM = 0.5
-"""How far such walls rise above a camera that is higher, m."""
+"""Height of such obstacles above a camera that is higher, m."""
 WALL_FROM = 2.5
 """Height from which an obstacle without a name of its own looks like a wall, m."""
 BORDER = 0.2
-"""Thickness of the wall round a map beyond which all is obstacle, m."""
+"""Thickness of the wall round a map whose outside is an obstacle, m."""
 DIGITS = 4
-"""Of the corners of people's ways, m and s."""
+"""Decimals of the corners of people's paths, m and s."""
 PLATE = (0.8, 0.5)
 """Width and height of a landmark, m."""
 BEFORE = 0.005
-"""How far before its place a landmark with a front hangs, m: the wall in whose face that lies shall not hide it."""
+"""Distance between a landmark with a front and its plate, m, so that a wall behind the landmark does not hide it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class Prism:
 
     rings   (K, 2)  m  corners, not closed: the outer ring counter-clockwise, then holes clockwise
     low, high       m  finite
-    number          in pictures of numbers, from 1; shared by the prisms of one obstacle
+    number          identifies the obstacle in ``Panorama.numbers``, from 1; shared by the prisms of one obstacle
     colour
     is_wall         has a skirting
     name
@@ -82,7 +82,7 @@ class Prism:
 class Cells:
     """Occupied cells of a raster, merged to boxes.
 
-    boxes   (B, 4)  columns and rows, first and beyond the last: x0, y0, x1, y1 in cells
+    boxes   (B, 4)  first column and row, and those after the last: x0, y0, x1, y1 in cells
     raster          gives their positions
     low, high       m
     number, colour  as of a prism
@@ -134,7 +134,7 @@ class BodyPart:
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """Person as drawn: legs, trunk and head, along the path of the likeliest future."""
+    """Person as drawn: legs, trunk and head, along the path of the likeliest hypothesis."""
 
     person: Person
     number: int
@@ -206,7 +206,7 @@ class Area:
 class ViewScene:
     """Things drawn of a world.
 
-    prisms   obstacles, in order, and the wall round a map if everything beyond is obstacle
+    prisms   obstacles, in order, and a wall round the map if its outside is an obstacle
     cells    of a raster, or None
     figures  people
     plates   landmarks
@@ -255,7 +255,7 @@ class ViewScene:
         )
 
     def description(self) -> dict[str, Any]:
-        """Return a JSON-able description, for a page that draws an equal scene; no number is NaN or infinite.
+        """Return the scene as JSON-able values, for a page that draws it alike; no number is NaN or infinite.
 
         Texts come from files: they are names, never markup.
         """
@@ -285,7 +285,7 @@ def _prisms(world: World, storey: float) -> Iterator[Prism]:
 
 
 def _border(world: World, storey: float) -> Iterator[Prism]:
-    """Yield a wall round the extent, if everything beyond it is obstacle."""
+    """Yield a wall round the extent, if the outside of the map is an obstacle."""
     if world.outside_is_obstacle:
         low, high = _ends((-math.inf, math.inf) if world.raster is None else world.raster.heights, storey)
         frame = shapely.buffer(world.extent, BORDER, join_style="mitre").difference(world.extent)
@@ -330,10 +330,10 @@ PAPER: Colour = (248, 246, 240)
 
 
 def _plate(mark: Landmark, number: int) -> Plate:
-    return Plate(_hung(mark), *PLATE, number, PAPER)
+    return Plate(_landmark_on_plate(mark), *PLATE, number, PAPER)
 
 
-def _hung(mark: Landmark) -> Landmark:
+def _landmark_on_plate(mark: Landmark) -> Landmark:
     """Return a landmark at the position of its plate."""
     if mark.facing is None:
         return mark
@@ -362,7 +362,7 @@ def _rings(polygon: Any) -> tuple[FloatArray, ...]:
 def _notes(world: World, storey: float) -> Iterator[str]:
     unsure = sum(bool(person.futures) for person in world.content.people)
     if unsure:
-        yield f"people with several futures ({unsure}) are where the likeliest one has them in what the viewer sees"
+        yield f"people with several hypotheses ({unsure}) are drawn at the positions of the likeliest one"
     endless = sum(math.isinf(obstacle.z_max) for obstacle in world.obstacles)
     if endless or (world.raster is not None and math.isinf(world.raster.z_max)):
         yield f"obstacles without an upper end are drawn {storey:g} m high"
@@ -370,7 +370,7 @@ def _notes(world: World, storey: float) -> Iterator[str]:
     if tilted:
         listed = ", ".join([*(printable(name)[:40] for name in tilted[:8]), *["..."] * (len(tilted) > 8)])
         yield f"pictures show the upright prism round {counted(len(tilted), 'solid')} that are not upright: {listed}"
-    for mark in map(_hung, world.content.landmarks):
+    for mark in map(_landmark_on_plate, world.content.landmarks):
         inside = [
             o for o in world.obstacles if o.z_min < mark.z < o.z_max and o.polygon.covers(shapely.Point(mark.x, mark.y))
         ]

@@ -28,11 +28,11 @@ GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 ROUGHNESS = 0.3
 """Amplitudes grow with this power of the wavelength: coarse patches, fine grain."""
 PITCH, LINE = 0.5, 0.02
-"""From one line of the grid to the next, and their width, m."""
+"""Distance between the lines of the grid, and their width, m."""
 CONTRAST = {"floor": 0.075, "outside": 0.03, "wall": 0.028}
 """Root mean square of the waves, as a share of the colour."""
 GRID = {"floor": 0.20, "wall": 0.10}
-"""By what share lines are darker."""
+"""Share by which the lines of the grid are darker."""
 SKIRTING, SKIRTING_SHADE = 0.08, 0.68
 """Height of the dark strip at the foot of walls, m, and its share of their colour."""
 
@@ -49,14 +49,14 @@ THINGS: tuple[Colour, ...] = (
 )
 ZONES: dict[str, Colour] = {"speed": (196, 120, 60), "keep-out": (150, 70, 110), "one-way": (60, 110, 160)}
 ZONE_SHARE = 0.35
-"""How much of the floor's colour is the zone's."""
+"""Share of a zone's colour in the colour of the floor."""
 SKY_HORIZON, SKY_ZENITH = (232, 236, 238), (168, 194, 222)
 LIGHT = (0.48, 0.6, 0.64)
-"""Where the light comes from: a unit vector, the same everywhere."""
+"""Direction towards the light, a unit vector, equal everywhere."""
 AMBIENT, DIFFUSE = 0.84, 0.18
 """A surface with unit normal n is AMBIENT + DIFFUSE n . LIGHT times its colour, at most 1."""
 HAZE = 400.0
-"""At a distance d, in the plane, m, the share d / (d + HAZE) of what is seen is the horizon's colour."""
+"""At a distance of d m in the plane, the horizon's colour has the share d / (d + HAZE)."""
 
 
 def waves() -> FloatArray:

@@ -40,10 +40,10 @@ class Tile(NamedTuple):
 
 
 class Things(NamedTuple):
-    """Everything that is drawn.
+    """Arrays of all things to draw, for the kernels.
 
     edges    (E, 4)  m  x0, y0, x1, y1, counter-clockwise round solids
-    item_of  (E,)
+    item_of  (E,)  index of the item to which each edge belongs
     items    (I, 7)  kind, low, high, red, green, blue, number
     parts    (P, 16)  of people: x, y, cos and sin of the heading, shape, radius, low, high, colours of front and back,
              number, and 0
@@ -64,9 +64,12 @@ class Things(NamedTuple):
 
 
 class RayMeetings(NamedTuple):
-    """Result of `columns.crossings`: the last meeting of each ray.
+    """Result of `columns.crossings`: the edges that each ray meets, as linked lists.
 
-    And distance, edge and previous meeting of each meeting.
+    last      (N,)  last meeting of each ray, or -1
+    distance  (M,)  m, of each meeting
+    edge      (M,)  edge met
+    before    (M,)  previous meeting of the ray, or -1
     """
 
     last: IntArray
@@ -170,8 +173,8 @@ class DrawingBuffers(NamedTuple):
     """Arrays for drawing a column.
 
     sheet
-    is_in   (I,)  whether the ray is inside each item; all False before and after
-    opened  (I,)  items that contain the ray, up to a count
+    is_in   (I,)  whether the ray is inside each item; all False before and after a column
+    opened  (I,)  items that contain the ray, in the first entries
     order   edges, parts and plates that a ray meets, from near to far
     away    m  distance of each
     """
@@ -193,15 +196,15 @@ class DrawingBuffers(NamedTuple):
 FINEST = 512
 """Pixels along a side of the finest level."""
 WIDEST = 4.0
-"""Width of the widest pixels, m: nothing is left of the texture then."""
+"""Width of the widest pixels, m, which average the texture away."""
 PER_OCTAVE = 2
-"""Levels while pixels become twice as wide."""
+"""Levels per doubling of the pixels' width."""
 STEP = 2.0**-20
-"""Values of the texture are multiples of it, so that cosines that differ in their last digits give the same."""
+"""Values of the texture are rounded to its multiples, so that bytes do not depend on the last digit of cosines."""
 PLATE_PIXELS = (384, 240)
-"""Of the finest picture on a plate."""
+"""Width and height of the finest picture of a plate."""
 LINES = 4
-"""Of a name, at most."""
+"""Most lines of a name."""
 INK, FRAME, GOLD = (46, 44, 40), (92, 78, 62), (168, 134, 72)
 
 

@@ -39,11 +39,11 @@ FPS = 30
 SLOWEST, FASTEST = 1.0, 240.0
 """Frames a second."""
 AHEAD = 2
-"""Frames of each worker that are drawn or wait for being written."""
+"""Frames for each worker that are being drawn or wait to be written."""
 VIDEO_BYTES, PNG_BYTES = 0.06, 1.2
-"""Bytes of a pixel, generously: a disk must have so much room before a video is begun."""
+"""Bytes a pixel, a generous estimate of the room that a disk must have before a video is begun."""
 QUALITY = {"crf": "18", "preset": "veryfast"}
-"""Of x264: differences to what was drawn are not seen."""
+"""Options of x264, at which no differences to the drawn frames are visible."""
 AXES = (
     "equirectangular, sRGB; the middle of the picture is ahead of the camera, its left part to the left, its upper "
     "edge overhead; metres, x right, y up in the plane, z height, angles counter-clockwise (REP-103)"
@@ -83,7 +83,7 @@ class Clip:
         workers: int | None = None,
     ) -> Clip:
         """Check the arguments of `save_video` and return the clip."""
-        trajectory, told = _chosen(problem, of, row)
+        trajectory, told = _trajectory_and_description(problem, of, row)
         rate = Fraction(real("fps", fps, SLOWEST, FASTEST, "a number of frames a second")).limit_denominator(1001)
         several = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
         if workers is not None:
@@ -101,7 +101,7 @@ class Clip:
         return [k * self.rate.denominator / self.rate.numerator for k in range(self.count)]
 
     def frames(self) -> Iterator[Picture]:
-        """Yield frames in order, drawn in parallel, a few at a time."""
+        """Yield the frames in order; a few at a time are drawn in parallel."""
         drawn = panorama(self.problem, self.width)
         first, *others = self.times
         yield draw_at(drawn, self.run, first)  # compiles kernels, interruptible by Ctrl-C
@@ -123,7 +123,10 @@ class Clip:
                     frame.cancel()
 
     def described(self, file: str) -> dict[str, Any]:
-        """Return the description beside the video: the trajectory, the axes, and the times."""
+        """Return the content of the JSON file beside the video.
+
+        The trajectory, the axes, and the times of the frames.
+        """
         heights = [camera_at(self.run, t).position[2] for t in (0.0, 0.5 * self.run.duration, self.run.duration)]
         return {
             "schema": "hpop-360",
@@ -180,7 +183,7 @@ def save_video(
     if target.suffix.lower() != ".mp4":
         raise OptionError(f"videos are MP4 files, so the name must end in .mp4, got {target.name!r}")
     with (
-        _written(target),
+        _writing(target),
         _folder(target.parent, clip, VIDEO_BYTES),
         progress_callback(progress) as tell,
         replacing(target) as file,
@@ -212,7 +215,7 @@ def save_frames(
     """
     clip = Clip.of(problem, of, row=row, fps=fps, width=width, workers=workers)
     target = Path(folder)
-    with _written(target), _folder(target.parent, clip, PNG_BYTES), progress_callback(progress) as tell:
+    with _writing(target), _folder(target.parent, clip, PNG_BYTES), progress_callback(progress) as tell:
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
             raise OutputError(f"{target} is there already and is not an empty folder; remove it, or choose another")
         partial = Path(mkdtemp(prefix=f".{target.name}.", dir=target.parent))
@@ -230,7 +233,9 @@ def save_frames(
     return target
 
 
-def _chosen(problem: Problem, of: Front | Trajectory, row: int | str | None) -> tuple[Trajectory, dict[str, Any]]:
+def _trajectory_and_description(
+    problem: Problem, of: Front | Trajectory, row: int | str | None
+) -> tuple[Trajectory, dict[str, Any]]:
     """Return the trajectory, and its JSON-able description."""
     if not isinstance(of, Front):
         executed(of)
@@ -314,8 +319,8 @@ def _json(told: dict[str, Any]) -> bytes:
 
 
 @contextmanager
-def _written(target: Path) -> Iterator[None]:
-    """Turn errors of writing into one message, and remove a partial file."""
+def _writing(target: Path) -> Iterator[None]:
+    """Turn errors of writing into a single message, and remove a partial file."""
     try:
         yield
     except OutputError:  # already complete
