@@ -30,11 +30,11 @@ def score(folder: Path) -> None:
     """
     from hpop.study import Answers, Design
     from hpop.study.design_file import FILE
-    from hpop.study.documents import changing
+    from hpop.study.documents import locked_for_changes
     from hpop.study.folder import front_of
 
     design = Design.load(folder)
-    with changing(folder):  # not while a participant is withdrawn
+    with locked_for_changes(folder):  # not while a participant is withdrawn
         answers = Answers.load(folder, design)
         written = answers.save_tables(folder)
     for said in (*answers.faults, *answers.notes):

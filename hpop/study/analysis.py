@@ -32,20 +32,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PAPERS_POWER = (
-    "It takes each score as another person's. Here the same people answered: how high each answers in general stays in "
-    "as noise, and power is lost, the more so the more alike the answers of one person are. Of 1,500 simulated studies "
+    "It treats all scores as those of different people. Here the same people answered, so that each person's general "
+    "level acts as noise and costs power, and more so if one person's answers are alike. Of 1,500 simulated studies "
     "(36 people, shifts 0, .25 and .5 standard deviations) it found a difference in .40, .31 and .26, and Friedman's "
     "test in .46, .72 and .95, at correlations of .3, .6 and .8"
 )
 DEFAULT = {
     "Test of all stimuli": "Friedman's test, by chi-square, and Kendall's W",
-    "Tests of pairs": "Wilcoxon's signed-rank test, two-sided; p is exact for up to 200 people: of all ways to "
-    "put signs to the ranks, the share that is as far from even",
+    "Tests of pairs": "Wilcoxon's signed-rank test, two-sided; p is exact for up to 200 people: the share of all "
+    "assignments of signs to the ranks whose sum is at least as far from even",
     "Differences of zero": "ranked, then left out (Pratt)",
     "Effect sizes": "matched-pairs rank-biserial correlation; |z| / sqrt(people); Hodges and Lehmann's shift with its "
-    "interval of 95 %: the shifts that this very test does not reject, ties and zeros included",
-    "Missing answers": "a score with a missing item is missing, not smaller. The test of all stimuli takes who has all "
-    "scores; a pair takes who has both",
+    "interval of 95 %: the shifts that this test does not reject, ties and zeros included",
+    "Missing answers": "a score with a missing item is missing, not smaller. The test of all stimuli uses the people "
+    "with all scores, the test of a pair those with both",
 }
 PAPER = {
     "Test of all stimuli": f"Kruskal and Wallis' test, by chi-square. {PAPERS_POWER}",
@@ -53,22 +53,22 @@ PAPER = {
     "test by the normal approximation",
     "Differences of zero": "left out before ranking (Wilcoxon, as SPSS does)",
     "Effect sizes": "epsilon squared H / (N - 1) and eta squared (H - k + 1) / (N - k); |z| / sqrt(people)",
-    "Missing answers": "a score with a missing item is missing, not smaller; each test takes the scores that there are",
+    "Missing answers": "a score with a missing item is missing, not smaller; each test uses all available scores",
 }
 CARRY_OVER = (
     "the same test by place instead of stimulus, and the stimuli at the first place alone, where nothing was seen "
-    "before. Where the place matters, look at the first place too"
+    "before. If the place matters, look at the first place too"
 )
 CHOICES = (
-    "shares with the intervals of 95 % that the exact binomial test leaves (Clopper and Pearson), and its p; who "
-    "said neither left out; a favourite was chosen "
-    "over each other stimulus, by those who compared all pairs; "
-    "strengths by Bradley and Terry, ties as Davidson has them, intervals by people: none where all people answered "
-    "alike, which tells nothing of how others would differ"
+    "shares with their intervals of 95 % and p by the exact binomial test (Clopper and Pearson), without the answers "
+    '"neither"; a favourite was chosen '
+    "over each other stimulus, among the people who compared all pairs; "
+    "strengths by Bradley and Terry, with ties as in Davidson, and intervals that account for repeated choices of one "
+    "person; no intervals if all people answered alike, because their variation is then unknown"
 )
 
 
-def decided(
+def decisions(
     design: Design,
     answers: Answers,
     matrix: Matrix,
@@ -77,27 +77,27 @@ def decided(
     correction: Correction,
     notes: Sequence[str],
 ) -> dict[str, str]:
-    """Return every decision of the analysis by topic; ``notes`` say which parts were impossible."""
+    """Return every decision of the analysis by topic; ``notes`` explain which parts were impossible."""
     complete = int((~np.isnan(matrix.values).any(axis=1)).sum())
     left = [f"{one.participant} {'withdrew' if one.withdrawn else 'dropped out'}" for one in design.left]
     made = dict(DEFAULT if method == "default" else PAPER)
     if method == "default" and len(matrix.conditions) < LEAST_STIMULI:
         made["Test of all stimuli"] = "none: two stimuli are one pair"
     made |= {
-        "Questionnaire": _asked(design.form(form)),
+        "Questionnaire": _form_source(design.form(form)),
         "Correction": f"{correction.title()}, within each table of comparisons. The column p and the intervals "
         "have none: an interval belongs to p, and may leave out 0 where the adjusted p is above .05",
         "Ties": "mean ranks, and variances corrected for them",
         "Quartiles": "by linear interpolation (type 7)",
         "People": f"{counted(len(matrix.people), 'session')}; {complete:,} with all scores",
-        "Drop-outs": "; ".join(left) or "nobody left",
+        "Drop-outs": "; ".join(left) or "none",
         "Faults of sessions": "; ".join(answers.faults) or "none",
         "Orders": "; ".join(design.uneven) or _orders(design),
         "Durations": _durations(design),
         "Carry-over": CARRY_OVER,
         **answers.noted,
-        "Dashes in tables": "there is no such number: the still view has no costs, and a test of several rows of a "
-        "table stands beside these alone",
+        "Dashes in tables": "no such number exists: the still view has no costs, and a test of several rows together "
+        "has no values in the other rows",
     }
     if questions_of(design):
         made["Choices of pairs"] = CHOICES
@@ -106,7 +106,7 @@ def decided(
     return made
 
 
-def _asked(form: Form) -> str:
+def _form_source(form: Form) -> str:
     """Describe the source of a form and the times at which it is asked."""
     when = {"before": "before the first stimulus", "after_each": "once after each", "after_all": "after all"}
     return f"{' '.join(form.source.split())}. Asked {', '.join(when[one] for one in form.when)}"
@@ -120,7 +120,7 @@ def _orders(design: Design) -> str:
 def _durations(design: Design) -> str:
     """Describe the durations of the stimuli, and the consequence if they differ."""
     if lasting := unlike(design.conditions):
-        return f"{lasting}, so a part of what differs may come from how long they last, not from the way"
+        return f"{lasting}, so a part of the differences may come from the durations, not from the paths"
     lasts = [condition.duration for condition in design.conditions]
     return f"stimuli last {min(lasts):.1f} to {max(lasts):.1f} s"
 
@@ -139,7 +139,7 @@ class Analysis:
     correction  of the p values of several comparisons: "holm", "bonferroni" or "none"
     tables      rows by the name of the table: "stimuli", "scores", "test", "pairs", "against before", "places",
                 "carry-over", "balance", "choices", "favourites", "strengths", if the answers suffice
-    choices     decisions of the analysis: the test, ties, people left out
+    choices     every decision of the analysis by topic: the test, ties, people left out
     """
 
     design: Design
@@ -170,7 +170,7 @@ class Analysis:
         if not simulated:
             return ""
         some = "all answers are" if simulated == len(sessions) else f"{simulated} of {len(sessions)} sessions are"
-        return f"SIMULATED: {some} made by a program, and nobody gave them"
+        return f"SIMULATED: {some} made by a program, and no person gave them"
 
     def text(self) -> str:
         """Return all tables and choices as plain text."""
@@ -221,7 +221,7 @@ def analyse(
         raise StudyError(f"form {form} is not asked after each stimulus, so there is nothing to compare")
     matrix = answers.matrix(form, name)
     if np.isnan(matrix.values).all():
-        raise StudyError(f"nobody's answers give the score {name} of form {form}; see `hpop study check`")
+        raise StudyError(f"no participant has all answers for the score {name} of form {form}; see `hpop study check`")
     before = answers.before(form, name) if BEFORE in when else None
     tables, notes = score_tables(design, matrix, before, method, chosen)
     chosen_of_pairs, lacking = choice_tables(design, answers)
@@ -233,5 +233,5 @@ def analyse(
         score=name,
         correction=chosen,
         tables={"stimuli": stimuli_table(design)} | tables | chosen_of_pairs,
-        choices=decided(design, answers, matrix, form, method, chosen, [*notes, *lacking]),
+        choices=decisions(design, answers, matrix, form, method, chosen, [*notes, *lacking]),
     )

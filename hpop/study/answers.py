@@ -31,7 +31,7 @@ MOST_FILES = 2000
 CSV, SQLITE, REMARKS = ("answers.csv", "scores.csv", "choices.csv"), "answers.sqlite", "remarks.csv"
 NOBODY = "no answers"
 SHORT = 1.0
-"""s that a video may have ended before its length: it is rounded, and pressed is soon after."""
+"""Tolerance, s, by which a video may be reported as ended before its length."""
 
 
 class Row(NamedTuple):
@@ -219,7 +219,7 @@ class Answers:
         worn = sum(session.device.get("headset") is True for session in self.sessions)
         if 0 < worn < len(self.sessions):
             said["Devices"] = (
-                f"{worn} of {len(self.sessions)} saw it in a headset, the others on a screen: compare them apart"
+                f"{worn} of {len(self.sessions)} saw it in a headset, the others on a screen: analyse them separately"
             )
         return said
 
@@ -268,7 +268,7 @@ class Answers:
 
 
 def read_sessions(folder: Path, design: Design) -> tuple[list[Session], list[str]]:
-    """Return the usable sessions in a study's folder, by id, and the faults of other files."""
+    """Return the usable sessions in a study's folder, sorted by id, and the faults of the files that cannot be used."""
     files = sorted(path for path in (folder / FOLDER).glob("*.json") if not path.name.startswith("."))
     if len(files) > MOST_FILES:
         raise StudyError(f"{folder / FOLDER} has {len(files):,} files; expected at most {MOST_FILES:,}")
@@ -285,7 +285,7 @@ def read_sessions(folder: Path, design: Design) -> tuple[list[Session], list[str
 
 
 def _check_file(path: Path, participant: str, design: Design, known: dict[str, Session]) -> None:
-    """Raise StudyError for a file that cannot hold the answers of a participant."""
+    """Raise StudyError for a file of a withdrawn participant, or of a wrong name."""
     if participant in design.withdrawn:
         raise StudyError(f"{path}: {participant} withdrew; `hpop study withdraw` removes these answers as well")
     own = path.with_name(f"{participant}.json")
@@ -329,7 +329,7 @@ class Ledger:
     @property
     def events(self) -> list[dict[str, Any]]:
         """Return all events so far; StudyError for an invalid file, or one of another design."""
-        return list(self._stored()["events"])
+        return list(self._read()["events"])
 
     def add(self, event: Mapping[str, Any], device: Mapping[str, Any]) -> bool:
         """Add an event; return False if the last event was only sent again because its arrival was not confirmed.
@@ -337,27 +337,27 @@ class Ledger:
         Raises StudyError for an event that the design does not ask for or that is not later than the last one, and if
         it cannot be written; the file is then unchanged.
         """
-        stored = self._stored()
+        stored = self._read()
         events = stored["events"]
         if events and dict(event) == events[-1]:
             return False
         if len(events) >= MOST_EVENTS:
             raise StudyError(f"a session has at most {MOST_EVENTS:,} events; this one has them")
         longer = {**stored, "device": dict(device), "events": [*events, dict(event)]}
-        checked = documents.checked("what was sent", longer, AnswersFile, WHAT)
+        checked = documents.validated("what was sent", longer, AnswersFile, WHAT)
         Session.of(checked, self.design)
         if len(checked.events) > 1 and checked.events[-1].t <= checked.events[-2].t:
             raise StudyError(f"time must rise: {checked.events[-1].t:g} s comes after {checked.events[-2].t:g} s")
         documents.write(self.path, longer)
         return True
 
-    def _stored(self) -> dict[str, Any]:
+    def _read(self) -> dict[str, Any]:
         """Return the checked contents of the file, or those of a new file."""
         if not self.path.exists():
             known = {"schema": SCHEMA, "version": VERSION, "design": self.design.digest}
             return {**known, "participant": self.participant, "device": {}, "events": []}
-        data = documents.parsed(self.path, documents.read_bytes(self.path, MOST_BYTES), WHAT)
-        session = Session.of(documents.checked(self.path, data, AnswersFile, WHAT), self.design)
+        data = documents.parse_json(self.path, documents.read_bytes(self.path, MOST_BYTES), WHAT)
+        session = Session.of(documents.validated(self.path, data, AnswersFile, WHAT), self.design)
         if session.person.id != self.participant:
             raise StudyError(f"{self.path} holds answers of {session.person.id}; give it that name")
         found: dict[str, Any] = data

@@ -22,7 +22,7 @@ from hpop.study.participants import MOST_STIMULI
 from hpop.trajectories.trajectory import Trajectory
 
 VIEW = "view"
-"""What stands for a row: the still view from the start, the baseline."""
+"""Name of the still view from the start, given in place of a row."""
 KINDS = ("ride", "video")
 ENDINGS = {"ride": "html", "video": "mp4", VIEW: "html"}
 ALIKE = 0.1
@@ -72,15 +72,20 @@ class Condition:
         return f"{printable(self.name)} (row {self.row})" if self.name else f"row {self.row}"
 
 
-def lettered(
+def lettered_conditions(
     front: Front,
     rows: Sequence[int | str | NamedRow],
     kind: str,
     rng: np.random.Generator,
     baselines: Sequence[Baseline] = (),
 ) -> tuple[Condition, ...]:
-    """Return rows, the still view if named, and baselines under random letters, in the order of the letters."""
-    found = [_named(front, row) for row in rows if row != VIEW]
+    """Return the conditions under random letters, in the order of the letters.
+
+    rows       rows by number or name; VIEW adds the still view
+    kind       kind of the stimuli: "ride" or "video"
+    baselines  further trajectories
+    """
+    found = [_named_row(front, row) for row in rows if row != VIEW]
     count = len(found) + (VIEW in rows) + len(baselines)
     if list(rows).count(VIEW) > 1:
         raise StudyError("the still view is named more than once: show it once")
@@ -103,14 +108,14 @@ def lettered(
     return tuple(sorted(made, key=lambda condition: condition.id))
 
 
-def _named(front: Front, row: int | str | NamedRow) -> NamedRow:
-    """Return a row with the name that was given for it."""
+def _named_row(front: Front, row: int | str | NamedRow) -> NamedRow:
+    """Return a row of the front, with the name that the caller gave for it."""
     (found,) = named_rows(front, [row.number if isinstance(row, NamedRow) else row])
     return NamedRow(found.point, row.name if isinstance(row, NamedRow) else found.name)
 
 
 def _check_different(rows: Sequence[NamedRow]) -> None:
-    """Raise StudyError if two names mean one row."""
+    """Raise StudyError if two of the rows are the same row of the front under different names."""
     first: dict[int, NamedRow] = {}
     for row in rows:
         if row.number in first:
@@ -132,11 +137,11 @@ def unlike(conditions: Sequence[Condition]) -> str:
 
 DIFFERENCES = ("costs", "paths")
 MOST = 26
-"""Stimuli of a study: each has a letter."""
+"""Most stimuli of a study, since each has a letter."""
 PLACES = 101
-"""Along a way, equally far apart, at which it is compared with others."""
+"""Number of equally spaced positions at which paths are compared."""
 MOMENTS = 2001
-"""Of a trajectory, at which the length of its way is measured."""
+"""Number of samples of a trajectory from which the length of its path is measured."""
 ROUNDING = 1e-9
 
 
@@ -175,7 +180,7 @@ def pick(
     if fitting.size < count:
         alike = "" if share is None else f" that last as long, within a share of {share:g}; allow a larger one"
         raise StudyError(f"{counted(count, 'row')} asked for, but the front has {fitting.size:,}{alike}")
-    points = scaled(front.costs) if by == "costs" else np.array([_way(run) for run in runs])
+    points = scaled(front.costs) if by == "costs" else np.array([_path_positions(run) for run in runs])
 
     def distances(place: int) -> FloatArray:
         apart = points[fitting] - points[fitting[place]]
@@ -206,7 +211,7 @@ def _alike(runs: Sequence[Trajectory], first: Sequence[int], share: float) -> In
     return np.flatnonzero((begin <= lasts) & (lasts <= more * begin))
 
 
-def _way(run: Trajectory) -> FloatArray:
+def _path_positions(run: Trajectory) -> FloatArray:
     """Return camera positions (PLACES, 3), m, at equal shares of the path; all equal if the camera only turns."""
     check_body(run.model, "camera")
     times = np.linspace(0.0, run.duration, MOMENTS)

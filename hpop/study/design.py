@@ -24,7 +24,7 @@ from hpop.frontier.strict_json import pieces
 from hpop.problems.front import Front
 from hpop.problems.named_rows import NamedRow
 from hpop.study import documents
-from hpop.study.conditions import KINDS, VIEW, Baseline, Condition, lettered, unlike
+from hpop.study.conditions import KINDS, VIEW, Baseline, Condition, lettered_conditions, unlike
 from hpop.study.design_file import (
     FILE,
     FRONT,
@@ -46,7 +46,7 @@ from hpop.study.participants import (
     checked_id,
     checked_strata,
     enrolled,
-    named,
+    participant_id,
     sequences,
     uneven,
 )
@@ -55,9 +55,9 @@ SCHEMA, VERSION = "hpop-study", 1
 FORM_SCHEMA = "hpop-form"
 PEOPLE_SCHEMA = "hpop-study-people"
 MOST_COMPARED = 8
-"""Stimuli that are compared in pairs: 28 comparisons."""
+"""Most stimuli that are compared in pairs: 28 comparisons."""
 PAIRS = "preference"
-"""The form that compares two stimuli."""
+"""Id of the form that compares two stimuli."""
 
 
 @checked_arguments
@@ -65,7 +65,7 @@ PAIRS = "preference"
 class Design:
     """Study, fixed before it begins; made by :meth:`of`, or read by :meth:`load`.
 
-    front_sha256  of the front (:func:`hpop.study.front_digest`)
+    front_sha256  SHA-256 of the front (:func:`hpop.study.front_digest`)
     conditions    in the order of their letters
     enrolled      the participants, as planned
     questionnaires  forms, in the order in which they are asked
@@ -112,15 +112,15 @@ class Design:
             say where they are not
         consent : what a participant reads and agrees to before anything else
         order : "permutations" (all orders, up to four rows), "williams" (each stimulus follows each other equally
-            often), "latin" (each in each place equally often) or "random" (drawn for each participant)
+            often), "latin" (each at each position equally often) or "random" (drawn for each participant)
         strata : levels by stratum, such as {"sex": ("f", "m")}, balanced within the orders
-        forms : questionnaires that hpop brings, by id, or files of one's own
-        comparisons : whether pairs of stimuli are compared after all
-        baselines : trajectories beside the rows, which no front holds; :func:`hpop.study.prepare` takes them as well
-        kind : "ride" (pages) or "video" (all round, for a headset's own player)
-        seed : of letters, orders and pairs
+        forms : ids of questionnaires that hpop has, or paths of your own files
+        comparisons : whether pairs of stimuli are compared at the end of the session
+        baselines : trajectories that are not on the front; :func:`hpop.study.prepare` takes them as well
+        kind : "ride" (pages) or "video" (360 degrees, for a headset's own player)
+        seed : seed of the random letters, orders and pairs
 
-        Raises StudyError for what makes no design, UnknownName for a row of another name.
+        Raises StudyError for an impossible design, UnknownName for an unknown name of a row.
         """
         participants = whole("participants", participants, 1, MOST, error=StudyError)
         seed = whole("seed", seed, 0, MOST_SEED, "a seed", error=StudyError)
@@ -131,7 +131,7 @@ class Design:
         if comparisons and not any(form.kind == "pairs" for form in questionnaires):
             questionnaires.append(Form.load(PAIRS))
         rng = np.random.default_rng(seed)
-        conditions = lettered(front, rows, kind, rng, baselines)
+        conditions = lettered_conditions(front, rows, kind, rng, baselines)
         letters = [condition.id for condition in conditions]
         dealt = sequences(order, letters, participants, rng)
         return cls(
@@ -157,7 +157,7 @@ class Design:
                 "begin one"
             )
         data = documents.read_bytes(path, MOST_BYTES)
-        stored = documents.checked(path, documents.parsed(path, data, what), DesignFile, what)
+        stored = documents.validated(path, documents.parse_json(path, data, what), DesignFile, what)
         try:
             made = cls(
                 front_sha256=stored.front.sha256,
@@ -201,7 +201,7 @@ class Design:
         for person in self.enrolled:
             if sorted(person.order) != sorted(self.letters):
                 raise StudyError(f"{person.id} must see each stimulus once, got {' '.join(person.order)}")
-        if [person.id for person in self.enrolled] != [named(i) for i in range(1, len(self.enrolled) + 1)]:
+        if [person.id for person in self.enrolled] != [participant_id(i) for i in range(1, len(self.enrolled) + 1)]:
             raise StudyError("participants are called p01, p02, ..., each once and in this order")
         checked_departures(self.enrolled, self.left)
         names = [form.id for form in self.questionnaires]
@@ -236,7 +236,7 @@ class Design:
 
     @cached_property
     def participants(self) -> tuple[Participant, ...]:
-        """Return all places: as planned, then those of successors, with the order and strata of their predecessors."""
+        """Return all participants: the planned ones, then the successors of others, with equal order and strata."""
         known = {person.id: person for person in self.enrolled}
         for departure in self.left:
             before = known[departure.participant]
@@ -244,7 +244,7 @@ class Design:
         return tuple(known.values())
 
     def after(self, participant: str, *, withdrawn: bool) -> Design:
-        """Return the design after a participant left: the next person takes the place, with equal order and strata.
+        """Return the design after a participant left; a successor with the next free id gets the order and the strata.
 
         Answers of a drop-out stay part of the study; those of a withdrawn participant do not.
         """
@@ -253,7 +253,7 @@ class Design:
         if earlier is not None and (earlier.withdrawn or not withdrawn):
             how = "withdrew" if earlier.withdrawn else "dropped out"
             raise StudyError(f"{participant} {how} before; {earlier.successor} has the place")
-        successor = named(self.size + 1) if earlier is None else earlier.successor
+        successor = participant_id(self.size + 1) if earlier is None else earlier.successor
         left = {one.participant: one for one in self.left}
         left[participant] = Departure(participant, successor, withdrawn)
         return replace(self, left=tuple(left.values()))
@@ -291,16 +291,18 @@ class Design:
         raise StudyError(f"the study has no stimulus {shown(letter)}; it has {', '.join(self.letters)}")
 
     def participant(self, name: str) -> Participant:
-        """Return a place by its id."""
+        """Return a participant by id; StudyError if there is none."""
         checked_id(name)
         for person in self.participants:
             if person.id == name:
                 return person
-        raise StudyError(f"the study has no participant {name}; it has {self.participants[0].id} to {named(self.size)}")
+        raise StudyError(
+            f"the study has no participant {name}; it has {self.participants[0].id} to {participant_id(self.size)}"
+        )
 
     @property
     def size(self) -> int:
-        """Return the number of places, including those of successors."""
+        """Return the number of participants, including successors."""
         return len(self.participants)
 
     @property

@@ -25,7 +25,7 @@ Short = Annotated[str, StringConstraints(max_length=200)]
 
 
 class FrontPart(StrictObject):
-    """Front of the study's rows."""
+    """File and SHA-256 of the study's front."""
 
     file: Literal["front.json"]
     sha256: Digest
@@ -90,9 +90,9 @@ class PeopleFile(StrictObject):
 
 
 MOST_TEXT = 20_000
-"""Characters of a text that participants read."""
+"""Most characters of a text for participants."""
 LONGEST = 3600
-"""Seconds of a rest."""
+"""Longest rest, s."""
 STOP_RULE = (
     "You may stop at any time, without a reason and without disadvantage. Stop at once if you feel unwell: you need "
     "not wait for the end of a ride."
@@ -132,5 +132,5 @@ def departures(path: Path) -> tuple[Departure, ...]:
     """Return the participants who left a study, from its people.json; () without such a file."""
     if not path.exists():
         return ()
-    stored = read(path, PeopleFile, "who left a study", MOST_BYTES)
+    stored = read(path, PeopleFile, "the list of participants who left", MOST_BYTES)
     return tuple(Departure(one.participant, one.successor, one.withdrawn) for one in stored.left)

@@ -28,7 +28,7 @@ from hpop.frontier.strict_json import parse, pieces
 from hpop.problems.front import Front
 
 MOST_FAULTS = 3
-"""Faults of a file that are told one by one."""
+"""Most faults of a file that an error lists."""
 
 
 class StrictObject(BaseModel):
@@ -42,7 +42,7 @@ T = TypeVar("T", bound=StrictObject)
 
 def read(path: str | os.PathLike[str], kind: type[T], what: str, most: int) -> T:
     """Read and check a file of at most ``most`` bytes; ``what`` describes it in errors."""
-    return checked(path, parsed(path, read_bytes(path, most), what), kind, what)
+    return validated(path, parse_json(path, read_bytes(path, most), what), kind, what)
 
 
 def read_bytes(path: str | os.PathLike[str], most: int) -> bytes:
@@ -53,7 +53,7 @@ def read_bytes(path: str | os.PathLike[str], most: int) -> bytes:
         raise StudyError(f"cannot read {path}: {error.strerror or error}") from None
 
 
-def parsed(place: object, data: bytes, what: str) -> Any:
+def parse_json(place: object, data: bytes, what: str) -> Any:
     """Parse JSON without checking its schema; ``place`` is named in the error."""
     try:
         return parse(data)
@@ -61,7 +61,7 @@ def parsed(place: object, data: bytes, what: str) -> Any:
         raise StudyError(f"{place}: expected {what} as JSON, found {printable(error):.200}") from None
 
 
-def checked(place: object, values: Any, kind: type[T], what: str) -> T:
+def validated(place: object, values: Any, kind: type[T], what: str) -> T:
     """Validate values as an object of a kind; ``place``, a file or an event in it, is named in the error."""
     try:
         return kind.model_validate(values)
@@ -104,8 +104,8 @@ except ImportError:  # no locks on this system: only one program may work on a s
 
 
 @contextmanager
-def changing(folder: Path) -> Iterator[None]:
-    """Lock a study's folder for changes, waiting for other programs; not to be nested."""
+def locked_for_changes(folder: Path) -> Iterator[None]:
+    """Lock a study's folder for changes, waiting for other programs; locks must not be nested."""
     held = hold(folder, wait=True)
     try:
         yield
@@ -131,7 +131,7 @@ def release(held: int | None) -> None:
 
 
 def hold(folder: Path, *, wait: bool) -> int | None:
-    """Return the file descriptor of a locked folder, for :func:`release`; None on systems without such locks.
+    """Lock a folder and return its file descriptor, for :func:`release`; None on systems without such locks.
 
     Raises BlockingIOError if another program has the lock and ``wait`` is False, StudyError if it cannot be locked.
     """
@@ -152,7 +152,7 @@ def hold(folder: Path, *, wait: bool) -> int | None:
 
 
 FORMULA = "=+-@\t\r\n＝＋－＠"
-"""What a cell begins with that a spreadsheet takes for a formula."""
+"""First characters of a cell that a spreadsheet reads as a formula."""
 
 
 class TableColumn(NamedTuple):
@@ -246,7 +246,7 @@ class ReportFile(StrictObject):
 
 def read_report(folder: Path) -> ReportFile:
     """Read the record of the report in a folder; StudyError for an invalid file."""
-    return read(folder / REPORT, ReportFile, "what a report was made of", MOST_REPORT)
+    return read(folder / REPORT, ReportFile, "the record of a report", MOST_REPORT)
 
 
 def write_report(folder: Path, score: tuple[str, str], how: dict[str, str], mark: str, files: Iterable[str]) -> None:

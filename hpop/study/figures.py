@@ -14,7 +14,7 @@ from hpop.base.arrays import FloatArray
 from hpop.base.options import one_of
 from hpop.base.text import counted
 from hpop.errors import StudyError
-from hpop.study.results import BEFORE, label, placed
+from hpop.study.results import BEFORE, label, scores_by_position
 from hpop.study.statistics import describe
 from hpop.view.page import new_figure
 from hpop.view.style import COLOURS, HALO, LARGE, NORMAL, QUIET, SMALL, plain
@@ -26,7 +26,7 @@ NAMES = ("scores", "order", "choices")
 DOT, MEDIAN, MARK = "#0072B2", "#D55E00", "#B00020"
 PERSON = "#9aa7b2"
 ASIDE = 0.05
-"""By which dots of equal scores stand beside one another, where columns are 1 apart."""
+"""Distance between the dots of equal scores; columns are 1 apart."""
 WIDEST = 0.28
 NAME_WIDTH = 18
 
@@ -55,20 +55,20 @@ def _scores(analysis: Analysis) -> Figure:
     axes = figure.add_subplot()
     _columns(axes, columns, names)
     axes.set_xlabel("stimulus")
-    return _finished(figure, axes, analysis, "by stimulus")
+    return _add_legends(figure, axes, analysis, "by stimulus")
 
 
 def _order(analysis: Analysis) -> Figure:
     """Draw each person's scores in the order of the session."""
-    columns = list(placed(analysis.matrix).T)
+    columns = list(scores_by_position(analysis.matrix).T)
     names = [f"place {place}" for place in range(1, len(columns) + 1)]
     if analysis.before is not None:
         columns, names = [analysis.before, *columns], [BEFORE, *names]
     figure = new_figure(1.6 + 1.7 * len(columns), 4.6)
     axes = figure.add_subplot()
     _columns(axes, columns, names)
-    axes.set_xlabel("place in the session, whatever was seen there")
-    return _finished(figure, axes, analysis, "by place")
+    axes.set_xlabel("place in the session, whatever the stimulus")
+    return _add_legends(figure, axes, analysis, "by place")
 
 
 def _columns(axes: Axes, columns: Sequence[FloatArray], names: Sequence[str]) -> None:
@@ -111,7 +111,7 @@ def _aside(column: FloatArray) -> FloatArray:
     return aside
 
 
-def _finished(figure: Figure, axes: Axes, analysis: Analysis, what: str) -> Figure:
+def _add_legends(figure: Figure, axes: Axes, analysis: Analysis, what: str) -> Figure:
     """Add a title, a legend in words, and the mark of simulated answers to a figure."""
     form = analysis.design.form(analysis.form)
     worse = "higher is worse" if form.better == "low" else "higher is better"
@@ -130,14 +130,14 @@ def _finished(figure: Figure, axes: Axes, analysis: Analysis, what: str) -> Figu
         color=QUIET,
     )
     _leave_room(figure)
-    return _marked(figure, analysis)
+    return _mark_simulated(figure, analysis)
 
 
 def _choices(analysis: Analysis) -> Figure:
     """Draw how many people chose each stimulus of each pair."""
     rows = analysis.tables.get("choices")
     if not rows:
-        raise StudyError("nobody compared pairs, so there is no figure of choices")
+        raise StudyError("no participant compared pairs, so there is no figure of choices")
     questions = list(dict.fromkeys(str(row["question"]) for row in rows))
     figure = new_figure(8.2, 1.3 + 0.62 * len(rows) + 0.55 * len(questions))
     panels = figure.subplots(len(questions), 1, squeeze=False)[:, 0]
@@ -161,7 +161,7 @@ def _choices(analysis: Analysis) -> Figure:
                 left += count
             axes.text(-0.4, y, fill(str(row["first"]), NAME_WIDTH), ha="right", va="center", fontsize=NORMAL)
             axes.text(left + 0.4, y, fill(str(row["second"]), NAME_WIDTH), ha="left", va="center", fontsize=NORMAL)
-        axes.set_title(_asked(analysis, question), fontsize=LARGE)
+        axes.set_title(_question_text(analysis, question), fontsize=LARGE)
         axes.set_yticks([])
         axes.set_xticks([])
         axes.spines[:].set_visible(False)
@@ -173,10 +173,10 @@ def _choices(analysis: Analysis) -> Figure:
         color=QUIET,
     )
     _leave_room(figure)
-    return _marked(figure, analysis)
+    return _mark_simulated(figure, analysis)
 
 
-def _asked(analysis: Analysis, question: str) -> str:
+def _question_text(analysis: Analysis, question: str) -> str:
     """Return the text of a question about pairs, in the study's language."""
     for form in analysis.design.questionnaires:
         if form.kind == "pairs" and question in [item.id for item in form.items]:
@@ -191,7 +191,7 @@ def _leave_room(figure: Figure) -> None:
         engine.set(rect=(0, 0.055, 1, 0.945 - 0.045))  # type: ignore[call-arg]
 
 
-def _marked(figure: Figure, analysis: Analysis) -> Figure:
+def _mark_simulated(figure: Figure, analysis: Analysis) -> Figure:
     """Add the mark of simulated answers to a figure, if any are."""
     if analysis.mark:
         figure.text(0.5, 0.992, analysis.mark, ha="center", va="top", color=MARK, weight="bold", fontsize=NORMAL)

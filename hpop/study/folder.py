@@ -31,9 +31,9 @@ from hpop.trajectories.trajectory import Trajectory
 
 PAGES, STIMULI, REPORT = "pages", "stimuli", "report"
 KEPT = (ANSWERS, PAGES, STIMULI, WORDS)
-"""Folders in which nothing but a study's own files lie."""
+"""Folders that hold only a study's own files."""
 PRIVATE = 0o700
-"""A study's folder is its owner's alone: it holds what people answer about how they feel."""
+"""Permissions of a study's folder: only its owner may read people's answers."""
 
 
 @checked_arguments
@@ -80,7 +80,7 @@ def prepare(
             front,
             design.conditions,
             made / STIMULI,
-            baselines=_ridden(design, baselines),
+            baselines=_baseline_trajectories(design, baselines),
             language=design.language,
             study=made,
             progress=progress,
@@ -89,7 +89,7 @@ def prepare(
     return target
 
 
-def _ridden(design: Design, baselines: Sequence[Baseline]) -> dict[str, Trajectory]:
+def _baseline_trajectories(design: Design, baselines: Sequence[Baseline]) -> dict[str, Trajectory]:
     """Return the trajectories of a design's baselines, by letter; StudyError if one is missing."""
     known = {baseline.name: baseline.trajectory for baseline in baselines}
     wanted = {one.name: one.id for one in design.conditions if one.row is None and one.kind != VIEW}
@@ -136,7 +136,7 @@ def front_of(folder: str | os.PathLike[str], design: Design) -> Front:
 
 @contextmanager
 def _whole(target: Path) -> Iterator[Path]:
-    """Open a folder that replaces ``target`` at the end, and is removed after an error."""
+    """Yield a temporary folder that becomes ``target`` at the end, or is removed after an error."""
     made = target.with_name(f".{target.name}.{uuid.uuid4().hex}.tmp")
     held = None
     try:

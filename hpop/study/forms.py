@@ -27,7 +27,7 @@ from hpop.study.documents import in_words
 
 MOST_ITEMS = 200
 MOST_STEPS = 1000
-"""Steps of a scale: more are no choice but a number to be typed."""
+"""Most steps of a scale from which a participant can choose."""
 IDS = re.compile(r"[a-z][a-z0-9_]{0,39}")
 """Ids of forms and items: they become file names and columns of tables."""
 
@@ -296,9 +296,9 @@ def _once(what: str, names: tuple[str, ...] | list[str]) -> None:
 
 
 DIGITS = 9
-"""Of scores after the point: equal scores shall be equal numbers, else tests elsewhere see no ties."""
+"""Decimals to which scores are rounded, so that statistical tests see equal scores as ties."""
 MOST_PRORATED = 1 / 7
-"""Share of a subscale's items that may lack where the others stand for them: one of the seven of the SSQ."""
+"""Largest share of a subscale's items that may be missing with ``prorate``: one of seven in the SSQ."""
 
 Answers = Mapping[str, float | None]
 """Values by the id of the item; None, NaN or no entry where there is no answer."""
@@ -319,7 +319,7 @@ def score(form: Form, values: Answers, prorate: bool = False) -> dict[str, float
     >>> {name: round(value, 2) for name, value in score(ssq, answers).items()}
     {'N': 19.08, 'O': 22.74, 'D': 13.92, 'total': 22.44}
     """
-    answered = _answered(form, values)
+    answered = _checked_answers(form, values)
     raw = {name: _raw(form, name, answered, prorate) for name in _subscales(form)}
     made: dict[str, float] = {}
     for one in form.scores:
@@ -329,7 +329,7 @@ def score(form: Form, values: Answers, prorate: bool = False) -> dict[str, float
 
 def missing(form: Form, values: Answers) -> tuple[str, ...]:
     """Return the ids of the items without an answer."""
-    answered = _answered(form, values)
+    answered = _checked_answers(form, values)
     return tuple(item.id for item in form.items if item.id not in answered)
 
 
@@ -339,7 +339,7 @@ def prorated(form: Form, values: Answers) -> tuple[str, ...]:
     return tuple(name for name in strict if isnan(strict[name]) and not isnan(mended[name]))
 
 
-def _answered(form: Form, values: Answers) -> dict[str, float]:
+def _checked_answers(form: Form, values: Answers) -> dict[str, float]:
     """Return the checked answers by item."""
     answered = {}
     for name, given in values.items():
@@ -359,14 +359,14 @@ def _raw(form: Form, subscale: str, answered: Mapping[str, float], prorate: bool
     lacking = len(items) - len(given)
     if lacking > (MOST_PRORATED * len(items) if prorate else 0):
         return nan
-    counted = [_counted(form, item, answered[item.id]) for item in given if _applies(form, item, answered[item.id])]
+    counted = [_summand(form, item, answered[item.id]) for item in given if _applies(form, item, answered[item.id])]
     if not counted:
         return nan
     return sum(counted) if len(counted) == len(items) else sum(counted) * len(items) / len(counted)
 
 
-def _counted(form: Form, item: Item, value: float) -> float:
-    """Return the value that an answer adds to a sum."""
+def _summand(form: Form, item: Item, value: float) -> float:
+    """Return the value that an answer adds to a sum; an item may be reversed."""
     scale = form.scale_of(item)
     return scale.low + scale.high - value if item.reverse else value
 

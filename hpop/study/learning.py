@@ -28,9 +28,9 @@ from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
 
 FOLDS = 10
-"""Parts of the trajectories, each left out once, at most."""
+"""Most folds of the cross-validation."""
 ROUNDING = 1e-9
-"""Part of the greatest number of a column below which differences within a person are none."""
+"""Share of a column's largest number below which differences within a person are rounding errors."""
 BETTER = ("high", "low")
 
 
@@ -127,7 +127,7 @@ def fit_criterion(
     if np.bincount(persons).max() < 2:
         raise StudyError("each person rated a single trajectory, so nothing within a person differs; ask for more")
     values = np.array(rated) * (1.0 if better == "low" else -1.0)  # (N,) more is worse
-    weights = _fitted(costs, values, persons)
+    weights = _least_squares_weights(costs, values, persons)
     if not weights.any():
         raise StudyError(
             "no criterion explains these ratings: each weight is 0, as costs grow where ratings get better; is "
@@ -170,8 +170,8 @@ def _states(way: Trajectory) -> tuple[Any, ...]:
     return (way.kinds, *((name, np.asarray(getattr(states, name)).tobytes()) for name in states.names))
 
 
-def _fitted(costs: FloatArray, values: FloatArray, persons: IntArray) -> FloatArray:
-    """Return the weights (k,) >= 0 of least squares, without each person's mean (Lawson and Hanson 1974)."""
+def _least_squares_weights(costs: FloatArray, values: FloatArray, persons: IntArray) -> FloatArray:
+    """Return non-negative least-squares weights (k,), without each person's mean (Lawson and Hanson 1974)."""
     from scipy.optimize import nnls
 
     away = _within(np.column_stack([costs, values]), persons)
@@ -206,14 +206,14 @@ def _errors(costs: FloatArray, values: FloatArray, persons: IntArray, of: IntArr
         asked = out & np.isin(persons, persons[kept])
         if not asked.any():
             continue
-        weights = _fitted(costs[kept], values[kept], persons[kept])
+        weights = _least_squares_weights(costs[kept], values[kept], persons[kept])
         both = np.column_stack([values - costs @ weights, values])
         levels = _levels(both[kept], persons[kept])
         squares.append((both[asked] - levels[persons[asked]]) ** 2)
     if not squares:
         raise StudyError(
-            "the error on trajectories left out cannot be told: who rated several of them rated none beside those left "
-            "out together; ask people about more trajectories each"
+            "the error on trajectories left out cannot be computed: a person's ratings are all left out, or all used, "
+            "at a time; ask people about more trajectories each"
         )
     error, of_mean = np.sqrt(np.concatenate(squares).mean(axis=0)).tolist()
     return error, of_mean

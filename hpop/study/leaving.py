@@ -16,12 +16,12 @@ from hpop.study.answers import CSV, REMARKS, SQLITE, Answers
 from hpop.study.answers import FOLDER as ANSWERS
 from hpop.study.design import Design
 from hpop.study.design_file import FILE, FRONT, PEOPLE, SCHEDULE
-from hpop.study.documents import REPORT, changing, read_report, remove_report
+from hpop.study.documents import REPORT, locked_for_changes, read_report, remove_report
 from hpop.study.folder import PAGES, STIMULI, write_pages
 
-BEGINNING = 2**20
-MOST_READ = 2**26
-"""Bytes of a file that is looked through for an id."""
+BEGINNING, MOST_READ = 2**20, 2**26
+
+"""Bytes that are searched for an id: of a file of answers, and of any other file."""
 TABLES = (*CSV, SQLITE, REMARKS)
 
 
@@ -42,14 +42,16 @@ class Withdrawal(NamedTuple):
 
 @checked_arguments
 def replace(folder: str | os.PathLike[str], participant: str) -> str:
-    """Replace a participant who dropped out by the next id, with an equal order and a page of its own.
+    """Give the place of a participant who dropped out to a successor, and return the successor's id.
 
-    The participant's answers are kept. Raises StudyError if no participant with this id is expected.
+    The successor has the next free id, an equal order, and a page of its own. The participant's answers are kept.
+
+    Raises StudyError if no participant with this id is expected.
     """
     target = Path(folder)
     Design.load(target)  # a folder that is no study is not locked
-    with changing(target):
-        return _followed(Design.load(target).after(participant, withdrawn=False), target, participant)
+    with locked_for_changes(target):
+        return _record_departure(Design.load(target).after(participant, withdrawn=False), target, participant)
 
 
 @checked_arguments
@@ -62,11 +64,11 @@ def withdraw(folder: str | os.PathLike[str], participant: str) -> Withdrawal:
     """
     target = Path(folder)
     Design.load(target)
-    with changing(target):
+    with locked_for_changes(target):
         design = Design.load(target)
         if participant not in design.withdrawn:
             design = design.after(participant, withdrawn=True)
-        successor = _followed(design, target, participant)
+        successor = _record_departure(design, target, participant)
         removed = sorted(_files_of(target, participant))
         for path in removed:
             path.unlink(missing_ok=True)
@@ -74,7 +76,7 @@ def withdraw(folder: str | os.PathLike[str], participant: str) -> Withdrawal:
             sweep(inner)
         remade, notes = _made_again(target, design)
     names = tuple(str(path.relative_to(target)) for path in removed)
-    return Withdrawal(names, tuple(remade), successor, (*notes, *_naming(target, participant)))
+    return Withdrawal(names, tuple(remade), successor, (*notes, *_files_naming(target, participant)))
 
 
 def known_of(folder: str | os.PathLike[str], participant: str) -> tuple[str, ...]:
@@ -89,8 +91,8 @@ def known_of(folder: str | os.PathLike[str], participant: str) -> tuple[str, ...
     return tuple(str(path.relative_to(target)) for path in sorted(_files_of(target, participant)))
 
 
-def _followed(design: Design, folder: Path, participant: str) -> str:
-    """Save the departure, and write the page of the successor."""
+def _record_departure(design: Design, folder: Path, participant: str) -> str:
+    """Save the departure of a participant, and write the page of the successor; return the successor's id."""
     successor = next(one.successor for one in design.left if one.participant == participant)
     design.save(folder)
     if (folder / STIMULI).is_dir() and successor not in {one.participant for one in design.left}:
@@ -116,8 +118,8 @@ def _files_of(folder: Path, participant: str) -> Iterator[Path]:
             yield path
 
 
-def _naming(folder: Path, participant: str) -> Iterator[str]:
-    """Yield files not written by hpop that name a participant, such as copies of tables."""
+def _files_naming(folder: Path, participant: str) -> Iterator[str]:
+    """Yield a note on each file not written by hpop that names a participant, such as a copy of a table."""
     own = {folder / name for name in (FILE, FRONT, PEOPLE, SCHEDULE, *TABLES)}
     own_folders = {folder / name for name in (ANSWERS, PAGES, STIMULI)} | {
         path.parent for path in _files(folder) if path.name == REPORT
@@ -129,7 +131,7 @@ def _naming(folder: Path, participant: str) -> Iterator[str]:
         if path not in own and path.parent not in own_folders and word.search(_bytes(path, MOST_READ))
     ]
     for path in sorted(found):
-        yield f"{path} names {participant}, and hpop does not keep it: remove what is theirs from it"
+        yield f"{path} names {participant}, and hpop did not write it: remove this participant's data from it"
 
 
 def _bytes(path: Path, most: int) -> bytes:

@@ -29,14 +29,14 @@ from hpop.view.single_page import single_page
 
 SCHEMA, VERSION = "hpop-session", 1
 MOST_BYTES = 64 * 2**20
-"""Of a stimulus."""
+"""Largest size of a stimulus, in bytes."""
 PAYLOAD = re.compile(r'<script type="application/json" id="payload">(.*?)</script>', re.DOTALL)
 BUNDLE = re.compile(r'(?<=<script type="text/plain" id="bundle">)[A-Za-z0-9+/=]+(?=</script>)')
 SCRIPTS = re.compile(r"script-src ((?:'sha256-[A-Za-z0-9+/]{43}=' ?)+);")
 TOLERANCE = 0.05
-"""m, to which ways are drawn on small maps."""
+"""Tolerance, m, of the paths on small maps."""
 MOST_WALLS = 2000
-"""Rings of a map."""
+"""Most outlines of obstacles on a small map."""
 
 
 class Ride(NamedTuple):
@@ -45,7 +45,7 @@ class Ride(NamedTuple):
     text     of the page, without the bundle
     bundle   deflated, in base64
     scripts  hashes that its policy allows
-    payload  `hpop-stimulus`
+    payload  its data, JSON of the schema `hpop-stimulus`
     """
 
     text: str
@@ -91,7 +91,7 @@ def session_page(public: Mapping[str, Any], folder: Path, *, served: bool = Fals
     Parameters
     ----------
     public : result of :meth:`Design.public`
-    folder : the study's, with ``stimuli/``
+    folder : folder of the study, with ``stimuli/``
     served : whether `hpop.study.server` serves the page, which may then connect to it
     rides : result of `rides_of`, shared by several participants
 

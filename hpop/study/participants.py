@@ -30,9 +30,9 @@ from hpop.errors import StudyError
 
 ID = re.compile(r"p[0-9]{2,4}")
 MOST = 1000
-"""Participants of a study."""
+"""Most participants of a study."""
 MOST_CELLS = 64
-"""Combinations of levels of the strata."""
+"""Most combinations of levels of the strata."""
 WORD = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+.-]{0,19}")
 
 
@@ -74,10 +74,10 @@ def checked_id(identifier: object) -> str:
     return identifier
 
 
-def named(number: int) -> str:
-    """Return the id of a place, counted from 1.
+def participant_id(number: int) -> str:
+    """Return the id of the participant with a number, counted from 1.
 
-    >>> named(7), named(120)
+    >>> participant_id(7), participant_id(120)
     ('p07', 'p120')
     """
     return f"p{number:02d}"
@@ -86,7 +86,7 @@ def named(number: int) -> str:
 def enrolled(
     orders: Sequence[tuple[str, ...]], count: int, strata: Mapping[str, Sequence[str]], rng: np.random.Generator
 ) -> tuple[Participant, ...]:
-    """Return participants with orders, strata, and strata within orders as equally frequent as possible.
+    """Return participants with orders and strata, all combinations as equally frequent as possible.
 
     Frequencies of orders, of combinations of levels, and of combinations within each order differ by at most one.
     Participants are in random sequence, in blocks of all combinations.
@@ -97,12 +97,12 @@ def enrolled(
     cells = [dict(zip(levels, combination, strict=True)) for combination in product(*levels.values())]
     if levels and count < 2 * len(cells):
         raise StudyError(
-            f"strata {_described(levels)} have {counted(len(cells), 'combination')}, and {count:,} participants: "
+            f"strata {_levels_text(levels)} have {counted(len(cells), 'combination')}, and {count:,} participants: "
             f"expected at least {2 * len(cells)}, since whoever is alone in one can be told by it; take more people, "
             "or fewer strata"
         )
     pairs = list(_pairs(len(orders), len(cells), count, rng))
-    return tuple(Participant(named(i), orders[o], cells[c]) for i, (o, c) in enumerate(pairs, 1))
+    return tuple(Participant(participant_id(i), orders[o], cells[c]) for i, (o, c) in enumerate(pairs, 1))
 
 
 def checked_strata(strata: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
@@ -119,19 +119,19 @@ def checked_strata(strata: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, 
             raise StudyError(f"stratum {name} has two levels or more, each once, such as sex=f,m, got {shown(words)}")
         levels[name] = tuple(words)
     if math.prod(map(len, levels.values())) > MOST_CELLS:
-        raise StudyError(f"strata have at most {MOST_CELLS} combinations, got {_described(levels)}; take fewer")
+        raise StudyError(f"strata have at most {MOST_CELLS} combinations, got {_levels_text(levels)}; take fewer")
     return levels
 
 
 def checked_departures(people: Sequence[Participant], left: Sequence[Departure]) -> None:
     """Raise StudyError for departures of unknown participants, or successors other than the next ids."""
     for i, departure in enumerate(left):
-        known = {named(number) for number in range(1, len(people) + i + 1)}
+        known = {participant_id(number) for number in range(1, len(people) + i + 1)}
         known -= {earlier.participant for earlier in left[:i]}
-        if departure.participant not in known or departure.successor != named(len(people) + i + 1):
+        if departure.participant not in known or departure.successor != participant_id(len(people) + i + 1):
             raise StudyError(
                 f"{departure.successor} cannot take the place of {departure.participant}: expected one who is there, "
-                f"and {named(len(people) + i + 1)} as the next"
+                f"and {participant_id(len(people) + i + 1)} as the next"
             )
 
 
@@ -147,10 +147,11 @@ def unequal(orders: Iterable[tuple[str, ...]], known: Sequence[tuple[str, ...]])
 
 
 def _pairs(orders: int, cells: int, count: int, rng: np.random.Generator) -> Iterator[tuple[int, int]]:
-    """Yield pairs of order and cell, in blocks of all pairs.
+    """Yield ``count`` pairs (order, combination of levels), by number, in shuffled blocks that hold each pair once.
 
-    The i-th pair of a block is order i mod m in cell (i + i div lcm(m, s)) mod s, relabelled at random. A block
-    contains all pairs, and in any prefix of it the frequencies of orders, and of cells, differ by at most one.
+    The i-th pair of a block is order i mod m in combination (i + i div lcm(m, s)) mod s, relabelled at random, with m
+    orders and s combinations. In any prefix of a block, before it is shuffled, the frequencies of orders, and of
+    combinations, differ by at most one.
     """
     block, step = orders * cells, math.lcm(orders, cells)
     for begin in range(0, count, block):
@@ -160,12 +161,12 @@ def _pairs(orders: int, cells: int, count: int, rng: np.random.Generator) -> Ite
         yield from (pairs[i] for i in rng.permutation(size))
 
 
-def _described(levels: Mapping[str, Sequence[str]]) -> str:
+def _levels_text(levels: Mapping[str, Sequence[str]]) -> str:
     return printable(", ".join(f"{name}={','.join(several)}" for name, several in levels.items()))
 
 
 def uneven(people: Sequence[Participant], orders: Sequence[tuple[str, ...]], kind: str) -> tuple[str, ...]:
-    """Describe the orders that are assigned unequally often, also within strata."""
+    """Return notes on orders that are assigned unequally often, also within strata."""
     said, size, several = list[str](), len(people), len(orders)
     if size % several:
         less = size // several * several
@@ -190,7 +191,7 @@ def uneven(people: Sequence[Participant], orders: Sequence[tuple[str, ...]], kin
 Kind = Literal["permutations", "williams", "latin", "random"]
 KINDS: tuple[Kind, ...] = ("permutations", "williams", "latin", "random")
 MOST_PERMUTED = 4
-"""Stimuli of which all orders are taken: 24 of four, 120 of five."""
+"""Most stimuli for which all orders are used: 24 of four, 120 of five."""
 MOST_STIMULI = 26
 T = TypeVar("T")
 
@@ -198,10 +199,12 @@ T = TypeVar("T")
 def sequences(
     kind: str, stimuli: Sequence[T], participants: int, rng: np.random.Generator
 ) -> tuple[tuple[T, ...], ...]:
-    """Return the orders of the stimuli that are assigned to participants, with frequencies that differ by at most one.
+    """Return the distinct orders of the stimuli that participants are assigned to.
 
-    ``random`` returns one for each participant. Raises StudyError for ``permutations`` of more than four stimuli or
-    with participants that are no multiple of their number, and for more than 26 stimuli.
+    ``random`` has one for each participant.
+
+    Raises StudyError for ``permutations`` of more than four stimuli or with participants that are no multiple of their
+    number, and for more than 26 stimuli.
 
     >>> sequences("williams", "ABCD", 8, np.random.default_rng(1))
     (('A', 'B', 'D', 'C'), ('B', 'C', 'A', 'D'), ('C', 'D', 'B', 'A'), ('D', 'A', 'C', 'B'))
@@ -243,7 +246,7 @@ def williams(count: int) -> IntArray:
 
 
 def places(orders: Sequence[Sequence[T]], stimuli: Sequence[T]) -> IntArray:
-    """Count how often each stimulus is at each place: (K stimuli, K places).
+    """Count how often each stimulus has each position in the orders: (K stimuli, K positions).
 
     >>> places([("A", "B"), ("A", "B"), ("B", "A")], "AB").tolist()
     [[2, 1], [1, 2]]
@@ -256,7 +259,7 @@ def places(orders: Sequence[Sequence[T]], stimuli: Sequence[T]) -> IntArray:
 
 
 def neighbours(orders: Sequence[Sequence[T]], stimuli: Sequence[T]) -> IntArray:
-    """Count how often each stimulus directly follows each other: (K before, K after).
+    """Count how often each stimulus is directly followed by each other: (K before, K after).
 
     >>> neighbours([("A", "B"), ("A", "B"), ("B", "A")], "AB").tolist()
     [[0, 2], [1, 0]]

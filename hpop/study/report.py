@@ -51,11 +51,11 @@ CAPTIONS = {
 }
 P_COLUMNS = ("p", "adjusted p")
 HEADINGS = {"lower": "lower quartile", "upper": "upper quartile", "low": "95 % from", "high": "95 % to"}
-"""Of columns, where people read them."""
+"""Headings of columns in texts and on the page; CSV files have the short names."""
 ROUNDED = 1e-12
-"""What is below it in size is the rounding of a zero."""
+"""Size below which a number is a rounding error and shown as 0."""
 OPEN_ENDS = {("low", STEP): "> 0", ("high", -STEP): "< 0"}
-"""An interval that ends at 0 without holding it."""
+"""Texts for the end of an interval that ends at 0 but does not contain 0."""
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #1c2429; max-width: 70rem; margin: 2rem auto; padding: 0 1rem }
@@ -103,7 +103,7 @@ def save(analysis: Analysis, folder: str | os.PathLike[str]) -> Path:
 
 
 def _check_own(folder: Path) -> None:
-    """Raise StudyError if a report would be among a study's tables, pages or answers."""
+    """Raise StudyError if the folder of a report is a study's folder, or one of the folders for a study's own files."""
     there = folder.resolve()
     for study in (there, *there.parents):
         inside = there.relative_to(study).parts[:1]
@@ -115,8 +115,8 @@ def as_text(analysis: Analysis) -> str:
     """Return all tables and choices as plain text."""
     parts = [_heading(analysis), *([analysis.mark] if analysis.mark else [])]
     for name, rows in analysis.tables.items():
-        parts.append("\n".join([TITLES[name], *_aligned(rows)]))
-    parts.append("\n".join(["Choices of the analysis", *(f"  {k}: {v}" for k, v in analysis.choices.items())]))
+        parts.append("\n".join([TITLES[name], *_aligned_lines(rows)]))
+    parts.append("\n".join(["Decisions of the analysis", *(f"  {k}: {v}" for k, v in analysis.choices.items())]))
     return printable("\n\n".join(parts) + "\n", newlines=True)
 
 
@@ -138,12 +138,12 @@ def code(analysis: Analysis) -> str:
 
 
 def _how(analysis: Analysis) -> dict[str, str]:
-    """Return the arguments for :func:`hpop.study.analyse`."""
+    """Return the method and the correction, as arguments of :func:`hpop.study.analyse`."""
     return {"method": analysis.method, "correction": analysis.correction}
 
 
 def page(analysis: Analysis, pictures: Mapping[str, bytes]) -> str:
-    """Return the page, self-contained and without scripts."""
+    """Return the report as an HTML page, self-contained and without scripts."""
     mark = f'<p class="mark">{_text(analysis.mark)}</p>' if analysis.mark else ""
     heading = _text(_heading(analysis))
     shown = {"scores": "test", "order": "balance", "choices": "choices"}  # a figure stands before this table
@@ -160,7 +160,7 @@ def page(analysis: Analysis, pictures: Mapping[str, bytes]) -> str:
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}"><style>{STYLE}</style></head><body><main>'
         f"{mark}<h1>{heading}</h1><p>{_text(_summary(analysis))}</p>{''.join(body)}"
-        f'<h2>Every choice of this analysis</h2><table class="choices">{chosen}</table>'
+        f'<h2>Every decision of this analysis</h2><table class="choices">{chosen}</table>'
         f"<h2>To repeat it</h2><p>With the design whose SHA-256 is {_text(analysis.design.digest)}:</p>"
         f"<pre tabindex=0>{_text(code(analysis), newlines=True)}</pre>"
         f"{mark and f'<p>{_text(analysis.mark)}</p>'}</main></body></html>\n"
@@ -179,7 +179,7 @@ def _summary(analysis: Analysis) -> str:
     lasting = unlike(analysis.design.conditions)
     also = f" {lasting[0].upper()}{lasting[1:]}." if lasting else ""
     for row in analysis.tables.get("test", ()):
-        p = written("p", row["p"])
+        p = cell_text("p", row["p"])
         found = "differ" if float(row["p"]) < 0.05 else "are not found to differ"
         effect = next(
             (f"{key} = {value:.3f}" for key, value in row.items() if key in ("Kendall's W", "epsilon squared")), ""
@@ -199,13 +199,13 @@ def _figure(name: str, png: bytes) -> str:
 def _table(rows: Sequence[Row]) -> str:
     columns = _columns(rows)
     headings = [HEADINGS.get(column, column) for column in columns]
-    return table_html(headings, [[written(key, row.get(key, nan)) for key in columns] for row in rows])
+    return table_html(headings, [[cell_text(key, row.get(key, nan)) for key in columns] for row in rows])
 
 
-def _aligned(rows: Sequence[Row]) -> list[str]:
+def _aligned_lines(rows: Sequence[Row]) -> list[str]:
     columns = _columns(rows)
     headings = [HEADINGS.get(column, column) for column in columns]
-    cells = [headings, *([written(key, row.get(key, nan)) for key in columns] for row in rows)]
+    cells = [headings, *([cell_text(key, row.get(key, nan)) for key in columns] for row in rows)]
     widths = [max(len(line[i]) for line in cells) for i in range(len(headings))]
     words = [isinstance(rows[0].get(key), str) for key in columns]
     return [
@@ -222,12 +222,12 @@ def _columns(rows: Sequence[Row]) -> list[str]:
     return list(dict.fromkeys(key for row in rows for key in row))
 
 
-def written(column: str, value: Cell) -> str:
+def cell_text(column: str, value: Cell) -> str:
     """Format a cell: p to four decimals, other numbers to four digits, a dash if missing.
 
-    >>> written("p", 0.00003), written("z", -1.31479), written("people", 36), written("low", float("-inf"))
+    >>> cell_text("p", 0.00003), cell_text("z", -1.31479), cell_text("people", 36), cell_text("low", float("-inf"))
     ('< .0001', '-1.315', '36', 'unbounded')
-    >>> written("strength", 2.4e-15), written("length", nan), written("low", 1e-9)
+    >>> cell_text("strength", 2.4e-15), cell_text("length", nan), cell_text("low", 1e-9)
     ('0', '-', '> 0')
     """
     if not isinstance(value, float):

@@ -25,7 +25,7 @@ Cell = str | int | float
 Row = Mapping[str, Cell]
 Tables = dict[str, Sequence[Row]]
 Asked = Sequence[tuple[str, PairChoice]]
-"""Comparisons of one question, with who made each."""
+"""Comparisons for one question, each with the id of the participant."""
 BEFORE = "before"
 
 
@@ -34,7 +34,7 @@ def score_tables(
 ) -> tuple[Tables, list[str]]:
     """Return the tables of one score, and the reasons for missing tables."""
     labels, values = [label(design, letter) for letter in matrix.conditions], matrix.values
-    wanted: dict[str, Callable[[], Sequence[Row]]] = {"scores": lambda: _described(labels, values, before)}
+    wanted: dict[str, Callable[[], Sequence[Row]]] = {"scores": lambda: _quartile_rows(labels, values, before)}
     if len(labels) >= LEAST_STIMULI or method == "paper":
         wanted["test"] = lambda: [_omnibus(values, method)]
     wanted["pairs"] = lambda: _pairs(labels, values, method, correction)
@@ -82,8 +82,8 @@ def _with_unit(name: str) -> str:
     return name if unit == "1" else f"{name} ({unit})"
 
 
-def placed(matrix: Matrix) -> FloatArray:
-    """Return the scores (n, K) in the order in which each person saw the stimuli."""
+def scores_by_position(matrix: Matrix) -> FloatArray:
+    """Return the scores (n, K) in the order in which each participant saw the stimuli."""
     by_place: FloatArray = np.take_along_axis(matrix.values, np.argsort(matrix.places, axis=1), axis=1)
     return by_place
 
@@ -109,14 +109,14 @@ def _made(wanted: Mapping[str, Callable[[], Sequence[Row]]]) -> tuple[Tables, li
 def _of_question(design: Design, question: str, asked: Asked) -> dict[str, Callable[[], Sequence[Row]]]:
     compared = sorted({letter for _, one in asked for letter in (one.first, one.second)})
     return {
-        "choices": lambda: _counted(design, question, asked),
+        "choices": lambda: _choice_counts(design, question, asked),
         "favourites": lambda: _favourites(design, question, asked, compared),
         "strengths": lambda: _strengths(design, question, asked, compared),
     }
 
 
-def _described(labels: Sequence[str], values: FloatArray, before: FloatArray | None) -> list[Row]:
-    """Return medians and quartiles, also of the change since before, if there are answers before."""
+def _quartile_rows(labels: Sequence[str], values: FloatArray, before: FloatArray | None) -> list[Row]:
+    """Return medians and quartiles of the values; with answers before the stimuli, also those of the change."""
     columns = list(zip(labels, values.T, strict=True))
     if before is not None:
         columns = [(BEFORE, before), *columns]
@@ -204,13 +204,16 @@ def _signed_rank_rows(
 
 
 def _by_place(matrix: Matrix) -> list[Row]:
-    """Return scores by place, for all stimuli together."""
-    return [{"place": place, **asdict(statistics.describe(column))} for place, column in enumerate(placed(matrix).T, 1)]
+    """Return medians and quartiles of the scores at each position in the session, whatever the stimulus."""
+    return [
+        {"place": place, **asdict(statistics.describe(column))}
+        for place, column in enumerate(scores_by_position(matrix).T, 1)
+    ]
 
 
 def _carried_over(matrix: Matrix) -> list[Row]:
-    """Test whether the place matters, and whether stimuli differ at the first place."""
-    by_place = placed(matrix)
+    """Test whether scores depend on the position in the session, and whether stimuli differ at the first position."""
+    by_place = scores_by_position(matrix)
     rows: list[Row] = []
     if by_place.shape[1] >= LEAST_STIMULI:
         test = statistics.friedman(by_place)
@@ -234,7 +237,7 @@ def _chi2(test: statistics.Related | statistics.Independent) -> Row:
 
 
 def _balance(labels: Sequence[str], matrix: Matrix, design: Design) -> list[Row]:
-    """Return how often each stimulus was scored at each place."""
+    """Return how often each stimulus was scored at each position, counting complete sessions."""
     seen = places(
         [
             tuple(matrix.conditions[i] for i in np.argsort(row))
@@ -249,8 +252,8 @@ def _balance(labels: Sequence[str], matrix: Matrix, design: Design) -> list[Row]
     ]
 
 
-def _counted(design: Design, question: str, asked: Asked) -> list[Row]:
-    """Return the choices of each pair, with p of an exact binomial test without "neither"."""
+def _choice_counts(design: Design, question: str, asked: Asked) -> list[Row]:
+    """Return the number of choices for each pair, with p of an exact binomial test without "neither"."""
     rows: list[Row] = []
     for pair in combinations(sorted({letter for _, one in asked for letter in (one.first, one.second)}), 2):
         chosen = [one.chosen for _, one in asked if {one.first, one.second} == set(pair)]

@@ -32,18 +32,18 @@ from hpop.runtime.page_server import LOCAL, PageServer, body, same
 from hpop.study.answers import FOLDER, Ledger
 from hpop.study.design import Design
 from hpop.study.design_file import FILE, PEOPLE
-from hpop.study.documents import changing, read_bytes, release, serve_alone, write_bytes
+from hpop.study.documents import locked_for_changes, read_bytes, release, serve_alone, write_bytes
 from hpop.study.page import MOST_BYTES, Rides, rides_of, session_page
 
 MOST_BODY = 16_384
-"""Bytes of what a page sends: one event, and what it is seen on."""
+"""Largest size of a request, in bytes: one event, and a description of the device."""
 MOST_VIDEO = 2**33
-"""Bytes of a video."""
+"""Largest size of a video, in bytes."""
 TOKEN, TOKEN_BYTES, MOST_TOKEN = "token", 9, 100
 TOKEN_LETTERS = 12
-"""Of a participant's token."""
+"""Length of a participant's token."""
 KEYS = {"design", "tab", "device"}
-"""Of what a page sends; with an event where there is one."""
+"""Keys of the JSON object that a page sends; "event" is optional."""
 LONGEST_TAB = 64
 PAGE = """<!doctype html>
 <html lang="en">
@@ -63,7 +63,7 @@ a {{ display: inline-block; min-width: 4em; line-height: 2.5; color: #14507a }}
 <body><main><h1>{title}</h1><p>{said}</p>{rest}</main></body>
 </html>
 """
-"""A page with no script: the list of sessions, and what a browser is told that asks for what there is not."""
+"""Page without scripts, for the list of sessions and for refusals."""
 
 
 class Refusal(Exception):
@@ -113,7 +113,12 @@ class Study:
         raise Refusal(HTTPStatus.NOT_FOUND, "there is no such stimulus")
 
     def taken(self, participant: str, sent: Any) -> dict[str, Any]:
-        """Save an event of a page, or open the page; return all events after opening, else whether it was added."""
+        """Save the event that a page sent, or open the page if it sent none.
+
+        Return whether the event is new, or for an opened page all events so far. Raises Refusal if the session was
+        opened in
+        another window since, or the request is invalid.
+        """
         if not isinstance(sent, dict) or not KEYS <= sent.keys() <= {*KEYS, "event"}:
             raise Refusal(
                 HTTPStatus.BAD_REQUEST, "expected an object of design, tab, device, and of an event if there is one"
@@ -121,7 +126,7 @@ class Study:
         tab, event = sent["tab"], sent.get("event")
         if not isinstance(tab, str) or not 0 < len(tab) <= LONGEST_TAB or not isinstance(sent["device"], dict):
             raise Refusal(HTTPStatus.BAD_REQUEST, "expected a short text as tab and an object as device")
-        with self._lock, changing(self.folder):  # no event is added while a participant is withdrawn
+        with self._lock, locked_for_changes(self.folder):  # no event is added while a participant is withdrawn
             design = self._with(participant)
             if sent["design"] != design.digest:
                 raise Refusal(
@@ -140,7 +145,7 @@ class Study:
             return {"added": ledger.add(event, sent["device"])}
 
     def _with(self, participant: str) -> Design:
-        """Return the design, if it has the participant; Refusal otherwise."""
+        """Return the design, if it has the participant; Refusal if it does not, or the participant withdrew."""
         design = self.design
         if participant not in {person.id for person in design.participants}:
             raise Refusal(HTTPStatus.NOT_FOUND, "the study has no such participant")
@@ -282,7 +287,7 @@ class StudyServer(PageServer):
     async def _take(self, request: Request) -> Response:
         """Save an event of a session, or open its page."""
         participant = request.path_params["participant"]
-        sent = await _posted(request)
+        sent = await _posted_value(request)
 
         def take() -> dict[str, Any]:
             self._check_owner(request, participant)
@@ -296,7 +301,7 @@ class StudyServer(PageServer):
         return self.refused(request.method, refusal.status, refusal.said, refusal.why)
 
     def _fail(self, request: Request, error: Exception) -> Response:
-        """Return the response for an error: the page gives up after an invalid request, retries after a full disk."""
+        """Return the response for an error: a page gives up after an invalid request, retries after a full disk."""
         is_ours = isinstance(error.__context__, OSError) or isinstance(error, OutputError)
         status = HTTPStatus.INTERNAL_SERVER_ERROR if is_ours else HTTPStatus.UNPROCESSABLE_ENTITY
         if is_ours and self.tell is not None:
@@ -304,8 +309,8 @@ class StudyServer(PageServer):
         return self.refused(request.method, status, str(error), "disk" if is_ours else "answer")
 
 
-async def _posted(request: Request) -> Any:
-    """Return the posted value; Refusal if it is no JSON or too long."""
+async def _posted_value(request: Request) -> Any:
+    """Return the JSON value that a page posted; Refusal if it is no JSON or too long."""
     if request.headers.get("Content-Type", "").partition(";")[0].strip().lower() != "application/json":
         raise Refusal(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "expected application/json")
     if not request.headers.get("Content-Length", ""):

@@ -25,17 +25,17 @@ from hpop.study.participants import Participant
 
 SCHEMA, VERSION = "hpop-answers", 1
 MOST_BYTES = 8 * 1024**2
-"""Of a participant's answers."""
+"""Largest size of a participant's file of answers."""
 MOST_EVENTS = 20_000
 MOST_REMARK = 2000
-"""Characters of a remark."""
+"""Most characters of a remark."""
 MOST_KEYS = 20
 MOST_SLOW = 0.05
-"""Share of a ride's time in which fewer than 60 pictures a second may be shown."""
+"""Share of time with fewer than 60 pictures a second from which a ride counts as jerky."""
 PLAYED = "played"
-"""Of a video: the page played all of it."""
+"""Value of a stimulus event: the page played the whole video."""
 NONE = "none"
-"""Neither of a pair."""
+"""Value of a comparison: neither stimulus of the pair was chosen."""
 WORD = re.compile(r"[a-z][a-z_]{0,39}")
 
 Kind = Literal[
@@ -51,10 +51,11 @@ When = Annotated[
 class SessionEvent(StrictObject):
     """Event of a session.
 
-    t          s since its start, rising
-    at         when, ISO, UTC
-    place      0 before the first stimulus, 1, 2, ... for each stimulus, one more after all; None otherwise
-    condition  the letter of the stimulus at that place
+    t          s since the session's start, rising
+    at         date and time, ISO, UTC
+    place      0 before the first stimulus, then the number of the stimulus in this participant's order, one more
+               after the last; None for events that belong to no place
+    condition  letter of the stimulus at this place
     value      of "answer" a number, or None if taken back; of "compare" {"question", "pair", "chosen"};
                of "remark" text; of "frames" numbers by name; of others None, true, a number or a word
     """
@@ -116,12 +117,12 @@ class PairChoice(NamedTuple):
 
 
 class Video(NamedTuple):
-    """Video that was reported as ended, the last time that it was started.
+    """Last showing of a video that was reported as ended.
 
     condition  its letter
     played     whether the page played all of it
-    took       s, from begin to end
-    lasts      s
+    took       s, from its reported beginning to its reported end
+    lasts      s, duration of the video
     """
 
     condition: str
@@ -188,7 +189,7 @@ class Session:
     def answers(self) -> dict[Slot, ItemAnswer]:
         """Return the last answer of each item at each place, without answers that were taken back."""
         answers: dict[Slot, ItemAnswer] = {}
-        for event, seconds in self._timed("answer"):
+        for event, seconds in self._events_with_gaps("answer"):
             slot = Slot(event.place or 0, event.form or "", event.item or "")
             answers.pop(slot, None)
             if event.value is not None:
@@ -199,7 +200,7 @@ class Session:
     def comparisons(self) -> tuple[PairChoice, ...]:
         """Return the last answer to each question on each pair."""
         found: dict[tuple[str, frozenset[str]], PairChoice] = {}
-        for event, seconds in self._timed("compare"):
+        for event, seconds in self._events_with_gaps("compare"):
             value = PairValue.model_validate(event.value)
             first, second = value.pair
             chosen = None if value.chosen == NONE else value.chosen
@@ -264,8 +265,8 @@ class Session:
     def _has(self, kind: str) -> bool:
         return any(event.kind == kind for event in self.events)
 
-    def _timed(self, kind: str) -> Iterator[tuple[SessionEvent, float]]:
-        """Yield events of a kind, with the seconds since the event before each."""
+    def _events_with_gaps(self, kind: str) -> Iterator[tuple[SessionEvent, float]]:
+        """Yield events of a kind, each with the seconds since the previous event."""
         first = self.events[:1]
         for before, event in pairwise((*first, *self.events)):
             if event.kind == kind:
@@ -273,7 +274,7 @@ class Session:
 
 
 def asked_at(design: Design, form: Form) -> list[int]:
-    """Return the places at which a form is asked."""
+    """Return the places at which a form is asked: 0 before, 1 to K after each of K stimuli, K + 1 after all."""
     count = len(design.letters)
     places = {"before": [0], "after_each": list(range(1, count + 1)), "after_all": [count + 1]}
     return sorted(place for when in form.when for place in places[when])
@@ -292,7 +293,7 @@ class SessionState(NamedTuple):
     stopped: bool = False
 
     def then(self, design: Design, person: Participant, event: SessionEvent) -> SessionState:
-        """Return the state after one more event; StudyError for one that the design does not ask for."""
+        """Return the state after a further event; StudyError for an event that the design does not expect."""
         if event.t < self.t:
             raise StudyError(f"time goes back, from {self.t:g} to {event.t:g} s")
         if event.kind in ("answer", "compare", "remark") and not self.consented:
@@ -304,7 +305,7 @@ class SessionState(NamedTuple):
 
 
 def standing_after(design: Design, person: Participant, events: Iterable[SessionEvent]) -> SessionState:
-    """Return the state of a session after all its events; StudyError for one that the design does not ask for."""
+    """Return the state of a session after all its events; StudyError for an event that the design does not expect."""
     standing = SessionState()
     for number, event in enumerate(events):
         try:

@@ -22,11 +22,11 @@ from hpop.study.session import Session, SessionEvent, asked_at, questions_of, st
 DEVICE: Mapping[str, str | float | bool | None] = {"simulated": True, "browser": "none"}
 BEFORE = "before"
 WIDTH = 6.0
-"""Standard deviations of an answer that a scale covers, of which the low end begins at 0."""
+"""Width of a scale, in standard deviations of how people feel; its low end is at 0."""
 SPREAD = 2.0
-"""Standard deviations by which the ratings of what is good, such as comfort, lie below the better end."""
+"""Standard deviations by which ratings of comfort and the like lie below the best value."""
 NOISE = 0.8
-"""Standard deviation of an item beside what the person feels at that place."""
+"""Standard deviation of the noise of each item."""
 UNDECIDED = 0.4
 """Difference of two stimuli below which people say "neither"."""
 
@@ -48,9 +48,9 @@ def simulate(
     discomfort : by letter, and "before" for the answers before the first stimulus (default 0), in standard deviations
         of how people feel; an item's answer is this value, with noise, on its scale: about 0 without discomfort
     liking : by letter, for comparisons other than "comfort"; by default the opposite of discomfort
-    correlation : between a person's feelings at two places
-    tiring : discomfort added at each place
-    seed : of the random numbers
+    correlation : between a person's feelings at two moments of the session
+    tiring : discomfort added with each stimulus
+    seed : seed of the random numbers
 
     Raises StudyError if a letter has no number.
     """
@@ -78,7 +78,7 @@ def _of(design: Design, given: Mapping[str, float], letter: str, what: str) -> f
 def _answers(
     design: Design, person: Participant, feelings: Any, rng: np.random.Generator
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield events of all ratings, place by place."""
+    """Yield events (kind, other fields) of the stimuli and all ratings, in the order of the session."""
     last = len(person.order) + 1
     for place in range(last + 1):
         where: dict[str, Any] = {"place": place}
@@ -89,12 +89,12 @@ def _answers(
         for form in design.questionnaires:
             if form.kind == "ratings" and place in asked_at(design, form):
                 for item in form.items:
-                    value = _rated(form, item, feelings[place] + NOISE * rng.standard_normal())
+                    value = _simulated_rating(form, item, feelings[place] + NOISE * rng.standard_normal())
                     yield "answer", {**where, "form": form.id, "item": item.id, "value": value}
 
 
-def _rated(form: Form, item: Item, felt: float) -> float:
-    """Return the answer for a discomfort, counted from the better end of the scale.
+def _simulated_rating(form: Form, item: Item, felt: float) -> float:
+    """Return the answer to an item for a discomfort, counted from the better end of the scale.
 
     Comfort is never rated as perfect.
     """
@@ -107,7 +107,7 @@ def _rated(form: Form, item: Item, felt: float) -> float:
 def _choices(
     design: Design, person: Participant, felt: Mapping[str, float], liked: Mapping[str, float], rng: np.random.Generator
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield events of all comparisons."""
+    """Yield events (kind, other fields) of all comparisons."""
     for question in questions_of(design):
         for first, second in design.pairs(person.id):
             better = felt[second] - felt[first] if question == "comfort" else liked[first] - liked[second]

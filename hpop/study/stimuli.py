@@ -32,7 +32,7 @@ from hpop.view.single_page import single_page
 SCHEMA, VERSION = "hpop-stimulus", 1
 LETTER = re.compile(r"[A-Z]")
 SHORTEST, LONGEST = 1.0, 3600.0
-"""Seconds of a still view."""
+"""Shortest and longest duration of a still view, s."""
 SAID = ("ride_begin", "ride_headset", "ride_about", "view_about", "ride_over", "ride_failed", "stop")
 
 
@@ -75,7 +75,7 @@ def save_stimuli(
     ----------
     baselines : by letter, the trajectories of conditions that are no rows of the front
     study : a study's folder, with texts in further languages
-    progress : of videos: True shows a line on the terminal; a function is called with each frame
+    progress : of videos: True shows a line in the terminal; a function is called with each frame
 
     Raises StudyError for invalid or repeated letters, OutputError if a file cannot be written.
     """
@@ -87,7 +87,7 @@ def save_stimuli(
         name = condition.id
         if not LETTER.fullmatch(name) or name in written:
             raise StudyError(f"conditions are called by capital letters, each once, got {shown(name)}")
-        trajectory = _ridden(front, condition, baselines or {})
+        trajectory = _condition_trajectory(front, condition, baselines or {})
         if condition.kind == "video":
             which = f"video {name}, {videos.index(name) + 1} of {len(videos)}:"
             written[name] = _save_video(problem, trajectory, target / f"{name}.mp4", which, progress)
@@ -107,8 +107,10 @@ def save_stimuli(
     return written
 
 
-def _ridden(front: Front, condition: StimulusCondition, baselines: Mapping[str, Trajectory]) -> Trajectory:
-    """Return the trajectory of a condition; for the still view any, since all have one start."""
+def _condition_trajectory(
+    front: Front, condition: StimulusCondition, baselines: Mapping[str, Trajectory]
+) -> Trajectory:
+    """Return the trajectory of a condition; for the still view any one, since all trajectories have the same start."""
     if condition.row is None and condition.kind != "view":
         if condition.id not in baselines:
             raise StudyError(
@@ -122,7 +124,7 @@ def _ridden(front: Front, condition: StimulusCondition, baselines: Mapping[str, 
 def _save_video(
     problem: Problem, trajectory: Trajectory, path: Path, which: str, progress: ProgressCallback | bool | None
 ) -> Path:
-    """Write a video without the file beside it, which names the costs; report ``which`` video it is to progress."""
+    """Write a video without its JSON file, which would reveal the costs; progress messages begin with ``which``."""
     with progress_callback(progress) as told:
 
         def tell(done: Progress) -> None:
@@ -174,7 +176,7 @@ def _page(
         "version": VERSION,
         "name": name,
         "still": is_still,
-        "scene": _unnamed(scene.description()),
+        "scene": _without_names(scene.description()),
         "solids": tilted_solids(scene),
         "links": links_of(trajectory.model, trajectory.states),
         "field_of_view": None if fov is None else list(fov),
@@ -185,7 +187,7 @@ def _page(
     return single_page("ride.js", name, payload)
 
 
-def _unnamed(scene: dict[str, Any]) -> dict[str, Any]:
+def _without_names(scene: dict[str, Any]) -> dict[str, Any]:
     """Return a scene without names, except those visible on plates."""
     bare = {kind: [{**thing, "name": ""} for thing in scene[kind]] for kind in ("prisms", "people", "zones")}
     return {**scene, **bare, "notes": []}

@@ -14,7 +14,7 @@ from hpop.errors import StudyError
 from hpop.frontier.strict_json import parse
 
 FOLDER = "words"
-"""Of a study, with files for languages that hpop does not bring."""
+"""Folder of a study with texts in languages that hpop does not have."""
 MOST_BYTES = 200_000
 LANGUAGE = re.compile(r"[a-z]{2,3}(-[A-Z]{2})?")
 Words = dict[str, str]
@@ -40,16 +40,16 @@ def words(language: str, study: Path | None = None) -> Words:
         return checked_file(own)
     if not shipped.joinpath(name).is_file():
         raise StudyError(
-            f"hpop brings no texts in {shown(language)}: translate its hpop/study/words/en.json, and give "
+            f"hpop has no texts in {shown(language)}: translate its hpop/study/words/en.json, and give "
             f"the file to `hpop study init --words`, which keeps it as {FOLDER}/{name}"
         )
-    return _checked(_read(shipped.joinpath(name).read_bytes(), name), english, name)
+    return _checked_texts(_read(shipped.joinpath(name).read_bytes(), name), english, name)
 
 
 def checked_file(path: str | os.PathLike[str]) -> Words:
     """Return the texts of a file; StudyError if it is incomplete."""
     try:
-        return _checked(_read(read_regular(path, MOST_BYTES), str(path)), _english(), str(path))
+        return _checked_texts(_read(read_regular(path, MOST_BYTES), str(path)), _english(), str(path))
     except OSError as error:
         raise StudyError(
             f"cannot read {path}: {error.strerror or error}; give a translation of hpop/study/words/en.json"
@@ -70,21 +70,21 @@ def _read(data: bytes, file: str) -> Words:
     return read
 
 
-def _checked(texts: Words, english: Words, file: str) -> Words:
+def _checked_texts(texts: Words, english: Words, file: str) -> Words:
     lacking, others = sorted(english.keys() - texts.keys()), sorted(texts.keys() - english.keys())
     said = [f"lacks {', '.join(lacking)}"] if lacking else []
-    said += [f"has {shown(', '.join(others))}, which no page says"] if others else []
+    said += [f"has {shown(', '.join(others))}, which no page uses"] if others else []
     said += [
-        f"{name} must hold the gaps of the English text, {english[name]!r}"
+        f"{name} must have the placeholders of the English text, {english[name]!r}"
         for name, text in texts.items()
-        if name in english and _gaps(text) != _gaps(english[name])
+        if name in english and _placeholders(text) != _placeholders(english[name])
     ]
     if said:
         raise StudyError(f"{file} {'; '.join(said)}; write the texts of hpop's en.json, all of them")
     return texts
 
 
-def _gaps(text: str) -> set[str] | None:
+def _placeholders(text: str) -> set[str] | None:
     """Return the names between braces; None if braces do not match."""
     try:
         return {field for _, field, _, _ in Formatter().parse(text) if field is not None}

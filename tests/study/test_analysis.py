@@ -255,7 +255,7 @@ def test_what_cannot_be_analysed_is_refused(design, answers, asked, said):
 
 
 def test_answers_of_nobody_and_figures_that_do_not_exist_are_refused(design, result):
-    with pytest.raises(StudyError, match="nobody's answers give the score total"):
+    with pytest.raises(StudyError, match="no participant has all answers for the score total"):
         study.analyse(design, study.Answers(design, ()))
     with pytest.raises(StudyError, match="Did you mean 'scores'"):
         result.draw("score")

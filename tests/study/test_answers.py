@@ -168,7 +168,7 @@ def test_orders_that_are_short_rides_that_jerk_and_devices_that_differ_are_told(
     assert answers.notes == (
         "11 of 12 sessions are complete",
         f"complete sessions by order are not equally many: order {short}: 1 of 2",
-        "10 of 11 saw it in a headset, the others on a screen: compare them apart",
+        "10 of 11 saw it in a headset, the others on a screen: analyse them separately",
     )
 
 

@@ -14,7 +14,7 @@ import pytest
 import hpop
 from hpop import study
 from hpop.errors import StudyError
-from hpop.study.conditions import lettered
+from hpop.study.conditions import lettered_conditions
 from hpop.study.design import Design
 from tests.study.conftest import CONSENT
 
@@ -33,7 +33,7 @@ def test_the_papers_design_has_three_f_and_three_m_in_each_of_six_orders(front: 
 
 def test_letters_are_dealt_by_the_seed_and_not_by_the_rows(front: hpop.Front) -> None:
     rngs = map(np.random.default_rng, range(20))
-    dealt = {tuple(one.row for one in lettered(front, [3, 0, 5], "ride", rng)) for rng in rngs}
+    dealt = {tuple(one.row for one in lettered_conditions(front, [3, 0, 5], "ride", rng)) for rng in rngs}
     assert len(dealt) == 6
     assert of(front, seed=3).document == of(front, seed=3).document
 

@@ -146,5 +146,5 @@ def test_people_who_rated_nothing_beside_what_is_left_out_are_told() -> None:
     together = set(np.flatnonzero(np.random.default_rng(0).permutation(13) % 10 == 0).tolist())
     who = ["p01" if row in together else f"p{row + 2:02}" for row in range(13)]
     better = -(costs()[:13] @ TRUE)
-    with pytest.raises(StudyError, match="error on trajectories left out cannot be told"):
+    with pytest.raises(StudyError, match="error on trajectories left out cannot be computed"):
         fit_criterion(better.tolist(), range(13), PROBLEM, NAMES, people=who, front=FRONT, source="simulated")

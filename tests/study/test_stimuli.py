@@ -153,7 +153,9 @@ def test_words_of_another_language_are_a_file_of_the_study(tmp_path: Path) -> No
             words("de", tmp_path)
     few = {key: text for key, text in english.items() if key not in ("stop", "agree")}
     file.write_text(json.dumps({**few, "hello": "?", "step": "Schritt"}))
-    with pytest.raises(StudyError, match="lacks agree, stop; has 'hello', which no page says; step must hold the gaps"):
+    with pytest.raises(
+        StudyError, match="lacks agree, stop; has 'hello', which no page uses; step must have the placeholders"
+    ):
         words("de", tmp_path)
     with pytest.raises(StudyError, match="no texts in 'fr'"):
         words("fr", tmp_path)

@@ -23,11 +23,11 @@ from hpop.base.options import whole
 from hpop.errors import StudyError
 
 ALIKE = 1e-9
-"""Part of a variance by single choices below which that by people is none: all of them answered alike."""
+"""Ratio of the variance between people to that between choices below which all people answered alike."""
 MOST_STIMULI = 1000
-"""Of one fit: it takes time with the third power of their number."""
+"""Most stimuli of a fit, whose time grows with the third power of their number."""
 MOST_STEPS = 100
-"""Of Newton's method, which takes ten or so."""
+"""Most steps of Newton's method, which needs about ten."""
 
 
 @checked_arguments
@@ -96,7 +96,7 @@ def bradley_terry(
     tied = bool((outcome == 2).any())
     features = _features(pairs, stimuli, tied, side)  # (m, outcomes, parameters)
     _check_bounded(features, outcome, tied, side)
-    estimate, chances, information = _fitted(features, outcome)
+    estimate, chances, information = _maximum_likelihood(features, outcome)
     by_choices: FloatArray = np.asarray(np.linalg.inv(information), dtype=np.float64)
     covariance = by_choices
     if people is not None:
@@ -132,7 +132,7 @@ def _check(pairs: IntArray, outcome: IntArray, names: Sequence[str]) -> None:
     if not len(pairs) or stimuli < 2 or pairs.min() < 0 or pairs.max() >= stimuli or (pairs[:, 0] == pairs[:, 1]).any():
         raise StudyError(f"each comparison must name two different stimuli, by numbers from 0 to {stimuli - 1}")
     if (outcome == 2).all():
-        raise StudyError("nobody chose one of two stimuli: all said neither, and strengths cannot be told")
+        raise StudyError("all answers are neither: strengths cannot be estimated without a choice; ask more people")
     forth, back = outcome != 1, outcome != 0
     over = np.concatenate([pairs[forth], pairs[back][:, ::-1]])  # chosen, or as good, over the other
     graph = coo_array((np.ones(len(over)), (over[:, 0], over[:, 1])), shape=(stimuli, stimuli))
@@ -155,7 +155,9 @@ def _check_bounded(features: FloatArray, outcome: IntArray, tied: bool, side: bo
     change = optimize.linprog(-ahead.sum(axis=0), -ahead, np.zeros(len(ahead)), bounds=(-1, 1))
     if float(change.fun or 0.0) < -1e-6 or np.linalg.matrix_rank(ahead) < ahead.shape[1]:
         why = ["of two parts of the stimuli one was chosen always, or tied"] * tied
-        why += ["which one was named first decides, or cannot be told from the stimuli: leave side out"] * side
+        why += [
+            "the order within pairs explains all choices, or cannot be separated from the stimuli: leave side out"
+        ] * side
         raise StudyError(f"no finite strengths fit the choices: {'; or '.join(why)}. Report the counts, or ask more")
 
 
@@ -176,7 +178,7 @@ def _features(pairs: IntArray, stimuli: int, tied: bool, side: bool) -> FloatArr
     return features
 
 
-def _fitted(features: FloatArray, outcome: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _maximum_likelihood(features: FloatArray, outcome: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the maximum likelihood parameters, probabilities of the outcomes (m, o), and the information matrix.
 
     The log-likelihood is concave, so Newton's method with step halving converges to its maximum.
@@ -204,7 +206,10 @@ def _likelihood(chosen: FloatArray, features: FloatArray, estimate: FloatArray) 
 
 
 def _spread(gradients: FloatArray, people: Sequence[Any]) -> FloatArray:
-    """Return the summed squares of each person's gradients, for errors that account for similar choices."""
+    """Return the sum (p, p), over people, of the outer products of each person's summed gradients.
+
+    It makes the errors account for similar choices of one person.
+    """
     _, member = np.unique(np.array(people), return_inverse=True)
     count = int(member.max()) + 1
     if len(member) != len(gradients) or count < 2:
@@ -224,7 +229,7 @@ def _errors(sums: FloatArray, covariance: FloatArray, by_choices: FloatArray) ->
 
 
 MOST_OUTCOMES = 200_000
-"""Of a multinomial test that are counted out."""
+"""Most outcomes that a multinomial test enumerates."""
 MOST_PEOPLE = 1_000_000
 
 

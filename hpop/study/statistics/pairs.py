@@ -17,9 +17,9 @@ from hpop.study.statistics.scores import checked
 
 Zeros = Literal["pratt", "wilcox"]
 STEP = 1e-9
-"""To which scores are rounded: what differs by less is equal."""
+"""Step to which scores are rounded, so that differences by rounding errors are ties."""
 MOST_EXACT = 200
-"""People up to whom the exact distribution is counted out; beyond, the normal one is as good."""
+"""Most people for whom the exact distribution is enumerated; beyond, the normal one is as good."""
 
 
 @dataclass(frozen=True)
@@ -115,12 +115,18 @@ def signed_ranks(differences: FloatArray, zeros: Zeros = "pratt") -> FloatArray:
 
 
 def exact_p(ranks: FloatArray) -> float:
-    """Return the share of all signs of these ranks with a positive sum at least as far from the middle."""
+    """Return the exact two-sided p of signed ranks.
+
+    The share of all their signs with a sum at least as far from even.
+    """
     return min(1.0, 2 * min(_tails(ranks, counted=True)))
 
 
 def _tails(ranks: FloatArray, counted: bool) -> tuple[float, float]:
-    """Return the probabilities of a positive rank sum at least as great, and at most as great; exact, or by z."""
+    """Return the probabilities of a sum of positive ranks at least, and at most, as great as this one.
+
+    Exact, or by z.
+    """
     if not counted:
         size = float(np.sqrt((ranks**2).sum()))
         z = float(ranks.sum()) / size if size else 0.0

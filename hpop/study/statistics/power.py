@@ -30,18 +30,18 @@ MOST_SIMULATED = 200_000
 AT_ONCE = 2_000_000
 """Scores that are simulated at once."""
 FEW_STUDIES = 100
-"""Studies of the greatest number of people that are simulated first, to refuse an effect that is far too small."""
+"""Studies simulated first, with the largest number of people, to refuse an effect that is far too small."""
 SURELY = 0.35
-"""A share in so many studies is farther below the true one with a chance of less than 3e-11 (Hoeffding 1963)."""
+"""Margin by which a share of so few studies may be too low; more has a probability below 3e-11 (Hoeffding 1963)."""
 FEW = 25
-"""People up to whom Wilcoxon's p is counted out; beyond, its normal approximation decides alike."""
+"""Most people for whom Wilcoxon's p is exact; beyond, its normal approximation decides alike."""
 OBSERVED = (
     "the power of a study that was made, for the effect that it found, follows from its p alone and adds nothing: "
     "where p is .05 it is about one half (Hoenig and Heisey 2001, The American Statistician 55, 19-24). Report the "
     "effect with its interval; for a next study give another n, or the least effect that would matter"
 )
 Draw = Callable[[np.random.Generator, int, int], FloatArray]
-"""Scores (s, n, k) of s studies of n people."""
+"""Function that draws scores (s, n, k) of s studies of n people."""
 
 
 @dataclass(frozen=True)
@@ -155,14 +155,14 @@ def _from_effect(effect: Any, k: int, correlation: float, like: Any) -> tuple[Dr
 
 
 class _Pieces(NamedTuple):
-    """Scores (m,), rising, and the cuts (m - 1,) of a normal variable that give them equal frequencies to a pilot's."""
+    """Rising scores (m,) of a pilot, and cuts (m - 1,) of a normal variable that give them the pilot's frequencies."""
 
     scores: FloatArray
     cuts: FloatArray
 
 
 def _pieces(like: Any) -> _Pieces | None:
-    """Return the scores of a pilot as pieces of a normal variable."""
+    """Return the scores of a pilot with the cuts of a normal variable; None without a pilot."""
     if like is None:
         return None
     scores = np.asarray(like, dtype=float).ravel()

@@ -23,7 +23,7 @@ from hpop.base.text import shown
 from hpop.errors import StudyError
 
 LEAST_STIMULI = 3
-"""Of two, the pair is compared at once (:func:`hpop.study.statistics.wilcoxon`)."""
+"""Least stimuli for a test of all; two are compared as a pair (:func:`hpop.study.statistics.wilcoxon`)."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def friedman_statistics(values: FloatArray) -> FloatArray:
 
 
 def complete_rows(values: FloatArray) -> BoolArray:
-    """Mark people (n,) with all scores (n, k)."""
+    """Return which people (n,) have all scores (n, k)."""
     return ~np.asarray(np.isnan(values).any(axis=1))
 
 
@@ -186,7 +186,7 @@ def kruskal(groups: Sequence[Any]) -> Independent:
     Tomczak 2014, Trends in Sport Sciences 1(21), 19-25. Raises StudyError for fewer than two groups, an empty one, or
     as many groups as scores.
     """
-    kept = _kept(groups)
+    kept = _scores_by_group(groups)
     count, total = len(kept), sum(map(len, kept))
     same = np.ptp(np.concatenate(kept)) == 0  # nothing to divide by
     statistic, p = (0.0, 1.0) if same else map(float, stats.kruskal(*kept))
@@ -208,7 +208,7 @@ def dunn(groups: Sequence[Any]) -> list[Comparison]:
     H is 2 / k times the sum of all z squared, and the z add up: z(1, 3) = z(1, 2) + z(2, 3). Raises StudyError as
     ``kruskal``.
     """
-    kept = _kept(groups)
+    kept = _scores_by_group(groups)
     values = np.concatenate(kept)
     total, (_, ties) = len(values), np.unique(values, return_counts=True)
     ranks = np.split(stats.rankdata(values), np.cumsum([len(group) for group in kept])[:-1])
@@ -221,7 +221,7 @@ def dunn(groups: Sequence[Any]) -> list[Comparison]:
     return found
 
 
-def _kept(groups: Sequence[Any]) -> list[FloatArray]:
+def _scores_by_group(groups: Sequence[Any]) -> list[FloatArray]:
     """Return scores by group, without missing ones."""
     kept = [(values := checked(group, 1))[~np.isnan(values)] for group in groups]
     if len(kept) < 2 or not all(map(len, kept)) or sum(map(len, kept)) <= len(kept):

@@ -129,7 +129,7 @@ def test_intervals_are_wider_the_surer_they_are():
     [
         ([(0, 1, 0), (0, 2, 0), (1, 2, 1), (2, 1, 2)], "without exception, or never compare them"),
         ([(0, 1, 0), (1, 0, 1)], "0, 1; 2|2; 0, 1"),
-        ([(0, 1, None), (1, 2, None), (2, 0, None)], "nobody chose one of two stimuli"),
+        ([(0, 1, None), (1, 2, None), (2, 0, None)], "all answers are neither"),
         ([(0, 1, 2)], "of the stimuli 0 and 1 one is chosen, or None; got 2"),
         ([(1, 1, 1)], "two different stimuli, by numbers from 0 to 2"),
         ([(0, 3, 0)], "two different stimuli, by numbers from 0 to 2"),
@@ -149,7 +149,7 @@ def test_choices_without_finite_strengths_are_refused(choices, said):
     ],
 )
 def test_whoever_is_named_first_cannot_decide_all(choices):
-    with pytest.raises(StudyError, match="which one was named first decides, or cannot be told"):
+    with pytest.raises(StudyError, match="the order within pairs explains all choices, or cannot be separated"):
         bradley_terry(*zip(*choices, strict=True), stimuli=1 + max(max(pair[:2]) for pair in choices), side=True)
 
 
