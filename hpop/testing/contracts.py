@@ -21,13 +21,13 @@ from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 SAME = 1e-9  # m or rad, and relative: tolerance of equal values
-LEAST_SCALE = 1e-5  # of columns: least scale of relative tolerances
+LEAST_SCALE = 1e-5  # least scale to which tolerances are relative
 WHEELS = ("wheel_base", "wheel_speed", "wheel_acceleration")
 RIGID = ("speed", "acceleration", "turn_rate", "turn_acceleration")
 MOMENTS = 40  # within each motion
-MOMENT = 1e-6  # s, of differences
+MOMENT = 1e-6  # s, step of finite differences
 SAMPLES = 1000  # along a motion, to measure its path and rotation
-TWIST_TOLERANCE = 1e-4  # relative, of differences
+TWIST_TOLERANCE = 1e-4  # relative, of finite differences
 BODY_TOLERANCE = 5e-3  # relative: quadrature, and polygons in place of curves
 
 
@@ -54,7 +54,11 @@ def fault_of(test: Callable[[], str]) -> str:
 
 
 def differ(what: str, expected: FloatArray, found: FloatArray, tolerance: float, scale: float | None = None) -> str:
-    """Return where two columns differ by more than a share of each value and of a scale, by default the largest."""
+    """Return where two columns differ, in words; "" if they agree.
+
+    what       the compared quantity, for the message
+    tolerance  relative to each value and to ``scale``, by default the largest value
+    """
     gap = np.abs(expected - found)
     largest = float(np.abs(expected).max(initial=0.0)) if scale is None else scale
     allowed = tolerance * np.maximum(np.abs(expected), max(largest, LEAST_SCALE))
@@ -75,16 +79,16 @@ def model_says(model: Model, world: World, states: States) -> str:
     if not (isinstance(model.notes, tuple) and all(isinstance(note, str) for note in model.notes)):
         return f"notes is a tuple of sentences, got {shown(model.notes)}"
     return (
-        _joints(model)
-        or _executed(model)
-        or _wheels(model)
-        or _platform(model, states)
-        or _bodies(model, states)
-        or _measures(model, world, states)
+        _joints_fault(model)
+        or _execution_fault(model)
+        or _wheels_fault(model)
+        or _platform_fault(model, states)
+        or _bodies_fault(model, states)
+        or _collision_fault(model, world, states)
     )
 
 
-def _joints(model: Model) -> str:
+def _joints_fault(model: Model) -> str:
     joints = model.joints
     if not isinstance(joints, tuple) or not set(joints) <= set(model.space.names) - {"x", "y", "yaw"}:
         return f"joints is a tuple of states besides x, y and yaw, got {shown(joints)}"
@@ -93,7 +97,7 @@ def _joints(model: Model) -> str:
     return ""
 
 
-def _executed(model: Model) -> str:
+def _execution_fault(model: Model) -> str:
     executed, kinds = model.executed, set(model.laws)
     if not isinstance(executed, Mapping):
         return f"executed maps kinds of laws to kinds, got {shown(executed)}"
@@ -103,7 +107,7 @@ def _executed(model: Model) -> str:
     return ""
 
 
-def _wheels(model: Any) -> str:
+def _wheels_fault(model: Any) -> str:
     if "wheels" not in model.provides:
         return ""
     curves = "rigid" in model.provides
@@ -116,8 +120,8 @@ def _wheels(model: Any) -> str:
     return ""
 
 
-def _platform(model: Model, states: States) -> str:
-    """Return whether the platform of a model in the plane leaves out a part in some state, in words."""
+def _platform_fault(model: Model, states: States) -> str:
+    """Return a fault of a planar model's platform: a part that it leaves out in some state; "" if there is none."""
     strange = [part for part in model.platform if not isinstance(part, Part) or part.on]
     if strange:
         return f"platform holds parts without joints (hpop.models.base.Part), got {shown(strange[0])}"
@@ -136,7 +140,7 @@ def _platform(model: Model, states: States) -> str:
     return ""
 
 
-def _bodies(model: Model, states: States) -> str:
+def _bodies_fault(model: Model, states: States) -> str:
     for shape, poses in model.bodies(states):
         if not hasattr(shape, "corners") and not hasattr(shape, "radius"):
             return f"bodies are shapes of hpop.world.geometry.solids with poses, got {shown(shape)}"
@@ -147,7 +151,7 @@ def _bodies(model: Model, states: States) -> str:
     return ""
 
 
-def _measures(model: Model, world: World, states: States) -> str:
+def _collision_fault(model: Model, world: World, states: States) -> str:
     """Return faults of the optional attributes of a collision test."""
     collision = collision_of(model, world)
     if (clearance := collision.clearance) is not None:
@@ -211,10 +215,10 @@ def criterion_says(criterion: Criterion) -> str:
     for name in ("bound", "convex"):
         if not (getattr(criterion, name) is None or callable(getattr(criterion, name))):
             return f"{name} is a method or None, got {shown(getattr(criterion, name))}"
-    return _integral(criterion)
+    return _integral_fault(criterion)
 
 
-def _integral(criterion: Criterion) -> str:
+def _integral_fault(criterion: Criterion) -> str:
     integral = criterion.integral
     if integral is None:
         return ""
@@ -225,8 +229,8 @@ def _integral(criterion: Criterion) -> str:
     return ""
 
 
-def _each(motions: Motions) -> Iterator[Trajectory]:
-    """Yield each of some motions as a trajectory."""
+def _as_trajectories(motions: Motions) -> Iterator[Trajectory]:
+    """Yield each motion as a trajectory."""
     names = motions.start.names
     ends = {name: np.stack([getattr(motions.start, name), getattr(motions.end, name)], axis=1) for name in names}
     for i in range(len(motions)):
@@ -234,12 +238,12 @@ def _each(motions: Motions) -> Iterator[Trajectory]:
 
 
 def _columns(vector: Vector, size: int) -> FloatArray:
-    """Return three columns, or numbers in their place, as an array (3, N)."""
+    """Return the three components of a vector, columns or numbers, as an array (3, N)."""
     return np.stack([np.broadcast_to(column, (size,)) for column in vector])
 
 
 def axes_of(pose: Pose, size: int) -> FloatArray:
-    """Return position and axes (4, 3, N) of a pose."""
+    """Return the position, and the axes ahead, left and up, of a pose, as an array (4, 3, N)."""
     return np.stack([_columns(v, size) for v in ((pose.x, pose.y, pose.z), pose.ahead, pose.left, pose.up)])
 
 
@@ -249,8 +253,11 @@ def _rotations(before: FloatArray, after: FloatArray) -> FloatArray:
     return turned
 
 
-def upright(bodies: list[str], batches: list[Motions]) -> str:
-    """Return where axes of bodies are not orthogonal, not of length 1, or disagree with their angles."""
+def axes_fault(bodies: list[str], batches: list[Motions]) -> str:
+    """Return where axes of bodies are not orthogonal, not of length 1, or disagree with their yaw and pitch.
+
+    "" if nowhere.
+    """
     for motions in batches:
         for body in bodies:
             pose = motions.model.pose(body, motions.start)
@@ -268,11 +275,11 @@ def upright(bodies: list[str], batches: list[Motions]) -> str:
     return ""
 
 
-def twisted(bodies: list[str], batches: list[Motions], rng: np.random.Generator) -> str:
-    """Return where twists and their rates disagree with differences of poses and twists."""
+def twist_fault(bodies: list[str], batches: list[Motions], rng: np.random.Generator) -> str:
+    """Return where twists and their rates disagree with finite differences of poses and twists; "" if nowhere."""
     for motions in batches:
         model = motions.model
-        for trajectory in _each(motions):
+        for trajectory in _as_trajectories(motions):
             times = rng.uniform(2 * MOMENT, max(3 * MOMENT, trajectory.duration - 2 * MOMENT), MOMENTS)
             states, (rates, changes) = trajectory.at(times), trajectory.rates(times)
             around = [(trajectory.at(t), trajectory.rates(t)[0]) for t in (times - MOMENT, times + MOMENT)]
@@ -299,14 +306,14 @@ def twisted(bodies: list[str], batches: list[Motions], rng: np.random.Generator)
     return ""
 
 
-def measured(bodies: list[str], batches: list[Motions]) -> str:
-    """Return where lengths and rotations of bodies disagree with sums over samples of their poses."""
+def length_fault(bodies: list[str], batches: list[Motions]) -> str:
+    """Return where lengths and rotations of bodies disagree with sums over samples of their poses; "" if nowhere."""
     for motions in batches:
         size = len(motions)
         for name in bodies:
             body: Body = motions.body(name)
             way, turned, rotation, tilted = (np.zeros(size) for _ in range(4))
-            for i, trajectory in enumerate(_each(motions)):
+            for i, trajectory in enumerate(_as_trajectories(motions)):
                 states = trajectory.at(np.linspace(0.0, trajectory.duration, SAMPLES))
                 axes = axes_of(motions.model.pose(name, states), SAMPLES)
                 steps = _rotations(axes[1:, :, :-1], axes[1:, :, 1:])
@@ -331,8 +338,8 @@ def measured(bodies: list[str], batches: list[Motions]) -> str:
     return ""
 
 
-def bounded(bodies: list[str], batches: list[Motions]) -> str:
-    """Return which body moves or turns farther than the extent of its motions."""
+def extent_fault(bodies: list[str], batches: list[Motions]) -> str:
+    """Return which body moves or turns farther than the extent of its motions; "" if none does."""
     for motions in (batch for batch in batches if not batch.stands):
         farthest, most_turned = (column + np.zeros(len(motions)) for column in motions.model.extent(motions))
         for name in bodies:

@@ -44,9 +44,9 @@ KINDS = ("move", "turn", "drive")
 OF_HEAD = ("move", "turn", "pan", "tilt", "unwind")
 SIZES = (1, 40)  # of batches
 IN_HALVES = ("move", HOLD.kind)
-HELD = 1.5  # s, on the way of a tour
-NEAR = 0.3  # share of the way to another state
-LEAST_CHANGE = 0.1  # m or rad: of drawn motions
+HELD = 1.5  # s, duration of the hold in a tour
+NEAR = 0.3  # length of drawn motions, as a share of the distance to another random state
+LEAST_CHANGE = 0.1  # m or rad: drawn motions that change less are skipped
 CUT_TOLERANCE = 5e-3  # relative, of a curve: costs may jump where a wheel begins to turn the other way
 SPLIT_TOLERANCE = 2e-3  # relative: two quadratures of one integral
 ALONE = 8  # every eighth motion is evaluated alone
@@ -66,7 +66,7 @@ def check_criterion(criterion: Criterion, *, rng: RNG = 0) -> None:
 
 
 def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
-    """Yield the checks of a criterion; without costs, only the first ones.
+    """Yield the checks of a criterion, one after the other; the others need costs, and are skipped without them.
 
     A criterion that requires joints is checked on a base with a pan-tilt head, without curves and lattices.
     """
@@ -77,7 +77,7 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
     jointed = "joints" in criterion.requires
     model = make_model({"pan_tilt": {"base": base}} if jointed else base)
     world = random_world(random)
-    tours = [_nodding(model)] if jointed else [_detour(model, 1.0), _slalom(model)]
+    tours = [_head_tour(model)] if jointed else [_detour(model, 1.0), _slalom(model)]
     if criterion.aggregate == "trajectory":
         trajectories = tours if jointed else [_detour(model, 0.3), *tours]
 
@@ -85,7 +85,7 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
             return np.concatenate([running_costs(asked, trajectory, world) for trajectory in trajectories])
 
     else:
-        kinds, drawn = (OF_HEAD, _drawn) if jointed else (KINDS, random_motions)
+        kinds, drawn = (OF_HEAD, _linear_motions) if jointed else (KINDS, random_motions)
         batches = [drawn(random, world, model, kind, size) for kind in kinds for size in SIZES]
         standing = np.random.default_rng(
             (seed, 1)
@@ -110,7 +110,7 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
     if finite.fault:  # the other checks compare costs, and would all repeat this
         return
     (before,) = first
-    yield Check("survives pickling", fault_of(lambda: _pickled(criterion, ask, before)))
+    yield Check("survives pickling", fault_of(lambda: _pickling_fault(criterion, ask, before)))
     yield Check(
         "gives the same costs when asked again",
         fault_of(lambda: differ("the second time", before, ask(criterion), 0.0)),
@@ -122,59 +122,69 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
         )
     if not criterion.world_frame:
         yield Check(
-            "costs the same wherever the world's frame lies", fault_of(lambda: _reframed(criterion, world, tours))
+            "costs the same wherever the world's frame lies", fault_of(lambda: _frame_fault(criterion, world, tours))
         )
     if criterion.bound is not None:
         yield Check(
-            "bounds the cost of every trajectory from below", fault_of(lambda: _bounded(criterion, world, model))
+            "bounds the cost of every trajectory from below", fault_of(lambda: _bound_fault(criterion, world, model))
         )
     if criterion.aggregate == "trajectory":
         return
-    yield Check("costs the same on a trajectory as on its edges", fault_of(lambda: _as_edges(criterion, world, tours)))
+    yield Check(
+        "costs the same on a trajectory as on its edges", fault_of(lambda: _edges_fault(criterion, world, tours))
+    )
     if not jointed:
         yield Check(
-            "adds up along lattice edges to the trajectory's cost", fault_of(lambda: _walk(criterion, random, world))
+            "adds up along lattice edges to the trajectory's cost",
+            fault_of(lambda: _lattice_fault(criterion, random, world)),
         )
-    yield Check("costs a motion the same alone and in a batch", fault_of(lambda: _alone(criterion, batches)))
-    yield Check("costs halves of a move or hold as much as the whole", fault_of(lambda: _halves(criterion, batches)))
+    yield Check("costs a motion the same alone and in a batch", fault_of(lambda: _batch_fault(criterion, batches)))
+    yield Check(
+        "costs halves of a move or hold as much as the whole", fault_of(lambda: _halves_fault(criterion, batches))
+    )
     if not jointed:
-        yield Check("costs the same wherever a curve is cut", fault_of(lambda: _cut(criterion, random, world, model)))
+        yield Check(
+            "costs the same wherever a curve is cut", fault_of(lambda: _cutting_fault(criterion, random, world, model))
+        )
     if criterion.smooth:
         functions = cache(lambda: list(_on_symbols(criterion, batches)))
-        yield Check("has the same value on CasADi symbols", fault_of(lambda: _symbolic(criterion, functions)))
-        yield Check("has the gradient of its differences", fault_of(lambda: _gradient(functions)))
+        yield Check("has the same value on CasADi symbols", fault_of(lambda: _symbols_fault(criterion, functions)))
+        yield Check("has the gradient of its differences", fault_of(lambda: _gradient_fault(functions)))
     if not jointed and ABOUT_PEOPLE & set(criterion.requires):
         yield from prediction_checks(criterion, world, batches)
         if criterion.smooth:
             walked = cache(lambda: list(_on_symbols(criterion, predicted_batches(criterion, world, batches))))
             yield Check(
-                "has the same value on CasADi symbols where people walk", fault_of(lambda: _symbolic(criterion, walked))
+                "has the same value on CasADi symbols where people walk",
+                fault_of(lambda: _symbols_fault(criterion, walked)),
             )
-            yield Check("has the gradient of its differences where people walk", fault_of(lambda: _gradient(walked)))
+            yield Check(
+                "has the gradient of its differences where people walk", fault_of(lambda: _gradient_fault(walked))
+            )
 
 
-def _pickled(criterion: Criterion, ask: Callable[[Criterion], FloatArray], before: FloatArray) -> str:
+def _pickling_fault(criterion: Criterion, ask: Callable[[Criterion], FloatArray], before: FloatArray) -> str:
     return differ("after pickling", before, ask(pickle.loads(pickle.dumps(criterion))), 0.0)
 
 
-def _alone(criterion: Criterion, batches: list[Motions]) -> str:
+def _batch_fault(criterion: Criterion, batches: list[Motions]) -> str:
     for motions in batches:
         some = range(0, len(motions), ALONE)
         together = motion_costs(criterion, motions)[::ALONE]
-        apart = np.concatenate([motion_costs(criterion, _part(motions, slice(i, i + 1))) for i in some])
+        apart = np.concatenate([motion_costs(criterion, _subset(motions, slice(i, i + 1))) for i in some])
         fault = differ(f"a {motions.kind} alone", together, apart, 1e-9)
         if fault:
             return fault
     return ""
 
 
-def _part(motions: Motions, index: slice | IntArray) -> Motions:
+def _subset(motions: Motions, index: slice | IntArray) -> Motions:
     t0 = None if motions.t0 is None else motions.t0[index]
     return replace(motions, start=motions.start.take(index), end=motions.end.take(index), t0=t0)
 
 
-def _cut(criterion: Criterion, rng: np.random.Generator, world: World, model: Model) -> str:
-    """Compare curves, each a trajectory of one motion, with the same curves cut in two and in five."""
+def _cutting_fault(criterion: Criterion, rng: np.random.Generator, world: World, model: Model) -> str:
+    """Return a fault if curves, each a trajectory of one motion, cost more or less when cut in two or in five."""
     m = random_motions(rng, world, model, "drive", 12)
     columns = {name: np.stack([getattr(m.start, name), getattr(m.end, name)], axis=1) for name in m.start.names}
     wholes = [Trajectory(model, States(**{n: c[i] for n, c in columns.items()}), (m.kind,)) for i in range(len(m))]
@@ -188,7 +198,7 @@ def _cut(criterion: Criterion, rng: np.random.Generator, world: World, model: Mo
     return ""
 
 
-def _halves(criterion: Criterion, batches: list[Motions]) -> str:
+def _halves_fault(criterion: Criterion, batches: list[Motions]) -> str:
     for motions in (m for m in batches if m.kind in IN_HALVES):
         start, end = motions.start, motions.end
         middle = States(**{name: (getattr(start, name) + getattr(end, name)) / 2 for name in start.names})
@@ -219,38 +229,41 @@ def _slalom(model: Model) -> Trajectory:
     return driven(model, (1.0, 1.0, 0.2), controls)
 
 
-def _nodding(model: Model) -> Trajectory:
+def _head_tour(model: Model) -> Trajectory:
     """Return a trajectory through the room with a head that looks round, up and down, with a rest."""
     rows = [(1, 1, 0, 0, 0), (3, 1, 0, 1.0, 0.3), (4, 5, np.pi, -0.5, 0.3), (1, 8, -2.0, -1.2, -0.4)]
     through = States(**dict(zip(model.space.names, np.array(rows, float).T, strict=True)))
     return Trajectory.through(model, through).with_hold(at=4, seconds=HELD)
 
 
-def _drawn(rng: np.random.Generator, world: World, model: Model, kind: str, size: int) -> Motions:
-    """Return motions of a law that changes its states evenly, too large for symbols to smooth them."""
+def _linear_motions(rng: np.random.Generator, world: World, model: Model, kind: str, size: int) -> Motions:
+    """Return random motions of a law that changes its states linearly, too long to be smoothed on symbols."""
     motions = drawn_motions(model, kind, world, rng, 20 * size, NEAR)
     assert motions is not None
     if motions.stands:
-        return _part(motions, slice(size))
-    return _part(motions, np.flatnonzero(np.maximum(*model.extent(motions)) > LEAST_CHANGE)[:size])
+        return _subset(motions, slice(size))
+    return _subset(motions, np.flatnonzero(np.maximum(*model.extent(motions)) > LEAST_CHANGE)[:size])
 
 
-def _as_edges(criterion: Criterion, world: World, tours: list[Trajectory]) -> str:
-    """Compare trajectories' values with the sum (mean, maximum) over their motions, law by law."""
+def _edges_fault(criterion: Criterion, world: World, tours: list[Trajectory]) -> str:
+    """Return a fault if the cost of a trajectory differs from the sum (mean, maximum) over its motions, law by law."""
     for trajectory in tours:
         costs = np.zeros(len(trajectory))
         for index, motions in trajectory.batches(world):
             # On a graph without time; a criterion that reads the time is only defined on trajectories.
             costs[index] = motion_costs(criterion, replace(motions, t0=None))
-        added = _added_up(criterion, costs, trajectory)
-        fault = differ("on the trajectory", added, _value(criterion, trajectory, world), 1e-9)
+        added = _sum_of_edges(criterion, costs, trajectory)
+        fault = differ("on the trajectory", added, _trajectory_value(criterion, trajectory, world), 1e-9)
         if fault:
             return fault
     return ""
 
 
-def _bounded(criterion: Any, world: World, model: Model) -> str:
-    """Compare a straight path, which a bound may meet, and detours with the bound between their ends."""
+def _bound_fault(criterion: Any, world: World, model: Model) -> str:
+    """Return a fault if a bound exceeds the cost of a trajectory.
+
+    Of a straight path, which may attain it, or of detours.
+    """
     straight = Trajectory.from_poses(model, [(1.0, 1.0, 0.0), (3.0, 1.0, 0.0)])
     for trajectory in (straight, _slalom(model), *(_detour(model, scale) for scale in (0.3, 1.0))):
         ends = [trajectory.states.take(slice(i, i + 1)) for i in (0, len(trajectory))]
@@ -260,8 +273,8 @@ def _bounded(criterion: Any, world: World, model: Model) -> str:
     return ""
 
 
-def _walk(criterion: Criterion, rng: np.random.Generator, world: World) -> str:
-    """Compare edges of a lattice on a random walk, evaluated among all others, with the walk as a trajectory."""
+def _lattice_fault(criterion: Criterion, rng: np.random.Generator, world: World) -> str:
+    """Return a fault if a random walk on a lattice costs more or less than the trajectory along it."""
     lattice = StateLattice(
         make_model({"differential_drive": {"radius": 0.2}}), world, (0.5, 0.5), 0.5, Headings(8), False
     )
@@ -275,30 +288,30 @@ def _walk(criterion: Criterion, rng: np.random.Generator, world: World) -> str:
         walk.append(state)
         paid.append(costs[edge])
     trajectory = lattice.trajectory(np.array(walk))
-    added = _added_up(criterion, np.array(paid), trajectory)
-    return differ("along lattice edges", _value(criterion, trajectory, world), added, 1e-9)
+    added = _sum_of_edges(criterion, np.array(paid), trajectory)
+    return differ("along lattice edges", _trajectory_value(criterion, trajectory, world), added, 1e-9)
 
 
-def _added_up(criterion: Criterion, costs: FloatArray, trajectory: Trajectory) -> FloatArray:
+def _sum_of_edges(criterion: Criterion, costs: FloatArray, trajectory: Trajectory) -> FloatArray:
     if criterion.aggregate == "max":
         return np.array([costs.max()])
     return np.array([costs.sum() / (trajectory.duration if criterion.aggregate == "time-mean" else 1.0)])
 
 
-def _value(criterion: Criterion, trajectory: Trajectory, world: World) -> FloatArray:
+def _trajectory_value(criterion: Criterion, trajectory: Trajectory, world: World) -> FloatArray:
     return np.array([trajectory_cost(criterion, trajectory, world)])
 
 
-def _reframed(criterion: Criterion, world: World, tours: list[Trajectory]) -> str:
-    """Compare costs after turning and shifting world and trajectory together; fields then lie on another grid."""
+def _frame_fault(criterion: Criterion, world: World, tours: list[Trajectory]) -> str:
+    """Return a fault if costs change when world and trajectory are turned and shifted together."""
     elsewhere = reframed(world)
     for trajectory in tours:
         s = trajectory.states
         x, y = in_frame(s.x, s.y)
         others = {name: getattr(s, name) for name in s.names[3:]}
         moved = Trajectory(trajectory.model, States(x=x, y=y, yaw=s.yaw + FRAME[2], **others), trajectory.kinds)
-        there = _value(criterion, moved, elsewhere)
-        fault = differ("in another frame", _value(criterion, trajectory, world), there, FRAME_TOLERANCE)
+        there = _trajectory_value(criterion, moved, elsewhere)
+        fault = differ("in another frame", _trajectory_value(criterion, trajectory, world), there, FRAME_TOLERANCE)
         if fault:
             return fault
     return ""
@@ -312,7 +325,7 @@ class _SampledWorld(World):
 
 
 def _on_symbols(criterion: Criterion, batches: list[Motions]) -> Iterator[tuple[Motions, SymbolicMotions, Any]]:
-    """Yield batches, their symbols, and the function of the states that gives the costs and their Jacobian."""
+    """Yield for each batch: the motions, their symbols, and the function from states to costs and their Jacobian."""
     from hpop.motions.symbolic import SymbolicMotions  # casadi, on first use
 
     for motions in (replace(m, world=m.world.stand_in(_SampledWorld), panels=1) for m in batches):
@@ -320,7 +333,7 @@ def _on_symbols(criterion: Criterion, batches: list[Motions]) -> Iterator[tuple[
         yield motions, symbols, symbols.function(criterion.cost(symbols.motions))
 
 
-def _symbolic(criterion: Criterion, functions: Callable[[], list[tuple[Motions, SymbolicMotions, Any]]]) -> str:
+def _symbols_fault(criterion: Criterion, functions: Callable[[], list[tuple[Motions, SymbolicMotions, Any]]]) -> str:
     for motions, symbols, function in functions():
         value = np.array(function(symbols.point)[0]).ravel()
         fault = differ(f"a {motions.kind} on symbols", motion_costs(criterion, motions), value, 1e-6)
@@ -329,8 +342,8 @@ def _symbolic(criterion: Criterion, functions: Callable[[], list[tuple[Motions, 
     return ""
 
 
-def _gradient(functions: Callable[[], list[tuple[Motions, SymbolicMotions, Any]]]) -> str:
-    """Compare gradients with differences, for a few motions, by one state after the other in all motions at once."""
+def _gradient_fault(functions: Callable[[], list[tuple[Motions, SymbolicMotions, Any]]]) -> str:
+    """Return a fault if gradients differ from finite differences, for a few motions and one state after the other."""
     for motions, symbols, function in (one for one in functions() if len(one[0]) > 1):
         value, jacobian = (np.array(part)[:DIFFERENTIATED] for part in function(symbols.point))
         slopes = jacobian.reshape(len(value), -1, len(motions)).sum(axis=2)  # (M, states)

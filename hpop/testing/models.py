@@ -21,27 +21,27 @@ from hpop.planners.needs import in_plane
 from hpop.testing.contracts import (
     SAME,
     Check,
+    axes_fault,
     axes_of,
-    bounded,
     differ,
+    extent_fault,
     fault_of,
     law_says,
-    measured,
+    length_fault,
     model_says,
     raise_faults,
-    twisted,
-    upright,
+    twist_fault,
 )
 from hpop.testing.worlds import holds, random_motions, random_world
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 PAIRS = 12  # motions of each law
-STATES = 200  # drawn, read and connected
-JUDGED = 80  # states, and motions of each law, for checks of collisions
-HELD = 2.0  # s, on the way of a trajectory
-NEAR = 0.15  # share of the way to another state, short enough to be free now and then
-PASSED = 0.01  # m or rad: tolerance for passing a planned state
+STATES = 200  # random states that are read and connected
+JUDGED = 80  # random states, and random motions of each law, that are checked for collisions
+HELD = 2.0  # s, duration of the hold in a trajectory
+NEAR = 0.15  # length of drawn motions, as a share of the distance to another state; short ones are often free
+PASSED = 0.01  # m or rad: tolerance with which an execution passes the planned states
 BODIES = ("base", "camera", "tool")
 
 
@@ -55,7 +55,7 @@ def check_model(model: Model, *, rng: RNG = 0) -> None:
 
 
 def model_checks(model: Model, *, rng: RNG = 0) -> Iterator[Check]:
-    """Yield the checks of a model; without laws that lead anywhere, only the first ones.
+    """Yield the checks of a model, one after the other; checks that need motions are skipped if its laws are faulty.
 
     Laws of curves are checked if hpop can draw motions of them, as of "drive".
     """
@@ -63,35 +63,37 @@ def model_checks(model: Model, *, rng: RNG = 0) -> Iterator[Check]:
     seed = seed_of(rng)
     random = np.random.default_rng(seed)
     world = random_world(random)
-    yield Check("is made again from its description", fault_of(lambda: _described(model)))
-    yield Check("reads and writes its states", fault_of(lambda: _spaced(model, world, random)))
-    yield Check("provides what it says", fault_of(lambda: _provided(model, world)))
-    yield Check("says of itself what its protocol asks", fault_of(lambda: _says(model, world, seed)))
+    yield Check("is made again from its description", fault_of(lambda: _description_fault(model)))
+    yield Check("reads and writes its states", fault_of(lambda: _space_fault(model, world, random)))
+    yield Check("provides what it says", fault_of(lambda: _capability_fault(model, world)))
+    yield Check("says of itself what its protocol asks", fault_of(lambda: _attribute_fault(model, world, seed)))
     batches: list[Motions] = []
-    led = Check("has laws that lead from start to end", fault_of(lambda: _led(model, world, random, batches)))
+    led = Check("has laws that lead from start to end", fault_of(lambda: _laws_fault(model, world, random, batches)))
     yield led
     if led.fault:  # the other checks need motions
         return
     bodies = [name for name in BODIES if name in model.provides]
-    yield Check("has poses with axes at right angles", fault_of(lambda: upright(bodies, batches)))
-    yield Check("has twists that say how its poses change", fault_of(lambda: twisted(bodies, batches, random)))
-    yield Check("moves its bodies as far as their poses go", fault_of(lambda: measured(bodies, batches)))
-    yield Check("moves no body farther than its extent", fault_of(lambda: bounded(bodies, batches)))
-    yield Check("calls nothing free that its judge does not", fault_of(lambda: _judged(model, world, random)))
-    connected = Check("connects states by motions that lead there", fault_of(lambda: _connected(model, world, random)))
+    yield Check("has poses with axes at right angles", fault_of(lambda: axes_fault(bodies, batches)))
+    yield Check("has twists that say how its poses change", fault_of(lambda: twist_fault(bodies, batches, random)))
+    yield Check("moves its bodies as far as their poses go", fault_of(lambda: length_fault(bodies, batches)))
+    yield Check("moves no body farther than its extent", fault_of(lambda: extent_fault(bodies, batches)))
+    yield Check("calls nothing free that its judge does not", fault_of(lambda: _judge_fault(model, world, random)))
+    connected = Check(
+        "connects states by motions that lead there", fault_of(lambda: _connection_fault(model, world, random))
+    )
     yield connected
     if connected.fault:  # the other checks need trajectories of these motions
         return
     if model.provides >= {"plane", "turn-move"}:
-        yield Check("has stations that motions in place join", fault_of(lambda: _stationed(in_plane(model))))
-    yield Check("executes a plan between its ends", fault_of(lambda: _executed(model, world, random)))
-    yield Check("finds no fault in what it connects", fault_of(lambda: _faultless(model, world, random)))
+        yield Check("has stations that motions in place join", fault_of(lambda: _stations_fault(in_plane(model))))
+    yield Check("executes a plan between its ends", fault_of(lambda: _execution_fault(model, world, random)))
+    yield Check("finds no fault in what it connects", fault_of(lambda: _false_alarm(model, world, random)))
 
 
-# What it is
+# Description and states
 
 
-def _described(model: Model) -> str:
+def _description_fault(model: Model) -> str:
     description = model.describe()
     again = make_model(json.loads(json.dumps(description, allow_nan=False)))
     if again.describe() != description:
@@ -101,7 +103,7 @@ def _described(model: Model) -> str:
     return "" if pickle.loads(pickle.dumps(model)) == model else "after pickling it is another"
 
 
-def _spaced(model: Model, world: World, rng: np.random.Generator) -> str:
+def _space_fault(model: Model, world: World, rng: np.random.Generator) -> str:
     space = model.space
     states = drawn_states(model, world, rng, STATES)
     if states.names != space.names:
@@ -118,7 +120,7 @@ def _spaced(model: Model, world: World, rng: np.random.Generator) -> str:
     return ""
 
 
-def _provided(model: Model, world: World) -> str:
+def _capability_fault(model: Model, world: World) -> str:
     provides, names = model.provides, set(model.space.names)
     if not provides & set(BODIES):
         return f"neither of the bodies {' and '.join(BODIES)}: criteria have nothing to read"
@@ -135,16 +137,16 @@ def _provided(model: Model, world: World) -> str:
     return ""
 
 
-def _says(model: Model, world: World, seed: int) -> str:
+def _attribute_fault(model: Model, world: World, seed: int) -> str:
     own = np.random.default_rng((seed, 1))  # a generator of its own, so that a seed draws the other checks unchanged
     return model_says(model, world, drawn_states(model, world, own, STATES))
 
 
-# What it does
+# Motions
 
 
 def drawn_states(model: Model, world: World, rng: np.random.Generator, size: int) -> States:
-    """Return states (size,), anywhere in a world and within the model's own limits."""
+    """Return random states (size,), anywhere in a world and within the model's own limits."""
     x_min, y_min, x_max, y_max = world.bounds
     spans = {"x": (x_min, x_max), "y": (y_min, y_max)}
     return model.space.bounded(**{n: s for n, s in spans.items() if n in model.space.names}).sample(rng, size)
@@ -153,7 +155,10 @@ def drawn_states(model: Model, world: World, rng: np.random.Generator, size: int
 def drawn_motions(
     model: Model, kind: str, world: World, rng: np.random.Generator, size: int, share: float = 1.0
 ) -> Motions | None:
-    """Return motions (size,) of a law from anywhere, a share of the way to another state; None for unknown curves."""
+    """Return random motions (size,) of a law, None for curves that hpop cannot draw.
+
+    share  length of each motion, as a share of the distance to another random state
+    """
     law, space = laws_of(model)[kind], model.space
     if stands(law):
         return holds(world, model, drawn_states(model, world, rng, size), rng)
@@ -167,10 +172,10 @@ def drawn_motions(
     return Motions(world, model, law, start, States(**led), t0=np.zeros(size))
 
 
-def _led(model: Model, world: World, rng: np.random.Generator, batches: list[Motions]) -> str:
-    """Check laws by their ends and phases; fill in the motions for the other checks."""
+def _laws_fault(model: Model, world: World, rng: np.random.Generator, batches: list[Motions]) -> str:
+    """Return a fault of the laws' ends and phases; fill ``batches`` with motions for the other checks."""
     if HOLD.kind in model.laws:
-        return f"a law called {HOLD.kind!r}, which every model has from the house; call yours otherwise"
+        return f"a law called {HOLD.kind!r}, which hpop adds to every model; give yours another name"
     for kind, law in laws_of(model).items():
         if law.kind != kind:
             return f"the law under {kind!r} calls itself {law.kind!r}"
@@ -206,8 +211,8 @@ def _led(model: Model, world: World, rng: np.random.Generator, batches: list[Mot
     return "" if batches else "none of which motions can be drawn"
 
 
-def _judged(model: Model, world: World, rng: np.random.Generator) -> str:
-    """Check that states and motions free to planning are free to the judge, and half of the judge's to planning."""
+def _judge_fault(model: Model, world: World, rng: np.random.Generator) -> str:
+    """Return a fault if planning accepts what the judge refuses, or refuses most of what the judge accepts."""
     collision, judge = model.collision(world), model.judge(world)
     states = drawn_states(model, world, rng, JUDGED)
     answers = [("states", collision.states_free(states), judge.states_free(states))]
@@ -228,10 +233,10 @@ def _judged(model: Model, world: World, rng: np.random.Generator) -> str:
     return ""
 
 
-# What it plans and executes
+# Trajectories
 
 
-def _connected(model: Model, world: World, rng: np.random.Generator) -> str:
+def _connection_fault(model: Model, world: World, rng: np.random.Generator) -> str:
     space = model.space
     a, b = (drawn_states(model, world, rng, STATES) for _ in range(2))
     number = np.arange(STATES)  # every fifth stays in place, every seventh has free angles
@@ -257,13 +262,16 @@ def _connected(model: Model, world: World, rng: np.random.Generator) -> str:
 
 
 def _tour(model: Model, world: World, rng: np.random.Generator) -> Trajectory:
-    """Return a trajectory through some states, as the model connects them, with holds."""
+    """Return a trajectory through random states, as the model connects them, with a hold."""
     through = Trajectory.through(model, drawn_states(model, world, rng, 5))
     return through.with_hold(at=len(through) // 2, seconds=HELD)
 
 
-def _stationed(model: PlanarModel) -> str:
-    """Check the stations of a lattice with four headings: their states, and that laws lead from tails to heads."""
+def _stations_fault(model: PlanarModel) -> str:
+    """Return a fault of the stations of a lattice with four headings.
+
+    Of their states, or of the motions between them.
+    """
     yaw: FloatArray = np.linspace(0.0, 1.5 * np.pi, 4)
     space = model.space
     try:
@@ -284,7 +292,7 @@ def _stationed(model: PlanarModel) -> str:
     return ""
 
 
-def _executed(model: Model, world: World, rng: np.random.Generator) -> str:
+def _execution_fault(model: Model, world: World, rng: np.random.Generator) -> str:
     space = model.space
     for _ in range(PAIRS):
         planned = _tour(model, world, rng)
@@ -304,7 +312,7 @@ def _executed(model: Model, world: World, rng: np.random.Generator) -> str:
     return ""
 
 
-def _faultless(model: Model, world: World, rng: np.random.Generator) -> str:
+def _false_alarm(model: Model, world: World, rng: np.random.Generator) -> str:
     for _ in range(PAIRS):
         planned = _tour(model, world, rng)
         for what, trajectory in (("planned", planned), ("executed", planned.execution())):

@@ -34,18 +34,28 @@ from hpop.testing.models import drawn_states
 from hpop.world import Person, Solid, Sphere, World, pose_at
 
 ROOM = (5.0, 4.0)  # m
-LEFT, RIGHT = 1.2, 3.8  # m: a start has a smaller x, a goal a larger one
-ASIDE = 0.6  # m: largest distance of both from the middle, where the box is
-WALL = shapely.box(2.45, 0.0, 2.55, ROOM[1])  # between them
+LEFT, RIGHT = 1.2, 3.8  # m: largest x of a start, least x of a goal
+ASIDE = 0.6  # m: largest distance of start and goal from the middle line, where the box is
+WALL = shapely.box(2.45, 0.0, 2.55, ROOM[1])  # between start and goal
 WALKER = Person(2.4, 3.7, velocity=(0.0, -0.1), until=8.0, name="Ada")  # towards the box, and then gone
 TRIES = 1000  # states drawn to find a free start and goal
-POSTURES = 50  # likewise, for a robot that is not in the plane
+POSTURES = 50  # states drawn for a robot that is not in the plane
 BALL = 0.2  # radius, as share of the distance from start to goal, for a robot that is not in the plane
-REPORTS = (1, 4)  # numbers of the progress reports at which it is interrupted
+REPORTS = (1, 4)  # numbers of the progress reports at which the planner is interrupted
 SOON = 1e-3  # s: a time limit that ends before any result, or soon after
-ASKED = (("length", "exposure"), ("length", "proximity"), ("duration", "rotation"), ("length",))  # the first it accepts
-IN_SPACE = ASKED[2:]  # the same of a robot that is not of the plane, whose exposure takes rays
-DEMANDING = ("obstruction", "clearance", "smoothness", "rotation_time")  # a mean, a worst moment, with memory, no slope
+ASKED = (
+    ("length", "exposure"),
+    ("length", "proximity"),
+    ("duration", "rotation"),
+    ("length",),
+)  # criteria, of which the first that the planner accepts are used
+IN_SPACE = ASKED[2:]  # criteria for a robot that is not in the plane, whose exposure would need rays
+DEMANDING = (
+    "obstruction",
+    "clearance",
+    "smoothness",
+    "rotation_time",
+)  # a mean, a worst moment, with memory, without gradient
 WORDS = frozenset({"base", "camera", "tool", "heading", "wheels", "joints", "plane", "turn-move", "rigid", "spline"})
 
 
@@ -60,43 +70,43 @@ def check_planner(planner: Planner, *, models: Sequence[Model] = (), rng: RNG = 
 
 
 def planner_checks(planner: Planner, *, models: Sequence[Model] = (), rng: RNG = 0) -> Iterator[Check]:
-    """Yield the checks of a planner; without results, only the first ones.
+    """Yield the checks of a planner, one after the other; for a model without results, only the first ones.
 
-    models  to plan for; by default the registered ones, with their defaults, that it accepts
+    models  to plan for; by default the registered ones, with their defaults, that the planner accepts
     """
     seed, planner = seed_of(rng), make_planner(planner)
-    yield Check("says what it needs of a model", fault_of(lambda: _needs(planner)))
+    yield Check("says what it needs of a model", fault_of(lambda: _needs_fault(planner)))
     accepted = [model for model in models or registered_models() if planner.needs <= model.provides]
     if not accepted:
         yield Check("serves a model", f"none that is registered provides {', '.join(sorted(planner.needs))}")
         return
     if planner.needs:
         yield Check(
-            "refuses by name a model that lacks what it needs", fault_of(lambda: _refused(planner, accepted[0]))
+            "refuses by name a model that lacks what it needs", fault_of(lambda: _refusal_fault(planner, accepted[0]))
         )
     for model in accepted:
         of = f" for {model.name}" * (len(accepted) > 1)
         found: list[tuple[Problem, Candidates]] = []
-        plans = Check(f"finds trajectories{of}", fault_of(lambda: _plans(planner, model, seed, found)))  # noqa: B023
+        plans = Check(f"finds trajectories{of}", fault_of(lambda: _planning_fault(planner, model, seed, found)))  # noqa: B023
         yield plans
         if plans.fault:
             continue
         ((problem, first),) = found
-        yield Check(f"says what it found{of}", fault_of(lambda: _said(problem, first)))  # noqa: B023
-        yield Check(f"costs what it planned{of}", fault_of(lambda: _costs(problem, first)))  # noqa: B023
-        yield Check(f"keeps ends and stays free{of}", fault_of(lambda: _verified(problem, first)))  # noqa: B023
-        yield Check(f"is saved and loaded{of}", fault_of(lambda: _saved(problem, first)))  # noqa: B023
-        yield Check(f"finds the same again{of}", fault_of(lambda: _again(planner, problem, first)))  # noqa: B023
+        yield Check(f"says what it found{of}", fault_of(lambda: _result_fault(problem, first)))  # noqa: B023
+        yield Check(f"costs what it planned{of}", fault_of(lambda: _costs_fault(problem, first)))  # noqa: B023
+        yield Check(f"keeps ends and stays free{of}", fault_of(lambda: _collision_fault(problem, first)))  # noqa: B023
+        yield Check(f"is saved and loaded{of}", fault_of(lambda: _saving_fault(problem, first)))  # noqa: B023
+        yield Check(f"finds the same again{of}", fault_of(lambda: _repeat_fault(planner, problem, first)))  # noqa: B023
         if "plane" in model.provides:  # no wall separates the postures of an arm
-            yield Check(f"says so where no path leads{of}", fault_of(lambda: _walled(planner, problem)))  # noqa: B023
+            yield Check(f"says so where no path leads{of}", fault_of(lambda: _wall_fault(planner, problem)))  # noqa: B023
             yield Check(
                 f"plans among people who move, or refuses them by name{of}",
-                fault_of(lambda: _among_people(planner, problem)),  # noqa: B023
+                fault_of(lambda: _people_fault(planner, problem)),  # noqa: B023
             )
-        yield Check(f"takes criteria or refuses them by name{of}", fault_of(lambda: _criteria(planner, problem)))  # noqa: B023
-        yield Check(f"ends when it is interrupted{of}", fault_of(lambda: _interrupted(planner, problem)))  # noqa: B023
+        yield Check(f"takes criteria or refuses them by name{of}", fault_of(lambda: _criteria_fault(planner, problem)))  # noqa: B023
+        yield Check(f"ends when it is interrupted{of}", fault_of(lambda: _interrupt_fault(planner, problem)))  # noqa: B023
         if "time_limit" in {option.name for option in fields(cast(Any, planner))}:
-            yield Check(f"ends at its time limit{of}", fault_of(lambda: _late(planner, problem)))  # noqa: B023
+            yield Check(f"ends at its time limit{of}", fault_of(lambda: _time_limit_fault(planner, problem)))  # noqa: B023
 
 
 def registered_models() -> list[Model]:
@@ -153,10 +163,10 @@ def _free_states(model: Model, world: World, states: States) -> States:
     )
 
 
-# What it says
+# Needs and results
 
 
-def _needs(planner: Planner) -> str:
+def _needs_fault(planner: Planner) -> str:
     if planner.needs is UNDECLARED:
         return "it has no needs; give it needs = frozenset() if any model will do"
     strange = planner.needs - WORDS
@@ -177,7 +187,7 @@ class _Bare:
         return self.model.provides & {"base", "camera"}
 
 
-def _refused(planner: Planner, model: Model) -> str:
+def _refusal_fault(planner: Planner, model: Model) -> str:
     problem = small_problem(model, ["duration"])
     bare = Problem(problem.world, cast(Model, _Bare(model)), problem.start, problem.goal, ["duration"])
     try:
@@ -187,8 +197,8 @@ def _refused(planner: Planner, model: Model) -> str:
     return "it planned for it"
 
 
-def _plans(planner: Planner, model: Model, seed: int, found: list[tuple[Problem, Candidates]]) -> str:
-    """Plan, and fill in the problem and the result, with the first criteria that the planner accepts."""
+def _planning_fault(planner: Planner, model: Model, seed: int, found: list[tuple[Problem, Candidates]]) -> str:
+    """Plan with the first criteria that the planner accepts; add problem and result to ``found``, or return a fault."""
     asked = ASKED if "plane" in model.provides else IN_SPACE
     for criteria in asked:
         try:
@@ -206,7 +216,7 @@ def _plans(planner: Planner, model: Model, seed: int, found: list[tuple[Problem,
     return f"it accepts none of {', '.join(' and '.join(criteria) for criteria in asked)}"
 
 
-def _said(problem: Problem, found: Candidates) -> str:
+def _result_fault(problem: Problem, found: Candidates) -> str:
     shape = (len(found.trajectories), len(found.objectives))
     for what, array in (("planned", found.planned), ("tolerance", found.tolerance)):
         if np.shape(array) != shape:
@@ -222,7 +232,7 @@ def _said(problem: Problem, found: Candidates) -> str:
     return f"it planned for another model: {strange}" if strange else ""
 
 
-def _costs(problem: Problem, found: Candidates) -> str:
+def _costs_fault(problem: Problem, found: Candidates) -> str:
     again = trajectory_costs(found.objectives, list(found.trajectories), problem.world)
     off = np.abs(again - found.planned) > found.tolerance + 1e-9 * np.abs(again)
     for i, j in np.argwhere(off):
@@ -231,14 +241,14 @@ def _costs(problem: Problem, found: Candidates) -> str:
     return ""
 
 
-def _verified(problem: Problem, found: Candidates) -> str:
+def _collision_fault(problem: Problem, found: Candidates) -> str:
     colliding = np.flatnonzero(~collision_free(problem, found.trajectories))
     if colliding.size:
         return f"trajectory {colliding[0]} collides, by the model's judge"
     return "; ".join(verify(problem, problem.front(found)))
 
 
-def _saved(problem: Problem, found: Candidates) -> str:
+def _saving_fault(problem: Problem, found: Candidates) -> str:
     front = problem.front(found)
     with TemporaryDirectory() as folder:
         file = Path(folder) / "front.json"
@@ -249,10 +259,10 @@ def _saved(problem: Problem, found: Candidates) -> str:
     return "; ".join(verify(Problem.from_description(again.problem or {}), again))
 
 
-# What it does
+# Behaviour
 
 
-def _same(expected: Candidates, found: Candidates) -> str:
+def _difference(expected: Candidates, found: Candidates) -> str:
     if not np.array_equal(expected.planned, found.planned):
         return f"{len(expected.planned)} costs of before, and now {len(found.planned)}, or other ones"
     for i, (one, other) in enumerate(zip(expected.trajectories, found.trajectories, strict=True)):
@@ -261,18 +271,18 @@ def _same(expected: Candidates, found: Candidates) -> str:
     return ""
 
 
-def _again(planner: Planner, problem: Problem, first: Candidates) -> str:
-    """Check that a copy, as processes get it, has the same result; on an executor if the planner sweeps."""
+def _repeat_fault(planner: Planner, problem: Problem, first: Candidates) -> str:
+    """Return a fault if a copy, as processes get it, has another result; on an executor if the planner sweeps."""
     copy = pickle.loads(pickle.dumps(planner))
     if not sweeps(planner):
-        return _same(first, copy.solve(problem))
+        return _difference(first, copy.solve(problem))
     with ThreadPoolExecutor(2) as threads:
-        fault = _same(first, copy.solve(problem, executor=threads))
+        fault = _difference(first, copy.solve(problem, executor=threads))
     return f"on an executor: {fault}" if fault else ""
 
 
-def _walled(planner: Planner, problem: Problem) -> str:
-    """Check that a wall between start and goal leaves no result, and that a status or a reason says so."""
+def _wall_fault(planner: Planner, problem: Problem) -> str:
+    """Return a fault if the planner finds a path through a wall, or claims completeness without a note."""
     world = World.from_polygons([WALL], extent=problem.world.extent)
     found = planner.solve(replace(problem, world=world))
     if len(found.trajectories):
@@ -280,18 +290,18 @@ def _walled(planner: Planner, problem: Problem) -> str:
     return "it calls nothing complete" if found.status is Status.COMPLETE and not found.notes else ""
 
 
-def _among_people(planner: Planner, problem: Problem) -> str:
-    """Check that results touch no person who crosses the room, planned or executed, or name the person in the way."""
+def _people_fault(planner: Planner, problem: Problem) -> str:
+    """Return a fault if a result touches a person who crosses the room, or a refusal does not name this person."""
     among = replace(problem, world=problem.world.with_content(people=[WALKER]))
     try:
         found = planner.solve(among)
     except HpopError as error:
         said = str(error)
         known = WALKER.name in said or any(criterion.name in said for criterion in problem.criteria)
-        return "" if known else f"it refuses somebody who moves, but names neither whom nor a criterion: {said}"
-    if fault := _said(among, found) or _costs(among, found) or _verified(among, found):
+        return "" if known else f"it refuses a moving person, but names neither the person nor a criterion: {said}"
+    if fault := _result_fault(among, found) or _costs_fault(among, found) or _collision_fault(among, found):
         return fault
-    return _same(found, pickle.loads(pickle.dumps(planner)).solve(among))
+    return _difference(found, pickle.loads(pickle.dumps(planner)).solve(among))
 
 
 class _Begun(BaseException):
@@ -302,7 +312,7 @@ def _stop(progress: Progress) -> Never:
     raise _Begun
 
 
-def _criteria(planner: Planner, problem: Problem) -> str:
+def _criteria_fault(planner: Planner, problem: Problem) -> str:
     for name in DEMANDING:
         asked = make_criterion(name)
         if lacking(asked.requires, problem.model, problem.world):
@@ -319,8 +329,8 @@ def _criteria(planner: Planner, problem: Problem) -> str:
     return ""
 
 
-def _interrupted(planner: Planner, problem: Problem) -> str:
-    """Check Ctrl-C at one progress report or another."""
+def _interrupt_fault(planner: Planner, problem: Problem) -> str:
+    """Return a fault of the result after Ctrl-C at one progress report or another."""
     for number in REPORTS:
         reports = count(1)
 
@@ -332,15 +342,15 @@ def _interrupted(planner: Planner, problem: Problem) -> str:
             found = planner.solve(problem, interrupt)
         except KeyboardInterrupt:
             continue
-        if fault := _ended(problem, found):
+        if fault := _early_end_fault(problem, found):
             return fault
     return ""
 
 
-def _late(planner: Planner, problem: Problem) -> str:
-    return _ended(problem, replace(cast(Any, planner), time_limit=SOON).solve(problem))
+def _time_limit_fault(planner: Planner, problem: Problem) -> str:
+    return _early_end_fault(problem, replace(cast(Any, planner), time_limit=SOON).solve(problem))
 
 
-def _ended(problem: Problem, found: Candidates) -> str:
-    """Check that results found before an early end are valid."""
-    return _said(problem, found) or _costs(problem, found) or _verified(problem, found)
+def _early_end_fault(problem: Problem, found: Candidates) -> str:
+    """Return a fault if results found before an early end are invalid."""
+    return _result_fault(problem, found) or _costs_fault(problem, found) or _collision_fault(problem, found)

@@ -25,12 +25,12 @@ from hpop.world.content.futures import Future
 from hpop.world.content.people import Person
 from hpop.world.tracks import Track
 
-FRAME = (-7.3, 4.1, 0.7)  # m, m, rad: where another frame lies
+FRAME = (-7.3, 4.1, 0.7)  # m, m, rad: position and yaw of the map's frame in another frame
 MOST_DRAWN = 100_000
 """Largest number of motions in one draw."""
 TOLERANCE = 2e-3  # relative: panels of integrals end where people turn, which differs between worlds
 ASKED = ("move", HOLD.kind)
-SLACK = 0.1  # of a worst moment, which lies between two samples
+SLACK = 0.1  # relative tolerance of a worst moment, which lies between two samples
 
 
 @checked_arguments
@@ -82,16 +82,18 @@ def reframed(world: World) -> World:
 
 
 def in_frame(x: Any, y: Any) -> tuple[Any, Any]:
-    """Return points in the other frame."""
+    """Return positions (x, y), m, in the frame ``FRAME``."""
     cos, sin = np.cos(FRAME[2]), np.sin(FRAME[2])
     return cos * x - sin * y + FRAME[0], sin * x + cos * y + FRAME[1]
 
 
 @checked_arguments
 def random_motions(rng: np.random.Generator, world: World, model: Model, kind: str, size: int) -> Motions:
-    """Return short moves, turns of up to half a turn across yaw = pi, holds, or curves, 0.5 m from obstacles.
+    """Return random motions (size,) that begin 0.5 m or more from obstacles: short moves, turns, holds, or curves.
 
-    Every third curve begins or ends standing, every fourth turns first one way and then the other.
+    Turns are up to half a turn and cross yaw = pi. Every third curve begins or ends at rest; every fourth turns first
+    to
+    one side and then to the other.
     """
     size = whole("size", size, 1, MOST_DRAWN, "a number of motions")
     x, y = rng.uniform((0.5, 0.5), (11.5, 8.5), size=(50 * size + 1000, 2)).T
@@ -114,21 +116,24 @@ def random_motions(rng: np.random.Generator, world: World, model: Model, kind: s
 
 
 def holds(world: World, model: Model, states: States, rng: np.random.Generator) -> Motions:
-    """Return holds in states (M,) of up to three seconds, from any time."""
+    """Return holds in states (M,), of random durations up to three seconds and from random times."""
     clock, lasts = rng.uniform(0, 60, states.size), rng.uniform(0.2, 3.0, states.size)
     start, end = (States(**states.__dict__ | {CLOCK: time}) for time in (clock, clock + lasts))
     return Motions(world, model, HOLD, start, end, t0=clock)
 
 
 def sure_world(world: World) -> World:
-    """Return a world with people who in turn follow a track, walk away, or stand, for about a minute."""
-    doings = (_on_a_track, _leaving, lambda person: person)
+    """Return a world with certain predictions.
+
+    People in turn follow a track, walk away, or stand, for about a minute.
+    """
+    doings = (_on_a_track, _with_end, lambda person: person)
     people = [doings[i % 3](person) for i, person in enumerate(world.content.people)]
     return with_people(world, people)
 
 
 def open_world(world: World) -> World:
-    """Return a world with people of two hypotheses each, one of them ever less certain."""
+    """Return a world with uncertain predictions: people have two hypotheses each, one of them ever less certain."""
     people = [
         replace(
             person,
@@ -148,8 +153,10 @@ def prediction_checks(criterion: Criterion, world: World, batches: list[Motions]
 
     A criterion may refuse futures and uncertain positions, by a CriterionError.
     """
-    yield Check("reckons with each of a person's futures", fault_of(lambda: _futures(criterion, world, batches)))
-    yield Check("costs nothing for people who are gone", fault_of(lambda: _without_the_gone(criterion, world, batches)))
+    yield Check(
+        "reckons with each of a person's futures", fault_of(lambda: _hypotheses_fault(criterion, world, batches))
+    )
+    yield Check("costs nothing for people who are gone", fault_of(lambda: _absence_fault(criterion, world, batches)))
 
 
 def predicted_batches(criterion: Criterion, world: World, batches: list[Motions]) -> list[Motions]:
@@ -180,7 +187,7 @@ def _on_a_track(person: Person) -> Person:
     return replace(person, track=track, afterwards="stays")
 
 
-def _leaving(person: Person) -> Person:
+def _with_end(person: Person) -> Person:
     return replace(person, velocity=(-0.03, 0.02), until=40.0)
 
 
@@ -188,8 +195,8 @@ def _costs(criterion: Criterion, world: World, batches: list[Motions]) -> FloatA
     return np.concatenate([motion_costs(criterion, replace(motions, world=world)) for motions in batches])
 
 
-def _futures(criterion: Criterion, world: World, batches: list[Motions]) -> str:
-    """Compare one person's hypotheses with worlds in which each of them is certain."""
+def _hypotheses_fault(criterion: Criterion, world: World, batches: list[Motions]) -> str:
+    """Return a fault if a person with hypotheses costs less or more than worlds in which each hypothesis is certain."""
     everyone = open_world(world).content.people
     if refuses(criterion, with_people(world, list(everyone)), batches):
         return ""
@@ -211,8 +218,8 @@ def _futures(criterion: Criterion, world: World, batches: list[Motions]) -> str:
     )
 
 
-def _without_the_gone(criterion: Criterion, world: World, batches: list[Motions]) -> str:
+def _absence_fault(criterion: Criterion, world: World, batches: list[Motions]) -> str:
     people = list(sure_world(world).content.people)
     gone = Person(6.0, 4.5, velocity=(0.02, 0.0), until=0.0)
     there, without = (_costs(criterion, with_people(world, some), batches) for some in ([*people, gone], people))
-    return differ("with somebody who is gone", without, there, TOLERANCE)
+    return differ("with a person who has left", without, there, TOLERANCE)

@@ -340,7 +340,7 @@ WRONG = [
     (OtherOnSymbols(), SYMBOLS, "on symbols"),
     (Kinked(), GRADIENT, "d cost/d state"),
     (Likeliest(), FUTURES, "where a person may do two things"),
-    (Haunted(), GONE, "with somebody who is gone"),
+    (Haunted(), GONE, "with a person who has left"),
 ]
 
 

@@ -206,7 +206,7 @@ MISTAKES = [
     (AGAIN, "cannot be pickled", Copied()),
     (NO_PATH, "it calls nothing complete", Changed(dumb)),
     (PEOPLE, "touches Ada at", Changed(into_people)),
-    (PEOPLE, "it refuses somebody who moves, but names neither", Curt()),
+    (PEOPLE, "it refuses a moving person, but names neither", Curt()),
     (CRITERIA, "it refuses .* without saying so", Mumbling()),
     (INTERRUPTED, "ValueError: half a front", Crashing()),
     (LATE, "length of trajectory 0 is planned as", Hurried()),
