@@ -39,8 +39,8 @@ if TYPE_CHECKING:
 
 MOST_PIECES = 100_000  # pieces of a phase
 SYMBOLIC_PANELS = 3  # panels of a phase on symbols, unless the batch sets another number
-ALIKE = 1e-9  # m or rad: tolerance of the ends of motions there and back
-DIGITS = 9  # of the keys by which such motions are found
+ALIKE = 1e-9  # m or rad: tolerance of the ends of two motions that go there and back
+DIGITS = 9  # decimals of the keys by which such motions are found
 GAUSS_NODES = np.array([0.5 - 0.5 / np.sqrt(3.0), 0.5 + 0.5 / np.sqrt(3.0)])  # two nodes on [0, 1]
 
 
@@ -62,7 +62,7 @@ class Motions:
     start   states (M,) where each motion begins
     end     states (M,) where each motion ends; yaw is continuous, so ``end.yaw - start.yaw`` is the rotation
     t0      (M,) s start time of each motion, or None on a graph without time
-    panels  quadrature panels of a phase; None chooses by the lengths, which symbols do not have (they get 3)
+    panels  number of quadrature panels of a phase; None chooses it by the lengths, and 3 on symbols
     turns   (M,) rad, two columns: signed rotations of the turns that end in each motion along a curve; None where no
             motion knows its neighbours
     """
@@ -188,7 +188,7 @@ class Motions:
         return largest
 
     def moments(self, pieces: int) -> list[Instants]:
-        """Return moments (M,) that cut each phase into ``pieces`` equal times, without the ends of motions."""
+        """Return instants (M,) that cut each phase into ``pieces`` equal times, without the ends of motions."""
         pieces = whole("pieces", pieces, 1, MOST_PIECES)
         shares = [(phase, i / pieces) for phase in self.phases for i in range(pieces)]
         return [self._instants(phase, share, None) for phase, share in shares[1:]]
@@ -203,7 +203,7 @@ class Motions:
     def _constant(self, rate: Rate, probe: _Probe) -> Column | None:
         """Return the rate (M,) if nothing that it reads changes within the motions; else None.
 
-        Consecutive motions that begin alike in these states (the turns at one position of a lattice) are evaluated
+        Consecutive motions with equal start states, such as the turns at one position of a lattice, are evaluated
         once.
         """
         kept = self._constant_states
@@ -227,7 +227,9 @@ class Motions:
         return np.repeat(values, np.diff(np.append(first, len(self))))
 
     def _at_once(self, rate: Rate, phase: Phase, probe: _Probe) -> Column | None:
-        """Return the rate (M,) in a phase if all that it reads is constant there: second derivatives, for most laws.
+        """Return the rate (M,) in a phase if everything that it reads is constant there, such as accelerations.
+
+        Else None.
 
         On symbols each expression is written once.
         """
@@ -257,7 +259,7 @@ class Motions:
         return [(i + g) / count for i in range(count) for g in GAUSS_NODES]
 
     def _at_nodes(self, rate: Rate, phase: Phase, probe: _Probe, nodes: list[float]) -> list[Column]:
-        """Return a rate of symbols at fractions of a phase's time; its first value in the first phase is known."""
+        """Return a rate of symbols at fractions of a phase's time; the probe has its first value in the first phase."""
         known = [probe.value] if phase is self.phases[0] else []
         return known + [rate(self._instants(phase, u, None)) for u in nodes[len(known) :]]
 
@@ -298,7 +300,7 @@ class Motions:
         return adaptive_integrals(self._at(rate, whole), timed(self.phases), some, pieces, jumps=jumps)[self.twins]
 
     def _at(self, rate: Rate, phase: Phase) -> ValuesAt:
-        """Return the function that evaluates the rate at fractions of a phase of given motions."""
+        """Return the function that evaluates the rate at fractions of a phase, of the motions with given indices."""
         return lambda u, owner: rate(self._instants(phase, u, owner))
 
     def _quadrature(self, phase: Phase, timed: bool, detail: float | None) -> Iterable[tuple[Nodes, dict[str, Column]]]:
@@ -361,7 +363,11 @@ class Motions:
     def _instants(
         self, phase: Phase, u: Column, owner: IntArray | None, known: dict[str, Column] | None = None
     ) -> Instants:
-        """Return moments at fraction ``u`` of a phase, of all motions or of ``owner``; ``known`` collects states."""
+        """Return the instants at a fraction ``u`` of a phase.
+
+        owner  indices of the motions of the instants; None for all motions
+        known  states that are computed already, and that later calls may use
+        """
         columns = {} if known is None else known
 
         def pick(column: Column) -> Column:

@@ -39,8 +39,8 @@ class Body:
     length      (M,)  m    path length
     turned      (M,)  rad  absolute rotation, about any axis
     rotation    (M,)  rad  signed rotation about the vertical, counter-clockwise positive
-    turns       columns (M,)  rad  signed rotations of the turns that end in each motion, 0 for none: the motion itself,
-                      or maximal stretches of a curve in which the heading changes with one sign
+    turns       columns (M,)  rad  signed rotations of the turns that end in each motion, 0 for none; a turn is a motion
+                      in place, or a maximal stretch of a curve in which the heading changes with one sign
     stays       whether no motion of the batch translates the body
     steady      whether no motion of the batch turns it
     upright     whether no motion of the batch turns it about any axis but the vertical
@@ -69,7 +69,7 @@ def standing(name: str, motions: Motions) -> Body:
 
 @checked_arguments
 def integrated(name: str, motions: Motions) -> Body:
-    """Return the motion of a body by integrating the model's twists: right for any model, exact for few.
+    """Return the motion of a body by integrating the model's twists; right for any model, but exact for few.
 
     A model with closed forms uses those instead (:meth:`hpop.motions.Model.body`).
     """
@@ -130,7 +130,7 @@ class Instants:
         self.read.add("t")
         if self._t is None:
             raise UnsupportedCriterion(
-                "it asks for the time, which the motions of a planner without time do not have; where people move, "
+                "it depends on the time, which motions of a planner without a clock do not have; where people move, "
                 "plan by 'exact', 'lattice', 'roadmap' or 'any-angle', which have a clock"
             )
         return self._t
@@ -206,7 +206,9 @@ Rate = Callable[[Instants], Column]
 
 
 def body_table(model: Model, body: str | None, times: FloatArray, states: States, rates: States) -> Table:
-    """Return time, pose, velocity and rotation of a body (N,), world frame; of None the states and rates.
+    """Return a table of time, pose, velocity and rotation of a body (N,), world frame.
+
+    Without a body, of states and rates.
 
     Raises OptionError for a body that the model does not have.
     """

@@ -19,22 +19,23 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 STILL = 1e-6  # m or rad: tolerance for a state that a motion does not change
-LED = 1e-4  # m or rad: tolerance between the end of a curve and the end of its law
-AT_REST = 1e-3  # m/s or rad/s: solver's tolerance for the speed of a curve beside a hold
+LED = 1e-4  # m or rad: tolerance between the end of a curve and the end that its law computes
+AT_REST = 1e-3  # m/s or rad/s: tolerance for the speed of a curve where it meets a hold
 
 
 def extras(model: Model, kinds: Iterable[str]) -> tuple[str, ...]:
-    """Return the states that the laws of some kinds need beside the model's, in order, the clock last."""
+    """Return the names of the states that the laws of some kinds need beside the model's, the clock last."""
     laws = laws_of(model)
     names = dict.fromkeys(name for kind in dict.fromkeys(kinds) for name in laws[kind].extra)
     return tuple(sorted(names, key=CLOCK.__eq__))
 
 
 def refuse_impossible(model: Model, law: Law, start: States, end: States, numbers: IntArray) -> None:
-    """Raise ModelError for the worst of some motions (M,) if they do not follow their law.
+    """Raise ModelError, about the worst one, if some motions (M,) do not follow their law.
 
     A jump in a state that a law does not vary would be invisible to every criterion, and the states of a curve, which
-    fix its path, may not contradict one another.
+    fix
+    its path, may not contradict one another.
     """
     for name in [name for name in model.space.names if name not in law.varies]:
         jump = np.abs(getattr(end, name) - getattr(start, name))
@@ -68,7 +69,7 @@ def _refuse_no_duration(law: Law, start: States, end: States, numbers: IntArray)
 
 
 def refuse_holds(model: Model, kinds: tuple[str, ...], states: States) -> None:
-    """Raise ModelError for holds of more than an hour in all, and for one beside a curve that is not at rest there."""
+    """Raise ModelError if holds last more than an hour in all, or if a curve is not at rest where it meets a hold."""
     if HOLD.kind not in kinds:
         return
     held = float(np.diff(states.clock)[[kind == HOLD.kind for kind in kinds]].sum())
@@ -92,7 +93,10 @@ def refuse_holds(model: Model, kinds: tuple[str, ...], states: States) -> None:
 
 
 def batches(trajectories: Sequence[Trajectory], world: World) -> Iterator[tuple[IntArray, Motions]]:
-    """Yield the motions of many trajectories of one model law by law, with the index of each motion's trajectory."""
+    """Yield the motions of many trajectories of one model, law by law.
+
+    Each batch comes with the indices (M,) of its motions' trajectories.
+    """
     if not trajectories:
         return
     model = trajectories[0].model
@@ -120,7 +124,13 @@ def motions_of(
     index: IntArray,
     begins: IntArray,
 ) -> Motions:
-    """Return motions under one law, given their indices and those of the states where they begin."""
+    """Return the motions of many trajectories that follow one law.
+
+    states  states of all trajectories, with their times, s
+    turns   rotations of the turns that end in each motion, before and after a change of sign
+    index   (M,) numbers of these motions among all motions
+    begins  (M,) numbers of the states in which they begin
+    """
     law, names = laws_of(model)[kind], (*model.space.names, *extras(model, (kind,)))
     start, end = (States(**{name: getattr(states, name)[at] for name in names}) for at in (begins, begins + 1))
     ended = (turns[0][index], turns[1][index]) if is_curve(law) else None

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 INSTANT = 1e-12  # s: shorter phases are rounding errors, such as the cruise of a short turn
 _FOUND: dict[tuple[type, type], bool] = {}
 CLOCK = "clock"  # s, from any zero: the state with the durations of holds and curves as differences
-LONGEST = 3600.0  # s, of all holds of a trajectory: more must be a mistake in the unit
+LONGEST = 3600.0  # s: longest holds of a trajectory in all; more must be a mistake in the unit
 
 
 @checked_arguments
@@ -177,7 +177,7 @@ def slopes(law: Law, name: str, start: States, end: States, share: Column) -> tu
 
 @checked_arguments
 def onward(law: Law, space: StateSpace, start: States, end: States) -> States:
-    """Return states ``end`` (M,) where a law leads: turning columns the shorter way, half a turn left.
+    """Return states ``end`` (M,) with turning columns changed so that a law leads there the shorter way (+pi if equal).
 
     The other states of a coupled law follow from these: a head turns back half a turn clockwise.
     """
@@ -230,5 +230,5 @@ HOLD = Hold()
 
 @checked_arguments
 def stands(law: Law) -> bool:
-    """Return whether nothing of a robot moves under a law."""
+    """Return whether a robot stands still under a law, as in a hold."""
     return law.varies <= {CLOCK}

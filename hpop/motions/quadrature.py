@@ -29,46 +29,46 @@ if TYPE_CHECKING:
     from hpop.motions.batch import Motions
 
 NODES = np.linspace(0.0, 1.0, 5)
-BOOLE = np.array([7.0, 32.0, 12.0, 32.0, 7.0]) / 90.0  # of means over a piece
-BETWEEN = np.array([[0.375, 0.75, -0.125], [-0.125, 0.75, 0.375]])  # a parabola by nodes 0, 2 and 4, at nodes 1 and 3
+BOOLE = np.array([7.0, 32.0, 12.0, 32.0, 7.0]) / 90.0  # weights of the nodes in the mean over a piece
+BETWEEN = np.array([[0.375, 0.75, -0.125], [-0.125, 0.75, 0.375]])  # parabola through nodes 0, 2, 4 at nodes 1 and 3
 POWERS = np.arange(5)
 OF_MOMENTS = np.linalg.inv(NODES ** POWERS[:, None])  # from moments of degree up to 4 to weights of the nodes
 LEGENDRE = 0.5 + 0.5 * np.polynomial.legendre.leggauss(5)[0]  # exact for polynomials of degree 9 in time
 LEGENDRE_WEIGHTS = 0.5 * np.polynomial.legendre.leggauss(5)[1]
-AGREE = 1e-3  # of the mean rate: allowed difference of the interpolants of a piece that takes all the time
-HALVINGS = 10  # of a piece, at most: for a rate that jumps, down to 1/1024
-LONG = 3.0  # rad that a body turns at most in a piece at the beginning
-LONG_FOR_JUMPS = 0.6  # likewise, for rates that jump
-HIDDEN = 2e-2  # of the largest rate times the duration: allowed error by jumps within pieces
+AGREE = 1e-3  # share of the mean rate: allowed difference of the interpolants in a piece of the whole duration
+HALVINGS = 10  # most halvings of a piece: for a rate that jumps, down to 1/1024
+LONG = 3.0  # rad: most rotation of a body in a first piece
+LONG_FOR_JUMPS = 0.6  # rad: as LONG, for rates that jump
+HIDDEN = 2e-2  # share of the largest rate times the duration: allowed error by jumps within pieces
 GRAIN = 2.0**20  # fractions are multiples of 1/GRAIN, so that sums of widths are exact
 BLOCK = 4096  # pieces in a block: their columns fit the processor's cache
 
 ValuesAt = Callable[[FloatArray, IntArray], Column]
-"""Values (N,) of a rate at fractions (N,) of the motion, of motions (N,)."""
+"""Function of fractions (N,) and indices of motions (N,): the values (N,) of a rate there."""
 
 
 WeightsOf = Callable[[FloatArray, FloatArray, IntArray], FloatArray]
-"""Weights (P, 5) of the values at the nodes of pieces, for the integrals over them.
+"""Function of pieces: the weights (P, 5) of the values at their nodes, for the integrals over them.
 
-The pieces begin at fractions (P,) and have widths (P,), of motions (P,).
+A piece is given by the fraction (P,) at which it begins, its width (P,) and the index of its motion (P,).
 """
 PANEL_ANGLE = np.deg2rad(10.0)  # a quadrature panel turns no body by more than this
 HELD = 1.0  # s: no panel of a hold lasts longer
-FASTEST = 10.0  # m/s: people who are said to be faster are sampled as if at this speed
+FASTEST = 10.0  # m/s: faster people are sampled as if at this speed
 AT_ONCE = 2**18  # panels that are cut together
 INTEGRATED = "costs were integrated along motions"
 JUST = 1e-9  # s: a moment just before another
-FINEST = 0.125  # of a field cell: no detail of a rate makes panels shorter
-CURVE_PANELS = 8  # a curve has at least as many: rates have kinks where a speed changes its sign or exceeds a limit
+FINEST = 0.125  # share of a field cell: least length of a panel, whatever the detail of a rate
+CURVE_PANELS = 8  # least panels of a curve: rates have kinks where a speed changes its sign or exceeds a limit
 
 
 def evenly(begin: FloatArray, width: FloatArray, owner: IntArray) -> FloatArray:
-    """Return the weights (P, 5) of means over the fraction."""
+    """Return the weights (P, 5) of values at the nodes of pieces, for their integral over the fraction."""
     return width[:, None] * BOOLE
 
 
 def timed(phases: Sequence[Phase]) -> WeightsOf:
-    """Return the weights of time integrals over the share done, under phases that cover a motion."""
+    """Return the function for weights of time integrals over the share done, under phases that cover a motion."""
 
     def weights(begin: FloatArray, width: FloatArray, owner: IntArray) -> FloatArray:
         moments = np.zeros((POWERS.size, begin.size))
@@ -92,7 +92,7 @@ def timed(phases: Sequence[Phase]) -> WeightsOf:
 
 
 def _time_of(shape: str, change: Column, part: FloatArray) -> FloatArray:
-    """Return the fraction of a phase's time in which a part of its share is done: inverse of ``Phase.share``."""
+    """Return the fraction of a phase's time in which a part of its share is done; it inverts ``Phase.share``."""
     if shape == "ramp":
         below = (1.0 - change) + np.sqrt(np.maximum(0.0, (1.0 - change) ** 2 + 4.0 * change * part))
         return np.asarray(np.minimum(1.0, np.divide(2.0 * part, below, out=np.zeros_like(part), where=below > 0)))
@@ -109,10 +109,11 @@ def pieces_of(turned: Column, *, jumps: bool = False) -> IntArray:
 def adaptive_integrals(
     values_at: ValuesAt, weights_of: WeightsOf, motions: IntArray, pieces: IntArray, *, jumps: bool = False
 ) -> FloatArray:
-    """Return integrals (M,) over some of M motions, 0 of the others.
+    """Return the integrals (M,) of a rate over some of M motions, and 0 for the others.
 
-    pieces  (M,) to begin with, of each motion
-    jumps   whether the rate jumps
+    motions  indices of the motions to integrate over
+    pieces   (M,) number of first pieces of each motion
+    jumps    whether the rate jumps
     """
     totals, may_stay = np.zeros(pieces.size), np.zeros(0)
     owner, begin, width = _evenly_cut(motions, pieces[motions])
@@ -178,7 +179,7 @@ def _differences(values: FloatArray, *, jumps: bool) -> FloatArray:
 
 
 def _may_stay_open(values: FloatArray, weights: FloatArray, owner: IntArray, size: int, *, jumps: bool) -> FloatArray:
-    """Return a bound (M,) on a piece's differences times its duration, from a motion's first pieces."""
+    """Return the bound (M,) below which a piece is not halved: on the difference of its values times its duration."""
     if not jumps:
         return np.asarray(AGREE * np.bincount(owner, np.abs(values * weights).sum(axis=1), minlength=size))
     largest = np.zeros(size)
@@ -189,10 +190,10 @@ def _may_stay_open(values: FloatArray, weights: FloatArray, owner: IntArray, siz
 class Nodes(NamedTuple):
     """Nodes of a phase, in a run of motions or in a part of one motion.
 
-    run     the motions
+    run     the motions, a slice of the batch
     owner   (N,) motion of each node
     u       (N,) fraction of the phase's time
-    weight  (N,) of a mean over the phase
+    weight  (N,) weight of the node in the mean over the phase
     """
 
     run: slice
@@ -209,7 +210,9 @@ class Nodes(NamedTuple):
 def quadrature_nodes(
     motions: Motions, phase: Phase, within: FloatArray, timed: bool, detail: float | None = None
 ) -> Iterator[Nodes]:
-    """Yield the nodes of all motions, with panels as fine as promised.
+    """Yield the nodes of all motions, with panels as short as :meth:`Motions.integrate` promises.
+
+    within  positions of the nodes in a panel, 0 to 1
 
     About `AT_ONCE` panels are cut together, so that long motions take bounded memory; between such blocks, limits are
     checked.
@@ -223,7 +226,10 @@ def quadrature_nodes(
 
 
 def runs(sizes: IntArray) -> Iterator[slice]:
-    """Yield runs of motions with at most `AT_ONCE` panels (M,) together, or of one motion."""
+    """Yield slices of motions, in order, with at most `AT_ONCE` panels together, or of one motion.
+
+    ``sizes`` (M,) are panels.
+    """
     until, begin = np.cumsum(sizes), 0
     while begin < sizes.size:
         before = int(until[begin - 1]) if begin else 0
@@ -235,7 +241,7 @@ def runs(sizes: IntArray) -> Iterator[slice]:
 def _nodes(
     motions: Motions, phase: Phase, within: FloatArray, run: slice, panels: IntArray, kinks: tuple[IntArray, IntArray]
 ) -> Iterator[Nodes]:
-    """Yield the nodes of a run of motions with their panels, cut at kinks from the first to the last."""
+    """Yield the nodes of a run of motions; panels are also cut at kinks, from the first to the last index ``kinks``."""
     motion, panel = numbered(panels)
     owner, count = motion + run.start, panels[motion]
     whose, at = _kinks_in(motions, phase, run, *kinks)
@@ -260,7 +266,7 @@ def _nodes(
 def _kinks_in(
     motions: Motions, phase: Phase, run: slice, first: IntArray, last: IntArray, before: float = 0.0
 ) -> tuple[IntArray, FloatArray]:
-    """Return motion and fraction of the phase's time of the kinks within it, or of moments just before."""
+    """Return motions and fractions of the phase's time of the kinks in a phase, or of moments ``before`` s earlier."""
     each = last - first
     if not each.any():
         return np.empty(0, np.int64), np.empty(0)
@@ -271,9 +277,10 @@ def _kinks_in(
 
 
 def before_kinks(motions: Motions, phase: Phase) -> tuple[IntArray, FloatArray]:
-    """Return motion and fraction of the phase's time just before every kink after its begin, up to its end.
+    """Return the motions, and fractions of the phase's time, of the moments just before the kinks of a phase.
 
-    A prediction that jumps has its new value at the kink itself: a person who leaves is present until just before.
+    A kink is a time at which a person turns, comes or leaves. A prediction that jumps has its new value at the kink
+    itself: a person who leaves is present until just before.
     """
     return _kinks_in(motions, phase, slice(0, len(motions)), *kinks_between(motions, phase, JUST), before=JUST)
 
@@ -289,7 +296,7 @@ def kinks_between(motions: Motions, phase: Phase, beyond: float = 0.0) -> tuple[
 
 
 def panel_counts(motions: Motions, phase: Phase, timed: bool, detail: float | None = None) -> IntArray:
-    """Return the number (M,) of panels in a phase: fixed, or so that none is longer or turns more than promised.
+    """Return the number (M,) of panels in a phase: fixed, or so large that none is longer or turns more than promised.
 
     detail  m  length within which a rate changes: the robot and the fastest person together move at most half of it in
                a panel

@@ -125,7 +125,7 @@ class LazyStates(States):
 
 
 def picked_states(states: States, pick: Callable[[Column], Column]) -> States:
-    """Return states with columns that are picked only when they are read."""
+    """Return states with columns that ``pick`` selects when they are first read."""
     return LazyStates(states.names, states.size, lambda name: pick(getattr(states, name)), set())
 
 
@@ -138,11 +138,11 @@ class StateSpace:
     units    of each: "m", "rad", ...
     low      least value of each; for a column that turns, the begin of the interval of samples
     high     greatest value of each, or the end of that interval
-    weights  m per unit: how far a robot moves in the time in which the column changes by one; for distances
+    weights  m per unit, for distances: path of the robot in the time in which the column changes by one unit
     turning  names of the columns in which 2 pi is a whole turn; their values have no limits
-    named    states with a name, which may be given in their place
-    unnamed  reasons why a name is not in ``named``, by the name; under "" the reason for all others
-    rest     values of some columns while the others change, if there are such: an arm is folded while its base drives;
+    named    states with a name, which users may give in place of the values
+    unnamed  reasons why names are not in ``named``, by the name; under "" the reason for all other names
+    rest     values that some columns have while the others change: an arm is folded while its base drives;
              half of all samples have them
 
     >>> plane = StateSpace(("x", "y", "yaw"), ("m", "m", "rad"), (0, 0, -np.pi), (9, 9, np.pi), (1, 1, 0.5), {"yaw"})
@@ -191,7 +191,9 @@ class StateSpace:
     # One state, as it is given
 
     def state(self, values: StateSpec, *, free: Iterable[str] = (), what: str = "state") -> States:
-        """Return one checked state from values in order or by name; None, which becomes NaN, only where free.
+        """Return one checked state from values, in order or by name.
+
+        A value may be None, stored as NaN, if it is in ``free``.
 
         Raises QueryError, which calls the state ``what``.
         """
@@ -221,7 +223,7 @@ class StateSpace:
             raise QueryError(f"the {what} is {self}, got {shown(values)}") from None
 
     def called(self, name: str, what: str) -> Values:
-        """Return the state of a name; QueryError if there is none."""
+        """Return the state with a name; QueryError if there is none."""
         if name not in self.named:
             known = f"the name of one: {', '.join(self.named)}" if self.named else "a name, but this model names none"
             why = self.unnamed.get(name) or self.unnamed.get("")
@@ -239,7 +241,10 @@ class StateSpace:
         return f"it {' and '.join(faults)}{'.' * bool(hint)}{hint}" if faults else ""
 
     def checked(self, name: str, value: Any, what: str, label: str = "") -> float:
-        """Return the value of one column of ``what``; a QueryError calls it ``label``."""
+        """Return one column's value if it is valid.
+
+        Else raise QueryError, which calls it ``label``, or a column of ``what``.
+        """
         if name not in self.names:
             raise QueryError(f"name must be one of {', '.join(self.names)}, got {shown(name)}")
         column = self.names.index(name)
@@ -282,7 +287,10 @@ class StateSpace:
         return np.sqrt(sum((w * differences[name]) ** 2 for name, w in zip(self.names, self.weights, strict=True)))
 
     def sample(self, rng: RNG, n: int) -> States:
-        """Draw states (n,), uniform between low and high; of a space with a rest, half of them at rest."""
+        """Draw states (n,), uniform between low and high.
+
+        Half of them have the values of ``rest``, if there are any.
+        """
         n = whole("n", n, 0, MOST_SAMPLED, "a number of states")
         rng = np.random.default_rng(rng)
         drawn = dict(zip(self.names, rng.uniform(self.low, self.high, (n, len(self.names))).T, strict=True))

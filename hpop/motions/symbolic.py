@@ -51,7 +51,7 @@ class SymbolicMotions:
 
     vector   MX of all states, start columns then end columns, in the order of their names
     motions  the batch on those symbols
-    point    (2 * states * M,) numbers for the symbols
+    point    (2 * states * M,) numbers that the symbols stand for
     """
 
     vector: Any
@@ -79,7 +79,7 @@ class SymbolicMotions:
         return cls(vector, symbolic, np.concatenate(numbers))
 
     def function(self, column: Column) -> Any:
-        """Return a CasADi function of the symbols: a column (M,) computed from them, and its Jacobian."""
+        """Return the CasADi function from the symbols to a column (M,) and its Jacobian."""
         expression = casadi.MX(column) if not isinstance(column, np.ndarray) else casadi.MX(casadi.DM(column))
         return casadi.Function("f", [self.vector], [expression, casadi.jacobian(expression, self.vector)])
 

@@ -91,7 +91,7 @@ def test_the_papers_method_has_the_papers_tests_and_their_identity(design, answe
     assert pairs[1]["z"] == pytest.approx(pairs[0]["z"] + pairs[2]["z"])
     assert [row["adjusted p"] for row in pairs] == [min(1, 3 * row["p"]) for row in pairs]
     assert {row["p by"] for row in result.tables["against before"]} == {"normal approximation"}
-    assert "power is lost" in result.choices["Test of all stimuli"]
+    assert "costs power" in result.choices["Test of all stimuli"]
 
 
 def test_choices_are_counted_and_strengths_go_with_them(result):
@@ -133,7 +133,7 @@ def test_the_page_says_what_stands_behind_each_letter_and_how_long_it_lasts(desi
     result = study.analyse(design, study.Answers(design, answers.sessions))
     assert [row["seconds"] for row in result.tables["stimuli"]] == [60.0, *(one.duration for one in others)]
     assert [row["length (m)"] for row in result.tables["stimuli"]] == [one.costs["length"] for one in design.conditions]
-    assert "may come from how long they last" in result.choices["Durations"]
+    assert "may come from the durations" in result.choices["Durations"]
     assert "--share" not in result.text()
     assert "60.0 s (" in report.page(result, {}).partition("<h2>")[0]
 

@@ -144,8 +144,8 @@ def test_words_of_another_language_are_a_file_of_the_study(tmp_path: Path) -> No
     for wrong, said in (
         ({**english, "hello": "?"}, "hello"),
         ({key: text for key, text in english.items() if key != "stop"}, "lacks stop"),
-        ({**english, "step": "Schritt {step}"}, "step must hold the gaps"),
-        ({**english, "step": "Schritt {step"}, "step must hold the gaps"),
+        ({**english, "step": "Schritt {step}"}, "step must have the placeholders"),
+        ({**english, "step": "Schritt {step"}, "step must have the placeholders"),
         ({**english, "stop": 1}, "object of texts"),
     ):
         file.write_text(json.dumps(wrong))

@@ -47,7 +47,7 @@ def smooth_indices(criteria: Sequence[Criterion], problem: Problem, planner: str
 
 
 def _try_on_symbols(criteria: Sequence[Criterion], problem: Problem) -> None:
-    """Raise UnsupportedCriterion for one that works on numbers only."""
+    """Raise UnsupportedCriterion for a criterion that works on numbers but not on symbols."""
     for motions in _some_motions(problem, 2):
         symbols = SymbolicMotions.of(motions).motions
         for criterion in criteria:
@@ -67,7 +67,10 @@ def minimised(name: str, criteria: Sequence[Criterion]) -> int:
 
 
 def on_symbols(criterion: Criterion, motions: Motions) -> Any:
-    """Return costs (M,) of symbolic motions as a CasADi vector; UnsupportedCriterion if it works on numbers only."""
+    """Return the costs (M,) of symbolic motions as a CasADi vector.
+
+    UnsupportedCriterion if symbols make ``cost`` fail.
+    """
     try:
         column = vector(criterion.cost(motions), len(motions))
         if column.numel() != len(motions):
@@ -87,7 +90,9 @@ def on_symbols(criterion: Criterion, motions: Motions) -> Any:
 
 
 def is_counted(criterion: Criterion, problem: Problem) -> bool:
-    """Return whether all moves have the same cost, and all turns of more than three degrees.
+    """Return whether a criterion counts moves and turns.
+
+    All moves cost alike, and all turns of more than three degrees.
 
     This is tested with 200 motions all over the map. An exception that they miss shows when candidates are judged.
     """

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 ACROSS = 500  # grid positions along the longer side of the map
-ACROSS_TURNED = 200  # the same for a robot that is not round, which is checked at each heading
-ROOM = 0.5  # m: additional clearance of a chosen start and goal, where there is room
-INDOORS = 0.1  # of the largest part: an indoor part that is not smaller is preferred
+ACROSS_TURNED = 200  # grid positions for a robot that is not round, which is checked at each heading
+ROOM = 0.5  # m: additional clearance of chosen starts and goals, if possible
+INDOORS = 0.1  # share of the largest part's area: an indoor part of at least this area is preferred
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class FreeMap:
 
     @cached_property
     def parts(self) -> IntArray:
-        """Number (h, w) of the connected part of each position, from 1 on; 0 where it is not free."""
+        """Number (h, w) of the connected part at each position, from 1 on; 0 where the robot is not free."""
         labels, _ = ndimage.label(self.free)
         return np.asarray(labels, dtype=np.int64)
 
@@ -76,7 +76,7 @@ class FreeMap:
         return areas
 
     def part_at(self, x: float, y: float) -> int:
-        """Return the part at a position, or at a neighbouring grid position; 0 if there is none."""
+        """Return the number of the part at a position, or next to it on the grid; 0 if there is none."""
         row, column = (int(np.abs(axis - value).argmin()) for axis, value in ((self.y, y), (self.x, x)))
         near = self.parts[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
         part = int(self.parts[row, column])
@@ -84,7 +84,7 @@ class FreeMap:
 
     @property
     def main(self) -> int:
-        """Largest part; for an image the largest indoor part, away from the edge. 0 if nothing is free."""
+        """Number of the largest part; for an image, of the largest indoor part. 0 if nothing is free."""
         areas, indoors = self.areas, self.areas.copy()
         indoors[self._open_parts()] = 0.0
         if indoors.max() >= INDOORS * areas.max():
@@ -92,7 +92,10 @@ class FreeMap:
         return int(areas.argmax()) if areas.max() > 0.0 else 0
 
     def _open_parts(self) -> IntArray:
-        """Return the parts outside of a building: those nearest to the image's edge, unless it is all wall."""
+        """Return the numbers of the parts outside of a building.
+
+        Those nearest to the image's edge, unless the edge is a wall.
+        """
         raster = self.world.raster
         if raster is None or not self.free.any():
             return np.zeros(0, dtype=np.int64)
@@ -104,10 +107,11 @@ class FreeMap:
         return np.unique(self.parts[self.free & (steps <= steps[self.free].min() + 1)])
 
     def far_apart(self, part: int = 0) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return two positions of a part, or of the main one, that are far apart along the shortest path between them.
+        """Return two positions of a part, by default the main part, that are far apart along the shortest path.
 
         The first is the position farthest from an arbitrary one, the second the position farthest from the first, both
-        where there is room. Some position must be free.
+        with
+        additional clearance if possible. Some position must be free.
         """
         inside = self.parts == (part or self.main)
         roomy = ndimage.distance_transform_edt(inside) * self.pitch >= ROOM

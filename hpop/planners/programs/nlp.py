@@ -1,6 +1,6 @@
 """Worlds, laws and motions for nonlinear programs: sparse derivatives, smooth timing, maxima bounded by samples.
 
-Programs alone use these; fronts hold the exact costs of the exact laws.
+Only programs use these; fronts have the exact costs of the exact laws.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class SparseField(Field):
         return sparse
 
     def __call__(self, x: Column, y: Column) -> Column:
-        """Return the values at numbers, or symbols of them."""
+        """Return the values at positions, which are numbers or symbols."""
         return self._field(x, y) if not (is_symbolic(x) or is_symbolic(y)) else super().__call__(x, y)
 
     @property
@@ -179,7 +179,7 @@ class Slacks:
     below: list[Any] = field(default_factory=list)
 
     def take(self, column: Column) -> Column:
-        """Return slack variables for the hinges of a column (M,)."""
+        """Return slack variables that replace the hinges of a column (M,)."""
         import casadi
 
         below = casadi.vec(column.to_casadi())
@@ -201,7 +201,7 @@ def slackened() -> Iterator[Slacks]:
 
 
 def below_hinge(column: Any) -> Any:
-    """Return e of a CasADi vector ``max(e, 0)``, as a column; any other vector is returned as it is.
+    """Return e, as a column, if a CasADi vector is ``max(e, 0)``; return any other vector unchanged.
 
     >>> import casadi
     >>> x = casadi.MX.sym("x", 3)

@@ -1,4 +1,4 @@
-"""Polylines: the structure that programs of straight segments do not change, straightened curves, homotopy."""
+"""Polylines: their structure, which programs do not change, polylines in place of curves, and homotopy."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Polyline:
 
     @property
     def structure(self) -> PolylineStructure:
-        """Its structure; numbers of pieces are rounded up, so that few different structures occur."""
+        """Structure of the polyline; numbers of pieces are rounded up, so that few different structures occur."""
         count = len(self.vertices) - 1
         if not count:
             return PolylineStructure((), False, False)
@@ -97,7 +97,10 @@ class Polyline:
         return Polyline(self.vertices[stays], self.start_yaw, self.goal_yaw)
 
     def farthest(self, other: Polyline) -> float:
-        """Return the largest difference of a coordinate, m, to another polyline with as many vertices; else inf."""
+        """Return the largest difference, m, of coordinates of corresponding vertices.
+
+        Inf if the numbers of vertices differ.
+        """
         if self.vertices.shape != other.vertices.shape:
             return float("inf")
         return float(np.abs(self.vertices - other.vertices).max())
@@ -142,7 +145,7 @@ class PolylineStructure:
 
     @property
     def turning(self) -> list[int]:
-        """Vertices at which the robot turns."""
+        """Indices of the vertices at which the robot turns."""
         return list(range(int(not self.first_turn), self.segments + self.last_turn))
 
 
@@ -162,12 +165,12 @@ class SegmentParts(NamedTuple):
     end: FloatArray
 
     def at(self, rows: IntArray) -> SegmentParts:
-        """Return some of the parts."""
+        """Return some of the parts, by index."""
         return SegmentParts(self.segment[rows], self.begin[rows], self.end[rows])
 
 
 def parts_of(counts: IntArray) -> SegmentParts:
-    """Return segments cut into numbers (n,) of equal parts."""
+    """Return the parts of segments that are cut into ``counts`` (n,) equal parts each."""
     segment, number = numbered(counts)
     return SegmentParts(segment, number / counts[segment], (number + 1) / counts[segment])
 
@@ -177,10 +180,11 @@ DEVIATIONS = (0.4, 0.2, 0.1, 0.05)  # m: largest distance of a polyline from its
 
 
 def straightened(trajectories: Sequence[Trajectory], problem: Problem) -> tuple[list[Trajectory], list[str]]:
-    """Return trajectories of moves and turns in place, with curves replaced by free polylines, and notes on curves.
+    """Return trajectories with their curves replaced by collision-free polylines, and notes on the curves.
 
     The corners are those of Douglas and Peucker (1973), for the largest of DEVIATIONS at which the robot, which turns
-    in place there, does not collide. A curve without such a polyline is left out.
+    in
+    place there, does not collide. A curve without such a polyline is left out.
     """
     straight, yaw = list[Trajectory](), one_goal(problem, "a polyline")[2]
     curves, deviations = 0, list[float]()
@@ -211,7 +215,7 @@ def straightened(trajectories: Sequence[Trajectory], problem: Problem) -> tuple[
 
 
 def _points(trajectory: Trajectory, speed: float) -> FloatArray:
-    """Return points (N, 2), m, along a trajectory, without repetitions in a row."""
+    """Return points (N, 2), m, along a trajectory; consecutive points differ."""
     states = trajectory.at(np.linspace(0.0, trajectory.duration, 2 + int(trajectory.duration * speed / SPACING)))
     points = np.stack([states.x, states.y], axis=1)
     new = np.append(True, (np.diff(points, axis=0) != 0).any(axis=1))

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
 WarmStart = str | Mapping[str, Mapping[str, Any]] | Front[Trajectory] | Sequence[Trajectory]
-SHARED = ("step", "headings")
-SHARE = 0.5  # of a time limit that the planner of the warm starts may take
+SHARED = ("step", "headings")  # options that the planner of warm starts takes from the planner
+SHARE = 0.5  # share of the time limit that the planner of the warm starts may take
 FORMS = "the name of a planner, {name: options}, a front, or a list of trajectories"
 
 
@@ -47,10 +47,10 @@ class Starting(Protocol):
 class WarmStarts(NamedTuple):
     """Trajectories of moves and turns in place from start to goal, from which a planner starts.
 
-    status       of the planner that found them
-    notes        on them, for the user
+    status       status of the planner that found them
+    notes        notes on them, for the user
     interrupted  candidates of a planner that was interrupted; they are the result, and no plan starts from them
-    candidates   of the planner that found them, or None
+    candidates   candidates of the planner that found them, or None
     """
 
     trajectories: Sequence[Trajectory]
@@ -104,7 +104,7 @@ class WarmStarts(NamedTuple):
     def polylines(
         self, problem: Problem, criteria: Sequence[Criterion]
     ) -> tuple[WarmStarts, list[Polyline], FloatArray, tuple[str, ...]]:
-        """Return the warm starts that are free with exact ends, polylines, costs (n, k), and notes on the others."""
+        """Return the collision-free warm starts, their polylines with exact ends, costs (n, k), and notes."""
         polylines = [Polyline.of(trajectory, problem) for trajectory in self.trajectories]
         judged = judge(problem, criteria, [polyline.trajectory(problem.model) for polyline in polylines])
         rows = judged.accepted_rows
@@ -112,7 +112,7 @@ class WarmStarts(NamedTuple):
         return free, [polylines[i] for i in rows], judged.costs[rows], judged.notes("warm starts")
 
     def ended(self, status: Status) -> Status:
-        """Return the status of a plan that started from these and ended with ``status``."""
+        """Return the status of a plan that started from these warm starts and ended with ``status``."""
         return self.status if status is Status.COMPLETE else status
 
 
@@ -155,7 +155,7 @@ def warm_starts(
 
 
 def _contact(problem: Problem) -> list[str]:
-    """Return a note if the robot starts in contact with people: programs ignore them, judgement does not."""
+    """Return a note if the robot starts in contact with people: programs ignore them, the final judgement does not."""
     content = problem.world.content
     names = ", ".join(content.people[i].name or f"number {i}" for i in content.left)
     note = f"programs ignore {names}, touched by the robot at its start: trajectories that touch them again are dropped"
@@ -210,7 +210,10 @@ def _passed_in(starting: Starting, problem: Problem) -> WarmStarts:
 
 
 def _planned(candidates: Candidates, problem: Problem) -> WarmStarts:
-    """Return the warm starts of a planner's candidates; none if it, or their evaluation, was interrupted."""
+    """Return the warm starts that a planner's candidates give.
+
+    None if the planner, or their evaluation, was interrupted.
+    """
     status = candidates.status
     if status is Status.INTERRUPTED:
         return _interrupted(candidates)
@@ -232,7 +235,7 @@ def _interrupted(candidates: Candidates) -> WarmStarts:
 
 
 def _moving(trajectories: Sequence[Trajectory], status: Status, notes: tuple[str, ...]) -> WarmStarts:
-    """Return trajectories without their holds, with a note on them."""
+    """Return warm starts without holds, with a note if holds were removed."""
     if holds := sum(HOLD.kind in trajectory.kinds for trajectory in trajectories):
         note = f"{holds} of the warm starts hold on their way: their holds are removed, as programs plan none"
         return WarmStarts([trajectory.without_holds() for trajectory in trajectories], status, (*notes, note))

@@ -79,7 +79,7 @@ def test_costs_that_are_not_there_are_refused(options, match):
 
 def test_a_bound_on_a_mean_is_refused_with_what_stands_in_for_it():
     problem = dataclasses.replace(PAPER, criteria=["obstruction", "turns", "length"])
-    with pytest.raises(OptionError, match=r"exposure stands in for it: bound that. These are exposure, turns, length"):
+    with pytest.raises(OptionError, match=r"stands in for it: bound exposure. These are exposure, turns, length"):
         EpsilonConstraint(step=0.5, epsilon={"obstruction": 0.1}).solve(problem)
 
 

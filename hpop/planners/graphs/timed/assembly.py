@@ -1,4 +1,4 @@
-"""Put a graph of states on a clock, among moving people, for a search on a clock."""
+"""Assembly of a graph on a clock, from a graph of states and the predictions of moving people."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from hpop.world.content.predictions import yielding
 
 NEVER = 2**31 - 1
 ON_CLOCK = "the graph was put on a clock"
-MOTION = 110  # bytes of a motion of an arc, with what is known of the arc
+MOTION = 110  # bytes of a motion of an arc, with its place, duration and costs
 
 
 def timed_graph(
@@ -62,8 +62,8 @@ def timed_graph(
     Parameters
     ----------
     quanta : names of criteria with quanta that the problem sets
-    laid : parts of the graph from an earlier clock; None for none
-    attention : from another graph of the same problem, so that criteria are not probed again
+    laid : parts of an earlier graph on a clock to be used again, if any
+    attention : attention of another graph of the same problem, so that criteria are not probed again
     people_stop : whether people who would walk up to the start are predicted to stop before the robot; costs near them
         are as predicted all the same
     """
@@ -102,7 +102,7 @@ class _Assembly:
 
     @cached_property
     def horizon(self) -> int:
-        """The tick from which on no cost and no blocked arc changes, or that of the latest arrival."""
+        """Tick after which no cost and no blocked arc changes, or the tick of the latest arrival."""
         settled, arrive_by = self.safety.settled(self.moving_people.settled), self.options.arrive_by
         last = settled + SLACK  # until then a person may be in the way of a plan that deviates from the clock
         last = last if arrive_by is None else min(last, arrive_by)
@@ -115,7 +115,7 @@ class _Assembly:
 
     @cached_property
     def ramps(self) -> Ramps:
-        """Deviations of executions from plans; 0 where they are unknown, and each execution is checked."""
+        """Deviations of executions from plans; 0 if they are unknown, since each execution is then checked."""
         return Ramps.of(self.space.model) or Ramps(0.0, 0.0)
 
     @property
@@ -125,7 +125,7 @@ class _Assembly:
 
     @property
     def hold(self) -> float | None:
-        """Least duration of a wait, s, no less than stopping and starting take."""
+        """Least duration of a wait, s; not less than stopping and starting take."""
         return None if self.options.hold is None else max(self.options.hold, 2.0 * self.ramps.half)
 
     @cached_property
@@ -193,7 +193,7 @@ class _Assembly:
 
     @cached_property
     def starts(self) -> tuple[Start, ...]:
-        """Places and times at which plans begin and a person may be near."""
+        """Positions and times at which plans begin, and at which a person may be near."""
         begins = ((self.begin, 0.0),) if self.laid is None else self.laid.near
         at = self.arcs.space.states(self.arcs.states_of[[node for node, _ in begins]])
         times = [time for _, time in begins]
@@ -212,7 +212,7 @@ class _Assembly:
 
     @cached_property
     def headed(self) -> bool:
-        """True if costs of standing depend on the heading, so that every state is a place of its own."""
+        """True if costs of standing depend on the heading, so that each state counts as a place."""
         if not alike_at_places(self.rates, self.arcs.place[: self.space.size]).all():
             return True
         return not turn_as_they_stand(self.criteria_of(self.timed), self.arcs, self.presence).all()
@@ -224,7 +224,7 @@ class _Assembly:
 
     @cached_property
     def states(self) -> States:
-        """One state at each place."""
+        """State (P,) that represents each place."""
         if not self.headed:
             return self.arcs.states
         states = self.space.states(np.arange(self.space.size))
@@ -254,7 +254,7 @@ class _Assembly:
         return np.where(np.isfinite(ticks_to), ticks_to + begin, NEVER).astype(np.int64)
 
     def assembled(self, began: float) -> GraphOnClock:
-        """Return the graph on the clock; ``began``: s, of :func:`time.perf_counter`, when the assembly began."""
+        """Return the graph on the clock; ``began`` is the value of :func:`time.perf_counter` when the work began."""
         if self.laid is None:
             self.safety.refuse_contact()
         arcs, place, states, options = self.arcs, self.place, self.states, self.options
@@ -334,7 +334,11 @@ class _Assembly:
         )
 
     def _stand(self, costs: IntArray, rate: float, worst: bool) -> None:
-        """Add to costs (m,), in quanta, of some arcs the cost of standing before them; ``rate``: a tick."""
+        """Add the cost of standing before a motion to the costs (m,), in quanta, of arcs that begin so.
+
+        rate   cost of standing, per tick
+        worst  whether the cost is a worst moment
+        """
         stands = self.arcs.stands
         if worst:
             costs[stands] = np.maximum(costs[stands], math.ceil(rate - WHOLE))

@@ -1,8 +1,8 @@
 """The clock of a search: time in whole ticks, and the durations of motions on it.
 
-A motion lasts a whole number of ticks on the clock, and a little more or less in reality. Moves along one line are
-counted from one zero, so plan and clock never differ by more than a tick along a straight run. A turn differs by less
-than a tick, and turns on average by nothing. The deviation of each whole plan is computed (:mod:`.plans`); a hold
+A motion lasts a whole number of ticks on the clock, and a little more or less in reality. Moves along one line share a
+zero of the count, so plan and clock never differ by more than a tick along a straight line. A turn differs by less
+than a tick, and turns on average not at all. The deviation of each whole plan is computed (:mod:`.plans`); a hold
 removes it.
 """
 
@@ -27,19 +27,19 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
 TICK = 1 / 20  # s, by default
-SHORTEST, LONGEST = 0.01, 1.0  # s of a tick: finer ones only need memory, in coarser ones people walk too far
+SHORTEST, LONGEST = 0.01, 1.0  # s, of a tick: shorter ones only need memory, in longer ones people walk too far
 HOLD = 1.0  # s: a shorter stop loses as much time by stopping and starting
 GOLDEN = (math.sqrt(5) - 1) / 2  # any number of its multiples are evenly spread over a unit interval
 SAME = 1e-9  # of a tick
 OFFSET = 1 / math.pi  # of a tick: with it, no multiple of a step lies on a border between ticks
-SLACK = 0.2  # s, by which a plan may deviate from the clock and still keep clear of people
+SLACK = 0.2  # s: deviation from the clock at which a plan still keeps clear of people
 
 
 @dataclass(frozen=True)
 class TickClock:
-    """Time in ticks.
+    """Clock that counts time in ticks.
 
-    tick  s
+    tick  s, duration of a tick
     """
 
     tick: float
@@ -49,19 +49,24 @@ class TickClock:
         return np.asarray(ticks * self.tick, dtype=np.float64)
 
     def of(self, seconds: FloatArray) -> IntArray:
-        """Return durations (N,) in ticks, rounded, at least one."""
+        """Return durations (N,), s, in ticks, rounded, at least one."""
         return np.asarray(np.maximum(1, np.rint(seconds / self.tick)), dtype=np.int64)
 
     def in_place(self, seconds: FloatArray, place: IntArray) -> IntArray:
-        """Return durations (N,), in ticks, of motions in place, rounded up or down so that they are right on average.
+        """Return durations (N,), in ticks, of motions in place, rounded up or down so that the mean is right.
 
-        Plain rounding would err in the same direction whenever a robot turns by the same angle.
+        place  (N,) position of each motion, which decides the direction of rounding. Plain rounding would always err in
+        the
+               same direction if a robot always turns by the same angle
         """
         share = place * GOLDEN % 1.0
         return np.asarray(np.maximum(1, np.floor(seconds / self.tick + share + SAME)), dtype=np.int64)
 
     def along(self, start: States, end: States, seconds: FloatArray) -> IntArray:
-        """Return durations (M,), in ticks, of straight moves; along one line they add up to that of the line."""
+        """Return durations (M,), in ticks, of straight moves.
+
+        The moves along a line add up to the duration of the line.
+        """
         dx, dy = end.x - start.x, end.y - start.y
         length = np.hypot(dx, dy)
         pace = np.divide(seconds, length * length * self.tick, out=np.zeros_like(length), where=length > 0)
@@ -80,12 +85,12 @@ class TickClock:
 
 @dataclass(frozen=True)
 class TimeOptions:
-    """A planner's options of time, which have an effect where people move.
+    """Options of a planner for time, which have an effect if people move.
 
-    clock      s  of a tick; None: 1/20
+    clock      s  duration of a tick; None: 1/20
     hold       s  least duration of a wait; None: the robot never waits
     arrive_by  s  latest arrival; None: any time
-    margin     m  to people who move
+    margin     m  additional distance from people who move
     """
 
     clock: float | None = None
@@ -117,9 +122,9 @@ class TimeOptions:
 
 
 def needless(problem: Problem, options: TimeOptions) -> tuple[str, ...]:
-    """Return a note on options of time without effect, where no person moves and so there is no clock.
+    """Return a note on options for time that have no effect, because no person moves and so there is no clock.
 
-    Raises OptionError where a latest arrival is set, which would not be kept.
+    Raises OptionError if a latest arrival is set, since it would not be kept.
     """
     if people_move(problem):
         return ()

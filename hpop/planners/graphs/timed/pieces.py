@@ -1,4 +1,4 @@
-"""Distances between a robot on its way and people who walk meanwhile, for short pieces of motions."""
+"""Distances between a moving robot and walking people, for short pieces of the robot's motions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from hpop.planners.graphs.timed.legs import LegMotions
 from hpop.world.content.people import Person
 
 PIECE = 0.5  # s
-BETWEEN = 2  # points a tick at which a person's path is compared with its chord
+BETWEEN = 2  # points per tick at which a person's path is compared with its chord
 Place = tuple[FloatArray, FloatArray]
 
 
@@ -64,7 +64,7 @@ class MotionPieces(NamedTuple):
         return cls(row[owner], start, end, leg.start.yaw[owner], after, last - first, moves, stands)
 
     def take(self, rows: IntArray) -> MotionPieces:
-        """Return some of the pieces, by rows."""
+        """Return some of the pieces, by index."""
         start, end = ((x[rows], y[rows]) for x, y in (self.start, self.end))
         after, lasts, moves, stands = self.after[rows], self.lasts[rows], self.moves[rows], self.stands[rows]
         return MotionPieces(self.row[rows], start, end, self.yaw[rows], after, lasts, moves, stands)
@@ -73,9 +73,9 @@ class MotionPieces(NamedTuple):
 class PersonMotion(NamedTuple):
     """Motion of a person during motions (N,) of a robot.
 
-    ends   x, y (N,), m, at their beginning and end
-    stray  (N,)  m, largest distance from a steady walk along the line between these
-    there  (N,)  whether the person is present at any time of them
+    ends   x, y (N,), m, of the person at the beginning and the end of each motion
+    stray  (N,)  m, largest distance of the person from a steady walk along the line between these positions
+    there  (N,)  whether the person is present at any time during the motion
     """
 
     ends: tuple[Place, Place]
@@ -84,7 +84,7 @@ class PersonMotion(NamedTuple):
 
     @classmethod
     def of(cls, person: Person, tick: IntArray, lasts: IntArray, clock: TickClock) -> PersonMotion:
-        """Return the motion of a person from ticks (N,) on, for numbers (N,) of ticks."""
+        """Return the motion of a person during motions that begin at ticks (N,) and last for numbers (N,) of ticks."""
         most = int(lasts.max(initial=1)) + 1
         keys, which = np.unique(tick * most + lasts, return_inverse=True)
         begin, count = keys // most, keys % most
@@ -107,7 +107,7 @@ class PersonMotion(NamedTuple):
 
 
 def to_segments(ax: FloatArray, ay: FloatArray, bx: FloatArray, by: FloatArray) -> FloatArray:
-    """Return the distance (N,) of the origin from segments a b."""
+    """Return the distance (N,), m, of the origin from segments from a to b."""
     dx, dy = bx - ax, by - ay
     square = dx * dx + dy * dy
     share = np.clip(np.divide(-(ax * dx + ay * dy), square, out=np.zeros_like(square), where=square > 0), 0.0, 1.0)
@@ -117,12 +117,13 @@ def to_segments(ax: FloatArray, ay: FloatArray, bx: FloatArray, by: FloatArray) 
 def strips(
     pieces: MotionPieces, seen: tuple[Place, Place], rows: IntArray, stray: float, at_start: BoolArray | None = None
 ) -> tuple[Place, ...]:
-    """Return the corners of the regions in which a person is relative to a robot ahead of or behind its plan.
+    """Return quadrilaterals that hold the positions of a person relative to a robot, ahead of or behind its plan.
 
-    pieces    (N,) moves
-    seen      positions of the person relative to the ends of all pieces; ``rows`` (N,) are those of these
+    pieces    (N,) moves of the robot
+    seen      positions of the person relative to the robot at both ends of the pieces of all motions
+    rows      (N,) indices of ``pieces`` among all pieces
     stray     m, largest distance of the robot from its plan
-    at_start  (N,)  mask of pieces that are not behind at their beginning
+    at_start  (N,)  mask of pieces that the robot begins without being behind its plan
     """
     (ax, ay), (bx, by) = pieces.start, pieces.end
     dx, dy = bx - ax, by - ay
@@ -148,7 +149,7 @@ def to_strips(corners: tuple[Place, ...]) -> FloatArray:
 
 
 def to_parts(parts: Sequence[Part], yaw: FloatArray, corners: Sequence[Place]) -> FloatArray:
-    """Return the distance (N,) of hulls of points from the nearest part of a robot with some yaws (N,), rad.
+    """Return the distance (N,), m, of convex hulls of points from the nearest part of a robot with yaws (N,), rad.
 
     corners  x, y (N,), m, of points relative to the robot's axis, in the frame of the map
     """
@@ -161,17 +162,20 @@ def to_parts(parts: Sequence[Part], yaw: FloatArray, corners: Sequence[Place]) -
     return np.asarray(np.minimum.reduce(each))
 
 
-RISK = 0.05  # of a prediction at a moment
+RISK = 0.05  # accepted probability of contact with an uncertain person at a moment
 SIGMAS = float(-ndtri(RISK))
 HALVINGS = 30
-TABLE = 257  # deviations for which a distance is found
-SMALLEST = 0.02  # of the deviations, as a share of the disc; below, the half-plane is as good
+TABLE = 257  # number of deviations with a tabulated distance
+SMALLEST = 0.02  # least tabulated deviation, as a share of the disc; below, a half-plane replaces the disc
 
 
 def clear_distance(deviation: FloatArray, disc: float) -> FloatArray:
-    """Return the distances (T,), m, at which a person's centre is within a disc with no more than the accepted risk.
+    """Return the distances (T,), m, beyond which a person is within a disc with at most the accepted risk.
 
-    For an uncertain person it is the larger distance of the two nearest deviations in a table.
+    deviation  (T,) m, standard deviation of the person's position
+    disc       m, radius of the disc
+
+    Between two tabulated deviations, the larger of their distances is returned.
     """
     deviations, needed = _table(float(disc))
     after = np.clip(np.searchsorted(deviations, deviation), 1, deviations.size - 1)
@@ -182,7 +186,7 @@ def clear_distance(deviation: FloatArray, disc: float) -> FloatArray:
 
 @lru_cache(maxsize=256)
 def _table(disc: float) -> tuple[FloatArray, FloatArray]:
-    """Return deviations, m, up to the largest with any risk, and the distances that they need."""
+    """Return deviations, m, up to the largest with any risk, and the distances, m, that reduce it to RISK."""
     largest = disc / math.sqrt(-2.0 * math.log1p(-RISK))
     deviations = np.geomspace(SMALLEST * disc, largest, TABLE)
     size = (disc / deviations) ** 2

@@ -26,18 +26,19 @@ from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.runtime import limits
 from hpop.world import World
 
-TOLD_APART = 62  # people with a bit of their own; places where others are noticed are evaluated among all people
-ALONE = 2048  # pairs: fewer are evaluated among all people, which is as quick as a world of their own
+TOLD_APART = 62  # people with a bit of their own in a mask; where other people are noticed, all people are evaluated
+ALONE = 2048  # pairs of place and tick: fewer are evaluated among all people, which is as quick as in an own world
 NOTICED = "places where moving people are noticed were computed"
 
-Masks = NDArray[np.unsignedinteger[Any]]  # bit i for moving person i, the last bit for all others
+Masks = NDArray[np.unsignedinteger[Any]]  # bit i for moving person i, the last bit for all further people
 
 
 @dataclass(frozen=True, eq=False)
 class Presence:
     """Places and ticks at which moving people are noticed.
 
-    moving_people, notices
+    moving_people
+    notices  distances within which each person is noticed, so that a cost may change
     clock
     horizon  H: number of ticks
     x, y     (P,) m  places
@@ -54,17 +55,17 @@ class Presence:
 
     @property
     def over(self) -> float:
-        """A time, s, from which on no cost changes."""
+        """Time, s, after which no cost changes."""
         return self.moving_people.settled + self.clock.tick
 
     @property
     def at_last(self) -> World:
-        """The world, for costs at the time `over`."""
+        """World for costs at the time ``over`` or later."""
         return self.moving_people.world
 
     @cached_property
     def _beyond(self) -> list[NDArray[np.float32]]:
-        """For each moving person, distances (P, H), m, of places beyond the range in which the person is noticed."""
+        """Distances (P, H), m, of places at ticks from where each moving person is noticed."""
         times = self.clock.seconds(np.arange(self.horizon))
         distances = self.x.size * self.horizon * np.dtype(np.float32).itemsize
         limits.hold(NOTICED, len(self.notices.of) * distances, 2 * distances)
@@ -74,7 +75,7 @@ class Presence:
         return [np.minimum.reduce(distances) for distances in each]
 
     def masks(self, length: float, lasts: float) -> Masks:
-        """Return masks (P, H) of people noticed within a length, m, of places, from each tick on for some seconds."""
+        """Return masks (P, H) of the people noticed within a length, m, of a place, and a time, s, from a tick on."""
         if (length, lasts) not in self._masks:
             people = self.moving_people.people
             kind = np.dtype(np.min_scalar_type(1 << min(len(people), TOLD_APART)))
@@ -87,7 +88,10 @@ class Presence:
         return self._masks[length, lasts]
 
     def parts(self, masks: Masks) -> Iterator[tuple[IntArray, World]]:
-        """Yield pairs (N,) with the same noticed people, together with a world of these people."""
+        """Yield the indices (N,) of masks with the same people, each with a world of these people only.
+
+        Rare combinations of people are yielded together, with the world of all people.
+        """
         among_all = []
         values, which, counts = np.unique(masks, return_inverse=True, return_counts=True)
         for number, (mask, count) in enumerate(zip(values.tolist(), counts.tolist(), strict=True)):
@@ -109,13 +113,13 @@ TRIED_ARCS = 64  # sample of arcs
 
 
 def reading_time(criteria: Sequence[Criterion], space: StateGraph | JoinedEnds) -> list[int]:
-    """Return the columns of the criteria that depend on time, among the people of a graph's world."""
+    """Return the columns of the criteria that depend on the time, among the people of a graph's world."""
     tried = list(_tried(space))
     return [j for j, criterion in enumerate(criteria) if any(_reads_time(criterion, motions) for motions in tried)]
 
 
 def _tried(space: StateGraph | JoinedEnds) -> Iterator[Motions]:
-    """Yield motions of some arcs; for a graph without arcs, those of joined ends and a hold."""
+    """Yield motions of a sample of arcs; for a graph without arcs, those of joined ends and a hold."""
     inner = space.states_alone
     size = inner.arcs.heads.size
     if size:
@@ -144,9 +148,9 @@ def _reads_time(criterion: Criterion, motions: Motions) -> bool:
     return False
 
 
-ALIKE = 1e-9  # relative: smaller differences of the cost of standing count as none
+ALIKE = 1e-9  # relative: smaller differences between costs of standing are rounding errors
 IN_PLACE = 1e-2  # relative difference of the costs of turning and standing, due to quadrature
-TRIED_PLACES = 200  # sample of turns
+TRIED_PLACES = 200  # sample of places and ticks at which turns are tried
 DOING = "costs of standing were computed"
 
 
@@ -158,7 +162,11 @@ def hold_costs(
     presence: Presence | None = None,
     seconds: FloatArray | None = None,
 ) -> FloatArray:
-    """Return costs (N, k) of holds in states (N,), with durations (N,), s, from some times on, s, or from none."""
+    """Return the costs (N, k) of holds in states (N,), without people's motion if ``presence`` is None.
+
+    lasts    (N,) s  durations of the holds
+    seconds  (N,) s  times at which the holds begin; None for costs that do not depend on time
+    """
     world = space.world if presence is None else presence.moving_people.world
     columns = {name: np.nan_to_num(column) for name, column in states.__dict__.items()}
     start, end = States(**columns, **{CLOCK: 0.0 * lasts}), States(**columns, **{CLOCK: lasts})
@@ -184,7 +192,10 @@ def standing_rates(criteria: Sequence[Criterion], space: TrajectoryGraph, tick: 
 
 
 def alike_at_places(rates: FloatArray, place: IntArray) -> BoolArray:
-    """Mark columns (k,) of rates (n, k) that are equal, up to rounding, at all nodes of each place."""
+    """Return which columns (k,) of rates (n, k) are equal, up to rounding, at all nodes of each place.
+
+    place  (n,) place of each node
+    """
     size = int(place.max(initial=-1)) + 1
     low, high = np.full((size, rates.shape[1]), np.inf), np.full((size, rates.shape[1]), -np.inf)
     np.minimum.at(low, place, rates)
@@ -194,7 +205,7 @@ def alike_at_places(rates: FloatArray, place: IntArray) -> BoolArray:
 
 
 def turn_as_they_stand(criteria: Sequence[Criterion], arcs: TimedArcs, presence: Presence) -> BoolArray:
-    """Mark criteria (k,) for which a motion in place costs as much as standing there meanwhile.
+    """Return for which criteria (k,) a motion in place costs as much as standing there meanwhile.
 
     A sample of places and headings where a person is noticed is tried. It holds for criteria that depend only on the
     position of the base and the time.

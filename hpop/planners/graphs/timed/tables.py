@@ -24,7 +24,7 @@ from hpop.planners.graphs.timed.presence import Presence
 from hpop.planners.spending import Spending
 from hpop.world import World
 
-PAIRS = 1 << 18  # pairs of an arc or place and a tick in one block of a thread
+PAIRS = 1 << 18  # pairs of an arc or place and a tick in a block, which a thread computes
 BATCH = 1 << 13  # pairs evaluated at once: arrays of criteria stay in the processor's cache
 LENGTH = 0.5  # m: arcs of nearly equal length share the places where people are noticed
 DOING = "costs near moving people were computed"
@@ -36,8 +36,8 @@ class ArcTable(NamedTuple):
     """Costs of arcs by tick, in quanta.
 
     rows    (q,)  arcs with a table, rising
-    costs   k tables, (q, H + 1), by criterion; the last column has the final costs
-    static  (r, k)  final costs of all arcs
+    costs   k tables (q, H + 1), by criterion; the last column has the costs after all people have settled
+    static  (r, k)  costs of all arcs after all people have settled
     pairs   number of costs computed, of an arc at a tick
     """
 
@@ -50,8 +50,9 @@ class ArcTable(NamedTuple):
 class StandingCosts(NamedTuple):
     """Costs of standing at places, in quanta.
 
-    tables  k tables, (P, H + 1) int64: for a sum since tick 0, for a worst moment during the tick
-    rates   (P, k)  final costs a tick, not rounded
+    tables  k tables (P, H + 1) int64: of a sum, the cost of standing from tick 0 to each tick; of a worst moment, the
+            cost during each tick
+    rates   (P, k)  costs per tick after all people have settled, not rounded
     pairs   number of costs computed, of a place at a tick
     """
 
@@ -79,9 +80,11 @@ class TimedCosts:
     def arcs(
         self, legs: Sequence[LegMotions], place: IntArray, lasts: FloatArray, earliest: IntArray, wanted: BoolArray
     ) -> ArcTable:
-        """Return the tables of arcs (r,): of those marked in ``wanted`` (r,), and of those that notice a person.
+        """Return the tables of arcs (r,): of arcs marked in ``wanted`` (r,), and of arcs on which a person is noticed.
 
-        place, lasts, earliest  (r,)  place of each tail, duration, s, and earliest tick of departure
+        place     (r,)     place of each arc's tail
+        lasts     (r,) s   duration
+        earliest  (r,)     earliest tick of departure
         """
         size, horizon, number = place.size, self.presence.horizon, len(self.criteria)
         static = self._final(legs, size)
@@ -118,7 +121,10 @@ class TimedCosts:
         return ArcTable(rows, columns, static, sum(part[2] for part in parts))
 
     def standing(self, states: States, earliest: IntArray) -> StandingCosts:
-        """Return the costs of standing at places, in states (P,), from their earliest ticks (P,) on."""
+        """Return the costs of standing at places, in states (P,).
+
+        Before their earliest ticks (P,) costs are not computed.
+        """
         size, horizon = states.size, self.presence.horizon
         tick = self.presence.clock.tick
         over = np.full(size, self.presence.over)
@@ -156,7 +162,12 @@ class TimedCosts:
         return [counts[:, j].astype(np.int64) for j in range(self.quanta.size)]
 
     def _totals(self, j: int, paid: FloatArray) -> IntArray:
-        """Return costs of standing (P, H + 1) in the form of the search; ``paid`` is overwritten, to save memory."""
+        """Return costs of standing (P, H + 1) as the search needs them.
+
+        Running totals of sums, values of worst moments.
+
+        ``paid`` has the costs per tick, and is overwritten, to save memory.
+        """
         paid /= self.quanta[j]
         if self.criteria[j].aggregate == "max":
             return np.rint(paid, out=paid).astype(np.int64)
@@ -166,7 +177,7 @@ class TimedCosts:
         return totals
 
     def _holds(self, states: States, seconds: FloatArray, world: World) -> FloatArray:
-        """Return costs (N, k) of standing for a tick from times (N,), s, on."""
+        """Return the costs (N, k) of standing for one tick, from times (N,), s, on."""
         costs = np.zeros((states.size, len(self.criteria)))
         lasts = np.full(states.size, self.presence.clock.tick)
         start = States(**states.__dict__, **{CLOCK: 0.0 * lasts})
@@ -176,7 +187,7 @@ class TimedCosts:
         return costs
 
     def _final(self, legs: Sequence[LegMotions], size: int) -> IntArray:
-        """Return the final costs (r, k) of arcs, in quanta."""
+        """Return the costs (r, k) of arcs, in quanta, after all people have settled."""
         static = np.zeros((size, len(self.criteria)), np.int64)
 
         def costs(part: slice) -> tuple[slice, list[IntArray]]:
@@ -207,7 +218,7 @@ def _slices(size: int, step: int) -> Iterator[slice]:
 
 
 def _small(column: IntArray) -> Counts:
-    """Return a column in 32 bits if that is enough."""
+    """Return a column as 32-bit integers if its values allow it."""
     return column.astype(np.int32) if column.max(initial=0) < 2**31 else column
 
 

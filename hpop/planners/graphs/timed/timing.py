@@ -1,4 +1,4 @@
-"""The clock of a query: search, plans and claims among people who move."""
+"""Timing of a query among moving people: the search on a clock, its plans, and words for certificates."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ class Timing:
 
     timed       the graph on the clock
     start       node at which plans begin: the query's start, or the extra node beside it
-    options     of time
+    options     options for time
     people      all people, as predicted from the departure on
-    begins      s, on the clock, of the departure
-    late_start  s, delay of executions from the departure on that the clock does not include
+    begins      s, time of the departure on the clock
+    late_start  s, delay of executions at the departure that the clock does not include
     """
 
     timed: GraphOnClock
@@ -63,7 +63,7 @@ class Timing:
     # The search
 
     def paths(self, query: Query, limits: Limits, eps: float, slack: IntArray) -> TimedPaths:
-        """Find all non-dominated paths on the clock, or a cover within ``eps`` and a slack (k,) in quanta."""
+        """Return all non-dominated paths on the clock, or a cover of them within ``eps`` and a slack (k,) in quanta."""
         quanta = np.array([criterion.quantum for criterion in query.objectives.optimised])
         counts = np.floor(slack * (quanta / self.timed.quanta) + 1e-9).astype(np.int64)
         return timed_paths(
@@ -96,14 +96,14 @@ class Timing:
         return ", ".join(parts)
 
     def rounded(self, objectives: Objectives) -> str:
-        """Say how costs are rounded."""
+        """Return the part of a certificate that states the quanta of the costs."""
         own = zip(objectives.optimised, self.timed.quanta.tolist(), strict=True)
         steps = [f"{c.name} {step:g} {c.unit}".removesuffix(" 1") for c, step in own if step != c.quantum]
         return f"{ROUNDED}, on the clock those of {', '.join(steps)}" if steps else ROUNDED
 
     @property
     def _executed(self) -> str:
-        """Deviation of executions from their plans, in words."""
+        """Deviation of executions from their plans, for a certificate."""
         ramps = self.timed.ramps
         if ramps is None:
             return "and each was looked at as it is executed"
@@ -140,7 +140,7 @@ class Timing:
         )
 
     def _contacts(self, plans: TimedPlans) -> list[str]:
-        """Return in words how each plan comes too near to people; "" if it does not.
+        """Return for each plan how it comes too near to people, in words; "" if it does not.
 
         Plans proven clear by the search are not checked again.
         """
@@ -157,7 +157,7 @@ class Timing:
         return contacts
 
     def _none_left(self, contacts: Sequence[str]) -> Iterator[str]:
-        """Yield a note if every plan comes too near to people."""
+        """Yield a note if every plan comes too near to people, so that none is returned."""
         if contacts:
             margin = "give a smaller margin, or " if self.options.margin > 0 else ""
             yield (
@@ -208,18 +208,18 @@ class Timing:
         return (taken_to_stop(self.people, self.stopping),) if self.stopping else ()
 
     def is_open_alone(self, query: Query) -> bool:
-        """Return whether there are paths without people who move."""
+        """Return whether a path to a goal exists if moving people are ignored."""
         graph = query.graph if query.closed is None else query.graph.without(query.closed)
         alone = pareto_paths(graph, self.start, query.goals, budget=Budget(max_labels=10**6), eps=1.0)
         return alone.status is not Status.NO_PATH
 
     def what_blocks(self, query: Query) -> str:
-        """Say in words why there is no path."""
+        """Return the reason, in words, why there is no path."""
         if not self.is_open_alone(query):
             return query.space.what_separates(query.start, query.goals)
         why, remedies = ["people who move are in their way, now or later"], list[str]()
         if near := [*self.timed.safety.coming(self.departure)]:
-            names = some([*dict.fromkeys(person.name or "somebody" for person, _ in near)])
+            names = some([*dict.fromkeys(person.name or "a person" for person, _ in near)])
             when = f"after {first:.2g} s" if (first := min(since for _, since in near)) else "from the beginning"
             why.append(f"{names} may be too near to the start, {when}, for the robot to leave in time")
         if self.options.margin > 0:
@@ -272,6 +272,6 @@ def timed_query(
 
 
 def on_clock(timing: Timing, objectives: Objectives, start: int, goals: list[int], **fields: Any) -> Query:
-    """Return the query of a graph on a clock; ``fields``: further fields of the query."""
+    """Return the query of a graph on a clock; ``fields`` are further fields of the query."""
     timed = timing.timed
     return Query(timed.arcs.space, objectives, timed.graph.graph, start, goals, timing=timing, **fields)

@@ -69,7 +69,7 @@ class HalfPlanes:
         return HalfPlanes(all_normals[touched], limits[touched], corners)
 
     def nearest(self, point: FloatArray) -> FloatArray:
-        """Return the point (2,) inside that is nearest to a point."""
+        """Return the point (2,) of the intersection that is nearest to a point."""
         if self.excess(point[None])[0] <= 0.0:
             return point
         return np.asarray(shapely.get_coordinates(shapely.shortest_line(self.polygon, shapely.points(point)))[0])
@@ -122,7 +122,8 @@ class FreeRegion:
 
     inside  half-planes of the region
     seed    (2, 2)  m: the segment that it was grown around
-    safe    whether the robot is free everywhere in it at any yaw; else it is as near to obstacles as on the seed
+    safe    whether the robot is free everywhere in the region at any yaw; else it may be as near to obstacles as on
+            the seed
     """
 
     inside: HalfPlanes
@@ -148,10 +149,11 @@ class FreeRegion:
         return bool((self.inside.excess(segment) <= TOUCH).all())
 
     def distance_planes(self, space: FreeSpace, piece: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
-        """Return normals a (m, 2) and offsets c (m,) with ``d(p) >= min(width, min_k (c_k - a_k p))`` inside.
+        """Return normals a (m, 2) and offsets c (m,) with ``d(p) >= min(width, min_k (c_k - a_k p))`` in the region.
 
         d is the distance to the border of a free space, 0 beyond it. The bound is tightest near ``piece`` (2, 2), a
-        segment inside. If there is no bound, the result is one plane of zeros.
+        segment in
+        the region. If there is no bound, the result is one plane of zeros.
         """
         clear = clear_of(space, piece, width + WIDTH)
         if clear is None:
@@ -164,8 +166,8 @@ class FreeRegion:
 class Corridor:
     """Sequence of regions, one for each segment of a polyline.
 
-    regions       n, neighbours overlap; one, if start is goal
-    overlaps      n - 1, intersections of neighbouring regions: with vertices in these, each segment is in its region
+    regions       n regions, neighbours overlap; one region if the start is the goal
+    overlaps      n - 1 intersections of neighbouring regions; if vertices lie in these, each segment is in its region
     warm          path around which the regions were grown
     along_first   whether the first segment keeps the heading of the start, without a turn
     along_last    whether the last segment keeps the heading of the goal
@@ -239,7 +241,10 @@ def _segments(polyline: Polyline) -> Iterator[FloatArray]:
 
 
 def _region(segment: FloatArray, regions: list[FreeRegion], problem: Problem) -> int:
-    """Return the index of the largest region around a segment, or of a new one; -1 if it touches an obstacle."""
+    """Return the index of the largest region that covers a segment, or of a new region.
+
+    -1 if the segment touches an obstacle.
+    """
     covering = [i for i, region in enumerate(regions) if region.covers(segment)]
     if covering:
         return max(covering, key=lambda i: regions[i].inside.polygon.area)
@@ -251,7 +256,7 @@ def _region(segment: FloatArray, regions: list[FreeRegion], problem: Problem) ->
 
 
 def spaces(model: PlanarModel, world: World) -> list[tuple[FreeSpace, float]]:
-    """Return the free spaces at the heights of the robot's parts, each with the largest reach of parts there, m."""
+    """Return the free space at each height range of the robot's parts, with the largest reach of the parts there, m."""
     return [(world.free_space(z), reach) for z, reach in reaches(model, world)]
 
 

@@ -38,8 +38,8 @@ if TYPE_CHECKING:
 
 NAME = "weighted-sum-corridor"
 SOLVER = "CLARABEL"
-LOADS = 1.0  # s, that cvxpy takes to load
-DIVISIONS = 6  # default for more than two costs
+LOADS = 1.0  # s that loading cvxpy takes
+DIVISIONS = 6  # default number of divisions for more than two costs
 
 
 @planner(NAME)
@@ -49,7 +49,7 @@ class WeightedSumCorridor:
 
     step        m  distance between positions of the lattice that gives the warm starts
     headings    number of headings of that lattice: 4, 8 or 16
-    divisions   makes the weights: all multiples of 1 / divisions that add up to 1
+    divisions   number from which the weights are made: all multiples of 1 / divisions that add up to 1
     weights     vectors of weights, each with one number for each convex cost, in the order of the criteria; instead of
                 divisions
     solver      cvxpy's name of the solver; if it fails, other installed solvers are tried
@@ -132,7 +132,7 @@ class WeightedSumCorridor:
 
 
 def _convex(objectives: Objectives, problem: Problem) -> list[int]:
-    """Return the indices of criteria with a convex form; raises UnsupportedCriterion if others are no counts."""
+    """Return the indices of criteria with a convex form; UnsupportedCriterion if any other criterion is no count."""
     indices = []
     for j, criterion in enumerate(objectives.optimised):
         if criterion.convex is not None:

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 SHORTEST = 1e-3  # m: a shorter segment is left out
 PIECE = 1.0  # m: distances are bounded piece by piece
-FLAT = 1e-5  # of the weighted, normalised cost: increase allowed for aligning vertices
+FLAT = 1e-5  # share of the weighted cost by which aligning vertices may increase it
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +95,8 @@ class CorridorProgram:
     Its variables z displace the vertices from the warm path: ``v = base + steps z``, two per vertex, or one if a
     heading keeps the vertex on a ray.
 
-    criteria  k, each with a method ``convex``
-    solvers   in the order of their trials
+    criteria  k criteria with a method ``convex``
+    solvers   names of solvers, in the order in which they are tried
     solved    programs solved, by solver
     failed    solves that failed, by solver and reason
     """
@@ -111,7 +111,7 @@ class CorridorProgram:
 
     @cached_property
     def rays(self) -> dict[int, tuple[FloatArray, FloatArray]]:
-        """Rays of the vertices that a heading fixes: the end of the ray, m, and its direction, by vertex."""
+        """Ray of each vertex that a heading fixes: the end of the ray, m, and its direction, by the vertex's index."""
         warm, rays = self.corridor.warm, {}
         if self.corridor.along_first and self.corridor.segments > 1:
             rays[1] = (warm.vertices[0], _direction(warm.start_yaw))
@@ -231,7 +231,7 @@ class CorridorProgram:
         return moved
 
     def tidied(self, vertices: FloatArray, weights: FloatArray) -> FloatArray:
-        """Return vertices with negligible turns and short segments removed, where regions and costs allow."""
+        """Return vertices without negligible turns and short segments, if regions and costs permit that."""
         limit = float(weights @ self.evaluate(vertices))
         limit += FLAT * max(limit, 1e-12)
         for i in range(1, len(vertices) - 1):
@@ -269,7 +269,7 @@ def _cvxpy() -> Any:
 
 
 def solvers_from(first: str) -> tuple[str, ...]:
-    """Return a solver, then all others that are installed; raises OptionError if it is not installed."""
+    """Return the given solver, then all other installed solvers; OptionError if it is not installed."""
     installed = _cvxpy().installed_solvers()
     if not isinstance(first, str) or first not in installed:
         raise OptionError(
@@ -292,5 +292,5 @@ def _on_ray(inside: HalfPlanes, point: FloatArray, end: FloatArray, direction: F
 
 
 def _near(point: FloatArray, candidates: Sequence[FloatArray]) -> list[FloatArray]:
-    """Return the points that are less than SHORTEST away from a point, but not at it."""
+    """Return the candidates that are less than SHORTEST away from a point, but not at it."""
     return [candidate for candidate in candidates if 0 < math.dist(point, candidate) < SHORTEST]

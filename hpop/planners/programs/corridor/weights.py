@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from hpop.models.base import PlanarModel
 
 SMALL = 1e-4  # added to every weight of a normalised cost, so that none is zero
-GAP = 0.01  # of the normalised weighted sum: the dichotomy ends when the gap to the front is less
+GAP = 0.01  # largest gap to the front, in the normalised weighted sum, at which the dichotomy ends
 CONSTANT = 1e-6  # relative: a cost that differs by less among the individual optima counts as constant
 SAME = 1e-6  # m: nearer vertices count as equal
 
@@ -48,11 +48,11 @@ class Shared:
 class CorridorPoints:
     """Weighted optima of one corridor.
 
-    polylines      n
+    polylines      n polylines
     costs          (n, k) as the program added them up
-    exact          (k,) whether each is the cost itself or an upper bound
-    weights        n, for each polyline the weights of normalised costs that it is optimal for
-    ideal, nadir   (k,) of the individual optima; empty if one of them is missing
+    exact          (k,) whether each is the cost itself; else it is an upper bound
+    weights        for each polyline, the weights of normalised costs for which it is optimal
+    ideal, nadir   (k,) least and greatest costs of the individual optima; empty if an optimum is missing
     solved         programs solved, by solver
     failed         solves that failed, by solver and reason
     unsolved       programs that no solver solved
@@ -137,7 +137,7 @@ class _Weighted:
                 waiting += [(a, costs), (costs, b)]
 
     def _solve(self, weights: tuple[float, ...]) -> FloatArray | None:
-        """Return the costs (k,) of the optimum of weights, and record it."""
+        """Return the costs (k,) of the optimum for some weights, and record it; None if no solver succeeds."""
         self.deadline.check("a convex program was solved")
         positive = (np.array(weights) + SMALL) / self.scale
         vertices = self.program.solve(positive)

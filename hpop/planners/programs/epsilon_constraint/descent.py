@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 
 FIRST, LAST, MOST = 0.1, 5e-4, 0.4  # m: size of the trust region, at first, at least and at most
 SHRINKS, GROWS = 0.3, 2.0  # factors on the trust region after a failed step and after a good one
-STEPS = 60  # at most
-GAIN = 2e-5  # of the minimised cost: a smaller predicted gain ends the descent
+STEPS = 60  # most steps
+GAIN = 2e-5  # share of the minimised cost: a smaller predicted gain ends the descent
 WORTH = 0.1  # share of the predicted gain that a step must achieve
 CORRECTIONS = 3  # second-order corrections before the trust region shrinks
 ROOM = (0.0, 1e-3, -1e-3, 4e-3, -4e-3)  # m, by which the neighbours of a removed corner move
@@ -50,7 +50,7 @@ class DescentResult(NamedTuple):
 
     costs  (k,)
     steps  count
-    left   predicted gain of the next step, as a share of the cost; 0 if that is no gain, NaN if no step was computed
+    left   predicted gain of the next step, as a share of the cost; 0 if negligible, NaN if no step was computed
     """
 
     polyline: Polyline
@@ -102,7 +102,10 @@ class Descent:
         return result
 
     def _better(self, polyline: Polyline, costs: FloatArray) -> Iterator[DescentResult]:
-        """Yield ever better polylines; the last one is the result."""
+        """Yield the result after each step, each better than the one before.
+
+        The last one is the result of the descent.
+        """
         distance, left, multipliers = FIRST, np.nan, self.weights
         polyline, costs = self._shortened(polyline, costs)
         if len(polyline.vertices) < 3:
@@ -143,7 +146,7 @@ class Descent:
     def _step(
         self, local: LocalModel, polyline: Polyline, costs: FloatArray, distance: float
     ) -> tuple[tuple[Polyline, FloatArray] | None, float]:
-        """Return the result of a step that achieves its predicted gain, or None, and the first predicted gain."""
+        """Try a step; return it if it achieves its predicted gain, else None, and the gain that was predicted first."""
         promised = 0.0
         local.forget()
         for correction in range(CORRECTIONS):
@@ -165,10 +168,13 @@ class Descent:
     def _polled(
         self, local: LocalModel, polyline: Polyline, costs: FloatArray, bounds: FloatArray
     ) -> tuple[tuple[Polyline, FloatArray], float] | None:
-        """Return the best displacement of one corner that keeps the bounds (k,), and its size, m; None without a gain.
+        """Return the best displacement of a single corner that keeps the bounds (k,), with its size, m.
+
+        None without a gain.
 
         Sizes are tried one after the other, the largest first. Displacements are projected so that segments with a
-        fixed heading keep it; otherwise the robot would have to turn once more.
+        fixed
+        heading keep it; otherwise the robot would have to turn once more.
         """
         vertices = polyline.vertices
         ahead = np.diff(vertices, axis=0)
@@ -201,7 +207,7 @@ class Descent:
         return float(self.weights @ costs)
 
     def _shortened(self, polyline: Polyline, costs: FloatArray) -> tuple[Polyline, FloatArray]:
-        """Return the polyline without the corners that can be removed at no cost."""
+        """Return the polyline without the corners that can be removed without a higher cost."""
         while len(polyline.vertices) > 2 and not self.is_late():
             inner = range(1, len(polyline.vertices) - 1)
             fewer = [polyline.without(corner) for corner in inner]

@@ -28,9 +28,9 @@ from hpop.planners.programs.polyline import Polyline
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-SLACK = 1e-6  # m, by which free space is grown, so that a path along its border lies in it
+SLACK = 1e-6  # m by which free space is grown, so that a path along its border lies in it
 ROUNDING = 1e-6  # m⁴: a product of two areas below it counts as 0, so that a line along a side is a tangent
-MOST_CORNERS = 5000  # of free space; with more, only the straight line bounds the length
+MOST_CORNERS = 5000  # most corners of free space; with more, only the straight line bounds the length
 
 
 def least_length(problem: Problem) -> float:
@@ -51,7 +51,7 @@ def least_length(problem: Problem) -> float:
 
 
 def _shortest(space: shapely.Geometry, start: FloatArray, goal: FloatArray) -> float:
-    """Return the length of the shortest path in a region; 0 where there is none, or the region has too many corners.
+    """Return the length, m, of the shortest path in a region; 0 if there is none, or the region has too many corners.
 
     This is A* from corner to corner along lines that are tangents at both ends. Whether a line is free is checked only
     when it leaves the queue.
@@ -83,7 +83,7 @@ def _shortest(space: shapely.Geometry, start: FloatArray, goal: FloatArray) -> f
 
 
 def _corners(space: shapely.Geometry) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the reflex vertices (n, 2) of a region, at which a shortest path may turn, and their sides to and from."""
+    """Return the reflex vertices (n, 2) of a region, at which a shortest path may turn, and the sides at each."""
     rows = [np.zeros((0, 3, 2))]
     for ring in shapely.get_rings(shapely.get_parts(shapely.normalize(space))):  # the region is to the right of each
         points = shapely.get_coordinates(ring)[:-1]
@@ -94,7 +94,10 @@ def _corners(space: shapely.Geometry) -> tuple[FloatArray, FloatArray, FloatArra
 
 
 def _tangent(ahead: FloatArray, before: FloatArray, after: FloatArray) -> BoolArray:
-    """Return whether lines (n, 2) leave both sides of a corner on the same side."""
+    """Return whether both sides of a corner are on the same side of lines (n, 2) from it.
+
+    A taut path can turn there.
+    """
     return _cross(ahead, before) * _cross(ahead, after) <= ROUNDING
 
 
@@ -102,7 +105,7 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
-LOOSE = 2e-4  # relative: costs that differ by less are equal; bounds are loosened by it, to leave a solver room
+LOOSE = 2e-4  # relative: costs that differ by less are equal; bounds are loosened by it, for the solver
 WAVE = 8  # least number of cells that are solved together, whatever the number of workers
 
 
@@ -110,7 +113,7 @@ WAVE = 8  # least number of cells that are solved together, whatever the number 
 class Roles:
     """Roles of the costs: one is minimised, smooth ones are bounded in programs, counts follow from structures.
 
-    criteria  k
+    criteria  k criteria
     minimise  index of the minimised cost
     smooth    indices of the costs with a gradient
     """
@@ -121,7 +124,7 @@ class Roles:
 
     @classmethod
     def of(cls, criteria: Sequence[Criterion], minimise: str | None, problem: Problem) -> Roles:
-        """Return the roles of the optimised criteria; without a name the length or the first smooth cost is minimised.
+        """Return the roles of criteria; without a name, the length is minimised, or else the first smooth cost.
 
         Raises the errors of :func:`smooth_indices` and :func:`minimised`.
         """
@@ -142,13 +145,16 @@ class Roles:
         return [j for j in range(len(self.criteria)) if j != self.minimise]
 
     def limits(self, epsilon: Mapping[str, float], problem: Problem) -> FloatArray:
-        """Return bounds (k,) from bounds by name; OptionError for unknown names and bounds that no trajectory keeps."""
+        """Return bounds (k,) from bounds by name.
+
+        OptionError for unknown names and for bounds that no trajectory keeps.
+        """
         names = [criterion.name for criterion in self.criteria]
         unknown = sorted(str(name) for name in epsilon if name not in names)
         if unknown:
             means = {mean.name: integral_of(mean).name for mean in problem.criteria if mean.aggregate == "time-mean"}
             hints = (
-                f" {name} is a mean and does not add up, so {means[name]} stands in for it: bound that."
+                f" {name} is a mean and does not add up, so {means[name]} stands in for it: bound {means[name]}."
                 if name in means
                 else did_you_mean(name, names)
                 for name in unknown
@@ -163,7 +169,7 @@ class Roles:
             unit = f" {self.criteria[j].unit}".removesuffix(" 1")
             raise OptionError(
                 f"epsilon bounds {names[j]} by {limits[j]:g}{unit}, but no trajectory from start to goal has less than "
-                f"{least[j]:.6g}{unit}; give more than that"
+                f"{least[j]:.6g}{unit}; give a larger bound"
             )
         return limits
 
@@ -191,9 +197,9 @@ class FreePolyline:
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """Cell of the grid: bounds (k,) from a warm start.
+    """Cell of the grid: bounds of the costs, taken from a warm start.
 
-    epsilon  (k,)
+    epsilon  (k,) bounds
     of       index of the warm start
     level    0 for the costs of the warm start, more for tighter bounds
     """
@@ -254,10 +260,11 @@ class Grid:
         return [sorted(cells, key=lambda c: -float((c.epsilon / span)[bounded].sum())) for cells in levels]
 
     def wave(self, cells: Sequence[Cell]) -> list[Cell]:
-        """Return some cells to be solved together, with candidates that rarely fit each other's bounds.
+        """Return some cells to be solved together, chosen so that their candidates rarely keep each other's bounds.
 
         A program does not change counts, so its candidate fits cells with other counts only if it lost a turn. A wave
-        has the loosest cell for each set of counts; if these are fewer than WAVE, more of each set, evenly spaced.
+        has the
+        loosest cell for each set of counts; if these are fewer than WAVE, more of each set, evenly spaced.
         """
         groups: dict[tuple[float, ...], list[Cell]] = {}
         for cell in cells:
@@ -266,7 +273,11 @@ class Grid:
         return [cell for group in groups.values() for cell in group[:: -(-len(group) // share)]]
 
     def unanswered(self, cells: Sequence[Cell]) -> list[Cell]:
-        """Return the cells that remain: no candidate of looser bounds keeps them, and no looser bound is infeasible."""
+        """Return the cells that still need a program.
+
+        A cell needs none if a candidate of a cell with looser bounds keeps its bounds, or if looser bounds were
+        infeasible.
+        """
         bounded = self.roles.bounded
         left = [cell for cell in cells if not self._hopeless(cell)]
         for candidate in self.candidates:
@@ -284,9 +295,11 @@ class Grid:
         )
 
     def start(self, cell: Cell) -> FreePolyline | None:
-        """Return the polyline that exceeds the bounds of a cell least, of these the one with the least minimised cost.
+        """Return the polyline from which a cell's program starts, or None.
 
-        None if all polylines exceed the bounds in a count, which no program changes.
+        It is the warm start if that keeps the bounds; else the polyline that exceeds the bounds least, and of these
+        that with
+        the least minimised cost. None if all polylines exceed the bounds in a count, which no program changes.
         """
         if not exceeds(self.warm[cell.of].costs, cell.epsilon, self.roles.criteria).any():
             return self.warm[cell.of]

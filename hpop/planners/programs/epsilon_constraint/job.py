@@ -24,13 +24,13 @@ from hpop.runtime.limits import LimitPassed, within
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-QUADRATURE = 1e-3  # relative: difference of sums over pieces and over whole motions
+QUADRATURE = 1e-3  # relative: difference between sums over pieces and over whole motions
 REPAIRS = 3  # solves with corrected bounds after a solution that collides or exceeds its bounds
-GAIN = 1e-3  # relative: a round that gains less is the last
-AT_BORDER = 0.95  # share of the region of a program: a round that moves all vertices by less is the last
-SHARE = 0.7  # of the tolerance of a bound: by so much the descent may exceed it
+GAIN = 1e-3  # relative: a round that gains less is the last one
+AT_BORDER = 0.95  # share of a program's region: a round that moves all vertices by less is the last one
+SHARE = 0.7  # share of a bound's tolerance by which the descent may exceed the bound
 CACHED = 250  # programs in the cache of a process, of some 4 MB each
-NUDGE = 0.05  # m: a warm start that did not converge is displaced by about this
+NUDGE = 0.05  # m: typical displacement of a warm start from which the solver did not converge
 INFEASIBLE = "Infeasible_Problem_Detected"
 
 Task = tuple[Cell, FreePolyline]  # bounds, and the polyline to start from
@@ -42,7 +42,7 @@ class PolylineJob:
 
     problem
     roles
-    rounds    programs per cell, each from the last solution
+    rounds    number of programs per cell; each starts from the last solution
     deadline
     programs  cache by structure
     """
@@ -57,7 +57,7 @@ class PolylineJob:
         return {**self.__dict__, "programs": {}}
 
     def solve(self, task: Task) -> Outcome[CellCandidate]:
-        """Return the candidate of a cell, or why there is none; it depends on the task alone."""
+        """Return the candidate of a cell, or the reason why there is none; it depends on the task alone."""
         attempt = _Attempt(self, *task)
         with ONE_PROGRAM:
             began = time.perf_counter()
@@ -66,7 +66,7 @@ class PolylineJob:
         return Outcome.of(result, attempt.counts, attempt.seconds)
 
     def tolerance(self, planned: FloatArray) -> FloatArray:
-        """Return by how much planned costs (., k) may be off.
+        """Return the largest error of planned costs (., k).
 
         For sums this is QUADRATURE; for maxima, the change of one unit per metre between samples and field cells.
         """
@@ -89,7 +89,7 @@ class _Attempt:
     seconds: dict[str, float] = field(default_factory=lambda: {"build": 0.0})
 
     def run(self) -> CellCandidate | str:
-        """Return the best candidate, also if the time is over, or why there is none."""
+        """Return the best candidate, also if the time is over, or the reason why there is none."""
         reason = CUT_SHORT
         try:
             with within(self.job.deadline):
@@ -136,12 +136,15 @@ class _Attempt:
         return reason
 
     def _gain(self, start: FreePolyline, candidate: CellCandidate) -> float:
-        """Return by how much a candidate lowers the minimised cost."""
+        """Return the decrease of the minimised cost from a start to a candidate."""
         minimise = self.job.roles.minimise
         return float(start.costs[minimise] - candidate.solved.costs[minimise])
 
     def _solve(self, start: FreePolyline, number: int) -> CellCandidate | str:
-        """Solve one program from one polyline; return a candidate that passes all checks, or why there is none."""
+        """Solve a program from a polyline.
+
+        Return a candidate that passes all checks, or the reason why there is none.
+        """
         roles, cell, warm = self.job.roles, self.cell, start.polyline
         smooth = list(roles.smooth)
         program = self._program(warm.structure)
@@ -270,7 +273,7 @@ class _Attempt:
         return costs
 
     def _planned(self, solved: FreePolyline) -> FloatArray:
-        """Return costs (k,) as sums over pieces."""
+        """Return the costs (k,) of a polyline as a program computes them: sums over pieces."""
         batches = PolylineMotions(solved.polyline.structure).of(self.job.problem, solved.polyline)
         planned = solved.costs.copy()
         for j in self.job.roles.smooth if solved.polyline.structure.segments else ():

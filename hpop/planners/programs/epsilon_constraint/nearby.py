@@ -1,4 +1,4 @@
-"""Local model of the polylines near one: costs to second order, distances to first, and the best small step."""
+"""Local model of the polylines near a given one: costs to second order, distances to first, and the best step."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from hpop.world.ground import Heights
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-PENALTY = 100.0  # of a cost beyond its bound, in shares of its scale
+PENALTY = 100.0  # penalty per scale of a cost beyond its bound
 PIECE = 0.1  # m: length of the parts of segments in which maxima are first searched
 SAMPLE = 0.04  # m: first spacing of the samples of the distance to obstacles
-FINER = 7  # refinement of both near extrema
-APART = 3e-5  # m: clearance beyond the robot's reach, for the error between two samples
+FINER = 7  # factor by which both are refined near extrema
+APART = 3e-5  # m: additional clearance, for the error between two samples
 REACH = 0.6  # m: obstacles that are farther away bound no step
 KEEP = 0.5  # share of its length that a segment keeps in one step
 PROBE = 1e-5  # m: step of first differences
@@ -45,7 +45,7 @@ class StepLimits(NamedTuple):
     maximum: IntArray
 
     def within(self, distance: float) -> StepLimits:
-        """Return the limits that steps with coordinates of at most a distance, m, can reach."""
+        """Return the limits that can matter for a step with coordinates of at most a distance, m."""
         near = (self.maximum >= 0) | (self.room <= distance * np.abs(self.slopes).sum(axis=1))
         return StepLimits(self.slopes[near], self.room[near], self.maximum[near])
 
@@ -210,7 +210,7 @@ class LocalModel:
         ]
 
     def _near(self, vertices: FloatArray, z: Heights) -> tuple[SegmentParts, FloatArray]:
-        """Return samples along a polyline, denser where it passes an obstacle, and their distances (S,)."""
+        """Return samples along a polyline, denser where it passes an obstacle, and their distances (S,), m."""
         parts = _parts(vertices, SAMPLE)
         last = np.append(np.diff(parts.segment) > 0, True)
         segment = np.concatenate([parts.segment, parts.segment[last]])
@@ -260,7 +260,7 @@ class LocalModel:
 
     @cached_property
     def _rows(self) -> list[StepLimits]:
-        """Limits at the polyline itself."""
+        """Limits of steps from the polyline itself."""
         return self._limits_at(np.zeros(self.freedom))
 
     def _limits_at(self, step: FloatArray) -> list[StepLimits]:
@@ -268,11 +268,11 @@ class LocalModel:
         return [*self._distance_rows(step), *self._maximum_rows(step)]
 
     def forget(self) -> None:
-        """Drop the corrections from steps."""
+        """Drop the corrections that :meth:`learn` made."""
         self._more, self._excess = [], np.zeros(len(self.criteria))
 
     def learn(self, step: FloatArray) -> bool:
-        """Correct the model at a step that failed; return whether that changed it."""
+        """Correct the model by the exact costs after a step that failed; return whether this changed the model."""
         costs = self._sums(step[None])[:, 0]
         foreseen = self.costs + self.slopes @ step
         excess = np.zeros(len(self.criteria))
@@ -286,7 +286,7 @@ class LocalModel:
         return news
 
     def gain(self, step: FloatArray) -> float:
-        """Return by how much a step lowers the weighted costs, by this model."""
+        """Return the decrease of the weighted costs that the model predicts for a step (d,)."""
         rows = _joined([*self._rows, *self._more], self.freedom)
         after = self.costs + self.slopes @ step
         for j in self.maxima:
@@ -295,10 +295,11 @@ class LocalModel:
         return float(self.weights @ (self.costs - after)) - 0.5 * float(step @ self._curvature @ step)
 
     def step(self, distance: float) -> FloatArray | None:
-        """Return the best step (d,) of this model within a distance, m; None where the solver fails.
+        """Return the best step (d,), with coordinates of at most a distance, m; None if the solver fails.
 
         Variables are the step, in shares of the distance, and, in shares of its scale, the value of each maximum and
-        the excess of each cost over its bound.
+        the excess
+        of each cost over its bound.
         """
         d, k = self.freedom, len(self.criteria)
         rows = _joined([*self._rows, *self._more], d).within(distance)
@@ -343,7 +344,10 @@ class LocalModel:
 def _solved(
     curvature: FloatArray, objective: FloatArray, matrix: FloatArray, room: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Return x of least ½ x·curvature·x + objective·x with matrix x <= room, and multipliers; None if that fails."""
+    """Return the minimiser x of ½ x·curvature·x + objective·x with matrix x <= room, and multipliers.
+
+    None on failure.
+    """
     import clarabel
     from scipy import sparse
 
@@ -364,7 +368,10 @@ def _parts(vertices: FloatArray, length: float) -> SegmentParts:
 
 
 def turns_of(structure: PolylineStructure, vertices: FloatArray, polyline: Polyline, problem: Problem) -> list[Motions]:
-    """Return the turns of a structure in polylines (b, n+1, 2) with the yaws of a polyline, as one batch, or []."""
+    """Return a batch of the turns in polylines (b, n+1, 2) with equal structure and end yaws.
+
+    [] if there are no turns.
+    """
     at, model = structure.turning, problem.model
     if not at:
         return []
@@ -385,7 +392,7 @@ def _is_local_maximum(values: FloatArray, segment: IntArray) -> BoolArray:
 
 
 def _joined(rows: Sequence[StepLimits], d: int) -> StepLimits:
-    """Return all limits in one value."""
+    """Return all limits as a single value, for steps of d coordinates."""
     if not rows:
         return StepLimits(np.zeros((0, d)), np.zeros(0), np.zeros(0, dtype=np.int64))
     return StepLimits(*(np.concatenate(part) for part in zip(*rows, strict=True)))

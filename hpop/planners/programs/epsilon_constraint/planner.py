@@ -43,7 +43,7 @@ COUNTED = (
     "steps",
     "without a program",
 )
-NOTED = 1e-3  # of its cost: a larger remaining gain of a candidate is noted
+NOTED = 1e-3  # share of the cost: a larger predicted gain of a further step is noted
 
 
 @planner(NAME)
@@ -55,8 +55,8 @@ class EpsilonConstraint:
     headings    number of headings of that lattice: 4, 8 or 16
     minimise    name of the minimised cost; None: the length, or the first smooth cost
     divisions   number of further bounds between the cost of a warm start and the next better cost
-    rounds      number of programs for each bound, each of which begins at the last solution and moves corners by at
-                most 1 m; a round is skipped if no corner moved that far in the one before
+    rounds      number of programs for each bound; each begins at the last solution and moves corners by at most 1 m.
+                A round is skipped if no corner moved that far in the round before
     epsilon     bounds that hold for all results, by the name of a cost
     warm_start  source of the warm starts: a planner's name, ``{name: {option: value}}``, a front, or trajectories
     max_points  largest number of bounds
@@ -145,7 +145,7 @@ class _GridRun:
     waiting: int = 0
 
     def go(self, executor: Executor | None) -> Status:
-        """Solve all cells and return the status; candidates found so far stay in the grid whatever happens."""
+        """Solve all cells and return the status; candidates found so far stay in the grid, even after Ctrl-C."""
         if not self.grid.warm:
             return Status.COMPLETE
         cap, tried = self.options.max_points, self.tally.counts
@@ -189,7 +189,7 @@ class _GridRun:
         return left
 
     def _try(self, wave: Sequence[Cell], sweep: Sweep[PolylineJob, Task, Outcome[CellCandidate]]) -> Status:
-        """Solve the cells of a wave, those with most segments first."""
+        """Solve the cells of a wave; cells with most segments, which take longest, begin first."""
         tasks: list[Task] = []
         for cell in wave:
             start = self.grid.start(cell)

@@ -34,12 +34,12 @@ from hpop.world import World
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-BUILDS = 6e-6  # s per variable and constraint, to build a CasADi solver
+BUILDS = 6e-6  # s per variable and per constraint, to build a CasADi solver
 REGULAR = 0.15  # weight of n Σ (L_i / L)², which keeps vertices from sliding and collapsing
 SPREAD = 1e-3  # weight of the bounded costs in the objective: AUGMECON's slack term
-REGION = 1.0  # m: how far the program may take a coordinate from its warm start
+REGION = 1.0  # m: largest change of a coordinate from the warm start
 KEEP = 0.3  # share of its length that a segment keeps in its old direction, so that it cannot collapse
-SHORTEST = 1e-3  # m: of a segment that has to keep its direction
+SHORTEST = 1e-3  # m: least length of a segment that has to keep its direction
 FIELD_MARGIN = 0.015  # m: clearance beyond the robot's reach, for the error between two samples
 CHECKED = 0.03  # m: distance of the points at which a solution's clearance is checked
 SUCCESS = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
@@ -71,11 +71,11 @@ class PolylineProgram:
     ``s_j = eps_j - f_j`` this is AUGMECON's ``f_p - δ Σ s_j`` (Mavrotas 2009): no weakly efficient point is returned.
     Built once; start, goal, bounds, scales and warm start are parameters. Local optima only.
 
-    problem    with world and model; start and goal come with the warm start
+    problem    gives world and model; start and goal come with the warm start
     criteria   k smooth criteria: sums, or maxima over motions
     minimise   index of the minimised criterion
     structure
-    deadline   at which a solver stops
+    deadline   time at which a solver stops
     """
 
     problem: Problem
@@ -152,7 +152,7 @@ class PolylineProgram:
 
     @cached_property
     def _built(self) -> tuple[Any, Any, int, Any]:
-        """Solver, function to (vertices, costs, maxima), number of samples below slacks, and the solver's callback."""
+        """Solver, function to (vertices, costs, maxima), number of rows below slacks, and the solver's callback."""
         import casadi
 
         k, n = len(self.criteria), self.structure.segments
@@ -249,10 +249,11 @@ class PolylineProgram:
         return self._values(polyline, corrections)[1].ravel()
 
     def corrections(self, polyline: Polyline) -> FloatArray | None:
-        """Return by how much each maximum of each motion exceeds the program's value, one column per maximum.
+        """Return the error of the program's value of each maximum, motion by motion; one column for each maximum.
 
-        Fields are off by a tenth of a cell or more midway between two obstacles, where optima of the clearance lie,
-        and by far less elsewhere. So the correction differs from motion to motion.
+        Fields are off by a tenth of a cell or more midway between two obstacles, where optima of the clearance lie, and
+        by far
+        less elsewhere. So the correction differs from motion to motion.
         """
         worst = self._indices[1]
         if not self.freedom or not worst:
@@ -262,7 +263,7 @@ class PolylineProgram:
         return np.stack(exact, axis=1) - self._values(polyline, None)[2]
 
     def bounds(self, polyline: Polyline) -> list[FloatArray]:
-        """Return the least field values (S,) that keep the robot off obstacles, one array per height range.
+        """Return the least clearance-field values (S,) that keep the robot off obstacles, one array per height range.
 
         They are the robot's reach and a margin, or the value at the warm start if that is less, so that it is feasible.
         """
@@ -312,7 +313,7 @@ class PolylineProgram:
         epsilon : (k,) upper bounds of the costs; inf for none
         scale : (k,) positive: differences of costs that weigh the same; the size of epsilon by default
         bounds : least field values at the samples, see :meth:`bounds`
-        corrections : of maxima, see :meth:`corrections`; none by default
+        corrections : corrections of the maxima, see :meth:`corrections`; none by default
         """
         epsilon = np.asarray(epsilon, float)
         if scale is None:
