@@ -40,9 +40,9 @@ class Collision(Protocol):
                      at most that distance; None to sample ``clearance`` instead
     is_uncompiled    whether kernels must be compiled at the first call; False
     posture_matters  whether collisions depend on more than x, y and yaw, in the plane; False
-    turns_compose    whether a turn in place is free if and only if all parts of it are; False
-    differs          in the plane, method of an earlier world's collision test, positions (P,) and a distance, m: which
-                     positions (P,) are within this distance of a place where the two tests may differ; all
+    turns_compose    whether a turn in place is free exactly where its parts are; False
+    differs          in the plane, method of the collision in an earlier world, positions (P,) and a distance, m:
+                     whether within it the robot's collisions may differ from the earlier ones (P,); all may
     """
 
     def states_free(self, states: States) -> BoolArray:
@@ -100,7 +100,7 @@ class PlaneCollision(Collision, Protocol):
         """Return whether each position (P,) is free at every yaw, and so is every turn there."""
 
     def differs(self, before: PlaneCollision, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
-        """Return which positions (P,) are within a distance, m, of places where an earlier test may differ."""
+        """Return where (P,), within a distance, m, collisions may differ from those in an earlier world."""
 
 
 class Separations(NamedTuple):
@@ -179,10 +179,7 @@ class Model(Protocol):
         """Return a body's motion in each motion: :func:`hpop.motions.integrated`, or a closed form."""
 
     def extent(self, motions: Motions) -> tuple[Column, Column]:
-        """Return bounds (M,), m and rad, on how far any body moves and turns.
-
-        The number of quadrature panels follows from them.
-        """
+        """Return bounds (M,), m and rad, on how far any body moves and turns; they choose quadrature panels."""
 
     def connect(self, a: States, b: States) -> list[Leg]:
         """Return the motions, one after another, that lead from states a (M,) to b; NaN in b is a free value."""
@@ -197,7 +194,7 @@ class Model(Protocol):
         """Return the robot's real motion along a trajectory, and the times (n+1,), s, of the planned states."""
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Yield the faults of a trajectory that the robot cannot follow: "does not go ahead in motion 3, a move"."""
+        """Yield what the robot cannot do of a trajectory: "does not go ahead in motion 3, a move"."""
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
         """Return which motions (M,) of one law need a check by :meth:`faults`, for thousands at once."""

@@ -56,7 +56,7 @@ class Deadline:
         self.check(SOLVING)
 
     def stopping(self, variables: int, constraints: int) -> dict[str, Any]:
-        """Return CasADi's options by which IPOPT stops at the deadline, for programs of a size."""
+        """Return options of a CasADi solver for programs of this size by which IPOPT stops at the deadline."""
         if self.at is None:
             return {}
         stop = import_module("hpop.planners.programs._stop")  # on first use: it imports CasADi
@@ -75,7 +75,7 @@ class ImprovedTrajectory:
     """Trajectory improved from a warm start.
 
     planned    (k,)  costs as the program added them up
-    tolerance  (k,)  largest error of the planned costs
+    tolerance  (k,)  by how much the planned costs may be off
     """
 
     trajectory: Trajectory
@@ -91,7 +91,7 @@ class Outcome(Generic[F]):
     candidate  or None
     reason     why there is none, else ""
     counts     of events during the job, by name
-    seconds    s, spent on building programs ("build") and on solving them ("solve")
+    seconds    of building programs and of solving them
     """
 
     candidate: F | None
@@ -110,7 +110,7 @@ class Tally:
     """Sums over the outcomes of many jobs.
 
     counts    of events during the jobs, by name
-    seconds   s, spent on building programs ("build") and on solving them ("solve")
+    seconds   of building programs and of solving them
     failures  of the jobs without a candidate, by reason
     """
 
