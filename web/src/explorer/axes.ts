@@ -1,4 +1,4 @@
-// Parallel axes: a line a trajectory, as a density; the selected over all others.
+// Parallel axes: one line for each trajectory, drawn as a density; the selected ones over all others.
 import { Axis } from "./axis";
 import { button, headOf, make, panel } from "./dom";
 import { text } from "./numbers";
@@ -7,11 +7,11 @@ import type { State } from "./state";
 import { GROUP_COLOURS, HOVER_WIDTH, PIN_COLOURS, PIN_DASHES, PIN_NAMES, PIN_WIDTH, REPORTED_DASH, theme } from "./theme";
 import { clear, fit, layersIn, type View } from "./view";
 
-const PAD = 8; // pixels above and below each axis, where its end values are still seen
-const LEAST_GAP = 92; // pixels between axes; more of them than fit are scrolled
+const PAD = 8; // pixels above and below each axis, for its end values
+const LEAST_GAP = 92; // pixels between axes; if they do not fit, the view scrolls
 const MOST_GAP = 260;
 const MARGIN = 58; // pixels beside the first and the last axis
-const REACH = 9; // pixels from the mouse within which a line is meant
+const REACH = 9; // pixels: a line is picked within this distance of the mouse
 const PIXELS_A_TICK = 34;
 
 export function axesView(state: State): View {
@@ -30,10 +30,10 @@ export function axesView(state: State): View {
   let axes = new Map<number, Axis>();
   let order: readonly number[] = [];
   let xs: number[] = [];
-  let ys: Float32Array[] = []; // of each axis shown, (n,) CSS pixels from the top of the plot
+  let ys: Float32Array[] = []; // (n,) CSS pixels from the top of the plot, for each axis shown
   let density: Density | null = null;
-  let inSelected = new Uint8Array(0); // which rows the raster of the selected has
-  let drawnFor = ""; // what the raster of all was filled for
+  let inSelected = new Uint8Array(0); // (n,) 1 for the rows that the raster of the selected rows contains
+  let drawnFor = ""; // order and scales of the axes for which the raster of all rows was filled
 
   const placeAt = (clientX: number): number => {
     const x = clientX - inner.getBoundingClientRect().left;
@@ -65,7 +65,7 @@ export function axesView(state: State): View {
         axis.show(xs[place]!, Math.min(gap - 4, 2 * MARGIN));
       }
     }
-    // The order of the page is the order of the axes, for those who go by Tab.
+    // The order in the document is the order of the axes, for users of the Tab key.
     const placed = order.map((index) => axes.get(index)!.element);
     if (placed.some((one, i) => inner.children[i + 1] !== one) && !inner.contains(document.activeElement)) inner.append(...placed);
   }
@@ -78,7 +78,7 @@ export function axesView(state: State): View {
 
   const y = (axis: Axis, value: number): number => PAD + (1 - axis.scale.place(value)) * (layers.height - 2 * PAD);
 
-  /** Adds rows to a raster, or takes them out again. */
+  /** Adds the lines of rows to a raster, or subtracts them. */
   function walk(raster: Density["all"], rows: (row: number) => number): void {
     const { ratio } = layers;
     const { n } = state.model;
@@ -108,7 +108,7 @@ export function axesView(state: State): View {
     inSelected = new Uint8Array(state.model.n);
   }
 
-  /** Brings the raster of the selected up to date by the shortest way: counts are sums, so that rows can be taken out. */
+  /** Updates the raster of the selected rows: adds and subtracts only rows that changed, if these are fewer. */
   function fillSelected({ all, selected: raster }: Density): void {
     const { selected, count, model } = state;
     let changed = 0;
@@ -232,7 +232,7 @@ export function axesView(state: State): View {
     for (let row = 0; row < state.model.n; row++) {
       if (state.selected[row] === 0) continue;
       const across = right[row]! - left[row]!;
-      // The distance from the line, not only above or below it: steep lines are as easily met as flat ones.
+      // The distance at a right angle to the line, so that steep lines are picked as easily as flat ones.
       const away = Math.abs(left[row]! + t * across - height) / (gap > 0 ? Math.hypot(1, across / gap) : 1);
       if (away < least) [nearest, least] = [row, away];
     }
@@ -263,7 +263,7 @@ function stroke(context: CanvasRenderingContext2D, points: readonly (readonly [n
   context.stroke();
 }
 
-/** Text on a ground of paper, readable on any line. */
+/** Text on a background in the colour of paper, readable over lines. */
 function label(context: CanvasRenderingContext2D, words: string, x: number, y: number, ink: string, paper: string): void {
   context.textBaseline = "middle";
   context.lineWidth = 3.5;

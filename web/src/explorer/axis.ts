@@ -1,4 +1,4 @@
-// One axis: its name, that is dragged to another place; bounds as numbers at both ends; the strip that takes a brush.
+// One axis: its name, which can be dragged to move the axis; bounds as numbers at both ends; the strip for a brush.
 import { brushOn, endsOf } from "./brush";
 import { button, make } from "./dom";
 import { parsed, text } from "./numbers";
@@ -10,7 +10,7 @@ import { GROUP_COLOURS, GROUP_WORDS } from "./theme";
 const STARTED = 5; // pixels that make a drag of a click
 
 export interface AxisPlaces {
-  /** Place among the axes of a point of the page. */
+  /** Position among the axes at a point of the page. */
   placeAt(clientX: number): number;
   click(event: PointerEvent): void;
 }
@@ -71,7 +71,7 @@ export class Axis {
     return this.state.filter.bounds.get(this.index) ?? null;
   }
 
-  /** Shows what is so now: place, scale, bounds. */
+  /** Shows the current position, scale and bounds. */
   show(x: number, width: number): void {
     const { state, index } = this;
     this.x = x;
@@ -104,14 +104,14 @@ export class Axis {
     this.brush.style.height = `${least}px`;
   }
 
-  /** Which end of the values is at this end of the axis. */
+  /** The end of the value range that is at this end of the axis. */
   private endOf(place: 0 | 1): { least: boolean; extreme: number } {
     const { low, high } = this.scale.column;
     const least = (place === 0) !== this.scale.flipped;
     return { least, extreme: least ? low : high };
   }
 
-  /** The number at an end of the axis: empty where that end is open. */
+  /** The input for the bound at an end of the axis; empty if there is no bound. */
   private end(place: 0 | 1): HTMLInputElement {
     const input = make("input", "bound", "", { type: "text", inputmode: "decimal", spellcheck: "false", autocomplete: "off" });
     const take = (): void => {
@@ -134,7 +134,7 @@ export class Axis {
     return input;
   }
 
-  /** Dragging the name moves the axis along with the pointer, and past the others. */
+  /** Lets the name be dragged, which moves the axis past others. */
   private dragged(): void {
     const { state, index, name, places } = this;
     let from: number | null = null;

@@ -6,7 +6,7 @@ const END = 7; // pixels about an end of a brush at which it is resized
 const STARTED = 3; // pixels that make a drag of a click
 
 export interface Brushed {
-  /** Of the axis, as it is drawn now. */
+  /** Current scale of the axis. */
   scale(): Scale;
   bound(): Bound | null;
   /** `done` is false while the brush is dragged. */
@@ -17,7 +17,7 @@ export interface Brushed {
 
 interface Drag {
   readonly kind: "new" | "move" | "end";
-  /** Places on the axis, 0 below and 1 above: where it was taken, and the brush as it was then. */
+  /** Positions on the axis, 0 at the bottom and 1 at the top: where the drag began, and the brush at that time. */
   readonly from: number;
   readonly a: number;
   readonly b: number;
@@ -25,7 +25,7 @@ interface Drag {
   started: boolean;
 }
 
-/** Places of the ends of a bound, the lower one first; an open end is the end of the axis. */
+/** Positions of the ends of a bound, the lower one first; an open end is the end of the axis. */
 export function endsOf(scale: Scale, { low, high }: Bound): [number, number] {
   const within = (place: number): number => Math.min(Math.max(place, 0), 1);
   const { column } = scale;

@@ -1,9 +1,9 @@
-// What is chosen, as lines of Python and of the command line that choose the same again.
+// The user's selection as Python code and as shell commands that select the same rows.
 import { count, told } from "./numbers";
 import type { State } from "./state";
 import { PIN_NAMES } from "./theme";
 
-/** Python that gives the pinned rows, the selected part of the front, and what is nearest to the wishes. */
+/** Python code for the pinned rows, the selected part of the front, and the row nearest to the wishes. */
 export function asPython(state: State): string {
   const { model, filter } = state;
   const numpy = filter.kept === null ? [] : ["import numpy as np", ""];
@@ -27,7 +27,7 @@ export function asPython(state: State): string {
   return lines.join("\n") + "\n";
 }
 
-/** Commands that pick the pinned rows, or what is nearest to the wishes within the bounds. */
+/** Shell commands that pick the pinned rows, or the row nearest to the wishes within the bounds. */
 export function asCommands(state: State): string {
   const folder = (state.model.saved ?? "out/front.json").replace(/[^/\\]*$/, "").replace(/[/\\]$/, "") || ".";
   const lines = state.pinned.map(({ row }) => `hpop pick ${shell(folder)} --row ${row}`);

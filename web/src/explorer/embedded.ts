@@ -1,9 +1,9 @@
-// The page within another one, such as a notebook: what is chosen is told to it.
+// The page inside another one, such as a notebook, which receives messages about the selection.
 import type { Callbacks } from "./page";
 
-const SOON = 50; // ms in which changes are told together: a brush changes the selection sixty times a second
+const SOON = 50; // ms between messages: a brush changes the selection sixty times a second
 
-/** Tells the page around this one which rows are selected, at the focus and pinned. */
+/** Callbacks that send the selected, focused and pinned rows to the surrounding page. */
 export function telling(): Callbacks {
   let chosen: Record<string, unknown> = {};
   let timer: number | null = null;
@@ -11,7 +11,7 @@ export function telling(): Callbacks {
     chosen[name] = value;
     timer ??= window.setTimeout(() => {
       timer = null;
-      window.parent.postMessage({ chosen }, "*"); // numbers of rows; who shows the page has them all
+      window.parent.postMessage({ chosen }, "*"); // row numbers only: the surrounding page has the front
       chosen = {};
     }, SOON);
   };

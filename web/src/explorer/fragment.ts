@@ -1,9 +1,9 @@
-// The end of the address holds what was chosen, #b=turns:0-6&pin=70,157: a link shows the same again.
+// The fragment of the address holds the user's choices, #b=turns:0-6&pin=70,157, so that a link restores them.
 //
 //   b      bounds, NAME:LOW-HIGH, an open end is *        order  names of the axes
-//   pin    rows of A, B, C; empty where there is none     flip, log, hide  names
+//   pin    rows of A, B, C; empty for no pin              flip, log, hide  names
 //   wish   NAME:VALUE                                     sort   NAME, :row or :wishes; -NAME for the greatest first
-//   rows   those kept, as 0-12,17; absent where all are
+//   rows   kept rows, as 0-12,17; absent if all are kept
 // Names are percent-encoded, so that none holds a comma, a colon or an ampersand.
 import type { Bound } from "./selection";
 import type { SortKey, State } from "./state";
@@ -18,11 +18,11 @@ function decoded(text: string): string {
   try {
     return decodeURIComponent(text);
   } catch {
-    return text; // half of a link; what it names is not found
+    return text; // a truncated link: its names will not be found
   }
 }
 
-/** What was chosen, as text; empty where nothing was. */
+/** The user's choices as text; empty if there are none. */
 export function fragmentOf(state: State): string {
   const name = (index: number): string => encoded(state.column(index).name);
   const names = (indices: Iterable<number>): string => [...indices].map(name).join(",");
@@ -42,7 +42,7 @@ export function fragmentOf(state: State): string {
   return parts.flatMap(([part, text]) => (text === "" ? [] : [`${part}=${text}`])).join("&");
 }
 
-/** Restores what a fragment says; what it names and the front does not have is left out. */
+/** Restores the choices in a fragment; names that the front does not have are skipped. */
 export function restore(state: State, fragment: string): void {
   const parts = new Map(fragment.replace(/^#/, "").split("&").map((part) => {
     const [key, ...rest] = part.split("=");
@@ -80,7 +80,7 @@ export function restore(state: State, fragment: string): void {
   });
 }
 
-/** Rows as 0-12,17. */
+/** Row numbers as text, such as 0-12,17. */
 function runs(kept: Uint8Array): string {
   const texts: string[] = [];
   for (let row = 0; row < kept.length; row++) {

@@ -1,11 +1,11 @@
-// How wheel, drag, pinch and keys change what a map shows, and what is left for picking.
+// Wheel, drag, pinch and keys that move a map; clicks and hovering are passed on for picking.
 import type { Viewport } from "./viewport";
 
-export const STEP = 1.3; // of one key or click
+export const STEP = 1.3; // zoom factor of one key or click
 
-/** What a gesture is told. */
+/** Callbacks for gestures. */
 export interface Gestures {
-  /** The viewport shows something else. */
+  /** Called when the viewport has changed. */
   moved(): void;
   /** The pointer is at a pixel without pressing, or null: it left. */
   hovered(at: { x: number; y: number } | null): void;
@@ -85,9 +85,9 @@ export function steer(element: HTMLElement, viewport: Viewport, gestures: Gestur
   });
 }
 
-const PAN = 60; // CSS pixels of one key
+const PAN = 60; // CSS pixels that an arrow key moves the map
 
-/** Plus and minus come nearer and go back, 0 shows the whole, arrows move; tells whether the key was one of these. */
+/** Plus and minus zoom, 0 shows the whole map, arrows move it; returns whether the key was one of these. */
 function moveByKey(viewport: Viewport, key: string): boolean {
   if (key === "+" || key === "=") viewport.zoom(STEP);
   else if (key === "-" || key === "_") viewport.zoom(1 / STEP);

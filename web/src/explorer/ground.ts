@@ -9,15 +9,15 @@ const EDGE = "#111111"; // of both, on either paper
 const LEAST_PERSON = 4; // CSS pixels, radius
 const LANDMARK = 5; // CSS pixels, radius
 const END = 6; // CSS pixels, radius
-const LOWER = 0.4; // how dense what the camera sees over is
+const LOWER = 0.4; // opacity of obstacles that do not reach the camera's height
 const TARGET = 5; // CSS pixels, radius
 const ARROW = 1; // s of walking that the arrow of a person shows
-const MOST_NAMES = 24; // landmarks and people in sight are named where there are no more
-const HATCH = 7; // CSS pixels between the lines of what is closed
-const PITCH = 48; // CSS pixels from one arrow of a way to the next
+const MOST_NAMES = 24; // most landmarks and people in view whose names are written
+const HATCH = 7; // CSS pixels between the hatch lines of closed areas
+const PITCH = 48; // CSS pixels from one arrow of a one-way zone to the next
 const FONT = "11px system-ui, sans-serif";
 
-/** Of a canvas, CSS pixels. */
+/** Size of a canvas, CSS pixels. */
 interface Size {
   readonly width: number;
   readonly height: number;
@@ -95,7 +95,7 @@ export class Ground {
     context.restore();
   }
 
-  /** Oblique lines over what is closed to the robot. */
+  /** Hatches the areas that are closed to the robot. */
   private hatch(context: CanvasRenderingContext2D, viewport: Viewport, theme: Theme, ratio: number): void {
     if (this.world.closed.length === 0) return;
     const { width, height } = context.canvas;
@@ -119,11 +119,11 @@ export class Ground {
 /** A symbol and what it means. */
 interface Entry {
   readonly words: string;
-  /** Draws it in the middle of 16 by 16 CSS pixels. */
+  /** Draws the symbol in the middle of 16 by 16 CSS pixels. */
   readonly draw: (context: CanvasRenderingContext2D, theme: Theme) => void;
 }
 
-/** What the symbols mean of which this world has one. */
+/** Legend of the symbols that occur in this world. */
 export function legendOf(world: World): Entry[] {
   const middle: Places = { px: () => 8, py: () => 8, scale: 0 };
   const person: Person = { x: 0, y: 0, yaw: 0, velocity: [0, 0], radius: 0, name: "" };
@@ -178,7 +178,7 @@ export function legendOf(world: World): Entry[] {
   return entries.filter(({ here }) => here);
 }
 
-/** What symbols need of a viewport. */
+/** The part of a viewport that symbols need. */
 type Places = Pick<Viewport, "px" | "py" | "scale">;
 
 /** Whether an obstacle reaches the height of the camera. */
@@ -245,7 +245,7 @@ function drawWay(context: CanvasRenderingContext2D, line: Float64Array, viewport
   context.restore();
 }
 
-/** A disc with a tick where the person looks; an arrow along the way of the next second. */
+/** A disc with a tick for the person's heading, and an arrow along the path of the next second. */
 function drawPerson(context: CanvasRenderingContext2D, person: Person, places: Places, theme: Theme): void {
   const [x, y] = [places.px(person.x), places.py(person.y)];
   const radius = Math.max(person.radius * places.scale, LEAST_PERSON);
@@ -318,7 +318,7 @@ function drawLandmark(context: CanvasRenderingContext2D, { x, y, facing }: Landm
   context.stroke();
 }
 
-/** A cross in a ring: what the camera shall look at. */
+/** A cross in a ring: a target of the camera. */
 function drawTarget(context: CanvasRenderingContext2D, x: number, y: number, theme: Theme): void {
   for (const [colour, width] of [[theme.halo, 4], [theme.ink, 1.5]] as const) {
     context.strokeStyle = colour;

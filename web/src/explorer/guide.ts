@@ -1,4 +1,4 @@
-// The words of the first screen, in one line each, until the reader closes them; afterwards they show on hover and in the help.
+// Explanations of terms, one line each, shown until the reader closes them; afterwards on hover and in the help.
 import { button, make } from "./dom";
 import type { State } from "./state";
 import type { View } from "./view";
@@ -7,21 +7,21 @@ const EXPOSURE = "how closely obstacles surround the camera, added up over time:
 export const KNEE = "a good compromise. Beyond it, a small gain in one cost takes a large loss in another. You need not take it.";
 export const CERTIFICATE = "what is proven: whether a better trajectory may be missing, and on which grid. Click the line above for the full text.";
 
-/** What a page remembers in the browser: that its words were closed once. */
+/** Key in the browser's storage that records that the explanations were closed. */
 const CLOSED = "hpop.guide";
 
-/** Words with their meanings; exposure only where the front has it. */
+/** Terms with their meanings; exposure only if the front has it. */
 export function words(state: State): [string, string][] {
   const exposure: [string, string][] = state.model.columns.some((column) => column.name === "exposure") ? [["exposure", EXPOSURE]] : [];
   return [...exposure, ["knee", KNEE], ["certificate", CERTIFICATE]];
 }
 
-/** A list of words and meanings. */
+/** A list of terms and meanings. */
 export function wordList(state: State): HTMLElement {
   return make("dl", "words", words(state).flatMap(([word, meaning]) => [make("dt", "", word), make("dd", "", meaning)]));
 }
 
-/** Whether the words are still to be shown; never where a browser cannot remember that they were closed. */
+/** Whether to show the explanations; never if the browser cannot store that they were closed. */
 function isNew(): boolean {
   try {
     return window.localStorage.getItem(CLOSED) === null;

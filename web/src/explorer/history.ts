@@ -1,4 +1,4 @@
-// Steps that can be taken back and taken again. While something is dragged its last step is rewritten.
+// History for undo and redo. During a drag, the last step is overwritten.
 
 export class History<T> {
   private steps: T[];
@@ -21,7 +21,7 @@ export class History<T> {
     return this.place < this.steps.length - 1;
   }
 
-  /** A step; `done` false says that more of the same step follows. */
+  /** Adds a step; `done` is false while the step goes on, as during a drag. */
   put(step: T, done: boolean): void {
     if (this.open) this.steps[this.place] = step;
     else {

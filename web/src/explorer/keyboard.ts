@@ -1,4 +1,4 @@
-// Keys: along the sorted table, pins, keep and exclude, back. Where text is typed, keys are text.
+// Keys for moving through the sorted table, pinning, keeping, excluding and undoing; ignored while text is typed.
 import type { Actions } from "./header";
 import type { State } from "./state";
 import { PIN_NAMES } from "./theme";
@@ -42,7 +42,7 @@ export function keyboard(state: State, table: TableView, actions: Actions): (eve
       event.preventDefault();
       return;
     }
-    if (target.matches("input") && /^(Arrow|Page|Home|End)/.test(event.key)) return; // a slider's own
+    if (target.matches("input") && /^(Arrow|Page|Home|End)/.test(event.key)) return; // keys that a slider uses itself
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     const place = PIN_NAMES.findIndex((name) => name.toLowerCase() === key);
     const act = place >= 0 ? () => { pinned(place); } : key === "Enter" ? enter(target) : keys[key];
@@ -51,7 +51,7 @@ export function keyboard(state: State, table: TableView, actions: Actions): (eve
     act();
   };
 
-  /** Enter presses what is at the focus; elsewhere it pins. */
+  /** Enter presses a focused control; elsewhere it pins the row at the focus. */
   function enter(target: HTMLElement): (() => void) | undefined {
     return target.closest("button, summary, a") === null ? keys.p : undefined;
   }

@@ -1,8 +1,8 @@
-// A search that runs: `hpop plan --web` sends each front as it is found, and the page keeps what was chosen.
+// Live page: `hpop plan --web` sends each front that the running search finds; the user's choices stay.
 import { make } from "./dom";
 import type { Page } from "./page";
 
-/** Shows what a server sends after the front that the page was made of; says beside the counts whether more may come. */
+/** Shows the fronts that a server sends after the page's own front, and whether more may come. */
 export function follow(page: Page, seen: number): void {
   const note = make("p", "live", "live: the search is running", { role: "status" });
   document.querySelector(".header .counts")?.after(note);
@@ -11,7 +11,7 @@ export function follow(page: Page, seen: number): void {
   source.addEventListener("open", () => { note.textContent = "live: the search is running"; });
   source.addEventListener("front", ({ data }: MessageEvent<string>) => {
     const told = shown.then(() => page.update(JSON.parse(data) as unknown)); // one after another
-    shown = told.catch((error: unknown) => { // the next ones are shown all the same
+    shown = told.catch((error: unknown) => { // later fronts are shown nevertheless
       note.textContent = `live: the newest front cannot be shown: ${String(error)}`;
     });
   });

@@ -1,4 +1,4 @@
-// The map: where the selected trajectories lead, as a density over the floor; the others grey behind them.
+// The map: paths of the selected trajectories, as a density over the floor; the others grey behind them.
 import { button, headOf, make, panel } from "./dom";
 import { steer, STEP } from "./gestures";
 import { Ground, legendOf } from "./ground";
@@ -13,9 +13,9 @@ import { clear, fit, layersIn, type View } from "./view";
 import { Viewport } from "./viewport";
 
 const REACH = 6; // CSS pixels within which a segment is picked
-const MOST_HOVERED = 12; // rows highlighted at once where many lie on each other
-const FINE = 2; // canvas pixels a CSS pixel of the legend
-const BAR = 110; // CSS pixels that a scale bar is shorter than
+const MOST_HOVERED = 12; // most rows highlighted at once where many overlap
+const FINE = 2; // canvas pixels per CSS pixel of the legend
+const BAR = 110; // largest length of a scale bar, CSS pixels
 const EVERY = ["1", "2", "5"]; // lengths of a scale bar, times a power of ten
 
 export function mapView(state: State): View {
@@ -37,7 +37,7 @@ export function mapView(state: State): View {
   let grid = new SegmentGrid(segments);
   let density = new Density(1, 1);
   const floor = document.createElement("canvas").getContext("2d")!;
-  let stale = true; // whether floor and context are those of another viewport
+  let stale = true; // whether the floor and the grey trajectories must be drawn again for another viewport
   let asked = false;
 
   /** Draws soon after the viewport changed: once a frame, however many events there were. */
@@ -97,7 +97,7 @@ export function mapView(state: State): View {
   }
 
   function resize(): void {
-    drawLegend(); // it takes what room it needs, the map the rest
+    drawLegend(); // the legend takes the room that it needs, the map the rest
     fit(layers);
     viewport.resize(layers.width, layers.height);
     letPageScroll();
@@ -221,13 +221,13 @@ function rowsNear(
   return [...found];
 }
 
-/** Makes the path of a row the canvas's current one. */
+/** Traces the path of a row as the canvas's current path. */
 function trace(context: CanvasRenderingContext2D, { offsets, x, y }: Paths, row: number, viewport: Viewport): void {
   context.beginPath();
   for (let at = offsets[row]!; at < offsets[row + 1]!; at++) context.lineTo(viewport.px(x[at]!), viewport.py(y[at]!));
 }
 
-/** Writes the letter of a pin on its path, each at another part of the way. */
+/** Writes the letter of a pin on its path; each pin at another fraction of the path. */
 function drawName(
   context: CanvasRenderingContext2D,
   { offsets, x, y }: Paths,
@@ -262,7 +262,7 @@ function drawName(
   }
 }
 
-/** Where a traced row is at a time, and where its camera looks. */
+/** Draws the position of a traced row at a time, and the direction of its camera. */
 function drawPose(
   context: CanvasRenderingContext2D,
   one: Trace | undefined,

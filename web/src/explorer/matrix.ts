@@ -9,17 +9,17 @@ import type { State } from "./state";
 import { PIN_COLOURS, PIN_NAMES, theme, type Theme } from "./theme";
 import { clear, fit, layersIn, type View } from "./view";
 
-const MOST_COLUMNS = 6; // in a triangle; of more, a chosen pair
+const MOST_COLUMNS = 6; // most columns of the full triangle; with more columns, one chosen pair is shown
 const LEAST_CELL = 40; // CSS pixels
-const LEFT = 64; // for the names and ends of rows
-const BOTTOM = 36; // for those of columns
-const GAP = 8; // between cells
-const PAD = 6; // in a cell, round its points
+const LEFT = 64; // CSS pixels for the names and end values of rows
+const BOTTOM = 36; // CSS pixels for the names and end values of columns
+const GAP = 8; // CSS pixels between cells
+const PAD = 6; // CSS pixels between a cell's border and its points
 const REACH = 12; // CSS pixels within which a point is picked
-const SAME = 0.6; // CSS pixels: points that lie on each other
-const MOST_HOVERED = 12; // rows highlighted at once where many lie on each other
+const SAME = 0.6; // CSS pixels within which points count as overlapping
+const MOST_HOVERED = 12; // most rows highlighted at once where many overlap
 const NAME = 18; // CSS pixels that the letter of a pin takes beside its point
-const STARTED = 4; // CSS pixels that make a rectangle of a click
+const STARTED = 4; // CSS pixels of movement that turn a click into a rectangle
 const SMALL = "11px system-ui, sans-serif";
 
 interface Cell {
@@ -30,12 +30,12 @@ interface Cell {
   readonly y: number;
   readonly width: number;
   readonly height: number;
-  /** Whether names stand below it and beside it. */
+  /** Whether the cell has the names of columns below it, and of rows beside it. */
   readonly lowest: boolean;
   readonly first: boolean;
 }
 
-/** Points of a cell in squares as wide as the reach: where to look for the nearest. */
+/** Points of a cell sorted into squares as wide as the reach, to find the nearest ones quickly. */
 interface Squares {
   readonly columns: number;
   readonly offsets: Uint32Array;
@@ -66,8 +66,8 @@ export function matrixView(state: State): View {
   let places = new Map<number, Float32Array>();
   let squares = new Map<Cell, Squares>();
   let chosen: [number, number] | null = null;
-  let alone = false; // whether one pair is shown though there is room for all
-  let filledFor = ""; // what the raster of all points was filled for
+  let alone = false; // whether the user chose to show one pair, though there is room for all
+  let filledFor = ""; // key for which the raster of all points was filled
   let drag: { cell: Cell; x: number; y: number; started: boolean } | null = null;
 
   const spotOf = (event: PointerEvent) => {
@@ -124,7 +124,7 @@ export function matrixView(state: State): View {
     if (drag === null && event.pointerType !== "touch") state.hover([]);
   });
 
-  /** Bounds both columns of a cell by the rectangle from where it was begun to a spot. */
+  /** Bounds both columns of a cell by a rectangle between two positions. */
   function bound(from: { cell: Cell; x: number; y: number }, to: { x: number; y: number }, done: boolean): void {
     const { cell } = from;
     const [wide, high] = [cell.width - 2 * PAD, cell.height - 2 * PAD];
@@ -135,7 +135,7 @@ export function matrixView(state: State): View {
     state.bound(cell.up, ofY.bound(up(from.y), up(to.y), high), done);
   }
 
-  /** Frees both columns of a cell. */
+  /** Removes the bounds of both columns of a cell. */
   function free(cell: Cell): void {
     const { bounds } = state.filter;
     if (!bounds.has(cell.across) && !bounds.has(cell.up)) return;
@@ -143,7 +143,7 @@ export function matrixView(state: State): View {
     state.bound(cell.up, null);
   }
 
-  /** The selected rows nearest to a spot: several where they lie on each other. */
+  /** The selected rows nearest to a position; several if they overlap. */
   function near(cell: Cell, spot: { x: number; y: number }): number[] {
     const { columns, offsets, rows } = squaresOf(cell);
     const [i, j] = [Math.floor((spot.x - cell.x) / REACH), Math.floor((spot.y - cell.y) / REACH)];
@@ -303,7 +303,7 @@ export function matrixView(state: State): View {
   };
 }
 
-/** What the places of points depend on besides the columns shown. */
+/** Key of everything on which the positions of points depend, except the columns shown. */
 function scaleKey(state: State): string {
   return state.shown.map((index) => `${state.isLog(index)}${state.flipped.has(index)}`).join();
 }
@@ -359,7 +359,7 @@ function drawFrame(
   context.restore();
 }
 
-/** What the bounds of its columns leave of a cell. */
+/** Draws the rectangle that the bounds of its columns leave of a cell. */
 function drawBounds(
   context: CanvasRenderingContext2D,
   cell: Cell,
@@ -433,12 +433,12 @@ function drawPin(
   context.fillText(PIN_NAMES[place]!, x + (leftward ? -8 : 8), y);
 }
 
-/** To three figures, with all digits before the point. */
+/** A value to three figures, but with all digits before the decimal point. */
 function rounded({ counts }: Column, value: number): string {
   return plain(value, counts ? 0 : Math.max(0, 2 - Math.floor(Math.log10(Math.abs(value) || 100))));
 }
 
-/** As much of a text as has room. */
+/** The beginning of a text that fits into a width. */
 function shortened(context: CanvasRenderingContext2D, words: string, room: number): string {
   if (context.measureText(words).width <= room) return words;
   let kept = words;

@@ -3,7 +3,7 @@ import type { Column } from "./payload";
 
 const MOST_DECIMALS = 9;
 
-/** As in hpop/frontier/choosing.py: a difference below this part of the values' size is rounding. */
+/** Relative size below which a difference is a rounding error, as in hpop/frontier/choosing.py. */
 export const ROUNDING = 64 * Number.EPSILON;
 
 /** Rounds a half to the even neighbour, as NumPy does. */
@@ -12,7 +12,7 @@ export function evenRound(x: number): number {
   return Math.abs(near - x) === 0.5 && near % 2 !== 0 ? near - 1 : near;
 }
 
-/** Decimals that tell the values of a column apart to a thousandth of their range. */
+/** Number of decimals that resolves a column to a thousandth of its range. */
 export function decimals(column: Column): number {
   if (column.counts) return 0;
   const span = column.high - column.low || Math.abs(column.high);
@@ -20,12 +20,12 @@ export function decimals(column: Column): number {
   return Math.min(Math.max(3 - Math.floor(Math.log10(span) + 1e-9), 0), MOST_DECIMALS);
 }
 
-/** A value of a column, for a table: all of a column have as many decimals. */
+/** A value as text for a table; all values of a column have the same number of decimals. */
 export function text(column: Column, value: number): string {
   return plain(value, decimals(column));
 }
 
-/** A number with so many decimals, or with its power of ten where it has too many digits. */
+/** A number with the wanted decimals, or in scientific notation if that has too many digits. */
 export function plain(value: number, wanted: number): string {
   const places = Math.min(wanted, MOST_DECIMALS);
   if (value !== 0 && (Math.abs(value) >= 1e7 || Math.abs(value) < 10 ** -places / 2)) return short(value);
@@ -49,14 +49,14 @@ export function count(n: number): string {
   return n.toLocaleString("en-US");
 }
 
-/** A number that somebody typed, or null of anything else. */
+/** The number in a typed text, or null. */
 export function parsed(typed: string): number | null {
   const cleaned = typed.trim().replace(/\u2212/g, "-").replace(/(\d),(?=\d{3}(\D|$))/g, "$1");
   const value = Number(cleaned);
   return cleaned !== "" && Number.isFinite(value) ? value : null;
 }
 
-/** The unit as it is said beside a number: nothing of shares and counts. */
+/** The unit to write after a number; empty for shares and counts. */
 export function unit(column: Column): string {
   return column.unit === "1" ? "" : column.unit;
 }

@@ -17,37 +17,37 @@ import { traceView } from "./trace";
 import { flatten, type View } from "./view";
 import { wishPanel } from "./wish_panel";
 
-const SETTLED = 250; // ms after the last change at which the address is written: browsers forbid more often
+const SETTLED = 250; // ms after the last change until the address is written: browsers limit how often it may change
 
-const MOST_TIMES = 4096; // that are remembered
+const MOST_TIMES = 4096; // durations that are stored
 
 export interface Callbacks {
-  /** Rows that are selected now. */
+  /** Called with the selected rows. */
   selected?(rows: number[]): void;
-  /** The row at the focus. */
+  /** Called with the row at the focus. */
   hovered?(row: number | null): void;
-  /** Pinned rows, A, B, C. */
+  /** Called with the pinned rows A, B, C. */
   pinned?(rows: (number | null)[]): void;
-  /** Whether the address of the page holds what was chosen. */
+  /** Whether the address of the page holds the user's choices. */
   readonly address?: boolean;
 }
 
-/** What tests and benchmarks read: how often views were drawn, and how long it took. */
+/** Counters for tests and benchmarks: how often views were drawn, and how long it took. */
 export interface Counters {
-  /** All views' bases, and overlays: ms each of the last times. */
+  /** ms that the last drawings of all bases, and of all overlays, took. */
   readonly base: number[];
   readonly overlay: number[];
   /** ms after the page began to load at which it was drawn first. */
   ready: number;
 }
 
-/** What the next frame has to do. */
+/** Work for the next frame. */
 type Due = "renew" | "resize" | "base" | "sort" | "overlay";
 
 export interface Page {
   readonly state: State;
   readonly counters: Counters;
-  /** Other data in the same page: bounds, pins, wishes and axes stay. */
+  /** Replaces the data; bounds, pins, wishes and axes stay. */
   update(payload: unknown): Promise<void>;
 }
 
@@ -59,7 +59,7 @@ export async function mount(element: HTMLElement, payload: unknown, callbacks: C
   const actions: Actions = { copy: copy.open, help: () => { help.showModal(); } };
   const table = tableView(state);
   const wishes = wishPanel(state);
-  const ranked = [table, wishes]; // the order of rows changes nothing else that is dear to draw
+  const ranked = [table, wishes]; // the order of rows affects only views that are cheap to draw
   const header = headerView(state, actions);
   const views: View[] = [
     header,
@@ -81,7 +81,7 @@ export async function mount(element: HTMLElement, payload: unknown, callbacks: C
 
   const sized = [root, ...root.querySelectorAll(".plot, .axes-scroll")];
   const sizes = (): string => sized.map((one) => `${one.clientWidth} ${one.clientHeight}`).join();
-  let drawnAt = ""; // the sizes for which canvases were fitted
+  let drawnAt = ""; // sizes to which the canvases were fitted
   const counters: Counters = { base: [], overlay: [], ready: 0 };
   const due = new Set<Due>();
   let asked = false;
@@ -115,7 +115,7 @@ export async function mount(element: HTMLElement, payload: unknown, callbacks: C
     asked = true;
   }
 
-  /** Parts that have nothing to show take no room. */
+  /** Hides parts that have nothing to show. */
   function arrange(): void {
     root.classList.toggle("empty", state.model.n === 0);
   }

@@ -1,6 +1,6 @@
-// What the page is given, `hpop-page` version 1, and what it makes of it: typed arrays, metres, seconds.
+// The page's data, `hpop-page` version 1, and their decoding to typed arrays in metres and seconds.
 //
-// hpop/view/explorer/payload.py writes it. Numbers of which there are many are in `data`: one zlib stream in base64, of
+// hpop/view/explorer/payload.py writes them. Long columns of numbers are in `data`: one zlib stream in base64, of
 // which a `Packed` names a part. A part holds the lowest bytes of all its numbers, then the next ones, and so on
 // (little-endian); `order` says how many times the numbers are to be summed up.
 
@@ -13,20 +13,20 @@ export interface Column {
   readonly label: string;
   /** "m", "rad", "1", ... */
   readonly unit: string;
-  /** What it means, in a sentence or two; "" if unknown. */
+  /** Meaning of the column, in a sentence or two; "" if unknown. */
   readonly about: string;
   readonly group: Group;
-  /** Step in which values are compared, in the unit; 0 of reported values, which are compared as they are. */
+  /** Quantum at which values are compared, in the unit; 0 for reported values, which are compared exactly. */
   readonly quantum: number;
   /** Whether values are whole numbers by nature. */
   readonly counts: boolean;
   /** Reported beside the criteria, not minimised: drawn dashed. */
   readonly reported: boolean;
-  /** A criterion that no search minimised: its least is the least of those found. */
+  /** Whether the criterion was only evaluated, not minimised: paths with lower values may exist. */
   readonly evaluated: boolean;
-  /** What a trace shows of it, "m a second", "share at the time"; null of a column that cannot be traced. */
+  /** Label of the column's trace, such as "m a second"; null if it cannot be traced. */
   readonly along: string | null;
-  /** How its rate along a trajectory makes up the running value. */
+  /** How the running value follows from the rates along a trajectory. */
   readonly adds: "sum" | "mean" | "max";
   /** (n,) in the unit: the floats that front.json holds, all finite. */
   readonly values: Float64Array;
@@ -44,13 +44,13 @@ export interface Mark {
   readonly dashes: readonly number[];
 }
 
-/** Where the camera goes, seen from above: corners of row i are offsets[i] .. offsets[i + 1] of point, x and y. */
+/** Paths of the camera from above: the corners of row i are entries offsets[i] .. offsets[i + 1] of point, x and y. */
 export interface Paths {
   /** (n + 1,) */
   readonly offsets: Int32Array;
-  /** Place of each corner among the distinct ones: two paths share a straight run where they share both ends. */
+  /** Index of each corner among the distinct corners; paths share a segment if they share both of its ends. */
   readonly point: Int32Array;
-  /** How many distinct corners there are. */
+  /** Number of distinct corners. */
   readonly points: number;
   /** m, of each corner. */
   readonly x: Float64Array;
@@ -65,7 +65,7 @@ export type Area = readonly Ring[];
 
 export interface Obstacle {
   readonly area: Area;
-  /** From which height to which, m; infinite where it has no end. */
+  /** Height range, m; infinite if unlimited. */
   readonly low: number;
   readonly high: number;
 }
@@ -85,7 +85,7 @@ export interface Landmark {
   readonly x: number;
   readonly y: number;
   readonly z: number;
-  /** rad; null where it looks the same from all sides. */
+  /** rad; null for a landmark without a front. */
   readonly facing: number | null;
   readonly name: string;
 }
@@ -100,7 +100,7 @@ export interface Zone {
   readonly name: string;
 }
 
-/** m, m, rad; a heading that is free, or that nobody sees, is null. */
+/** m, m, rad; yaw is null if it is free or not visible. */
 export interface End {
   readonly x: number;
   readonly y: number;
@@ -110,42 +110,42 @@ export interface End {
 export interface World {
   /** Where the robot must stay. */
   readonly extent: Area;
-  /** x_min, y_min, x_max, y_max, m: of all there is to draw, and what is shown first. */
+  /** x_min, y_min, x_max, y_max, m: of everything to draw, and of the part that is shown first. */
   readonly bounds: readonly [number, number, number, number];
   readonly view: readonly [number, number, number, number];
   readonly obstacles: readonly Obstacle[];
-  /** Whether all beyond the extent is obstacle. */
+  /** Whether everything outside the extent is an obstacle. */
   readonly outside: boolean;
   /** Closed to the robot, invisible to the camera. */
   readonly closed: Area;
   readonly people: readonly Person[];
-  /** Conversations: places in `people`. */
+  /** Conversations: indices in `people`. */
   readonly groups: readonly (readonly number[])[];
   readonly landmarks: readonly Landmark[];
   readonly zones: readonly Zone[];
-  /** What the camera shall look at or a body be at, and which criteria or goals name it; m. */
+  /** Targets of criteria and goals, m, with the names of these. */
   readonly targets: readonly { readonly x: number; readonly y: number; readonly name: string }[];
   readonly start: End;
   readonly goals: readonly End[];
-  /** Between which heights the camera is, m. */
+  /** Height range of the camera, m. */
   readonly heights: readonly [number, number];
-  /** What the map shows and does not show, in words. */
+  /** Caption: what the map shows and leaves out. */
   readonly caption: string;
 }
 
-/** What happens along one trajectory as planned: m pieces. */
+/** Values along one planned trajectory, in m pieces. */
 export interface Trace {
-  /** (m + 1,) s: when pieces begin, and when the last ends. */
+  /** (m + 1,) s: ends of the pieces. */
   readonly t: Float64Array;
-  /** (m + 1,) Where the camera is then, m, and where it looks, rad, continuous. */
+  /** (m + 1,) Position, m, and yaw, rad, continuous, of the camera at these times. */
   readonly x: Float64Array;
   readonly y: Float64Array;
   readonly yaw: Float64Array;
-  /** One a column, in their order; null of one that cannot be traced. */
+  /** One entry for each column, in order; null if it cannot be traced. */
   readonly along: readonly ({
-    /** (m,) What arises in each piece: a second, or the mean or the worst in it, as `Column.along` says. */
+    /** (m,) Value in each piece: growth per second, or mean, or worst value, as `Column.along` says. */
     readonly rate: Float64Array;
-    /** (m + 1,) What it has come to by each time; the last is the cost. */
+    /** (m + 1,) Running value at each time; the last one is the cost. */
     readonly running: Float64Array;
   } | null)[];
 }
@@ -153,36 +153,36 @@ export interface Trace {
 export interface Model {
   readonly title: string;
   readonly status: string;
-  /** Whether nothing is missing that was searched for. */
+  /** Whether the search was completed. */
   readonly complete: boolean;
   /** A paragraph for each claim. */
   readonly certificate: readonly string[];
   readonly notes: readonly string[];
   /** Number of rows. */
   readonly n: number;
-  /** The criteria in the front's order, then what is reported. */
+  /** The criteria in the front's order, then the reported values. */
   readonly columns: readonly Column[];
-  /** How many of the columns are criteria. */
+  /** Number of columns that are criteria. */
   readonly criteria: number;
   readonly marks: readonly Mark[];
   readonly paths: Paths;
   readonly world: World;
-  /** By row; not every row has one. */
+  /** Traces by row; not every row has one. */
   readonly traces: ReadonlyMap<number, Trace>;
-  /** The file of the front, as Python and the command line name it; null where it is not known. */
+  /** Path of the front's file, for Python code and commands; null if unknown. */
   readonly saved: string | null;
 }
 
-/** A part of the data: type, where it begins, how many numbers, how many times they are to be summed up. */
+/** A packed column: type, first byte, number of values, and how many times the values must be summed up. */
 type Packed = readonly [type: "int32" | "int16" | "float64", at: number, count: number, order: number];
 
-/** Rings first .. first + count of the world's. */
+/** An area: rings first .. first + count of the world. */
 interface PackedArea {
   readonly first: number;
   readonly count: number;
 }
 
-/** As the file has it. Lengths in `Packed` are whole millimetres from the origin, angles milliradians, times ms. */
+/** The data as packed. Lengths are whole millimetres from the origin, angles milliradians, times whole ticks. */
 interface Payload {
   readonly schema: "hpop-page";
   readonly version: 1;
@@ -210,15 +210,15 @@ interface Payload {
   };
   readonly traces: readonly {
     readonly row: number;
-    /** s, one in `t`. */
+    /** s, duration of a tick of `t`. */
     readonly tick: number;
     readonly t: Packed;
     readonly x: Packed;
     readonly y: Packed;
     readonly yaw: Packed;
-    /** Of each column that can be traced, how much one in `values` is. */
+    /** Size of a step of `values`, for each column that can be traced. */
     readonly steps: readonly number[];
-    /** Of each of these columns (m,): by how much a sum grows in each piece, or the mean or the worst in it. */
+    /** (m,) for each of these columns: growth of a sum, or mean, or worst value in each piece, in steps. */
     readonly values: Packed;
   }[];
   readonly data: string;
@@ -229,7 +229,7 @@ export const VERSION = 1;
 
 const ARRAYS = { int32: Int32Array, int16: Int16Array, float64: Float64Array } as const;
 
-/** What a payload says, its arrays unpacked; rejects what is no payload of this version. */
+/** Decodes a payload; rejects data that are no payload of this version. */
 export async function decode(given: unknown): Promise<Model> {
   const payload = given as Payload;
   const { schema, version } = payload as { schema: unknown; version: unknown };
@@ -278,7 +278,7 @@ export async function decode(given: unknown): Promise<Model> {
   };
 }
 
-/** Rate (m,) and running value (m + 1,) of what a criterion is in each piece (m,). */
+/** Rates (m,) and running values (m + 1,) of a criterion from its values in pieces (m,). */
 function alongOf(
   values: Float64Array,
   t: Float64Array,
@@ -360,7 +360,7 @@ function unpacked(bytes: Uint8Array, [type, at, count, order]: Packed): Float64A
     for (let i = 0; i < count; i++) raw[i * size + plane] = bytes[from + i]!;
   }
   for (let sum = 0; sum < order; sum++) {
-    for (let i = 1; i < count; i++) values[i]! += values[i - 1]!; // beyond 32 bits it wraps, as it was taken apart
+    for (let i = 1; i < count; i++) values[i]! += values[i - 1]!; // sums wrap at 32 bits, as the differences did
   }
   return values;
 }

@@ -1,22 +1,22 @@
-// The list of what lies under the mouse on the map, where trajectories lie on each other: Tab goes to the next.
+// List of the trajectories under the mouse, where several overlap on the map; Tab goes to the next one.
 import type { Model } from "./payload";
 
-const SHOWN = 4; // entries at once
+const SHOWN = 4; // most entries shown
 
 export interface Picks {
   readonly element: HTMLElement;
-  /** All rows under the pointer, the nearest first; none hides the list. */
+  /** All rows under the pointer, the nearest first; the list is hidden if there are none. */
   readonly rows: readonly number[];
-  /** Takes other rows, found at a pixel of the parent; tells whether they differ. */
+  /** Replaces the rows by those at a pixel of the parent; returns whether they differ. */
   take(rows: readonly number[], at: { x: number; y: number }): boolean;
   /** Goes to the next row, or back. */
   step(by: 1 | -1): void;
-  /** The rows from the one it is at, the others after it in turn. */
+  /** The rows in cyclic order, beginning with the current one. */
   turned(most: number): number[];
   draw(model: Model): void;
 }
 
-/** A list over the map; `act` is told of an entry that a finger touched. */
+/** Creates the list over the map; `act` is called for an entry that is touched. */
 export function picksOver(parent: HTMLElement, act: (row: number) => void): Picks {
   const element = document.createElement("ol");
   element.className = "picks";

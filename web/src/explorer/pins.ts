@@ -1,4 +1,4 @@
-// Pins A, B and C beside each other, and what is at the mouse: values, and differences from the first pin.
+// Comparison of pins A, B and C and the row under the mouse: values, and differences from the first pin.
 import { button, headOf, make, panel } from "./dom";
 import { count, signed, text, unit } from "./numbers";
 import type { State } from "./state";

@@ -18,7 +18,7 @@ export class Raster {
     this.counts.fill(0);
   }
 
-  /** Takes the counts of a raster of the same size. */
+  /** Copies the counts of a raster of equal size. */
   copy(other: Raster): void {
     this.counts.set(other.counts);
   }
@@ -87,7 +87,7 @@ function walk(
   if (last > first) counts[last * along + Math.trunc(a1 < last + 0.5 ? b1 : b + slope) * across]! += weight;
 }
 
-const EDGE = 1e-6; // pixels by which what is cut off ends before the raster does
+const EDGE = 1e-6; // pixels inside the far borders of the raster at which segments are cut off
 
 /** The part of a segment within the raster, or null; by the parameters at which it crosses each side (Liang, Barsky). */
 function clipped(
@@ -139,11 +139,11 @@ export function rampOf(stops: readonly string[]): Ramp {
   return new Uint32Array(table.buffer);
 }
 
-/** What a density is painted with. */
+/** Colours of a density. */
 export interface Inks {
-  /** Of the selected, from one trajectory to the most. */
+  /** Colours of the selected trajectories, from one to the largest count. */
   readonly selected: Ramp;
-  /** Of all the others, the context. */
+  /** Colours of all other trajectories, the context. */
   readonly context: Ramp;
 }
 
@@ -164,20 +164,20 @@ export function inks(dark: boolean): Inks {
   return dark ? DARK : LIGHT;
 }
 
-const DIRECT = 4096; // counts below have their colour in a table
+const DIRECT = 4096; // colours of smaller counts are tabulated
 
-/** Colour of each count: the place of log(1 + count) between one and the most. */
+/** Colour of a count, on a logarithmic scale from one to the largest count. */
 function colours(ramp: Ramp, most: number): (count: number) => number {
   const low = Math.log(2);
   const span = Math.log(1 + most) - low;
-  // Where no place has more than one, that one is as plain as the middle of the ramp.
+  // If no count is above one, the middle of the ramp is used.
   const of = (count: number) =>
     ramp[span > 0 ? Math.min(Math.round((255 * (Math.log(1 + count) - low)) / span), 255) : 128]!;
   const table = Uint32Array.from({ length: Math.min(most + 1, DIRECT) }, (_, count) => of(count || 1));
   return (count) => (count < table.length ? table[count]! : of(count));
 }
 
-/** The selected over all, in one picture. The raster of all is filled once a size; that of the selected at each filter. */
+/** Density of selected rows over all rows. The raster of all is filled once per size, the other one at each filter. */
 export class Density {
   readonly all: Raster;
   readonly selected: Raster;
@@ -198,7 +198,7 @@ export class Density {
     [this.canvas.width, this.canvas.height] = [width, height];
   }
 
-  /** Paints the picture over what a canvas shows, from its pixel (x, y); what no trajectory covers is left as it is. */
+  /** Paints the density on a canvas from its pixel (x, y); pixels without trajectories stay unchanged. */
   paint(target: CanvasRenderingContext2D, { selected, context }: Inks, x = 0, y = 0): void {
     const { pixels } = this;
     const over = this.selected.counts;

@@ -1,15 +1,15 @@
-// Where a value lies on its axis, and what ticks the axis has.
+// Scale of an axis: positions of values, and ticks.
 import { ROUNDING } from "./numbers";
 import type { Column } from "./payload";
 import type { Bound } from "./selection";
 
-const NEAR_END = 2; // pixels from the end of an axis at which a brush leaves that end open
+const NEAR_END = 2; // pixels from the end of an axis within which a brush leaves this end open
 
 export function isEqual({ low, high }: Column): boolean {
   return !(high - low > ROUNDING * Math.max(Math.abs(low), Math.abs(high)));
 }
 
-/** From values of a column to places on an axis, 0 at its beginning and 1 at its end, and back. */
+/** Map from values of a column to positions on an axis, 0 at its beginning and 1 at its end, and back. */
 export class Scale {
   private readonly from: number;
   private readonly span: number;
@@ -25,7 +25,7 @@ export class Scale {
     this.span = (log ? Math.log(column.high) : column.high) - this.from;
   }
 
-  /** Values that are all equal lie in the middle. */
+  /** Position of a value; the middle if all values are equal. */
   place(value: number): number {
     if (this.equal) return 0.5;
     const place = ((this.log ? Math.log(value) : value) - this.from) / this.span;
@@ -54,7 +54,7 @@ export class Scale {
     const high = open(highEnd, 1) ? Infinity : this.snapped(highEnd, near);
     if (low === -Infinity && high === Infinity) return null;
     if (low <= high) return { low, high };
-    const { quantum } = this.column; // between two steps: the nearest
+    const { quantum } = this.column; // between two steps: take the nearest
     const middle = Math.round(this.value((first + last) / 2) / quantum) * quantum;
     return { low: middle, high: middle };
   }
@@ -73,12 +73,12 @@ export class Scale {
   /** At most so many ticks on round numbers. */
   ticks(most: number): number[] {
     const { low, high, counts } = this.column;
-    if (this.equal) return []; // both ends say it
+    if (this.equal) return []; // equal values: both ends of the axis show the value
     return this.log ? logTicks(low, high, most) : niceTicks(low, high, most, counts);
   }
 }
 
-/** Without the rounding of its last digits: 0.30000000000000004 is 0.3. */
+/** Removes rounding errors in the last digits: 0.30000000000000004 is 0.3. */
 function tidy(value: number): number {
   return Number(value.toPrecision(12));
 }
@@ -95,7 +95,7 @@ export function niceTicks(low: number, high: number, most: number, whole = false
 
 /** Powers of ten, with 2 and 5 times them where there are few. */
 function logTicks(low: number, high: number, most: number): number[] {
-  const decades = Math.log10(high) - Math.log10(low); // a quotient may be beyond all numbers
+  const decades = Math.log10(high) - Math.log10(low); // a quotient may overflow
   if (decades < 1) return niceTicks(low, high, most);
   const factors = decades * 3 <= most ? [1, 2, 5] : [1];
   const every = Math.max(1, Math.ceil(decades / most));

@@ -1,4 +1,4 @@
-// The straight runs of all paths, each distinct one once: paths of a lattice share most of theirs, so that a map draws
+// The distinct straight segments of all paths. Paths on a lattice share most of their segments, so that a map draws
 // and searches hundreds of segments instead of thousands of paths.
 import type { Paths } from "./payload";
 
@@ -19,11 +19,11 @@ export interface Segments {
   readonly rows: Lists;
 }
 
-/** The distinct segments of paths, whichever way they are gone; turns in place have none. */
+/** The distinct segments of paths, in either direction; turns in place have none. */
 export function segmentsOf({ offsets, point, points, x, y }: Paths): Segments {
   const known = new Map<number, number>();
-  const ends: number[] = []; // the corners of each segment, places in x and y
-  const latest: number[] = []; // the row that used a segment last: a row that comes again is counted once
+  const ends: number[] = []; // the ends of each segment, indices in x and y
+  const latest: number[] = []; // the last row that used each segment, so that a row is counted once
   const used: number[] = []; // segment and row, pair by pair
   for (let row = 0; row + 1 < offsets.length; row++) {
     for (let at = offsets[row]! + 1; at < offsets[row + 1]!; at++) {
@@ -59,7 +59,7 @@ export function listsOf(count: number, pairs: readonly number[]): Lists {
   return { offsets, items };
 }
 
-/** How many of the selected rows use each segment: (count,). `selected` is (n,), 1 where selected. */
+/** (count,) Number of selected rows that use each segment. `selected` is (n,), 1 for selected rows. */
 export function usersOf({ count, rows }: Segments, selected: Uint8Array): Uint32Array {
   const users = new Uint32Array(count);
   for (let segment = 0; segment < count; segment++) {
@@ -79,7 +79,7 @@ function distanceTo(x: number, y: number, x0: number, y0: number, x1: number, y1
   return Math.hypot(x - x0 - part * dx, y - y0 - part * dy);
 }
 
-const CELLS = 96; // along the longer side
+const CELLS = 96; // cells along the longer side
 
 /** Finds segments near a point: a grid of cells, each with the segments that pass it. */
 export class SegmentGrid {

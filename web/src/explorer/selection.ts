@@ -1,4 +1,4 @@
-// Which rows are selected: those within all bounds, of those that were kept.
+// The selected rows: those of the kept rows that are within all bounds.
 import { evenRound, ROUNDING } from "./numbers";
 import type { Model } from "./payload";
 
@@ -8,7 +8,7 @@ export interface Bound {
   readonly high: number;
 }
 
-/** What a history remembers: bounds by column, and the rows kept (1) or excluded (0), all of them if null. */
+/** State in the history: bounds by column, and rows kept (1) or excluded (0); null if all are kept. */
 export interface Filter {
   readonly bounds: ReadonlyMap<number, Bound>;
   readonly kept: Uint8Array | null;
@@ -19,7 +19,7 @@ export const NO_FILTER: Filter = { bounds: new Map(), kept: null };
 // As in hpop/frontier/conditions.py: a bound as a count of quanta is off by its rounding.
 const ALIKE = 8 * Number.EPSILON;
 
-/** Between which values a bound holds, in whole steps where there are steps: as `front.where` compares them. */
+/** Limits of a bound, in whole quanta if there is a quantum, as `front.where` compares values. */
 function limits(quantum: number, { low, high }: Bound): [number, number] {
   const [least, most] = quantum === 0 ? [low, high] : [low / quantum, high / quantum];
   const slack = (end: number): number => (quantum === 0 ? ROUNDING * Math.abs(end) : ALIKE * Math.max(1, Math.abs(end)));

@@ -1,6 +1,6 @@
-// What the user has done: bounds, kept rows, pins, what the mouse is at, wishes, order of axes and rows.
+// State of the page: bounds, kept rows, pins, hovered rows, wishes, order of axes and rows.
 //
-// One value for the whole page. Views read it and never keep what it holds; they change it by its methods, and hear
+// There is one state for the whole page. Views read it and store no copies; they change it by its methods, and learn
 // of the change when the page asks them to draw, once an animation frame.
 import type { Column, Model } from "./payload";
 import { History } from "./history";
@@ -11,10 +11,10 @@ import { ranked } from "./wishes";
 /** data: other rows. filter: other rows selected. axes: order, scale. sort: order of rows. overlay: hover, pins, time. */
 export type Change = "data" | "filter" | "axes" | "sort" | "overlay";
 
-/** What rows are sorted by: a column, the number of the row, or how near it is to the wishes. */
+/** Sort key of rows: a column, the row number, or the nearness to the wishes. */
 export type SortKey = number | "row" | "wishes";
 
-/** What a link holds. */
+/** Choices that a link holds. */
 export interface Chosen {
   readonly filter: Filter;
   readonly pins: readonly (number | null)[];
@@ -29,11 +29,11 @@ export interface Chosen {
 export class State {
   /** (n,) 1 where a row is selected. */
   selected = new Uint8Array(0);
-  /** How many are. */
+  /** Number of selected rows. */
   count = 0;
-  /** Rows under the mouse or the keyboard, the first is at the focus; several where paths lie on each other. */
+  /** Rows under the mouse or chosen by keyboard, the first at the focus; several if paths overlap. */
   hovered: readonly number[] = [];
-  /** Rows of pins A, B, C; null where there is none. */
+  /** Rows of pins A, B, C; null for a free pin. */
   pins: (number | null)[] = new Array<number | null>(PINS).fill(null);
   /** Cursor along time, s from the start, common to map and trace. */
   time: number | null = null;
@@ -46,7 +46,7 @@ export class State {
   logs = new Set<number>();
   sort: { readonly key: SortKey; readonly down: boolean } = { key: "row", down: false };
   readonly history = new History<Filter>(NO_FILTER);
-  /** The row that was last at the focus: where the keyboard goes on. */
+  /** The row that was last at the focus, from which the keyboard continues. */
   last: number | null = null;
 
   private readonly listeners: ((change: Change) => void)[] = [];
@@ -72,12 +72,12 @@ export class State {
     return this.history.now;
   }
 
-  /** Whether rows are left out, or might be. */
+  /** Whether there are bounds or excluded rows. */
   get isFiltered(): boolean {
     return this.filter.kept !== null || this.filter.bounds.size > 0;
   }
 
-  /** Whether the selected rows can be kept or excluded: bounds hold, and take in some rows but not all. */
+  /** Whether the selected rows can be kept or excluded: bounds select some rows but not all. */
   get isChosen(): boolean {
     return this.filter.bounds.size > 0 && this.count > 0 && this.count < this.model.n;
   }
@@ -87,7 +87,7 @@ export class State {
     return this.hovered[0] ?? null;
   }
 
-  /** Says that the mouse or the keyboard is at these rows; none when it left. */
+  /** Sets the hovered rows; none when the mouse has left. */
   hover(rows: readonly number[]): void {
     if (rows.length === this.hovered.length && rows.every((row, i) => row === this.hovered[i])) return;
     this.hovered = rows;
@@ -95,14 +95,14 @@ export class State {
     this.changed("overlay");
   }
 
-  /** Moves the cursor along time, s; null takes it away. */
+  /** Moves the time cursor, s; null removes it. */
   at(time: number | null): void {
     if (time === this.time) return;
     this.time = time;
     this.changed("overlay");
   }
 
-  /** Pins a row at the first free place, or at the last; takes away the pin of a row that has one. */
+  /** Pins a row with the first free letter, or the last one; removes the pin of a pinned row. */
   pin(row: number): void {
     const place = this.pins.indexOf(row);
     if (place >= 0) this.pins[place] = null;
@@ -113,7 +113,7 @@ export class State {
     this.changed("overlay");
   }
 
-  /** A click pins; a first tap only looks, for a finger cannot hover. */
+  /** Pins the clicked row; a first tap only hovers, since a finger cannot hover otherwise. */
   click(rows: readonly number[], pointer: string): void {
     const row = rows[0];
     if (pointer === "touch" && (row === undefined || row !== this.focus)) this.hover(rows);
@@ -135,7 +135,7 @@ export class State {
     this.changed("overlay");
   }
 
-  /** Bounds a column, or frees it; `done` is false while it is being dragged, so that history keeps one step. */
+  /** Sets or removes the bound of a column; `done` is false during a drag, which is one step of the history. */
   bound(column: number, bound: Bound | null, done = true): void {
     const bounds = new Map(this.filter.bounds);
     if (bound === null) bounds.delete(column);
@@ -143,14 +143,14 @@ export class State {
     this.filterBy({ bounds, kept: this.filter.kept }, done);
   }
 
-  /** Goes on with the selected rows alone, or without them; bounds are done with. */
+  /** Keeps only the selected rows, or only the others, and removes all bounds. */
   keep(which: "selected" | "others"): void {
     const kept = Uint8Array.from(this.selected);
     if (which === "others") for (let row = 0; row < kept.length; row++) kept[row] = this.wasKept(row) && !kept[row] ? 1 : 0;
     this.filterBy({ bounds: new Map(), kept }, true);
   }
 
-  /** All rows again. */
+  /** Selects all rows again. */
   clear(): void {
     if (this.isFiltered) this.filterBy(NO_FILTER, true);
   }
@@ -198,7 +198,7 @@ export class State {
     this.changed("axes");
   }
 
-  /** Puts an axis at a place among those shown. */
+  /** Moves an axis to a position among those shown. */
   move(index: number, place: number): void {
     const shown = this.shown.filter((other) => other !== index);
     const before = shown[place];
@@ -214,7 +214,7 @@ export class State {
     this.changed("sort");
   }
 
-  /** Wishes a value of a column, or no more. */
+  /** Sets or removes the wished value of a column. */
   wish(index: number, value: number | null): void {
     if (value === null) this.wishes.delete(index);
     else this.wishes.set(index, value);
@@ -242,7 +242,7 @@ export class State {
     return this.sortedRows;
   }
 
-  /** All that a link holds, at once. */
+  /** Restores all choices of a link at once. */
   restore(chosen: Chosen): void {
     const { order } = chosen;
     this.pins = Array.from({ length: PINS }, (_, pin) => chosen.pins[pin] ?? null);
@@ -258,14 +258,14 @@ export class State {
     this.changed("overlay");
   }
 
-  /** The order of axes that nobody changed. */
+  /** The initial order of axes. */
   get firstOrder(): readonly number[] {
     return grouped(this.model);
   }
 
   // -- data ---------------------------------------------------------------------------------------------------------
 
-  /** Other data: what still has a meaning stays. Columns are known by their names, pins by their costs. */
+  /** Replaces the data and keeps all choices that still apply: columns by name, pins by costs. */
   replace(model: Model): void {
     const old = this.model;
     const at = new Map(model.columns.map((column, index) => [column.name, index]));
@@ -307,7 +307,7 @@ export class State {
   }
 
   private filtered(change: Change = "filter"): void {
-    for (const index of this.filter.bounds.keys()) this.hidden.delete(index); // a bound that nobody sees would be a riddle
+    for (const index of this.filter.bounds.keys()) this.hidden.delete(index); // a bound on a hidden axis would be confusing
     this.count = select(this.model, this.filter, this.selected);
     this.changed(change);
   }
@@ -329,7 +329,7 @@ export class State {
   }
 }
 
-/** Columns by class, performance first, what is reported last; within a class in the front's order. */
+/** Columns by group, performance first, reported values last; within a group in the front's order. */
 function grouped({ columns }: Model): number[] {
   const rank = (index: number): number => (columns[index]!.reported ? 9 : ["P", "C", "R", "O", ""].indexOf(columns[index]!.group));
   return columns.map((_, index) => index).sort((a, b) => rank(a) - rank(b) || a - b);

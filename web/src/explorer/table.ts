@@ -9,9 +9,9 @@ import type { View } from "./view";
 
 /** Pixels; the style sheet has the same. */
 const ROW = 24;
-/** Before the number of a row that has a name. */
+/** Sign before the number of a row with a name. */
 const NAMED = "\u25c6";
-const SPARE = 1; // rows beyond those in sight
+const SPARE = 1; // rows in the document beyond those in sight
 
 interface Head {
   readonly key: SortKey;
@@ -21,9 +21,9 @@ interface Head {
 /** The table also follows the keyboard: `reveal` scrolls to the row at the focus. */
 export interface TableView extends View {
   reveal(): void;
-  /** All rows, for paper. */
+  /** The table with all rows, for printing. */
   printed(): HTMLElement;
-  /** Whole rows in sight. */
+  /** Number of whole rows in sight. */
   readonly page: number;
 }
 
@@ -49,7 +49,7 @@ export function tableView(state: State): TableView {
     chips.replaceChildren(...state.model.marks.map(chipOf));
   }
 
-  /** A row with a name, to be found at once. */
+  /** A button for a named row: it pins the row, and highlights it while hovered. */
   function chipOf({ names, row }: Mark): HTMLElement {
     const chip = button(`${NAMED} ${names.join(", ")}`, `row ${row}: pin or unpin it${names.includes("knee") ? `. knee: ${KNEE}` : ""}`, () => { state.pin(row); });
     chip.dataset.row = String(row);
@@ -89,7 +89,7 @@ export function tableView(state: State): TableView {
   function newRow(): HTMLElement {
     const row = make("div", "tr", Array.from({ length: heads.length }, () => make("span", "td", "", { role: "gridcell" })), { role: "row" });
     row.addEventListener("pointermove", (event) => {
-      // Rows that the keyboard scrolls beneath a mouse at rest are not what is meant.
+      // Ignore rows that the keyboard scrolls beneath a resting mouse.
       const moved = event.movementX !== 0 || event.movementY !== 0;
       if (moved && event.pointerType !== "touch") state.hover([Number(row.dataset.row)]);
     });
@@ -186,7 +186,7 @@ export function tableView(state: State): TableView {
     fill();
   }
 
-  /** What a cell says. */
+  /** Text of a cell. */
   function said(key: SortKey, row: number): string {
     if (key === "row") return named.has(row) ? `${NAMED} ${row}` : String(row);
     return key === "wishes" ? String(rank(row)) : text(state.column(key), state.column(key).values[row]!);
@@ -204,7 +204,7 @@ export function tableView(state: State): TableView {
 
   grid.addEventListener("scroll", fill, { passive: true });
   grid.addEventListener("pointerleave", (event) => {
-    if (event.pointerType !== "touch") state.hover([]); // a finger leaves whenever it is lifted
+    if (event.pointerType !== "touch") state.hover([]); // ignore touch: a finger leaves whenever it is lifted
   });
   renew();
   return {
@@ -221,7 +221,7 @@ export function tableView(state: State): TableView {
   };
 }
 
-/** Letters of the longest part of a name that is not broken. */
+/** Length of the longest part of a name between line breaks. */
 function longest(name: string): number {
   return Math.max(...name.split(/[_ ]/).map((part) => part.length)) + (name.includes("_") ? 1 : 0);
 }

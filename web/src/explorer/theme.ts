@@ -6,24 +6,24 @@ export interface Theme {
   readonly dark: boolean;
   readonly paper: string;
   readonly ink: string;
-  /** Labels of ticks, what matters less. */
+  /** Tick labels and secondary text. */
   readonly quiet: string;
   readonly line: string;
-  /** What the mouse or the keyboard is at. */
+  /** Hovered rows. */
   readonly hover: string;
-  /** Round a line that must be seen on others. */
+  /** Halo round a line that must be visible over others. */
   readonly halo: string;
   readonly wall: string;
   readonly zone: string;
   readonly person: string;
   readonly landmark: string;
-  /** What is nearest to the wishes. */
+  /** The row nearest to the wishes. */
   readonly wish: string;
 }
 
 export const PIN_NAMES = ["A", "B", "C"] as const;
 export const PINS = PIN_NAMES.length;
-/** Of pins A, B and C; the same on both papers. */
+/** Colours of pins A, B and C, in the light and the dark scheme. */
 export const PIN_COLOURS = ["#D55E00", "#0072B2", "#CC79A7"] as const;
 /** On and off, CSS pixels. */
 export const PIN_DASHES: readonly (readonly number[])[] = [[], [9, 4], [2, 3]];
@@ -79,17 +79,17 @@ const DARK: Theme = {
 const dark = window.matchMedia("(prefers-color-scheme: dark)");
 let onPaper = false;
 
-/** The colours of now. Paper is white in print. */
+/** The current colours; paper is white in print. */
 export function theme(): Theme {
   return dark.matches && !onPaper ? DARK : LIGHT;
 }
 
-/** Says that the page is printed, or no more. */
+/** Sets whether the page is being printed. */
 export function setPrinting(printing: boolean): void {
   onPaper = printing;
 }
 
-/** Tells when the colours change. */
+/** Calls a function when the colours change. */
 export function onTheme(changed: () => void): void {
   dark.addEventListener("change", changed);
 }

@@ -1,4 +1,4 @@
-// The trace: what arises along the time of the pinned trajectories and of the one at the focus, a strip a criterion.
+// The trace: rates over time of the pinned trajectories and of the one at the focus, one strip for each criterion.
 import { headOf, make, panel } from "./dom";
 import { short } from "./numbers";
 import type { Trace } from "./payload";
@@ -13,11 +13,11 @@ const RIGHT = 12;
 const HEAD = 22; // above a strip, for its name
 const FOOT = 18; // below a strip, for seconds
 const LEAST_WIDTH = 150; // of a strip
-const LEAST_HEIGHT = 84; // of a strip; lower ones are put side by side instead
-const LINE = 12; // from one value at the cursor to the next below it
+const LEAST_HEIGHT = 84; // least height of a strip; strips that would be lower are put side by side
+const LINE = 12; // height of a line of values at the cursor
 const PIXELS_A_TICK = 52;
 const SMALL = "11px system-ui, sans-serif";
-const STEPS = 100; // of the keyboard from the beginning to the end
+const STEPS = 100; // number of keyboard steps from the beginning to the end
 
 interface Strip {
   readonly column: number;
@@ -34,7 +34,7 @@ export function traceView(state: State): View {
   headOf(element).append(note);
   const layers = layersIn(plot);
   let strips: Strip[] = [];
-  let end = 0; // s, of the longest that is shown
+  let end = 0; // s, duration of the longest trajectory shown
   let held = false; // whether the cursor stays when the mouse leaves
 
   const timeAt = (event: PointerEvent): number | null => {
@@ -72,7 +72,7 @@ export function traceView(state: State): View {
     state.at(held ? Math.min(Math.max(to, 0), end) : null);
   });
 
-  /** Says whose traces are shown and whose are not there. */
+  /** Writes which trajectories are shown, and which have no trace. */
   function tell(shown: readonly (Traced & { trace: Trace })[], others: readonly Traced[]): void {
     const named = ({ row, name }: Traced) => {
       const names = state.model.marks.filter((mark) => mark.row === row).flatMap((mark) => mark.names);
@@ -212,7 +212,7 @@ function drawStrip(
   context.restore();
 }
 
-/** The time of the cursor, and each rate then. */
+/** Draws the cursor, with its time and the rates there. */
 function drawCursor(
   context: CanvasRenderingContext2D,
   { column, x, y, width, height }: Strip,
@@ -253,7 +253,7 @@ function drawCursor(
   }
 }
 
-/** As much of a text as has room. */
+/** The beginning of a text that fits into a width. */
 function fitted(context: CanvasRenderingContext2D, text: string, room: number): string {
   if (context.measureText(text).width <= room) return text;
   let kept = text;

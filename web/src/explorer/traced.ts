@@ -1,9 +1,9 @@
-// Which trajectories are traced, and where they are at a time.
+// The traced trajectories, and their poses at a time.
 import type { Trace } from "./payload";
 import type { State } from "./state";
 import { PIN_COLOURS, PIN_DASHES, PIN_NAMES, theme } from "./theme";
 
-/** A row whose course is shown, and its look. */
+/** A traced row, and its appearance. */
 export interface Traced {
   readonly row: number;
   readonly name: string;
@@ -11,7 +11,7 @@ export interface Traced {
   readonly dash: readonly number[];
 }
 
-/** The pinned rows and the one at the focus; where there is none, the one that was last there, else the first named. */
+/** The pinned rows and the one at the focus; if there are none, the last one at the focus, or the first named row. */
 export function tracedRows({ model, pins, focus, last }: State): Traced[] {
   const traced: Traced[] = [];
   pins.forEach((row, i) => {
@@ -24,7 +24,7 @@ export function tracedRows({ model, pins, focus, last }: State): Traced[] {
   return traced;
 }
 
-/** The piece (0 .. m - 1) in which a time lies; the first and the last take what lies before and after. */
+/** Index (0 .. m - 1) of the piece that contains a time; times outside are in the first or last piece. */
 export function pieceAt({ t }: Trace, time: number): number {
   let [low, high] = [0, Math.max(t.length - 2, 0)];
   while (low < high) {
@@ -35,7 +35,7 @@ export function pieceAt({ t }: Trace, time: number): number {
   return low;
 }
 
-/** Where the camera is at a time, m, and where it looks, rad: even between the ends of a piece. */
+/** Pose of the camera at a time, m, rad, interpolated linearly within a piece. */
 export function placeAt(trace: Trace, time: number): { x: number; y: number; yaw: number } {
   const { t, x, y, yaw } = trace;
   const piece = pieceAt(trace, time);

@@ -1,12 +1,12 @@
-// What the page asks of a view: parallel axes, map, matrix, table, trace.
+// Interface of the page's views: parallel axes, map, matrix, table, trace.
 //
 // A view is made once, `axesView(state)`, reads `state.model` afresh whenever it draws, and draws only when asked: the
-// page calls each method at most once an animation frame, in the order below, and counts the calls. What is dear is on
-// the base canvas, which waits for a change of what is selected; what follows the mouse is on the overlay above it.
+// page calls each method at most once an animation frame, in the order below, and counts the calls. Costly parts are on
+// the base canvas, drawn when the selection changes; what follows the mouse is on the overlay above it.
 export interface View {
   /** Placed by the page; its size is given by the layout, never by what is drawn in it. */
   readonly element: HTMLElement;
-  /** Other data: `state.model` is another one. What was kept of the old one is dropped. */
+  /** The data `state.model` were replaced: drop everything derived from the old data. */
   renew(): void;
   /** The element has another size, or the colours changed: canvases are fitted to it. A drawBase follows. */
   resize(): void;
@@ -23,7 +23,7 @@ export interface Layers {
   /** CSS pixels. */
   width: number;
   height: number;
-  /** Canvas pixels a CSS pixel: at most 2, more is not seen and costs. */
+  /** Canvas pixels per CSS pixel: at most 2, since more is slower and not visible. */
   ratio: number;
 }
 
@@ -52,7 +52,7 @@ export function fit(layers: Layers): void {
   }
 }
 
-/** Draws each overlay onto its base: a browser that prints cuts what an overlay leaves empty out of what is beneath. */
+/** Draws each overlay onto its base for printing, where some browsers let empty overlays hide the base. */
 export function flatten(root: HTMLElement): void {
   for (const overlay of root.querySelectorAll<HTMLCanvasElement>("canvas.overlay")) {
     const base = (overlay.previousElementSibling as HTMLCanvasElement).getContext("2d")!;

@@ -1,11 +1,11 @@
-// Which part of the plane a map shows.
+// Viewport: the part of the plane that a map shows.
 
 /** x_min, y_min, x_max, y_max, m. */
 export type Box = readonly [number, number, number, number];
 
-const MARGIN = 14; // CSS pixels round what is shown as a whole
+const MARGIN = 14; // CSS pixels of margin round the whole
 const CLOSEST = 4000; // CSS pixels to a metre: a quarter of a millimetre to the pixel
-const FARTHEST = 0.5; // of the scale that shows all there is
+const FARTHEST = 0.5; // least scale, as a share of the scale that shows everything
 
 /** x to the right, y up in metres; CSS pixels to the right and down. */
 export class Viewport {
@@ -19,13 +19,13 @@ export class Viewport {
   private home: Box = [0, 0, 1, 1];
   private bounds: Box = [0, 0, 1, 1];
 
-  /** Another plane: shows `home` as a whole; `bounds` is all there is. */
+  /** Sets another plane and shows `home`; `bounds` contains everything to draw. */
   renew(home: Box, bounds: Box): void {
     [this.home, this.bounds] = [home, bounds];
     this.reset();
   }
 
-  /** Shows what it showed in a frame of another size: the whole, or the same middle as near as before. */
+  /** Adapts to another size: the whole stays the whole; else the centre and the relative scale stay. */
   resize(width: number, height: number): void {
     const near = this.scale / this.whole;
     const [x, y] = [this.x(this.width / 2), this.y(this.height / 2)];
@@ -67,7 +67,7 @@ export class Viewport {
     return (this.top - y) * this.scale;
   }
 
-  /** Comes nearer by a factor; what lies under the pixel (px, py) stays there. */
+  /** Zooms by a factor; the point under the pixel (px, py) stays there. */
   zoom(factor: number, px = this.width / 2, py = this.height / 2): void {
     const [x, y] = [this.x(px), this.y(py)];
     const least = FARTHEST * Math.min(this.whole, this.fitting(this.bounds));
@@ -100,7 +100,7 @@ export class Viewport {
     this.top = y + this.height / 2 / this.scale;
   }
 
-  /** Keeps some of the plane in sight: its borders never pass the middle. */
+  /** Keeps part of the plane in sight: its borders never pass the middle. */
   private hold(): void {
     const [x, y] = [this.x(this.width / 2), this.y(this.height / 2)];
     const [xMin, yMin, xMax, yMax] = this.bounds;

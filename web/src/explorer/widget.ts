@@ -1,8 +1,8 @@
-// The explorer in a notebook, as anywidget loads it: the page in a frame of its own, and what is chosen there told back.
+// The explorer in a notebook, as anywidget loads it: the page in a frame, which sends the selection to Python.
 //
 // In the frame the page's style stays with the page, its keys are its own, and its layout follows the width of the cell.
 
-/** What a notebook keeps in common with Python. */
+/** Values that the notebook shares with Python. */
 interface SharedModel {
   get(name: string): unknown;
   set(name: string, value: unknown): void;
@@ -11,7 +11,7 @@ interface SharedModel {
   off(event: string, heard: () => void): void;
 }
 
-/** Shows `page` in an element, `height` pixels high; sets `selected`, `hovered` and `pinned`. Returns what takes it away. */
+/** Shows `page` in an element, `height` pixels high; sets `selected`, `hovered`, `pinned`. Returns a function to remove it. */
 export function render({ model, el }: { readonly model: SharedModel; readonly el: HTMLElement }): () => void {
   const frame = document.createElement("iframe");
   frame.title = "explorer of a front";

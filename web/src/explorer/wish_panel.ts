@@ -1,4 +1,4 @@
-// Wishes: a slider and a number for each column; the rows are ranked by how near they come to all of them.
+// Wishes: a slider and a number for each column; rows are ranked by their distance to all wished values.
 import { button, headOf, make, panel } from "./dom";
 import { count, decimals, parsed, text, unit } from "./numbers";
 import { isEqual } from "./scale";
@@ -6,7 +6,7 @@ import type { State } from "./state";
 import { GROUP_COLOURS } from "./theme";
 import type { View } from "./view";
 
-const STEPS = 1000; // of a slider
+const STEPS = 1000; // steps of a slider
 
 interface Row {
   readonly index: number;

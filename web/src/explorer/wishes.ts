@@ -1,11 +1,11 @@
-// Which rows are nearest to wished values: `front.nearest` of hpop, step by step, and an order of all rows by it.
+// The rows in the order of their distance to wished values, computed as by `front.nearest` of hpop.
 import { evenRound, ROUNDING } from "./numbers";
 import type { Column, Model } from "./payload";
 
 // As in hpop/frontier/choosing.py: scaled values that differ by less are tied.
 const TIE = 1e-12;
 
-/** Rows, the nearest first: the first is that of `front.nearest(wishes)`, others by distance, then by the rest. */
+/** Rows, the nearest first: the first row is that of `front.nearest(wishes)`. */
 export function ranked(model: Model, wishes: ReadonlyMap<number, number>): Int32Array {
   const distance = new Float64Array(model.n);
   for (const [index, wish] of wishes) {
@@ -23,13 +23,13 @@ export function ranked(model: Model, wishes: ReadonlyMap<number, number>): Int32
   return rows.sort((a, b) => (a === first ? -1 : b === first ? 1 : before(a, b)));
 }
 
-/** Values and a wish in whole steps; those of reported values are as they are. */
+/** Values and a wish in quanta; unchanged for reported values. */
 function inSteps(column: Column, wish: number): [Float64Array, number] {
   if (column.quantum === 0) return [column.values, wish];
   return [column.values.map((value) => evenRound(value / column.quantum)), wish / column.quantum];
 }
 
-/** Least and greatest, or null of a column that is the same all over. */
+/** Least and greatest value, or null if all values are equal. */
 function range(values: Float64Array): [number, number] | null {
   let [low, high] = [Infinity, -Infinity];
   for (const value of values) {

@@ -1,5 +1,5 @@
-// The check mode of the page (`ride.html#check`): what is drawn and from where, as numbers, for whoever tests it.
-// Without that fragment in the address nothing of this is there.
+// Check mode of the page (`ride.html#check`): numbers about what is drawn and from where, for tests.
+// Without this fragment in the address, none of it exists.
 import {
   CubeCamera,
   Mesh,
@@ -45,9 +45,9 @@ export interface Checks {
   pose(): { position: number[]; ahead: number[]; left: number[]; up: number[] };
   /** Rides to a time, s, of a track. */
   at(track: number, t: number): void;
-  /** Numbers of what is seen all round, row by row from the top, the heading in the middle. `rows` 1: the horizon. */
+  /** Numbers of the visible things all round, row by row from the top, the heading in the middle. `rows` 1: the horizon. */
   numbers(columns: number, rows: number, face: number): number[];
-  /** The same in colours: red, green and blue of each pixel. */
+  /** Red, green and blue of each pixel of the same picture. */
   colours(columns: number, rows: number, face: number): number[];
   /** Where the robot's links are, in world axes: their origins, m, and the directions of their x. */
   links(): { position: number[]; ahead: number[] }[];
@@ -82,7 +82,7 @@ export function checks(clock: Clock, stage: Stage): Checks {
     if (target.scissorTest) target.scissor.set(0, face / 2 - 2, face, 4);
     else target.scissor.set(0, 0, face, face);
     const rigVisible = stage.rig.visible;
-    stage.rig.visible = false; // the cover is the viewer's
+    stage.rig.visible = false; // the cover belongs to the viewer's camera
     cube.update(renderer, stage.scene);
     stage.rig.visible = rigVisible;
     const half = rows === 1 ? 0 : Math.PI / 2;

@@ -1,7 +1,7 @@
-// Which trajectory is ridden, at what time, how fast; and what goes together with what when one switches.
+// Clock of a ride: the current trajectory, its time and speed, and the corresponding time of another trajectory.
 import type { Track } from "./track";
 
-/** Trajectories are compared at the same time since the start, or where the same share of the way is done. */
+/** Trajectories are compared at equal times since the start, or at equal shares of the path. */
 export type Together = "time" | "progress";
 
 export const SPEEDS = [0.25, 0.5, 1, 2, 4] as const;
@@ -24,7 +24,7 @@ export class Clock {
     return this.t >= this.track.duration;
   }
 
-  /** The time of another trajectory that goes together with now. */
+  /** The time of another trajectory that corresponds to the current time. */
   timeOf(other: number): number {
     const track = this.tracks[other]!;
     if (other === this.current) return this.t;
@@ -43,7 +43,7 @@ export class Clock {
     this.t = Math.min(Math.max(t, 0), this.track.duration);
   }
 
-  /** Lets so many seconds pass for who watches; whether that led to the end. */
+  /** Advances by seconds of the viewer's time; returns whether the end was reached. */
   advance(seconds: number): boolean {
     if (!this.playing) return false;
     this.seek(this.t + this.speed * seconds);

@@ -1,7 +1,7 @@
-// How smoothly a ride was drawn. A ride that shows fewer than 60 pictures a second for a twentieth of its time is told:
-// what people feel then may be the device's doing.
+// How smoothly a ride was drawn. A ride with fewer than 60 pictures a second for a twentieth of its time is reported:
+// the device may then be the cause of what people feel.
 
-/** ms: longer than a sixtieth of a second by a seventh, so that a clock that trembles is not taken for a slow device. */
+/** ms: a seventh longer than a sixtieth of a second, so that jitter of the clock does not count as slow. */
 const SLOW = (8 / 7) * (1000 / 60);
 const MOST_SLOW = 0.05;
 
@@ -23,7 +23,7 @@ export class Frames {
   private slow = 0;
   private longest = 0;
 
-  /** Of a ride that begins at a time in ms: a first picture that comes late counts as well. */
+  /** Begins at the time of the ride's start, ms, so that a late first picture counts as well. */
   constructor(private last: number) {}
 
   /** A picture is shown, at a time in ms. */

@@ -1,4 +1,4 @@
-// Buttons in a headset: they hang below the view and are pressed by looking at them for a while, or by a controller.
+// Buttons in a headset: they are below the view, and are pressed by looking at them for a while, or by a controller.
 import { type Camera, CanvasTexture, Group, Mesh, MeshBasicMaterial, PlaneGeometry, Raycaster, RingGeometry, Vector3 } from "three";
 
 /** s of looking at a button that press it. */
@@ -52,7 +52,7 @@ export class GazeButtons {
     this.root.visible = false;
   }
 
-  /** Follows where the head looks for so many seconds; presses what it has looked at long enough. */
+  /** Follows the direction of the head for some seconds; presses a button that was looked at long enough. */
   look(head: Camera, seconds: number): void {
     for (const hung of this.hung) this.write(hung);
     head.getWorldPosition(this.from);
@@ -73,7 +73,7 @@ export class GazeButtons {
     if (this.seconds >= DWELL) this.press();
   }
 
-  /** Presses what is looked at; whether there is anything. */
+  /** Presses the button that is looked at; returns whether there is one. */
   press(): boolean {
     const at = this.watched;
     this.seconds = -DWELL; // to press it again one looks longer

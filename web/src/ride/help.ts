@@ -1,4 +1,4 @@
-// What the page can do, in words, and its options: those that change what is seen are off, and the log tells of them.
+// Help of the page, and its options: options that change the view are off by default, and the log records them.
 import { button, element } from "../shared/dom";
 
 export interface Option {

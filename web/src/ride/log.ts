@@ -1,4 +1,4 @@
-// What was done on the page and when, for studies: kept in the page, and saved as a file when asked for.
+// Log of the user's actions with their times, for studies: kept in the page, and saved as a file on request.
 export interface Entry {
   /** s since the page was opened */
   readonly at: number;

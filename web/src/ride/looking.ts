@@ -66,7 +66,7 @@ export class Looking {
     this.changed();
   }
 
-  /** Lets the head follow the phone, or no longer: an iPhone asks its user first. Whether it does. */
+  /** Starts or stops following the phone; an iPhone asks its user first. Returns whether the head follows. */
   async togglePhone(): Promise<boolean> {
     if (this.followed) {
       window.removeEventListener("deviceorientation", this.orient);

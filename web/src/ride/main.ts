@@ -1,5 +1,5 @@
-// The ride: what the viewer would see along trajectories of a front, on a desktop, a phone, a headset; or a
-// stimulus of a study, which is ridden once and tells nothing.
+// The ride: the viewer's view along trajectories of a front, on a desktop, a phone or a headset; or a
+// stimulus of a study, which is shown once and reveals nothing.
 import { addStyle, schemaOfPayload } from "../shared/payload";
 import { element } from "../shared/dom";
 import { ride, stimulus } from "./model";

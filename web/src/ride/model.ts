@@ -1,4 +1,4 @@
-// What the page is given, `hpop-ride` version 1: hpop/view/ride/page.py writes it. Metres, seconds, radians; world axes
+// The page's data, `hpop-ride` version 1, written by hpop/view/ride/page.py. Metres, seconds, radians; world axes
 // x right, y up in the plane, z height (REP-103). Texts come from files: they are names, never markup.
 import { payloadOf } from "../shared/payload";
 
@@ -14,12 +14,12 @@ export interface Prism {
   readonly colour: Colour;
   readonly is_wall: boolean;
   readonly name: string;
-  /** There where the prism stands for a solid that is not upright; the page draws it as one of `solids`. */
+  /** Present if the prism encloses a solid that is not upright; the page draws it as one of `solids`. */
   readonly solid?: unknown;
 }
 
 export interface Cells {
-  /** Columns and rows, first and beyond the last: x0, y0, x1, y1. */
+  /** First column and row, and those after the last: x0, y0, x1, y1. */
   readonly boxes: readonly (readonly [number, number, number, number])[];
   readonly resolution: number;
   /** x, y, yaw of the lower left corner. */
@@ -41,9 +41,9 @@ export interface Part {
 export interface Person {
   readonly x: number;
   readonly y: number;
-  /** Corners of the way: time, x, y, and the yaw that holds from there to the next one. */
+  /** Corners of the person's path: time, x, y, and the yaw until the next corner. */
   readonly way: readonly (readonly [number, number, number, number])[];
-  /** From when to when the person is there; null: for ever. */
+  /** Times at which the person comes and leaves; null for never. */
   readonly there: readonly [number, number | null];
   readonly radius: number;
   readonly name: string;
@@ -106,10 +106,10 @@ export interface Mesh {
   readonly colour: Colour;
 }
 
-/** Whole numbers that were differenced twice: a value is `scale` times what they sum up to. */
+/** Whole numbers that were differenced twice: a value is `scale` times their double sum. */
 export interface Packed {
   readonly scale: number;
-  /** One list a column. */
+  /** One list for each column. */
   readonly columns: readonly (readonly number[])[];
 }
 
@@ -123,28 +123,28 @@ export interface Rates {
 export interface TrackData {
   /** "A", "B", ... */
   readonly name: string;
-  /** Row of the front and its marks, in words; empty where the page is blind. */
+  /** Row of the front and its names, in words; empty on a blind page. */
   readonly label: string;
   readonly duration: number;
-  /** Hz: samples are so far apart, the last one is at the end. */
+  /** Samples per second, Hz; the last sample is at the end. */
   readonly rate: number;
   readonly positions: Packed;
   readonly quaternions: Packed;
-  /** Of each link of the robot x, y, z and the quaternion, seven columns; empty where none is drawn. */
+  /** Seven columns for each link of the robot: x, y, z and the quaternion; empty if no link is drawn. */
   readonly links: Packed;
   readonly rates: Rates | null;
-  /** As the front holds them, of each criterion, with the unit. */
+  /** Cost of each criterion, as on the front, with the unit. */
   readonly costs: readonly string[];
 }
 
 export interface Criterion {
   readonly name: string;
-  /** Of its rate, in words: "m a second", "m at the time". */
+  /** Unit of the rate, in words: "m a second", "m at the time". */
   readonly unit: string;
   readonly group: string;
 }
 
-/** What stands round the viewer, and what of it the robot's camera sees. */
+/** The scene round the viewer, and the camera's field of view. */
 export interface Surroundings {
   readonly scene: Scene;
   readonly solids: readonly Mesh[];
@@ -155,16 +155,16 @@ export interface Surroundings {
 }
 
 export interface Ride extends Surroundings {
-  /** Whether the page was made without numbers and names of criteria: they are not in the file. */
+  /** Whether numbers and names of criteria were left out of the file. */
   readonly blind: boolean;
   readonly criteria: readonly Criterion[];
   readonly tracks: readonly TrackData[];
   readonly notes: readonly string[];
-  /** Of three.js, which draws the view. */
+  /** Licence of three.js, which draws the view. */
   readonly licence: string;
 }
 
-/** Where a person is at a time, and the yaw; null where it is not there. */
+/** Position and yaw of a person at a time; null while the person is absent. */
 export function whereIs(person: Person, t: number): Vector | null {
   const [from, until] = person.there;
   if (t < from || (until !== null && t >= until)) return null;
@@ -185,7 +185,7 @@ export interface Stimulus extends Surroundings {
   /** Whether nothing moves: the view from the start, at rest. */
   readonly still: boolean;
   readonly track: TrackData;
-  /** What the page says, by name; gaps are written {seconds}. */
+  /** Texts of the page, by name; placeholders are written {seconds}. */
   readonly words: Readonly<Record<string, string>>;
 }
 

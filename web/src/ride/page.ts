@@ -14,10 +14,10 @@ import { RatesPanel } from "./rates";
 import { Stage } from "./stage";
 import { Track } from "./track";
 
-/** How strongly the margins are dark at full pace. */
+/** Darkness of the margins at full speed. */
 const VIGNETTE = 0.9;
 const FULL_PACE = 0.8;
-/** No frame counts as longer, s: of a page that was hidden. */
+/** Longest time step of a frame, s, for a page that was hidden. */
 const LONGEST = 0.25;
 
 export class Page {
@@ -237,7 +237,7 @@ export class Page {
     event.preventDefault();
   }
 
-  // What is done
+  // Actions
 
   private toggle(): void {
     if (this.clock.playing) {
@@ -338,7 +338,7 @@ export class Page {
     this.moved = true;
   }
 
-  // What is shown
+  // Display
 
   private showState(): void {
     const { clock } = this;
@@ -368,7 +368,7 @@ export class Page {
     document.documentElement.dataset["ready"] = "yes";
   }
 
-  /** Puts everything where it is now. */
+  /** Updates everything to the current time. */
   private refresh(): void {
     const { clock } = this;
     const { track } = clock;

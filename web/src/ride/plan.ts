@@ -1,11 +1,11 @@
-// The small map: what stands there from above, the ways, and where the camera is and looks.
+// The small map: obstacles from above, the paths, and the camera's position and direction.
 import { Quaternion, Vector3 } from "three";
 import type { Clock } from "./clock";
 import { colourOfTrack, dashesOfTrack } from "./colours";
 import { type Ring, type Ride, whereIs } from "./model";
 import { fitted } from "./sheets";
 
-/** Round the ways, m, as far as there is a map. */
+/** Margin round the paths, m, within the map. */
 const ROUND = 4;
 const SIGHT = 1.1; // rad: half of a wedge that shows where the camera looks
 
@@ -138,7 +138,7 @@ export class Plan {
     }
   }
 
-  /** A dot where a camera is; of the one that is ridden also a wedge in the direction in which it looks. */
+  /** A dot at a camera's position; for the current trajectory also a wedge in its direction. */
   private camera(pen: CanvasRenderingContext2D, i: number, t: number, size: number, looks: boolean): void {
     const [p, q] = [new Vector3(), new Quaternion()];
     this.clock.tracks[i]!.pose(t, p, q);
@@ -165,7 +165,7 @@ export class Plan {
   }
 }
 
-/** Where a window of a length begins: as asked, but no farther beyond an interval than it must be. */
+/** Beginning of a window of a length: as wanted, but inside an interval as far as possible. */
 function within(begin: number, length: number, low: number, high: number): number {
   if (!(high > low)) return begin;
   return length >= high - low ? (low + high - length) / 2 : Math.min(Math.max(begin, low), high - length);

@@ -1,4 +1,4 @@
-// Pictures on the plates of landmarks, alike to those of pictures all round (hpop/view/ride/tiles.py): the name; a painting
+// Pictures on the plates of landmarks, as in panoramas (hpop/view/ride/tiles.py): the name; a painting
 // where a plate has a front and no name; a star where it has neither.
 import type { Colour, Landmark } from "./model";
 

@@ -1,4 +1,4 @@
-// How the criteria arise along the way: a line a trajectory over time, or over the share of the way, and a cursor.
+// Rates of the criteria: one line for each trajectory, over time or over the share of the path, and a cursor.
 import type { Clock } from "./clock";
 import { colourOfTrack, dashesOfTrack } from "./colours";
 import { element } from "../shared/dom";
@@ -6,12 +6,12 @@ import type { Criterion, Rates as Values } from "./model";
 import { fitted } from "./sheets";
 import { placed, type Track } from "./track";
 
-/** What arises at a time of a track, of each criterion. */
+/** Rate of a criterion at a time of a track. */
 export function rateAt(values: Values, times: Float64Array, criterion: number, t: number): number {
   return values.values[criterion]![placed(times, t)[0]] ?? 0;
 }
 
-/** At most four figures. */
+/** A value with at most four figures. */
 export function figures(value: number): string {
   if (value === 0) return "0";
   return Math.abs(value) >= 1000 || Math.abs(value) < 1e-3 ? value.toExponential(1) : String(Number(value.toPrecision(3)));
@@ -92,13 +92,13 @@ export class RatesPanel {
     });
   }
 
-  /** Where a time of a track is along the axis, 0 to 1. */
+  /** Position of a time of a track on the axis, 0 to 1. */
   private place(i: number, t: number): number {
     if (this.clock.together === "progress") return this.tracks[i]!.progressAt(t);
     return t / Math.max(...this.tracks.map((track) => track.duration), 1e-9);
   }
 
-  /** The time of the current track at a place of the axis. */
+  /** The time of the current track at a position on the axis. */
   private timeOf(share: number): number {
     if (this.clock.together === "progress") return this.clock.track.timeAt(share);
     return share * Math.max(...this.tracks.map((track) => track.duration));

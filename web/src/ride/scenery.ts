@@ -1,4 +1,4 @@
-// All that stands in the world, as objects of three: ground, zones, obstacles, people, landmarks, the robot's own links.
+// Everything in the world as objects of three.js: ground, zones, obstacles, people, landmarks, the robot's links.
 import {
   type BufferGeometry,
   CanvasTexture,
@@ -21,9 +21,9 @@ import { type Look, Triangles } from "./shapes";
 import { Materials } from "./surfaces";
 import type { Track } from "./track";
 
-/** How far beyond the map the ground goes on, m. */
+/** Distance to which the ground extends beyond the map, m. */
 const BEYOND = 2000;
-/** A camera lower than this is on no floor, m. */
+/** Height below which a camera is not above the floor, m. */
 const ON_FLOOR = 1e-3;
 
 export class Scenery {
@@ -32,7 +32,7 @@ export class Scenery {
   private readonly ground: Drawn[] = [];
   private readonly people: { person: Person; object: Object3D }[] = [];
   private readonly turning: { mark: Landmark; object: Object3D }[] = [];
-  /** Of the robot, in the order of the page's data. */
+  /** Links of the robot, in the order of the page's data. */
   readonly links: Drawn[] = [];
   private readonly from = new Vector3();
   private readonly turned = new Quaternion();
@@ -59,7 +59,7 @@ export class Scenery {
     }
   }
 
-  /** Puts everything where it is at a time of a track, as seen from a place of three. */
+  /** Moves everything to a time of a track; `eye` is the camera's position in three's axes. */
   show(track: Track, t: number, eye: Vector3): void {
     for (const { person, object } of this.people) {
       const place = whereIs(person, t);
@@ -127,7 +127,7 @@ function areas(ride: Surroundings): BufferGeometry {
   return made.geometry();
 }
 
-/** Prisms, cells and what is not upright, in one piece. */
+/** Prisms, cells and tilted solids as one geometry. */
 function obstacles(ride: Surroundings): BufferGeometry {
   const made = new Triangles();
   const { contrast, grid } = ride.scene.surfaces;

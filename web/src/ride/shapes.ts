@@ -1,8 +1,8 @@
-// Triangles in the making: what is upright as walls and tops, in the axes of three, one mesh for all of a material.
+// Builder of triangles: upright things as walls and tops, in three's axes, one mesh for each material.
 import { BufferAttribute, BufferGeometry, ShapeUtils, Vector2, Vector3 } from "three";
 import type { Colour, Mesh, Part, Point, Ring } from "./model";
 
-/** How a surface looks: contrast of the waves, darkness of the grid, whether it has a skirting. */
+/** Appearance of a surface: contrast of the waves, darkness of the grid, whether it has a skirting. */
 export interface Look {
   readonly contrast: number;
   readonly grid: number;
@@ -18,7 +18,7 @@ export class Triangles {
   private readonly paints: number[] = [];
   private readonly looks: number[] = [];
 
-  /** A corner in world axes, and where it is on the tile, m. */
+  /** Adds a corner in world axes, and its position on the tile, m. */
   private corner(p: Vector3, normal: Vector3, u: number, v: number, colour: Colour, look: Look, number: number): void {
     this.positions.push(p.x, p.z, -p.y);
     this.normals.push(normal.x, normal.z, -normal.y);
@@ -119,6 +119,6 @@ export class Triangles {
   }
 }
 
-/** Sides of what is round; a multiple of 4, so that front and back of a person meet at an edge. */
+/** Number of sides of round bodies; a multiple of 4, so that front and back of a person meet at an edge. */
 const AROUND = 32;
 const UPWARD = 16;

@@ -18,7 +18,7 @@ import type { Track } from "./track";
 
 const NEAR = 0.02;
 const FAR = 4000;
-/** Vertical angle of the view where the robot's camera sees all round, rad, and the least horizontal one. */
+/** Vertical angle of view, rad, if the robot's camera sees all round; also the least horizontal angle. */
 const TALL = 1.2;
 const LEAST_WIDE = 1.15;
 /** s from black to the full view, and back. */
@@ -48,7 +48,7 @@ export class Stage {
   readonly rig = new Group();
   readonly head = new PerspectiveCamera(60, 1, NEAR, FAR);
   readonly scenery: Scenery;
-  /** Whether the view keeps upright though the camera tilts; it changes what is seen. */
+  /** Whether the view stays upright when the camera tilts; this changes what is seen. */
   level = false;
   /** 0 to 1: how far the margins of the view are darkened. */
   narrow = 0;
@@ -85,7 +85,7 @@ export class Stage {
     this.scene.add(this.scenery.root, this.rig);
   }
 
-  /** Fits the picture to the canvas; how wide and tall the robot's camera sees of it, as shares, or null. */
+  /** Fits the picture to the canvas; returns the camera's field of view as shares of it, or null. */
   resize(): Point | null {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (width === 0 || height === 0 || this.renderer.xr.isPresenting) return null;
@@ -103,7 +103,7 @@ export class Stage {
     return fov !== null && fov[0] < Math.PI ? [half(fov[0]) / (tall * aspect), half(fov[1]) / tall] : null;
   }
 
-  /** Carries the rig to where the camera is at a time of a track, and puts all that moves in its place. */
+  /** Moves the rig to the camera's pose at a time of a track, and everything else to its position then. */
   place(track: Track, t: number): void {
     track.pose(t, this.eye, this.turned);
     this.rig.position.copy(positionToThree(this.eye));

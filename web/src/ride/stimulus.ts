@@ -11,12 +11,12 @@ import { Track } from "./track";
 
 /** rad that a key turns the head; held down it repeats */
 const KEY = 0.05;
-/** To the left and up, by the name of the key. */
+/** Turns to the left and up, by the name of the key. */
 const ARROWS: Readonly<Record<string, readonly [number, number]>> = {
   ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1],
 };
 
-/** What the page in which a stimulus stands is told. */
+/** Messages to the page that embeds a stimulus. */
 export type Told =
   | { readonly kind: "ready"; readonly headset: boolean }
   | { readonly kind: "begin"; readonly headset: boolean }
@@ -24,7 +24,7 @@ export type Told =
   | { readonly kind: "broken"; readonly frames: FrameReport; readonly headset: boolean; readonly reason: string }
   | { readonly kind: "failed"; readonly reason: string };
 
-/** Tells the page in which this one stands, if it stands in one. */
+/** Sends a message to the embedding page, if there is one. */
 export function tell(told: Told): void {
   if (window.parent !== window) window.parent.postMessage({ hpop: "stimulus", ...told }, "*");
 }
@@ -135,7 +135,7 @@ export class StimulusPage {
     this.looking.turn(KEY * to[0], KEY * to[1]);
   }
 
-  /** Nothing more of this ride is shown; whoever wants to see it begins again. */
+  /** Ends the ride early; it can only be seen again from the beginning. */
   private breakOff(reason: string): void {
     if (this.began === null) {
       if (reason === "Esc") tell({ kind: "broken", frames: this.frames.report, headset: this.worn, reason });

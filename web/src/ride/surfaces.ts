@@ -1,4 +1,4 @@
-// How surfaces look: the formulas of hpop/view/ride/surfaces.py, as shaders. Colours are sRGB as stored and as shown, a
+// Appearance of surfaces: the formulas of hpop/view/ride/surfaces.py, as shaders. Colours are sRGB as stored and shown; a
 // colour times a factor is what is seen: nothing is converted to linear light and back.
 //
 // The waves of the texture are drawn once into a tile; the levels of it that the graphics card makes leave out what a pixel
@@ -31,7 +31,7 @@ export function colourOf(colour: Colour): Color {
   return new Color(colour[0] / 255, colour[1] / 255, colour[2] / 255);
 }
 
-/** The waves, of a square that repeats without a seam. */
+/** The texture of waves, a square that repeats without a seam. */
 function tile(look: Surfaces): DataTexture {
   const values = new Float32Array(SIDE * SIDE);
   for (const [i, j, amplitude, phase] of look.waves) {
@@ -234,7 +234,7 @@ export class Materials {
     });
   }
 
-  /** Of a plate with a picture on its front. */
+  /** Material of a plate with a picture on its front. */
   plate(picture: Texture, number: number): ShaderMaterial {
     return new ShaderMaterial({
       uniforms: { ...this.shared, picture: { value: picture }, number: { value: number }, back: { value: colourOf(BACK) } },

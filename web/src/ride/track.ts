@@ -1,8 +1,8 @@
-// A trajectory as it is executed: the pose of the camera at any time, and how much of the way has been done.
+// An executed trajectory: the pose of the camera at any time, and the share of the path that is done.
 import { Quaternion, Vector3 } from "three";
 import type { Packed, TrackData } from "./model";
 
-/** Of progress: turning by a radian counts as moving so far, m, so that a turn in place is progress too. */
+/** Distance, m, that counts as equal to turning by a radian, so that a turn in place is progress too. */
 const LEVER = 0.5;
 
 /** Columns of floats from whole numbers that were differenced twice. */
@@ -68,7 +68,7 @@ export class Track {
   readonly y: Float64Array;
   private readonly camera: Body;
   private readonly links: Body[];
-  /** (n,) share of the way done, from 0 to 1, never falling. */
+  /** (n,) share of the path done, from 0 to 1, never falling. */
   private readonly progress: Float64Array;
   /** (n - 1,) m and rad a second, between samples. */
   private readonly paces: Float64Array;
@@ -102,14 +102,14 @@ export class Track {
     this.links[k]!.at(i, share, position, turned);
   }
 
-  /** Share of the way that is done at a time: metres moved, and radians turned as half a metre each. */
+  /** Share of the path done at a time: metres moved, plus half a metre for each radian turned. */
   progressAt(t: number): number {
     const [i, share] = placed(this.times, t);
     const next = this.progress[i + 1] ?? this.progress[i]!;
     return this.progress[i]! + share * (next - this.progress[i]!);
   }
 
-  /** The time at which so much of the way is done; where the camera stands still then, when it begins to. */
+  /** The first time at which a share of the path is done. */
   timeAt(progress: number): number {
     if (progress >= 1) return this.duration;
     let i = this.progress.findIndex((done) => done >= progress);
@@ -120,7 +120,7 @@ export class Track {
     return this.times[Math.max(i - 1, 0)]! + share * (this.times[i]! - this.times[Math.max(i - 1, 0)]!);
   }
 
-  /** How fast the camera moves and turns at a time, m/s and half a metre a radian. */
+  /** Speed of the camera at a time, m/s, with half a metre for each radian of turning. */
   pace(t: number): number {
     return this.paces[Math.min(placed(this.times, t)[0], this.paces.length - 1)] ?? 0;
   }

@@ -1,16 +1,16 @@
-// What the page was given: strict JSON in a script element that no browser runs.
+// The page's data: strict JSON in a script element that browsers do not run.
 
 function parsed(): { schema?: unknown; version?: unknown } {
   const text = document.getElementById("payload")?.textContent ?? "";
   return JSON.parse(text) as { schema?: unknown; version?: unknown };
 }
 
-/** What the page's data say that they are. */
+/** Schema that the page's data name. */
 export function schemaOfPayload(): unknown {
   return parsed().schema;
 }
 
-/** The page's data, or an error that says what is wrong with the file. */
+/** The page's data; throws an error that names the fault of the file. */
 export function payloadOf(schema: string, version: number): unknown {
   const payload = parsed();
   if (payload.schema !== schema || payload.version !== version) {

@@ -6,7 +6,7 @@ import { choices, markMissing, question } from "./questions";
 import type { Recorder } from "./recorder";
 import { smallMap } from "./small_map";
 
-/** What a screen works with. */
+/** Context of a screen. */
 export interface Context {
   readonly voice: Voice;
   readonly design: Design;
@@ -14,12 +14,12 @@ export interface Context {
   readonly plan: Plan | null;
 }
 
-/** Letters of remarks. */
+/** Most characters of a remark. */
 const MOST_LETTERS = 2000;
 
 export function title(text: string): HTMLElement {
   const heading = element("h1", "", text);
-  heading.tabIndex = -1; // where a screen reader goes on when a step begins
+  heading.tabIndex = -1; // screen readers continue here when a step begins
   return heading;
 }
 
@@ -53,7 +53,7 @@ export function consent({ voice, design }: Context, agreed: () => void, declined
   return screen;
 }
 
-/** Questions, of which some may stay without an answer: that is said, and then they may. */
+/** Questions of a form; the page points out missing answers once, and then allows them. */
 function asked(
   { voice }: Context,
   groups: readonly HTMLElement[],
@@ -85,7 +85,7 @@ function asked(
   without.hidden = true;
   row.append(go, without);
   for (const group of groups) {
-    group.addEventListener("change", () => { // fewer lack than was said
+    group.addEventListener("change", () => { // fewer answers are missing than the page has said
       said.textContent = "";
       without.hidden = true;
     });
@@ -100,7 +100,7 @@ export function form(
 ): HTMLElement {
   const { voice, recorder } = context;
   const screen = element("section");
-  screen.append(title(voice.of(form.ask))); // its title may say what is looked for
+  screen.append(title(voice.of(form.ask))); // a title may reveal what the study is about
   const groups = form.items.map((item) => {
     const answer = answerTo(recorder.events, place, form.id, item.id);
     return question(voice, form, item, typeof answer === "number" ? answer : undefined, (value) => {
@@ -170,7 +170,7 @@ export function remarks({ voice, design, recorder }: Context, done: () => void):
   const place = design.places.length + 1;
   const before = recorder.events.findLast((event) => event.kind === "remark")?.value;
   if (typeof before === "string") text.value = before;
-  text.addEventListener("change", () => { // whenever it is left, so that who stops loses nothing
+  text.addEventListener("change", () => { // saved whenever the field is left, so that nothing is lost by stopping
     recorder.add({ kind: "remark", place, value: text.value.trim() });
   });
   const go = button(voice.say("continue"), "", done);

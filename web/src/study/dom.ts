@@ -3,7 +3,7 @@ import type { Session, Text } from "./model";
 
 export { button, element } from "../shared/dom";
 
-/** Says things in the language of the study. */
+/** Texts in the language of the study. */
 export class Voice {
   private readonly words: Session["words"];
   readonly language: string;
@@ -13,7 +13,7 @@ export class Voice {
     this.language = form.language;
   }
 
-  /** A text of the page by its name, with its gaps filled. */
+  /** A text of the page by its name, with its placeholders filled. */
   say(name: string, gaps: Readonly<Record<string, string | number>> = {}): string {
     let text = this.words[name] ?? name;
     for (const [gap, filling] of Object.entries(gaps)) text = text.replaceAll(`{${gap}}`, () => String(filling));

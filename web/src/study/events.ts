@@ -1,4 +1,4 @@
-// What is recorded: events in the order in which they happened, `hpop-answers` version 1. Nothing is changed or removed;
+// The record: events in the order in which they happened, `hpop-answers` version 1. Nothing is changed or removed;
 // of several answers to one item the last one counts.
 
 export interface Compared {
@@ -12,7 +12,7 @@ export type Value = number | string | boolean | Compared | Readonly<Record<strin
 export type Kind =
   | "consent" | "start" | "stimulus" | "frames" | "answer" | "compare" | "remark" | "pause" | "stop" | "resume" | "end";
 
-/** What happened. Place 0 is before the first stimulus, the place after the last one is after all of them. */
+/** An event without its time. Place 0 is before the first stimulus, the last place is after all stimuli. */
 export interface Happening {
   readonly kind: Kind;
   readonly place?: number;
@@ -29,7 +29,7 @@ export interface Event extends Happening {
   readonly at: string;
 }
 
-/** On what the session was seen. */
+/** Device on which the session was seen. */
 export interface Device {
   readonly browser: string;
   readonly touch: boolean;
@@ -59,7 +59,7 @@ export function dated(happening: Happening, before: readonly Event[]): Event {
   let t = 0;
   if (first !== undefined && last !== undefined) {
     const since = (now - Date.parse(first.at)) / 1000 + first.t;
-    t = Math.max(since, last.t + 0.001); // clocks are set back at times
+    t = Math.max(since, last.t + 0.001); // clocks may be set back
   }
   return { t: Math.round(1000 * t) / 1000, at: new Date(now).toISOString(), ...happening };
 }

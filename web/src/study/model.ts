@@ -1,5 +1,5 @@
-// What the page is given, `hpop-session` version 1: hpop/study/page.py writes it. In it lies what a design tells of one
-// participant's session (`hpop-form` version 1): letters of conditions, never what is behind them. Texts come from files:
+// The page's data, `hpop-session` version 1, written by hpop/study/page.py. They contain the public part of one
+// participant's session (`hpop-form` version 1): letters of conditions, not the conditions. Texts come from files:
 // they are text, never markup.
 import { payloadOf } from "../shared/payload";
 
@@ -35,7 +35,7 @@ export interface Form {
 export interface Place {
   readonly place: number;
   readonly condition: string;
-  /** A page that rides, a page with a still view, or a video that is seen elsewhere. */
+  /** A page with a ride, a page with a still view, or a video. */
   readonly kind: "ride" | "view" | "video";
   readonly stimulus: string;
   readonly seconds: number;
@@ -54,7 +54,7 @@ export interface Design {
 
 export type Point = readonly [number, number];
 
-/** Ways on a map, m: x right, y up. */
+/** Paths on a map, m: x right, y up. */
 export interface Plan {
   readonly extent: readonly [number, number, number, number];
   readonly walls: readonly (readonly Point[])[];
@@ -64,9 +64,9 @@ export interface Plan {
 export interface Session {
   readonly form: Design;
   readonly words: Readonly<Record<string, string>>;
-  /** What draws rides, as their pages hold it. */
+  /** The script that draws rides, in the form that their pages contain. */
   readonly bundle: string;
-  /** Pages of rides by letter, deflated, base64; each lacks what draws it. */
+  /** Pages of rides by letter, deflated, base64, without the script. */
   readonly rides: Readonly<Record<string, string>>;
   readonly plan: Plan | null;
   /** Whether the study's own computer serves the page and takes each answer. */

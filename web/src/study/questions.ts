@@ -2,16 +2,16 @@
 import { type Voice, element } from "./dom";
 import { type Form, type Item, type Scale, valuesOf } from "./model";
 
-/** Choices that are shown as buttons; of more a number is typed. */
+/** Most choices that are shown as buttons; for more, a number is typed. */
 const MOST_CHOICES = 21;
 const MOST_IN_ROW = 11;
-/** Words in a row on a phone, and how many it takes where there are more. */
+/** Most choices with words in a row on a phone; with more choices, rows of FEWER_WORDS. */
 const MOST_WORDS = 4;
 const FEWER_WORDS = 3;
 
 let names = 0;
 
-/** One question; `chosen` is told each answer. */
+/** One question; `chosen` is called with each answer. */
 export function question(
   voice: Voice,
   form: Form,
@@ -37,7 +37,7 @@ export function question(
   group.classList.add(named ? "worded" : "numbered");
   if (!named && labels.length === 2) {
     const ends = element("p", "ends");
-    ends.setAttribute("aria-hidden", "true"); // the choices at the ends say it
+    ends.setAttribute("aria-hidden", "true"); // the labels are at the choices at both ends
     const says = (value: number, label: string): HTMLElement => element("span", "", `${value} = ${label}`);
     ends.append(says(scale.low, labels[0]!), says(scale.high, labels[1]!));
     group.append(ends);
@@ -48,7 +48,7 @@ export function question(
 export interface Option {
   readonly value: string;
   readonly text: string;
-  /** What a screen reader adds. */
+  /** Text that screen readers add. */
   readonly spoken: string;
 }
 
@@ -85,7 +85,7 @@ export function choices(
   return group;
 }
 
-/** Says beside a question that it has no answer, or no longer. */
+/** Shows or removes the note beside a question that it has no answer. */
 export function markMissing(group: HTMLElement, said: string): void {
   group.classList.toggle("missing", said !== "");
   group.querySelector(".lacks")!.textContent = said === "" ? "" : ` ${said}`;

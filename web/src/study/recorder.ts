@@ -1,9 +1,9 @@
-// Where events go: into the page, which hands them over as a file; or at once to the study's own computer, one by one, in
-// order, tried again until they have arrived. What has not arrived is said on the page and stays in it.
+// Recorders of events: in the page, which offers them as a file; or at once on the study's own computer, one by one, in
+// order, tried again until they have arrived. The page keeps, and shows the number of, events that have not arrived.
 import { type Device, type Event, type Happening, dated, device } from "./events";
 import type { Design } from "./model";
 
-/** What the page says of its events. */
+/** State of the events, for the page to show. */
 export type Standing =
   | { readonly kind: "file" }
   | { readonly kind: "saved" }
@@ -13,7 +13,7 @@ export type Standing =
   | { readonly kind: "withdrawn" }
   | { readonly kind: "refused"; readonly reason: string };
 
-/** ms until what did not arrive is sent again, and until a request counts as one that did not */
+/** ms until an event that did not arrive is sent again, and until a request counts as failed */
 const AGAIN = 2000;
 const PATIENCE = 10000;
 
@@ -61,7 +61,7 @@ export abstract class Recorder {
   }
 }
 
-/** Of a page that was opened as a file. */
+/** Recorder of a page that was opened as a file. */
 export class InPage extends Recorder {
   private saved = 0;
 
@@ -98,7 +98,7 @@ interface Reply {
   readonly why?: string;
 }
 
-/** Of a page that the study's own computer serves. */
+/** Recorder of a page that the study's own computer serves. */
 export class Posted extends Recorder {
   private readonly waiting: Event[] = [];
   private readonly tab = crypto.randomUUID();
@@ -140,14 +140,14 @@ export class Posted extends Recorder {
     this.isSending = false;
   }
 
-  /** Of who has withdrawn nothing is kept, in this page either. */
+  /** Deletes everything of a withdrawn participant from this page. */
   private forget(): void {
     this.over = { kind: "withdrawn" };
     this.events = [];
     this.waiting.length = 0;
   }
 
-  /** What the study's computer replies, in the end; null where it never will take what it was sent. */
+  /** The reply of the study's computer, after retries; null if it refuses what was sent. */
   private async post(what: { readonly event?: Event }): Promise<Reply | null> {
     const { design, participant } = this.design;
     const body = JSON.stringify({ design, tab: this.tab, device: this.device, ...what });
@@ -157,7 +157,7 @@ export class Posted extends Recorder {
           method: "POST",
           headers: { "Content-Type": "application/json" },
           body,
-          keepalive: true, // what is on its way arrives though the page is closed
+          keepalive: true, // requests on their way arrive even if the page is closed
           signal: AbortSignal.timeout(PATIENCE),
         });
         const said = (await reply.json()) as Reply;
@@ -171,7 +171,7 @@ export class Posted extends Recorder {
           return null;
         }
       } catch {
-        // no connection, or a reply that is none: again
+        // no connection, or an invalid reply: try again
       }
       this.failures += 1;
       this.changed();

@@ -1,4 +1,4 @@
-// A session: one step after the other, a bar that says how far it is and whether answers are saved, and in it the button
+// A session: its steps in order, and a bar with the progress, whether answers are saved, and the button
 // that stops everything at once.
 import { type Context, compare, consent, form, remarks, title } from "./asking";
 import { Voice, button, element } from "./dom";
@@ -43,7 +43,7 @@ export class Session {
     this.showStanding();
   }
 
-  /** Begins, or goes on where the events of an earlier visit end. */
+  /** Begins, or continues after the events of an earlier visit. */
   async begin(): Promise<void> {
     await this.recorder.open();
     if (!this.recorder.isOpen) return;
@@ -139,7 +139,7 @@ export class Session {
     });
   }
 
-  /** A ride ends at once, whatever the answer will be. */
+  /** Asks whether to stop; a running ride ends at once, whatever the answer. */
   private askToStop(): void {
     if (this.steps[this.at]?.kind === "ride") {
       this.screen?.leave?.();
@@ -162,7 +162,7 @@ export class Session {
       this.steps = planAfterStop(this.given.form, this.recorder.events);
       this.at = 0;
     } else {
-      this.at = this.steps.length - 1; // who stops again is not asked again
+      this.at = this.steps.length - 1; // a second stop is not questioned
     }
     this.show();
   }
@@ -201,7 +201,7 @@ export class Session {
     }
   }
 
-  /** Whether a page that was opened as a file has given away all that it holds. */
+  /** Whether all events of a page that was opened as a file were saved to a file. */
   private isHandedOver(): boolean {
     return this.recorder instanceof InPage && this.recorder.isHandedOver && !this.recorder.isUnsaved;
   }
@@ -218,7 +218,7 @@ export class Session {
   }
 }
 
-/** Of what is asked after a stop, the first that is not answered since. */
+/** Index of the first step after a stop that is not answered yet. */
 function resumedAfterStop(steps: readonly Step[], { recorder }: Context): number {
   const since = recorder.events.slice(recorder.events.findLastIndex((event) => event.kind === "stop"));
   return resumed(steps, since);

@@ -5,16 +5,16 @@ import { button, element } from "./dom";
 import type { Place } from "./model";
 import { InPage } from "./recorder";
 
-/** What is on the page during a step. */
+/** Content of the page during a step. */
 export interface Screen {
   readonly root: HTMLElement;
-  /** Whether it takes all of the page below the bar. */
+  /** Whether the screen takes all of the page below the bar. */
   readonly isWide?: boolean;
-  /** Ends what runs in it, when the step ends or is stopped. */
+  /** Ends running parts of the screen, when the step ends or is stopped. */
   readonly leave?: () => void;
 }
 
-/** A page of a ride, and what draws it, which is held once for all. */
+/** A page of a ride, and the script that draws it, which all rides share. */
 export interface RidePage {
   readonly text: string;
   readonly bundle: string;
@@ -28,7 +28,7 @@ async function inflated(text: string): Promise<string> {
   return new Response(stream).text();
 }
 
-/** A ride: what its page tells is recorded. */
+/** A ride; the messages of its page are recorded. */
 export function ride({ voice, recorder }: Context, at: Place, page: RidePage, done: () => void): Screen {
   const { place, condition } = at;
   const screen = element("section", "ride");
@@ -95,10 +95,10 @@ export function ride({ voice, recorder }: Context, at: Place, page: RidePage, do
   };
 }
 
-/** Seconds of a video that its player may leave out of what it says to have played. */
+/** Seconds by which the played part that a player reports may be too short. */
 const UNPLAYED = 0.4;
 
-/** Whether a player has played all of its video: what was skipped is in none of the parts that it played. */
+/** Whether a player has played its whole video, without skipped parts. */
 function isPlayed({ played, duration }: HTMLVideoElement): boolean {
   let seconds = 0;
   for (let i = 0; i < played.length; i += 1) seconds += played.end(i) - played.start(i);
@@ -174,7 +174,7 @@ export function video({ voice, recorder }: Context, at: Place, served: boolean, 
       record("broken");
       setRunning(false);
       said.textContent = voice.say("video_skipped");
-      player.load(); // what was played is forgotten
+      player.load(); // the player's record of played parts is cleared
     });
     player.addEventListener("error", () => { said.textContent = voice.say("video_failed"); });
     screen.append(player, said, here);
@@ -227,7 +227,7 @@ export function rest({ voice, recorder }: Context, { place, condition }: Place, 
   return { root: screen, leave: () => { clearInterval(timer); } };
 }
 
-/** The end: where the answers are, and that they are safe. */
+/** The end: says that the answers are saved, or how to save them. */
 export function end({ voice, recorder }: Context, isStopped: boolean): Screen {
   const screen = element("section");
   const said = element("p", "ask");
@@ -254,7 +254,7 @@ export function end({ voice, recorder }: Context, isStopped: boolean): Screen {
   return { root: screen, leave: () => { recorder.changed = before; } };
 }
 
-/** What there is to say to who does not take part. */
+/** Screen for a person who does not take part. */
 export function declined({ voice }: Context): Screen {
   const screen = element("section");
   screen.append(title(voice.say("end_title")), element("p", "", voice.say("declined")));

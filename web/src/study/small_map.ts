@@ -1,4 +1,4 @@
-// A small map of one way: walls, the way, a ring where it begins and a disc where it ends.
+// A small map of one path: walls, the path, a ring at its start and a disc at its end.
 import type { Plan, Point } from "./model";
 
 const SVG = "http://www.w3.org/2000/svg";

@@ -1,4 +1,4 @@
-// The steps of a session, in their order, and which of them is next after what was recorded.
+// The steps of a session, in order, and the next step after the recorded events.
 import { answerTo, chosenOf, type Event } from "./events";
 import type { Design, Form, Place } from "./model";
 
@@ -15,7 +15,7 @@ function rated(design: Design, when: Form["when"][number]): Form[] {
   return Object.values(design.forms).filter((form) => form.kind !== "pairs" && form.when.includes(when));
 }
 
-/** All steps of a session that nobody stops. */
+/** All steps of a session that is not stopped. */
 export function plan(design: Design): Step[] {
   const after = design.places.length + 1;
   const steps: Step[] = [{ kind: "consent" }];
@@ -36,7 +36,7 @@ export function plan(design: Design): Step[] {
   return steps;
 }
 
-/** What is still asked of who has stopped: how they feel, if they have seen anything. */
+/** Steps after a stop: how the participant feels, if any stimulus was seen. */
 export function planAfterStop(design: Design, events: readonly Event[]): Step[] {
   const begun = events.findLast((e) => e.kind === "stimulus" && e.value === "begin");
   const end: Step = { kind: "end" };
@@ -45,7 +45,7 @@ export function planAfterStop(design: Design, events: readonly Event[]): Step[] 
   const both = each.filter((form) => form.when.includes("before"));
   const forms = both.length > 0 ? both : each;
   const { place } = begun;
-  // How they feel after a ride whose questions are answered is another thing than what they said right after it.
+  // After a ride with answered questions, people may feel different from what they answered right after it.
   const isTold = forms.every((form) => form.items.every((item) => answerTo(events, place, form.id, item.id) !== undefined));
   const stopped = isTold
     ? { place: design.places.length + 1, condition: null }
@@ -81,7 +81,7 @@ function isDone(step: Step, events: readonly Event[]): boolean {
   }
 }
 
-/** Number of the step at which a session goes on: the last that left a trace, or the one after it if it is done. */
+/** Index of the step at which a session continues: the last one with events, or the next one if that is done. */
 export function resumed(steps: readonly Step[], events: readonly Event[]): number {
   let last = 0;
   steps.forEach((step, i) => {
