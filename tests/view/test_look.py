@@ -43,7 +43,7 @@ def test_each_place_is_coloured_by_whether_the_robot_is_free_there_and_whether_t
 
 
 def test_a_goal_in_another_part_is_told():
-    assert "no way leads from the start to the goal" in seen(goal=(8.0, 3.0, None)).notes[1]
+    assert "no path seems to lead from the start to the goal" in seen(goal=(8.0, 3.0, None)).notes[1]
     assert len(seen().notes) == 1
 
 
