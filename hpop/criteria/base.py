@@ -239,10 +239,7 @@ def check_command(criterion: Criterion) -> str:
 
 
 def class_of(criterion: Criterion) -> type:
-    """Return the class of a criterion.
-
-    If hpop made the criterion as the integral of a time-mean, the class of that mean.
-    """
+    """Return the class of a criterion; if hpop made it as the integral of a time-mean, the class of the mean."""
     cls, mean = type(criterion), criterion.mean
     return type(mean) if cls.__module__.startswith("hpop.") and mean is not None else cls
 

@@ -199,10 +199,7 @@ def _refuse(path: Any, fault: str) -> NoReturn:
 
 
 def document(pieces: tuple[tuple[float, Mapping[str, Any]], ...], source: Source) -> dict[str, Any]:
-    """Return the content of a file, ready for JSON.
-
-    The weights, the described criteria, and the source of the weights.
-    """
+    """Return the content of a file, ready for JSON, from weights, described criteria, and the source."""
     return {
         "schema": SCHEMA,
         "version": VERSION,

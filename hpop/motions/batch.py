@@ -203,8 +203,7 @@ class Motions:
     def _constant(self, rate: Rate, probe: _Probe) -> Column | None:
         """Return the rate (M,) if nothing that it reads changes within the motions; else None.
 
-        Consecutive motions with equal start states, such as the turns at one position of a lattice, are evaluated
-        once.
+        Consecutive motions with equal start states, such as turns at a position of a lattice, are evaluated once.
         """
         kept = self._constant_states
         still = {second_derivative(name) for name in kept}
@@ -227,12 +226,7 @@ class Motions:
         return np.repeat(values, np.diff(np.append(first, len(self))))
 
     def _at_once(self, rate: Rate, phase: Phase, probe: _Probe) -> Column | None:
-        """Return the rate (M,) in a phase if everything that it reads is constant there, such as accelerations.
-
-        Else None.
-
-        On symbols each expression is written once.
-        """
+        """Return the rate (M,) in a phase if all that it reads is constant, such as accelerations; else None."""
         even = self.law.even if is_curve(self.law) else self.start.names
         if not probe.read <= self._constant_states | {second_derivative(name) for name in even}:
             return None
@@ -363,11 +357,7 @@ class Motions:
     def _instants(
         self, phase: Phase, u: Column, owner: IntArray | None, known: dict[str, Column] | None = None
     ) -> Instants:
-        """Return the instants at a fraction ``u`` of a phase.
-
-        owner  indices of the motions of the instants; None for all motions
-        known  states that are computed already, and that later calls may use
-        """
+        """Return instants at fraction ``u`` of a phase, of motions ``owner`` or of all; ``known`` caches states."""
         columns = {} if known is None else known
 
         def pick(column: Column) -> Column:

@@ -206,9 +206,7 @@ Rate = Callable[[Instants], Column]
 
 
 def body_table(model: Model, body: str | None, times: FloatArray, states: States, rates: States) -> Table:
-    """Return a table of time, pose, velocity and rotation of a body (N,), world frame.
-
-    Without a body, of states and rates.
+    """Return a table of time, pose, velocity and rotation of a body (N,), world frame; of states and rates for None.
 
     Raises OptionError for a body that the model does not have.
     """

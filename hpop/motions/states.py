@@ -241,10 +241,7 @@ class StateSpace:
         return f"it {' and '.join(faults)}{'.' * bool(hint)}{hint}" if faults else ""
 
     def checked(self, name: str, value: Any, what: str, label: str = "") -> float:
-        """Return one column's value if it is valid.
-
-        Else raise QueryError, which calls it ``label``, or a column of ``what``.
-        """
+        """Return a valid value of a column, else raise QueryError, which calls it ``label`` or a column of ``what``."""
         if name not in self.names:
             raise QueryError(f"name must be one of {', '.join(self.names)}, got {shown(name)}")
         column = self.names.index(name)
@@ -287,10 +284,7 @@ class StateSpace:
         return np.sqrt(sum((w * differences[name]) ** 2 for name, w in zip(self.names, self.weights, strict=True)))
 
     def sample(self, rng: RNG, n: int) -> States:
-        """Draw states (n,), uniform between low and high.
-
-        Half of them have the values of ``rest``, if there are any.
-        """
+        """Draw states (n,), uniform between low and high; half of them have the values of ``rest``, if any."""
         n = whole("n", n, 0, MOST_SAMPLED, "a number of states")
         rng = np.random.default_rng(rng)
         drawn = dict(zip(self.names, rng.uniform(self.low, self.high, (n, len(self.names))).T, strict=True))

@@ -246,7 +246,7 @@ class Design:
     def after(self, participant: str, *, withdrawn: bool) -> Design:
         """Return the design after a participant left; a successor with the next free id gets the order and the strata.
 
-        Answers of a drop-out stay part of the study; those of a withdrawn participant do not.
+        A drop-out's answers stay part of the study; a withdrawn participant's do not.
         """
         self.participant(participant)
         earlier = next((one for one in self.left if one.participant == participant), None)
@@ -296,9 +296,8 @@ class Design:
         for person in self.participants:
             if person.id == name:
                 return person
-        raise StudyError(
-            f"the study has no participant {name}; it has {self.participants[0].id} to {participant_id(self.size)}"
-        )
+        last = participant_id(self.size)
+        raise StudyError(f"the study has no participant {name}; it has {self.participants[0].id} to {last}")
 
     @property
     def size(self) -> int:

@@ -260,10 +260,7 @@ def _edges_fault(criterion: Criterion, world: World, tours: list[Trajectory]) ->
 
 
 def _bound_fault(criterion: Any, world: World, model: Model) -> str:
-    """Return a fault if a bound exceeds the cost of a trajectory.
-
-    Of a straight path, which may attain it, or of detours.
-    """
+    """Return a fault if a bound exceeds the cost of a straight path, which may attain it, or of detours."""
     straight = Trajectory.from_poses(model, [(1.0, 1.0, 0.0), (3.0, 1.0, 0.0)])
     for trajectory in (straight, _slalom(model), *(_detour(model, scale) for scale in (0.3, 1.0))):
         ends = [trajectory.states.take(slice(i, i + 1)) for i in (0, len(trajectory))]

@@ -268,10 +268,7 @@ def _tour(model: Model, world: World, rng: np.random.Generator) -> Trajectory:
 
 
 def _stations_fault(model: PlanarModel) -> str:
-    """Return a fault of the stations of a lattice with four headings.
-
-    Of their states, or of the motions between them.
-    """
+    """Return a fault of the states of a lattice's stations with four headings, or of the motions between them."""
     yaw: FloatArray = np.linspace(0.0, 1.5 * np.pi, 4)
     space = model.space
     try:

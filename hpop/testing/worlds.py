@@ -123,10 +123,7 @@ def holds(world: World, model: Model, states: States, rng: np.random.Generator) 
 
 
 def sure_world(world: World) -> World:
-    """Return a world with certain predictions.
-
-    People in turn follow a track, walk away, or stand, for about a minute.
-    """
+    """Return a world with certain predictions, in which people follow a track, walk away, or stand, for a minute."""
     doings = (_on_a_track, _with_end, lambda person: person)
     people = [doings[i % 3](person) for i, person in enumerate(world.content.people)]
     return with_people(world, people)

@@ -166,10 +166,7 @@ def _draw_names(axes: Axes, people: Sequence[Person], landmarks: Sequence[Landma
 
 
 def write(axes: Axes, text: str, x: float, y: float, off: tuple[float, float], colour: str, align: str) -> None:
-    """Write text at an offset, in typographical points, from a point of the map.
-
-    Nothing if the point is out of view.
-    """
+    """Write text at an offset, in typographical points, from a point of the map, unless the point is out of view."""
     label = axes.annotate(
         printable(text),
         (x, y),

@@ -253,10 +253,7 @@ def _fill(axes: Axes, geometry: BaseGeometry, like: Patch, zorder: float) -> Non
 
 
 def _draw_raster(axes: Axes, raster: Raster, colour: ColorType, view: View) -> None:
-    """Draw the raster's cells in view, merged to blocks if they are too many.
-
-    A block with an occupied cell is occupied.
-    """
+    """Draw the raster's cells in view, merged to blocks if too many; a block with an occupied cell is occupied."""
     to_world = (
         Affine2D().scale(raster.resolution).rotate(raster.origin[2]).translate(raster.origin[0], raster.origin[1])
     )

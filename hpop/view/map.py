@@ -93,10 +93,7 @@ def scale_of(front: Front, colour: str | None) -> Quantity:
 
 
 def draw_all(axes: Axes, front: Front, scale: Quantity, rows: IntArray, line: Line) -> list[Bar]:
-    """Draw the trajectories in ``rows``, coloured by ``scale``, the least on top.
-
-    Return the colour bar if values differ.
-    """
+    """Draw the trajectories in ``rows`` by ``scale``, the least on top; return the colour bar if values differ."""
     order = rows[np.argsort(-scale.values[rows], kind="stable")]
     norm = Normalize(float(scale.values.min()), float(scale.values.max()))
     alpha = float(np.clip(7.0 / np.sqrt(rows.size), 0.15, 0.9))

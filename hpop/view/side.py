@@ -126,10 +126,7 @@ def draw_side(
 
 
 def _view(points: FloatArray, solid: Heights, drives: bool) -> View:
-    """Return the rectangle to show.
-
-    Points (N, 2), m, obstacles just above them, and the floor or obstacles just below.
-    """
+    """Return the rectangle with points (N, 2), m, obstacles just above, and the floor or obstacles just below."""
     (a, low), (b, high) = points.min(axis=0), points.max(axis=0)
     border = max(BORDER * max(b - a, high - low), LEAST_BORDER)
     near = max(2.0 * border, NEAR)

@@ -122,10 +122,7 @@ class PathSurroundings:
 
 
 def draw_map_obstacles(axes: Axes, problem: Problem, heights: Heights, view: View) -> list[Patch]:
-    """Draw the obstacles of a map, shaded by the camera's heights if the robot has a base.
-
-    Return the legend entries.
-    """
+    """Draw obstacles on a map, shaded by the camera's heights if there is a base; return the legend entries."""
     world = problem.world
     if "base" in problem.model.provides:
         return draw_obstacles(axes, world, heights, view)

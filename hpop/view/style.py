@@ -176,9 +176,7 @@ def quantities(front: Front) -> tuple[Quantity, ...]:
 def marks(
     front: Front, chosen: Mapping[str, int] | None = None, *, preference: Preferring | None = None
 ) -> tuple[Mark, ...]:
-    """Return the named trajectories: those ``chosen`` (label.
-
-    Row), or the knee, the best of each criterion and of a person.
+    """Return named trajectories: the rows ``chosen`` by label, or the knee and the best of each criterion and person.
 
     A row with several names is one mark. Raises OptionError for a row that the front does not have.
     """

@@ -58,10 +58,7 @@ def _visual_motion(m: History, longest: float) -> VisualMotion:
 
 
 def _in_frame(axes: list[FloatArray], vectors: FloatArray) -> FloatArray:
-    """Return the components (N, 3) of vectors (N, 3) along three axes.
-
-    Axes (N + 2, 3) have one more sample at either end.
-    """
+    """Return the components (N, 3) of vectors along three axes; axes (N + 2, 3) have a further sample at both ends."""
     return np.stack([np.sum(vectors * axis[1:-1], axis=1) for axis in axes], axis=1)
 
 

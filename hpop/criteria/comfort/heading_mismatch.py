@@ -39,10 +39,7 @@ class _Mismatch:
 
 
 def _fine(m: Motions) -> Motions:
-    """Return turns in place with more quadrature panels, since the camera's speed then has steep ramps.
-
-    Else the motions.
-    """
+    """Return motions with more quadrature panels if they turn in place, where the camera's speed has steep ramps."""
     if not m.whole or m.panels is not None or m.law.quadrature == "adaptive" or {"x", "y"} & m.law.varies:
         return m
     if any(is_symbolic(getattr(m.start, name)) for name in m.start.names):

@@ -120,10 +120,7 @@ def _flow(world: World, zone: Zone) -> tuple[Field, Field]:
 
 
 def _grid(world: World, area: BaseGeometry) -> tuple[FloatArray, FloatArray]:
-    """Return the x and y of samples a field cell apart.
-
-    Farther apart if a zone would need over four million samples.
-    """
+    """Return the x and y of samples a field cell apart, or farther apart if a zone would need over four million."""
     x0, y0, x1, y1 = shapely.bounds(area)
     spacing = max(world.cell, math.sqrt((x1 - x0) * (y1 - y0) / MAX_SAMPLES))
     return grid_points((x0, y0, x1, y1), spacing)

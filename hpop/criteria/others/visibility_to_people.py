@@ -60,10 +60,7 @@ class VisibilityToPeople:
 
 @lru_cache(maxsize=16)
 def _mean_visibility(range_: float) -> tuple[Blurred, Blurred]:
-    """Return two functions of an uncertain distance.
-
-    The mean nearness, and the mean of nearness times the cosine to the gaze.
-    """
+    """Return two functions of an uncertain distance: mean nearness, and mean nearness times cosine to the gaze."""
 
     def near(distance: FloatArray) -> FloatArray:
         return np.asarray(np.maximum(0.0, 1.0 - distance / range_) ** 2)

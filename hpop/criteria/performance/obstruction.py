@@ -30,10 +30,7 @@ class _Obstructed:
         return m.integrate(self._fraction(m))
 
     def _fraction(self, m: Motions) -> Rate:
-        """Return a function of instants.
-
-        The obstructed fraction (N,), from a field, or in space if the camera's height varies.
-        """
+        """Return a function of instants, the obstructed fraction (N,); in space if the camera's height varies."""
         if not height_varies(m.model):
             return lambda s: m.world.obstruction(s.camera, self.radius)
         share = filled(m.world, self.radius)

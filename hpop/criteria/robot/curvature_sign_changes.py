@@ -66,10 +66,7 @@ class CurvatureSignChanges:
         return np.cumsum(np.bincount(flips, minlength=len(m)))
 
     def _bends(self, length: FloatArray, rotation: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Cut a stretch into P pieces.
-
-        Return the motion in which each piece ends (P,), and the sign of its curvature (P,).
-        """
+        """Cut a stretch into P pieces; return the motion in which each ends, and the sign of its curvature."""
         arc_length = np.concatenate([[0.0], np.cumsum(length)])
         heading = np.concatenate([[0.0], np.cumsum(rotation)])
         cuts = np.linspace(0.0, arc_length[-1], int(np.ceil(arc_length[-1] / self.spacing - 1e-9)) + 1)

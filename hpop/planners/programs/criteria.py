@@ -67,10 +67,7 @@ def minimised(name: str, criteria: Sequence[Criterion]) -> int:
 
 
 def on_symbols(criterion: Criterion, motions: Motions) -> Any:
-    """Return the costs (M,) of symbolic motions as a CasADi vector.
-
-    UnsupportedCriterion if symbols make ``cost`` fail.
-    """
+    """Return costs (M,) of symbolic motions as a CasADi vector; UnsupportedCriterion if ``cost`` fails on symbols."""
     try:
         column = vector(criterion.cost(motions), len(motions))
         if column.numel() != len(motions):
@@ -90,9 +87,7 @@ def on_symbols(criterion: Criterion, motions: Motions) -> Any:
 
 
 def is_counted(criterion: Criterion, problem: Problem) -> bool:
-    """Return whether a criterion counts moves and turns.
-
-    All moves cost alike, and all turns of more than three degrees.
+    """Return whether all moves cost alike, and all turns of more than three degrees, as for a count.
 
     This is tested with 200 motions all over the map. An exception that they miss shows when candidates are judged.
     """

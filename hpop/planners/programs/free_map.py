@@ -92,10 +92,7 @@ class FreeMap:
         return int(areas.argmax()) if areas.max() > 0.0 else 0
 
     def _open_parts(self) -> IntArray:
-        """Return the numbers of the parts outside of a building.
-
-        Those nearest to the image's edge, unless the edge is a wall.
-        """
+        """Return the numbers of the parts outside of a building: those at the image's edge, unless it is a wall."""
         raster = self.world.raster
         if raster is None or not self.free.any():
             return np.zeros(0, dtype=np.int64)

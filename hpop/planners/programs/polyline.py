@@ -97,10 +97,7 @@ class Polyline:
         return Polyline(self.vertices[stays], self.start_yaw, self.goal_yaw)
 
     def farthest(self, other: Polyline) -> float:
-        """Return the largest difference, m, of coordinates of corresponding vertices.
-
-        Inf if the numbers of vertices differ.
-        """
+        """Return the largest difference, m, of coordinates of two polylines; inf for different numbers of vertices."""
         if self.vertices.shape != other.vertices.shape:
             return float("inf")
         return float(np.abs(self.vertices - other.vertices).max())

@@ -210,10 +210,7 @@ def _passed_in(starting: Starting, problem: Problem) -> WarmStarts:
 
 
 def _planned(candidates: Candidates, problem: Problem) -> WarmStarts:
-    """Return the warm starts that a planner's candidates give.
-
-    None if the planner, or their evaluation, was interrupted.
-    """
+    """Return the warm starts from a planner's candidates; none if it, or their evaluation, was interrupted."""
     status = candidates.status
     if status is Status.INTERRUPTED:
         return _interrupted(candidates)

@@ -115,18 +115,12 @@ def signed_ranks(differences: FloatArray, zeros: Zeros = "pratt") -> FloatArray:
 
 
 def exact_p(ranks: FloatArray) -> float:
-    """Return the exact two-sided p of signed ranks.
-
-    The share of all their signs with a sum at least as far from even.
-    """
+    """Return the exact two-sided p of signed ranks, the share of sign assignments with a sum as far from even."""
     return min(1.0, 2 * min(_tails(ranks, counted=True)))
 
 
 def _tails(ranks: FloatArray, counted: bool) -> tuple[float, float]:
-    """Return the probabilities of a sum of positive ranks at least, and at most, as great as this one.
-
-    Exact, or by z.
-    """
+    """Return the probabilities, exact or by z, of a sum of positive ranks at least, and at most, as great as this."""
     if not counted:
         size = float(np.sqrt((ranks**2).sum()))
         z = float(ranks.sum()) / size if size else 0.0

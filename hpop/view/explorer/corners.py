@@ -78,10 +78,7 @@ def corners(trajectories: Sequence[Trajectory], origin: tuple[float, float]) -> 
 
 
 def _trajectory_points(table: MotionTable) -> tuple[FloatArray, IntArray, IntArray]:
-    """Return the points (G, 3), m, of all motions.
-
-    For all trajectories in turn the point indices (T,) and their owners (T,).
-    """
+    """Return points (G, 3), m, and for all trajectories in turn, indices of their points (T,) and their owners (T,)."""
     ends = positions(table.model.pose("camera", table.states))
     known, counts = [ends], np.zeros(len(table), dtype=np.int64)
     begins: IntArray = np.zeros(len(table), dtype=np.int64)

@@ -123,10 +123,7 @@ class Clip:
                     frame.cancel()
 
     def described(self, file: str) -> dict[str, Any]:
-        """Return the content of the JSON file beside the video.
-
-        The trajectory, the axes, and the times of the frames.
-        """
+        """Return the content of the JSON file beside a video, with the trajectory, the axes and the frames' times."""
         heights = [camera_at(self.run, t).position[2] for t in (0.0, 0.5 * self.run.duration, self.run.duration)]
         return {
             "schema": "hpop-360",

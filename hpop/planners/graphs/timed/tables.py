@@ -164,9 +164,9 @@ class TimedCosts:
     def _totals(self, j: int, paid: FloatArray) -> IntArray:
         """Return costs of standing (P, H + 1) as the search needs them.
 
-        Running totals of sums, values of worst moments.
+        ``paid`` has the costs per tick, and is overwritten.
 
-        ``paid`` has the costs per tick, and is overwritten, to save memory.
+        They are running totals of sums, and values of worst moments.
         """
         paid /= self.quanta[j]
         if self.criteria[j].aggregate == "max":

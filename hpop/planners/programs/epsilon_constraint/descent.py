@@ -102,10 +102,7 @@ class Descent:
         return result
 
     def _better(self, polyline: Polyline, costs: FloatArray) -> Iterator[DescentResult]:
-        """Yield the result after each step, each better than the one before.
-
-        The last one is the result of the descent.
-        """
+        """Yield the result after each step, each better than the last; the final one is the result of the descent."""
         distance, left, multipliers = FIRST, np.nan, self.weights
         polyline, costs = self._shortened(polyline, costs)
         if len(polyline.vertices) < 3:
@@ -168,9 +165,7 @@ class Descent:
     def _polled(
         self, local: LocalModel, polyline: Polyline, costs: FloatArray, bounds: FloatArray
     ) -> tuple[tuple[Polyline, FloatArray], float] | None:
-        """Return the best displacement of a single corner that keeps the bounds (k,), with its size, m.
-
-        None without a gain.
+        """Return the best displacement of a corner that keeps the bounds (k,), with its size, m, or None.
 
         Sizes are tried one after the other, the largest first. Displacements are projected so that segments with a
         fixed

@@ -94,10 +94,7 @@ def _corners(space: shapely.Geometry) -> tuple[FloatArray, FloatArray, FloatArra
 
 
 def _tangent(ahead: FloatArray, before: FloatArray, after: FloatArray) -> BoolArray:
-    """Return whether both sides of a corner are on the same side of lines (n, 2) from it.
-
-    A taut path can turn there.
-    """
+    """Return whether both sides of a corner are on the same side of lines (n, 2): a taut path can turn there."""
     return _cross(ahead, before) * _cross(ahead, after) <= ROUNDING
 
 
@@ -145,10 +142,7 @@ class Roles:
         return [j for j in range(len(self.criteria)) if j != self.minimise]
 
     def limits(self, epsilon: Mapping[str, float], problem: Problem) -> FloatArray:
-        """Return bounds (k,) from bounds by name.
-
-        OptionError for unknown names and for bounds that no trajectory keeps.
-        """
+        """Return bounds (k,) from bounds by name; OptionError for unknown names and impossible bounds."""
         names = [criterion.name for criterion in self.criteria]
         unknown = sorted(str(name) for name in epsilon if name not in names)
         if unknown:

@@ -141,10 +141,7 @@ class _Attempt:
         return float(start.costs[minimise] - candidate.solved.costs[minimise])
 
     def _solve(self, start: FreePolyline, number: int) -> CellCandidate | str:
-        """Solve a program from a polyline.
-
-        Return a candidate that passes all checks, or the reason why there is none.
-        """
+        """Solve a program; return a candidate that passes all checks, or the reason why there is none."""
         roles, cell, warm = self.job.roles, self.cell, start.polyline
         smooth = list(roles.smooth)
         program = self._program(warm.structure)

@@ -344,10 +344,7 @@ class LocalModel:
 def _solved(
     curvature: FloatArray, objective: FloatArray, matrix: FloatArray, room: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Return the minimiser x of ½ x·curvature·x + objective·x with matrix x <= room, and multipliers.
-
-    None on failure.
-    """
+    """Return x that minimises ½ x·curvature·x + objective·x with matrix x <= room, and multipliers, or None."""
     import clarabel
     from scipy import sparse
 
