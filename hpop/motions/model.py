@@ -24,7 +24,7 @@ COLLISION_DEFAULTS: dict[str, Any] = {
     "least_clearance": None,
     "is_uncompiled": False,
     "posture_matters": False,
-    "turns_compose": False,
+    "turn_part": 0.0,
     "differs": lambda collision, before, x, y, within: np.ones(x.shape, dtype=np.bool_),
 }
 """Values of a collision's optional members."""
@@ -40,7 +40,8 @@ class Collision(Protocol):
                      at most that distance; None to sample ``clearance`` instead
     is_uncompiled    whether kernels must be compiled at the first call; False
     posture_matters  whether collisions depend on more than x, y and yaw, in the plane; False
-    turns_compose    whether a turn in place is free exactly where its parts are; False
+    turn_part        angle, rad: a turn in place by a multiple of it is free exactly where its parts by multiples are; 0
+                     if this does not hold
     differs          in the plane, method of the collision in an earlier world, positions (P,) and a distance, m:
                      whether within it the robot's collisions may differ from the earlier ones (P,); all may
     """
@@ -94,7 +95,7 @@ class PlaneCollision(Collision, Protocol):
     def posture_matters(self) -> bool: ...
 
     @property
-    def turns_compose(self) -> bool: ...
+    def turn_part(self) -> float: ...
 
     def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Return whether each position (P,) is free at every yaw, and so is every turn there."""

@@ -112,9 +112,9 @@ class LeavingCollision(PlanarCollision):
         return True
 
     @property
-    def turns_compose(self) -> bool:
-        """False, because a turn that leaves contact may be free where a part of it is not."""
-        return False
+    def turn_part(self) -> float:
+        """0, because a turn that leaves contact may be free where a part of it is not."""
+        return 0.0
 
     def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Return whether the circles swept by the parts about positions (P,) are free, also of people in contact."""

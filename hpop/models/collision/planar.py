@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, FloatArray, numbered
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, numbered
 from hpop.base.text import shown
 from hpop.models.collision.parts import Part, joints_of
 from hpop.motions import Motions, PlaneCollision, States, is_curve
@@ -89,9 +89,9 @@ class PlanarCollision:
         return any(part.on for part in self.parts)
 
     @property
-    def turns_compose(self) -> bool:
-        """True, because a turn sweeps the areas of its parts."""
-        return True
+    def turn_part(self) -> float:
+        """Angle, rad, between the outlines whose hulls cover a turn: so its parts have the same hulls as the whole."""
+        return TURN_SAMPLE
 
     def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Return whether the circles that the parts sweep about positions (P,) are free.
@@ -189,7 +189,7 @@ class PlanarCollision:
         hinges = [joint for joint in part.on if joint.along == "round"]
         slides = [joint.name for joint in part.on if joint.along in ("ahead", "left")]
         turned = sum(np.abs(change[name]) for name in ("yaw", *(joint.name for joint in hinges)))
-        pieces = np.maximum(1, np.ceil(turned / TURN_SAMPLE)).astype(np.int64)
+        pieces = _turn_pieces(turned)
         owner, piece = numbered(pieces)
         ends = [
             States(**{n: getattr(start, n)[owner] + number / pieces[owner] * change[n][owner] for n in names})
@@ -255,7 +255,7 @@ class PlanarCollision:
         no more than r Δ²/8.
         """
         turned = np.abs(end.yaw - start.yaw)
-        pieces = np.maximum(1, np.ceil(turned / TURN_SAMPLE)).astype(np.int64)
+        pieces = _turn_pieces(turned)
         owner, piece = numbered(pieces)
         corners = []
         begin = {name: getattr(start, name)[owner] for name in ("x", "y", "yaw")}
@@ -297,6 +297,11 @@ class PlanarCollision:
         outlines = np.concatenate(corners, axis=1)
         np.logical_and.at(free, owner, self._outlines_free(part, outlines, part.radius + CURVE_MARGIN, begin))
         return free
+
+
+def _turn_pieces(turned: FloatArray) -> IntArray:
+    """Return the number of pieces (N,) that cover turns by angles (N,), rad; rounding of an angle adds none."""
+    return np.maximum(1, np.ceil(turned / TURN_SAMPLE - 1e-6)).astype(np.int64)
 
 
 def _hulls(corners: FloatArray, *, straight: bool) -> NDArray[np.object_]:

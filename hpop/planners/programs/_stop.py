@@ -21,14 +21,14 @@ class Stop(casadi.Callback):
 
     def __init__(self, deadline: Deadline, variables: int, constraints: int) -> None:
         casadi.Callback.__init__(self)
-        self._deadline, self.last = deadline, time.time()
+        self._deadline, self.last = deadline, time.monotonic()
         self._sizes = {"f": 1, "x": variables, "lam_x": variables, "g": constraints, "lam_g": constraints}
         with interrupts_held():
             self.construct("stop", {})
 
     def begin(self) -> None:
         """Start timing the first iteration."""
-        self.last = time.time()
+        self.last = time.monotonic()
 
     def get_n_in(self) -> int:
         return int(casadi.nlpsol_n_out())
@@ -40,6 +40,6 @@ class Stop(casadi.Callback):
         return casadi.Sparsity.dense(self._sizes.get(casadi.nlpsol_out(i), 0), 1)
 
     def eval(self, arguments: Any) -> list[int]:
-        now, until = time.time(), self._deadline.at
+        now = time.monotonic()
         lasts, self.last = now - self.last, now
-        return [int(until is not None and now + lasts >= until)]
+        return [int(self._deadline.left <= lasts)]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import platform
 import time
 from collections import Counter
 from collections.abc import Iterable
@@ -23,26 +25,38 @@ CUT_SHORT = "cut short"  # counted by jobs that the deadline ended
 
 @dataclass(frozen=True)
 class Deadline:
-    """Moment on the clock of :func:`time.time`, which processes share; None is never.
+    """Deadline of work in processes of one or several machines; by default never.
 
-    It is a limit of :mod:`hpop.runtime.limits`: the computation of a field stops at it.
+    A machine's wall clock may be set while the work goes on, so it is read only by the processes of other machines.
+    The deadline is a limit of :mod:`hpop.runtime.limits`: the computation of a field stops at it.
+
+    until    s  on the monotonic clock, which the processes of one machine share; infinite for no deadline
+    wall     s  on the clock of :func:`time.time`, for other machines
+    machine  name of the machine of ``until``
     """
 
-    at: float | None = None
+    until: float = math.inf
+    wall: float = math.inf
+    machine: str = field(default_factory=platform.node)
 
     @classmethod
     def after(cls, seconds: float | None) -> Deadline:
         """Return the deadline in ``seconds`` from now; None for no deadline."""
-        return cls(None if seconds is None else time.time() + seconds)
+        return cls() if seconds is None else cls(time.monotonic() + seconds, time.time() + seconds)
+
+    @property
+    def left(self) -> float:
+        """Time, s, until the deadline; negative after it."""
+        return self.until - time.monotonic() if platform.node() == self.machine else self.wall - time.time()
 
     @property
     def is_past(self) -> bool:
         """True after the deadline."""
-        return self.at is not None and time.time() >= self.at
+        return self.left <= 0.0
 
     def check(self, doing: str, memory: int = 0, *, ahead: float = 0.0) -> None:
         """Raise LimitPassed if the deadline has passed, or will pass during ``ahead`` seconds without interruption."""
-        if self.at is not None and time.time() + ahead >= self.at:
+        if self.left <= ahead:
             raise LimitPassed(f"the time was over while {doing}")
 
     def hold(self, memory: int, doing: str) -> None:
@@ -57,7 +71,7 @@ class Deadline:
 
     def stopping(self, variables: int, constraints: int) -> dict[str, Any]:
         """Return options of a CasADi solver for programs of this size by which IPOPT stops at the deadline."""
-        if self.at is None:
+        if math.isinf(self.until):
             return {}
         stop = import_module("hpop.planners.programs._stop")  # on first use: it imports CasADi
         return {"iteration_callback": stop.Stop(self, variables, constraints)}

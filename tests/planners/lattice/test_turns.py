@@ -33,7 +33,7 @@ def lattice_of(seed: int, footprint: str, headings: int):
 def test_turns_are_free_where_each_is_free_by_itself(seed, headings, footprint, monkeypatch):
     lattice = lattice_of(seed, footprint, headings)
     arcs = lattice.arcs
-    monkeypatch.setattr(PlanarCollision, "turns_compose", False)
+    monkeypatch.setattr(PlanarCollision, "turn_part", 0.0)
     each = lattice_of(seed, footprint, headings).arcs
     assert np.array_equal(arcs.start, each.start)
     assert np.array_equal(arcs.heads, each.heads)

@@ -1,6 +1,7 @@
 """Deadlines reach into solvers, into what is built for them, and into the jobs of each planner of programs."""
 
 import time
+from dataclasses import replace
 
 import casadi
 import numpy as np
@@ -35,14 +36,14 @@ def test_a_solver_whose_time_is_over_stops_and_says_nothing_else(capfd):
     assert PolylineProgram(PROBLEM, length, 0, line.structure).solve(line, np.array([np.inf])).iterations > 1
     deadline = Deadline.after(3600.0)
     program = PolylineProgram(PROBLEM, length, 0, line.structure, deadline).build()
-    object.__setattr__(deadline, "at", 0.0)
+    object.__setattr__(deadline, "until", 0.0)
     with pytest.raises(LimitPassed, match="a program was solved"), within(deadline):
         program.solve(line, np.array([np.inf]))
     assert capfd.readouterr() == ("", "")
 
 
 def test_a_solver_is_stopped_before_an_iteration_that_would_end_too_late():
-    now = time.time()
+    now = time.monotonic()
     sizes = [casadi.DM(casadi.nlpsol_out(i) == "f", 1) for i in range(casadi.nlpsol_n_out())]
     for left, stops in ((3000.0, 0), (1000.0, 1)):
         stop = Stop(Deadline(now + left), 0, 0)
@@ -70,8 +71,17 @@ def test_what_nothing_interrupts_is_not_begun_where_it_would_end_too_late():
     Deadline.after(60.0).check("it was done", ahead=30.0)
     with pytest.raises(LimitPassed, match="it was done"):
         Deadline.after(60.0).check("it was done", ahead=90.0)
-    assert Deadline.after(None).at is None
-    assert Deadline.after(60.0).at == pytest.approx(time.time() + 60.0, abs=30.0)
+    assert Deadline.after(None).left == np.inf
+    assert Deadline.after(60.0).left == pytest.approx(60.0, abs=30.0)
+
+
+@pytest.mark.parametrize("jump", [-1e6, 1e6])
+def test_a_wall_clock_that_is_set_neither_ends_nor_prolongs_the_work(monkeypatch, jump):
+    now, ahead, over = time.time, Deadline.after(3600.0), Deadline.after(0.0)
+    monkeypatch.setattr(time, "time", lambda: now() + jump)
+    assert (ahead.is_past, over.is_past) == (False, True)
+    elsewhere = replace(ahead, machine="another")  # there, only the wall clock tells
+    assert elsewhere.left == pytest.approx(3600.0 - jump, abs=30.0)
 
 
 @pytest.mark.parametrize("planner", [EpsilonConstraint, Smoothing, WeightedSumCorridor])
@@ -100,7 +110,7 @@ def over_once(monkeypatch, of, name):
     deadline, method = Deadline.after(3600.0), getattr(of, name)
 
     def late(self, *arguments):
-        object.__setattr__(deadline, "at", 0.0)
+        object.__setattr__(deadline, "until", 0.0)
         return method(self, *arguments)
 
     monkeypatch.setattr(of, name, late)

@@ -14,7 +14,8 @@ from hpop.errors import OptionError, UnsupportedCriterion, UnsupportedModel
 from hpop.models.serial_arm import SerialArm
 from hpop.motions import States
 from hpop.planners.base import make_planner
-from hpop.planners.programs.spline.job import FRACTIONS, MonotonicDeadline, SplineJob
+from hpop.planners.programs.outcome import Deadline
+from hpop.planners.programs.spline.job import FRACTIONS, SplineJob
 from hpop.planners.programs.spline.knots import Knots, PieceCosts
 from hpop.planners.programs.spline.step import Aim, StepPrograms
 from hpop.planners.spending import Spending
@@ -302,11 +303,11 @@ def test_time_that_goes_by_while_a_stage_is_drawn_is_not_taken_from_the_splines(
 @pytest.mark.parametrize("jump", [-1e6, 1e6])
 def test_a_wall_clock_that_is_set_neither_ends_nor_prolongs_the_work(arm, world, paths, monkeypatch, jump):
     problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], ["duration"])
-    job = SplineJob(problem, problem.criteria, (0,), 0, 2, deadline=MonotonicDeadline.after(-1.0))
+    job = SplineJob(problem, problem.criteria, (0,), 0, 2, deadline=Deadline.after(-1.0))
     options = {"warm_start": [paths[0]], "pieces": 2, "minimise": "duration", "time_limit": 60.0}
     answers, now = make_planner({"spline": options}).stages(problem), time.time
     next(answers)
-    ahead = MonotonicDeadline.after(3600.0)
+    ahead = Deadline.after(3600.0)
     monkeypatch.setattr(time, "time", lambda: now() + jump)
     assert not ahead.is_past
     assert job.solve(paths[0]).reason == "no time was left"
@@ -331,7 +332,7 @@ def test_the_paths_are_the_first_answer_and_splines_follow(arm, world, paths):
 @pytest.mark.proof
 def test_time_that_is_over_leaves_the_paths_and_no_step_begins(arm, world, paths):
     problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], CRITERIA)
-    job = SplineJob(problem, problem.criteria, (0, 1, 2), 0, 2, deadline=MonotonicDeadline.after(-1.0))
+    job = SplineJob(problem, problem.criteria, (0, 1, 2), 0, 2, deadline=Deadline.after(-1.0))
     outcome = job.solve(paths[0])
     assert (outcome.candidate, outcome.reason, outcome.counts["programs"]) == (None, "no time was left", 0)
     found = make_planner({"spline": {"warm_start": [paths[0]], "time_limit": 1e-9}}).solve(problem)

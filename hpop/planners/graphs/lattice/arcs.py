@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.planners.graphs.arcs import MOVE, Arcs, blocks
 from hpop.planners.graphs.lattice.grid import steps_from
 
@@ -124,13 +125,13 @@ def _each_in_place_free(lattice: StateLattice, to: NDArray[np.int32], of_kind: N
 def _turns_free(lattice: StateLattice, others: NDArray[np.int32]) -> BoolArray:
     """Mark the turns (P, H, H - 1) to the other headings that are free.
 
-    Where a collision test says that turns compose, only turns between neighbouring headings are checked: a longer turn
-    is free if all of these are that it passes.
+    Where all angles between neighbouring headings are multiples of the collision test's ``turn_part``, only turns
+    between neighbours are checked: a longer turn is free if all of these are that it passes.
     """
-    if not lattice.collision.turns_compose or not lattice.cells[0].size:  # without positions there is no motion to try
+    count = lattice.headings.count
+    if not lattice.cells[0].size or not _are_multiples(lattice.headings.yaw, lattice.collision.turn_part):
         return _each_turn_free(lattice, others)
     free = lattice.free[lattice.cells]  # (P, H)
-    count = lattice.headings.count
     onward = (np.arange(count) + 1) % count
     sectors = free & free[:, onward]  # from each heading to the next one counter-clockwise
     sure = lattice.clear[lattice.cells]
@@ -149,6 +150,14 @@ def _turns_free(lattice: StateLattice, others: NDArray[np.int32]) -> BoolArray:
     for part in blocks(len(free), count * count):
         turns[part] = ((~sectors[part]).astype(np.float32) @ passed == 0).reshape(-1, *others.shape)
     return turns
+
+
+def _are_multiples(yaw: FloatArray, part: float) -> bool:
+    """Return whether all angles between neighbouring headings (H,) are multiples of a part, rad; False for no part."""
+    if not part > 0.0:
+        return False
+    parts = np.diff(yaw, append=yaw[0] + 2 * math.pi) / part
+    return bool((np.abs(parts - np.round(parts)) < 1e-6).all())
 
 
 def _passed_sectors(lattice: StateLattice, others: NDArray[np.int32]) -> BoolArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import platform
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -15,7 +14,7 @@ from hpop.base.arrays import FloatArray
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import trajectory_costs
 from hpop.motions import JointCollision, States
-from hpop.planners.programs.outcome import ONE_PROGRAM, ImprovedTrajectory, Outcome
+from hpop.planners.programs.outcome import ONE_PROGRAM, Deadline, ImprovedTrajectory, Outcome
 from hpop.planners.programs.spline.knots import LAW, Knots, PieceCosts, SplineLaw
 from hpop.planners.programs.spline.step import Aim, Step, StepProgram, StepPrograms
 from hpop.trajectories.trajectory import Trajectory
@@ -57,32 +56,6 @@ class _PathRun:
     steps: list[Knots] = field(default_factory=list)
 
 
-@dataclass(frozen=True)
-class MonotonicDeadline:
-    """Deadline of work in processes of several machines.
-
-    until    s  on the monotonic clock, which the processes of one machine share
-    wall     s  on the clock of :func:`time.time`, for other machines
-    machine  name of the machine of ``until``
-    """
-
-    until: float
-    wall: float
-    machine: str
-
-    @classmethod
-    def after(cls, seconds: float) -> MonotonicDeadline:
-        """Return the deadline in some seconds from now."""
-        return cls(time.monotonic() + seconds, time.time() + seconds, platform.node())
-
-    @property
-    def is_past(self) -> bool:
-        """True after the deadline."""
-        if platform.node() == self.machine:
-            return time.monotonic() > self.until
-        return time.time() > self.wall
-
-
 @dataclass(frozen=True, eq=False)
 class SplineJob:
     """Data that all paths share, and the cost functions of this process, which are not pickled.
@@ -92,7 +65,7 @@ class SplineJob:
     smooth       indices of the criteria with gradients; the others are not optimised
     minimise     index of the criterion of most weight; None: equal weights, and then each criterion by itself
     pieces       approximate count of each spline
-    deadline     no step begins later; None without a time limit
+    deadline     no step begins later
     built        the cost functions under the key "pieces", if they are built
     interrupted  paths during which Ctrl-C came, with the splines so far
     """
@@ -102,7 +75,7 @@ class SplineJob:
     smooth: tuple[int, ...]
     minimise: int | None
     pieces: int
-    deadline: MonotonicDeadline | None = None
+    deadline: Deadline = Deadline()  # noqa: RUF009  (frozen)
     built: dict[str, PieceCosts] = field(default_factory=dict)
     interrupted: list[tuple[Trajectory, Outcome[tuple[ImprovedTrajectory, ...]]]] = field(default_factory=list)
 
@@ -273,7 +246,7 @@ class SplineJob:
 
     def _is_late(self, counts: Counter[str]) -> bool:
         """Return whether the time is over; if so, count the path."""
-        late = self.deadline is not None and self.deadline.is_past
+        late = self.deadline.is_past
         if late:
             counts[CUT_SHORT] = 1
         return late

@@ -21,8 +21,8 @@ from hpop.planners.base import Candidates, planner
 from hpop.planners.judgement import trusted
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.programs.criteria import minimised
-from hpop.planners.programs.outcome import ONE_PROGRAM, ImprovedTrajectory, Outcome, Tally
-from hpop.planners.programs.spline.job import CUT_SHORT, MonotonicDeadline, SplineJob
+from hpop.planners.programs.outcome import ONE_PROGRAM, Deadline, ImprovedTrajectory, Outcome, Tally
+from hpop.planners.programs.spline.job import CUT_SHORT, SplineJob
 from hpop.planners.programs.spline.knots import PieceCosts
 from hpop.planners.programs.warm_starts import WarmStart, WarmStarts, check_warm_start, known_trajectories
 from hpop.planners.spending import Spending
@@ -164,7 +164,7 @@ class _SplineRun:
                         stage += max(1, stage // 2)
                     self._report()
                     # Renewed each time, as pauses move it. Workers keep the first one, as they also work in pauses.
-                    sweep.shared = replace(sweep.shared, deadline=MonotonicDeadline.after(self._left()))
+                    sweep.shared = replace(sweep.shared, deadline=Deadline.after(self._left()))
                     index, outcome = next(done, (None, None))
                     if index is None or outcome is None:
                         status = Status.TIME_LIMIT
