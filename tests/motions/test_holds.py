@@ -289,7 +289,7 @@ class Hasty(hpop.DifferentialDrive):
         return super().execution(trajectory.without_holds())
 
 
-@pytest.mark.parametrize(("robot", "text"), [(Own(), "call yours otherwise"), (Hasty(), "passes .* states at")])
+@pytest.mark.parametrize(("robot", "text"), [(Own(), "give yours another name"), (Hasty(), "passes .* states at")])
 def test_the_check_of_models_looks_at_holds(robot, text):
     with pytest.raises(ModelError, match=text):
         check_model(robot)
