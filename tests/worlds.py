@@ -130,7 +130,7 @@ def bag(
 def read_here() -> Iterator[None]:
     """Files of others are read in this process, as in that which is otherwise started: half a second less for each."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(files, "_said", lambda asked, data, path: child.answer_bytes(asked, data))
+        patch.setattr(files, "_child_output", lambda asked, data, path: child.answer_bytes(asked, data))
         yield
 
 

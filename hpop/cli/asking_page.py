@@ -1,7 +1,7 @@
-"""Page of ``hpop prefer --web``: questions as forms without scripts, served to this machine alone.
+"""Page of ``hpop prefer --web``: questions as HTML forms without scripts, served to this machine only.
 
-Requests need the token in the page's address, and pages of another origin cannot answer. An answer names its question,
-so that a repeated answer counts once.
+Requests need the token in the address of the page, and pages of another origin cannot answer. An answer names its
+question, so that a repeated answer counts once.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from hpop.cli.picking import Difference
 
 MOST_BYTES = 1_000
-"""Of an answer."""
+"""Largest size of an answer, bytes."""
 POLICY = (
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; form-action 'self'; base-uri 'none'; "
     "frame-ancestors 'none'"
 )
-"""What the page may load."""
+"""Content security policy: the sources from which the page may load."""
 # Trajectories a and b have the first two line colours and dashes of the map.
 STYLE = """body{font:17px/1.45 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#1b1b1b}
 body{background:#fff}table{border-collapse:collapse;margin:1rem 0}td,th{padding:.3rem .9rem .3rem 0;text-align:right}
@@ -55,7 +55,7 @@ LABELS = {"a": "I prefer a", "b": "I prefer b", "tie": "No difference", "stop": 
 
 
 class Questionnaire(Protocol):
-    """Content of the page: the open question, or the result."""
+    """Questions to one person, as the page needs them: the open question, or the result."""
 
     @property
     def number(self) -> int: ...
@@ -69,57 +69,56 @@ class Questionnaire(Protocol):
     def answer(self, word: str) -> None: ...
 
 
-def page_of(asked: Questionnaire) -> str:
-    """Return the page for the open question, or for the result."""
-    if asked.is_over:
-        said = "".join(f"<p>{html.escape(printable(line))}</p>" for line in asked.result())
-        return f"{HEAD}<h1>Thank you</h1>{said}<p>This page can be closed.</p>"
+def page_of(questions: Questionnaire) -> str:
+    """Return the HTML page for the open question, or for the result."""
+    if questions.is_over:
+        result = "".join(f"<p>{html.escape(printable(line))}</p>" for line in questions.result())
+        return f"{HEAD}<h1>Thank you</h1>{result}<p>You can close this page.</p>"
     rows = "".join(
         "<tr>"
-        + "".join(f"<td>{html.escape(printable(cell))}</td>" for cell in (one.label, one.a, one.b, one.words))
+        + "".join(f"<td>{html.escape(printable(cell))}</td>" for cell in (cost.label, cost.a, cost.b, cost.words))
         + "</tr>"
-        for one in asked.differences()
+        for cost in questions.differences()
     )
-    image = b64encode(asked.picture()).decode()
+    image = b64encode(questions.picture()).decode()
     buttons = "".join(
         f"<button name=answer value={word}{' class=main' * (word in 'ab')}>{label}</button>"
         for word, label in LABELS.items()
     )
     return (
-        f"{HEAD}<h1>{html.escape(asked.words)}</h1>"
-        f"<img alt='Both ways on the map, a and b' src='data:image/png;base64,{image}'>"
+        f"{HEAD}<h1>{html.escape(questions.words)}</h1>"
+        f"<img alt='Map of both trajectories, a and b' src='data:image/png;base64,{image}'>"
         "<table><tr><td aria-hidden=true></td><th class=a scope=col>a</th><th class=b scope=col>b</th>"
         f"<td aria-hidden=true></td></tr>{rows}</table>"
-        f"<form method=post><input type=hidden name=question value={asked.number}>{buttons}</form>"
+        f"<form method=post><input type=hidden name=question value={questions.number}>{buttons}</form>"
     )
 
 
 def _page_of_loss(why: str, address: str) -> str:
-    """Return a page that says that an answer could not be saved and its question is still open."""
-    said = html.escape(printable(why))
-    return (
-        f"{HEAD}<h1>Once more, please</h1><p>The answer was not kept: {said}</p><p><a href={address}>Ask again</a></p>"
-    )
+    """Return the HTML page for an answer that could not be saved; its question is still open."""
+    reason = html.escape(printable(why))
+    way_back = f"<p><a href={address}>Ask again</a></p>"
+    return f"{HEAD}<h1>Please answer again</h1><p>The answer was not saved: {reason}</p>{way_back}"
 
 
-def serve(asked: Questionnaire, port: int, say: Callable[[str], None]) -> None:
-    """Serve the page until the last question is answered and the result was shown; OutputError if the port is taken."""
+def serve(questions: Questionnaire, port: int, say: Callable[[str], None]) -> None:
+    """Serve the page until the last question is answered and the result was sent; OutputError if the port is taken."""
     token, lock, over = secrets.token_urlsafe(16), Lock(), Event()
 
     def show(request: Request) -> Response:
-        """Return the question, or the result; after the result was sent the command ends."""
+        """Return the page of the question, or of the result, after which the command ends."""
         with lock:
-            page = page_of(asked)
-            ends = BackgroundTask(over.set) if asked.is_over else None
+            page = page_of(questions)
+            ends = BackgroundTask(over.set) if questions.is_over else None
         return HTMLResponse(page, headers={"Content-Security-Policy": POLICY}, background=ends)
 
     def answer(word: str, number: str) -> None:
         with lock:
-            if word in LABELS and number == str(asked.number) and not asked.is_over:
-                asked.answer(word)
+            if word in LABELS and number == str(questions.number) and not questions.is_over:
+                questions.answer(word)
 
     async def take(request: Request) -> Response:
-        """Record an answer, and show the page again."""
+        """Save an answer, and redirect to the page."""
         data = await body(request, MOST_BYTES)
         if data is None:
             return Response(status_code=HTTPStatus.REQUEST_ENTITY_TOO_LARGE)

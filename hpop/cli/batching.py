@@ -1,4 +1,4 @@
-"""``hpop batch``: many problems by several planners, with one Parquet data set of results, and their summary."""
+"""``hpop batch``: solve many problems by several planners, and summarise the results in one Parquet data set."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def batch(
         def tell(progress: BatchProgress) -> None:
             nonlocal last
             if last is None and progress.done:
-                echo(f"going on: {out} has {progress.done:,} of {progress.count:,} cases")
+                echo(f"continuing: {out} has {progress.done:,} of {progress.count:,} cases")
             last = progress
             failures = f", {progress.failed:,} with an error" if progress.failed else ""
             detail = f"{progress.done:,} of {progress.count:,} cases{failures}{remaining_text(progress.left)}"
@@ -88,29 +88,29 @@ def batch(
     errors = print_summary(Results(out))
     if errors:
         echo(
-            f"note: {errors:,} of {len(cases):,} cases ended with an error, told in the column `error`; "
+            f"note: {errors:,} of {len(cases):,} cases ended with an error, see the column `error`; "
             f"`hpop batch {argument(spec)} --out {argument(out)} --again` solves them again",
             err=True,
         )
 
 
 def is_batch(folder: Path) -> bool:
-    """Return whether a folder holds the results of a batch, and no front."""
+    """Return whether a folder holds the results of a batch rather than a front."""
     return os.path.isdir(folder / "results") and not os.path.exists(folder / results.SAVED)
 
 
 def print_summary(found: Results) -> int:
-    """Print the summary of a batch, draw its figure beside the results, and return the number of errors."""
+    """Print the summary of a batch, draw its figure beside the results, and return the number of failed cases."""
     from hpop.batches.results import FOLDER
     from hpop.batches.summary import summaries, summary_lines
     from hpop.view import draw_batch
 
-    of = summaries(found)
-    if not of:
+    summary = summaries(found)
+    if not summary:
         raise OutputError(f"{found.folder} holds no rows yet; run `hpop batch` again to go on")
-    for line in summary_lines(of):
+    for line in summary_lines(summary):
         echo(line)
     with results.output_errors(f"cannot write to {found.folder}", "choose another --out"):
-        draw_batch(of, found.folder / FIGURE)
+        draw_batch(summary, found.folder / FIGURE)
     echo(f"written to {found.folder}: {FOLDER}/*.parquet, {FIGURE}")
-    return sum(each.counts.get("error", 0) for each in of)
+    return sum(each.counts.get("error", 0) for each in summary)

@@ -1,13 +1,13 @@
 """Processes beside a search: one serves the page of the running search, another draws pictures of a saved front.
 
 Drawing takes seconds of Python, which would slow down the search or delay the prompt after Ctrl-C. Both processes read
-the saved front, and need nothing else but the user's own code.
+only the saved front and the user's own code.
 
-The page of ``hpop plan --web`` is served to this machine alone by :mod:`hpop.cli.live_server`. The command opens the
+The page of ``hpop plan --web`` is served to this machine only, by :mod:`hpop.cli.live_server`. The command opens the
 port before the search begins, and notifies the server of each saved front; the server ends with the command.
 
-``python -P -m hpop.cli.beside all|map FOLDER BYTES [FILE_OR_MODULE ...]`` draws pictures. BYTES bounds the memory of
-the map's field (0: no limit); -P keeps the current folder off the import path.
+``python -P -m hpop.cli.beside all|map FOLDER BYTES [FILE_OR_MODULE ...]`` draws pictures. BYTES limits the memory for a
+field on the map (0: no limit); -P keeps the current folder off the import path.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from hpop.runtime.interrupts import interrupts_held
 
 # Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
 
-TOKEN = "HPOP_LIVE_TOKEN"  # of the environment of the other process
+TOKEN = "HPOP_LIVE_TOKEN"  # environment variable of the server
 HOST = "127.0.0.1"  # reachable from this machine only
-WAITING = 64  # browsers that ask before the other process answers
+WAITING = 64  # requests that may wait until the server is ready
 LAST = 20.0  # s to wait until the last front is shown
 
 
 class LivePage:
-    """Page that follows the front saved in a folder; at the end of a ``with`` it shows the last front and closes.
+    """Page that follows the front saved in a folder. At the end of a ``with`` it shows the last front and closes.
 
     port     0: any free port
     imports  files and modules with the user's criteria, models and planners
@@ -55,17 +55,17 @@ class LivePage:
                 listening.listen(WAITING)
             except OSError as error:
                 raise OutputError(
-                    f"--web: port {port} of this machine cannot be had: {error.strerror or error}; choose another, "
-                    "or 0 for any that is free"
+                    f"--web: port {port} of this machine cannot be used: {error.strerror or error}; choose "
+                    "another port, or 0 for any free port"
                 ) from None
             self.address = f"http://{HOST}:{listening.getsockname()[1]}/{token}/"
             number = listening.fileno()
             command = [sys.executable, "-P", "-m", "hpop.cli.live_server", str(number), str(folder), *imports]
-            known = {**os.environ, TOKEN: token}  # not in the command line, which all users of a machine see
+            environment = {**os.environ, TOKEN: token}  # not in the command line, which all users of a machine see
             # A session of its own: Ctrl-C on the terminal does not reach it. Without a process there is no page.
             with suppress(OSError), interrupts_held():
                 quiet: dict[str, Any] = {"stdout": DEVNULL, "stderr": DEVNULL, "start_new_session": True}
-                self._process = Popen(command, stdin=PIPE, pass_fds=[number], env=known, **quiet)
+                self._process = Popen(command, stdin=PIPE, pass_fds=[number], env=environment, **quiet)
 
     @property
     def is_served(self) -> bool:
@@ -81,7 +81,7 @@ class LivePage:
         self.stop()
 
     def saved(self) -> None:
-        """Tell the server that a front was saved."""
+        """Notify the server that a new front was saved."""
         if self._process is not None and self._process.stdin is not None:
             with suppress(OSError):  # the server is gone, but the search goes on
                 self._process.stdin.write(b"\n")
@@ -107,10 +107,10 @@ STANDS = 2.0  # s after which the front of a stage is drawn, unless a newer fron
 
 
 class PicturesBeside:
-    """Process that draws the front saved in a folder; at the end of a ``with`` it is stopped.
+    """Process that draws the front saved in a folder. At the end of a ``with`` it is stopped.
 
     imports     files and modules with the user's criteria, models and planners
-    max_memory  bytes  for the map's field
+    max_memory  bytes  limit for a field on the map
     """
 
     def __init__(self, folder: Path, imports: Sequence[str] = (), max_memory: int | None = None) -> None:
@@ -130,14 +130,14 @@ class PicturesBeside:
         self.stop()
 
     def stage(self) -> None:
-        """Draw the map alone, unless a newer front comes soon."""
+        """Draw only the map, unless a newer front comes within a short time."""
         self.stop()
         self._timer = Timer(STANDS, self._begin, ["map"])
         self._timer.daemon = True
         self._timer.start()
 
     def start(self) -> None:
-        """Begin to draw all pictures; without a process there are none."""
+        """Begin to draw all pictures; if the process cannot be started, there are no pictures."""
         self.stop()
         self._begin("all")
 
@@ -149,7 +149,7 @@ class PicturesBeside:
             self._process = Popen(command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL, start_new_session=True)
 
     def stop(self) -> None:
-        """Stop drawing before a new front is saved, and leave no unfinished picture."""
+        """Stop drawing, as before a new front is saved, and remove unfinished pictures."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer.join()  # the timer may just have fired
@@ -165,7 +165,7 @@ class PicturesBeside:
 
 
 def draw(which: str, folder: Path, max_memory: int | None, imports: Sequence[str]) -> None:
-    """Draw the front saved in a folder, at low priority: the map, or all pictures."""
+    """Draw the front saved in a folder, at low priority: only the map, or all pictures."""
     from hpop.runtime import garbage
 
     garbage.collect_rarely()

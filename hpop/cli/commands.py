@@ -57,12 +57,12 @@ MOST_PORT = 65_535
 # NumPy starts an OpenBLAS thread for each further core, which spins for 2**26 cycles (25 ms) before it sleeps. 2**20
 # cycles suffice to bridge the pause between two products of large matrices.
 SPIN = "20"
-COLLISIONS = "collisions are compiled first, once: some 20 seconds that no time limit covers"
+COLLISIONS = "collision checks are compiled first, once: some 20 seconds, which no time limit includes"
 COMPILING = "the search is compiled beside {}, once for each number and kind of costs"
 
 
 def _folder(context: click.Context, option: click.Parameter, given: str | None) -> Path | None:
-    """Return the path of a folder; an empty text, as from an unset shell variable, is refused."""
+    """Return the path of a folder. An empty text, as from an unset shell variable, is refused."""
     if given == "":
         raise click.BadParameter("expected a folder, got ''; the current folder is '.'", context, option)
     return None if given is None else Path(given)
@@ -129,18 +129,15 @@ def plan(
     click.get_current_context().with_resource(results.held(out))
     if (workers or dask) and not any(map(sweeps, loaded.planners)):
         names = ", ".join(planner.name for planner in loaded.planners)
-        echo(f"note: no planner here sweeps ({names}); this process does all the work", err=True)
+        echo(f"note: no planner of the scenario sweeps ({names}), so this process does all the work", err=True)
     if checkpoint is not None:
         loaded = replace(loaded, planners=_keeping(loaded.planners, checkpoint))
         if Path(checkpoint).exists():
-            echo(f"going on from {checkpoint}")
+            echo(f"continuing from {checkpoint}")
     live = None if port is None else click.get_current_context().with_resource(LivePage(port, out, imports))
     if live is not None:
-        is_served = live.is_served
-        echo(
-            f"shown while it runs at {live.address}" if is_served else "note: --web: no process could be begun",
-            err=True,
-        )
+        missing = "note: --web: the process that serves the page could not be started"
+        echo(f"shown while it runs at {live.address}" if live.is_served else missing, err=True)
     # Until the command ends: kernels for the next plan are compiled while this plan's pictures are drawn.
     onset = click.get_current_context().with_resource(kernels_beside(loaded.planners, loaded.problem))
     if onset is not None:
@@ -152,8 +149,8 @@ def plan(
         fronts = _solved(loaded, out, executor, imports, live, waits=onset is Onset.AFTER_FIRST)
     front = fronts[-1]
     try:
-        told: dict[str, Any] = {"saved": out / SAVED, "verbose": verbose, "preference": loaded.preference}
-        report.print_front(loaded.problem, front, **told)
+        options: dict[str, Any] = {"saved": out / SAVED, "verbose": verbose, "preference": loaded.preference}
+        report.print_front(loaded.problem, front, **options)
         if loaded.preference is not None and len(front):
             picking.print_preference(loaded.preference, front)
         report.print_contributions([planner.name for planner in loaded.planners], fronts)
@@ -162,8 +159,8 @@ def plan(
         _draw(loaded, front, out, imports)
     except KeyboardInterrupt:  # the results so far are saved
         what = "complete and saved" if report.is_complete(front) else "saved"
-        left = f"the pictures were left out; `hpop show {argument(out)}` prints the front"
-        echo(f"interrupted: the front is {what} in {out / SAVED}; {left}", err=True)
+        advice = f"pictures are missing; `hpop show {argument(out)}` prints the front"
+        echo(f"interrupted: the front is {what} in {out / SAVED}; {advice}", err=True)
         sys.exit(INTERRUPTED)
     if front.status == Status.NO_PATH:
         sys.exit(NO_PATH)
@@ -232,7 +229,7 @@ def check(plugin: str, imports: tuple[str, ...]) -> None:
 
 @contextmanager
 def _executor(workers: int | None, dask: str | None) -> Iterator[Executor | None]:
-    """Return the executor of sweeps: processes, a Dask cluster, or None for this process."""
+    """Return the executor for planners that sweep: processes, a Dask cluster, or None for this process."""
     from hpop.runtime import sweep
 
     if dask is not None:
@@ -260,11 +257,11 @@ def _solved(
     *,
     waits: bool,
 ) -> list[Front]:
-    """Return the front after each planner of a scenario; each is saved at once.
+    """Solve the problem of a scenario by each planner in turn; return the front after each, which is saved at once.
 
-    Fronts of a planner's stages are saved too, and another process draws the map of a front that stands for a while. If
-    kernels must be compiled before the search goes on (``waits``), this process draws the first map meanwhile, which is
-    twice as fast and imports the libraries that the last pictures need.
+    Fronts of the stages of a planner are saved too, and another process draws the map of a front that is not soon
+    replaced. If kernels must be compiled before the search can continue (``waits``), this process draws the first map
+    meanwhile: this is twice as fast, and imports the libraries that the last pictures need.
     """
     from hpop.cli import report
 
@@ -299,13 +296,13 @@ def _solved(
                 fronts.append(front)
         except (Exception, KeyboardInterrupt):
             if say.last is not None:
-                echo(f"what was found before is saved in {out / SAVED}", err=True)
+                echo(f"the front found before is saved in {out / SAVED}", err=True)
             raise
     return fronts
 
 
 def _draw(scenario: Scenario, front: Front, out: Path, imports: Sequence[str]) -> None:
-    """Draw the pictures; after an interrupted search another process draws them, and the prompt returns at once."""
+    """Draw the pictures. After an interrupted search another process draws them, so that the prompt returns at once."""
     if Status.INTERRUPTED in front.status:
         PicturesBeside(out, imports, _most(scenario)).start()
         echo(f"written to {out}: {SAVED}; pictures are being drawn in the background")
@@ -316,14 +313,14 @@ def _draw(scenario: Scenario, front: Front, out: Path, imports: Sequence[str]) -
 
 
 def _most(scenario: Scenario) -> int | None:
-    """Return the largest memory limit, bytes, of a scenario's planners; None without a limit."""
+    """Return the largest memory limit of the planners, bytes; None without a limit."""
     from hpop.planners.spending import common_spending
 
     return common_spending(scenario.planners).limits.max_memory
 
 
 def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:
-    """Return the planners, with the one exact search set to keep its checkpoint in a file."""
+    """Return the planners, with the only exact search among them set to save its progress in a file."""
     from hpop.base.registry import planners
     from hpop.search.machinery.checkpoint import Checkpoint
 
@@ -341,7 +338,7 @@ def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:
 
 
 def _tidy(checkpoint: str, front: Front) -> None:
-    """Remove the checkpoint once the complete front is saved, or say that the search can be resumed."""
+    """Remove the checkpoint once the complete front is saved; otherwise print how to continue the search."""
     from hpop.cli import report
 
     file = Path(checkpoint).resolve()
@@ -349,4 +346,4 @@ def _tidy(checkpoint: str, front: Front) -> None:
         with results.output_errors(f"cannot remove the checkpoint {file}", "it is no longer needed"):
             file.unlink(missing_ok=True)
     elif file.exists():
-        echo(f"the search is kept in {checkpoint}: plan again with --checkpoint {argument(checkpoint)} to go on")
+        echo(f"the search is saved in {checkpoint}: plan again with --checkpoint {argument(checkpoint)} to continue")

@@ -1,4 +1,4 @@
-"""``hpop drive``: drive a plan of a saved front, while doors close, people stop and the viewer's wishes change."""
+"""``hpop drive``: simulate a drive along a trajectory of a saved front, with doors that close, people, and wishes."""
 
 from __future__ import annotations
 
@@ -79,11 +79,11 @@ def drive(
     for note in script.notes:
         echo(f"note: {note}")
     echo(f"driving {chosen}, {driven.plan.duration:.1f} s")
-    began, happened = time.monotonic(), []
+    begin, happened = time.monotonic(), []
     try:
         for happening in performed(driven, script.events, deadline=deadline):
             if speed is not None:
-                time.sleep(max(0.0, happening.event.at / speed - (time.monotonic() - began)))
+                time.sleep(max(0.0, happening.event.at / speed - (time.monotonic() - begin)))
             _print(happening, driven)
             happened.append(happening)
     finally:
@@ -93,7 +93,7 @@ def drive(
 
 
 def _print(happening: Happening, driven: Execution) -> None:
-    """Print an event, its consequences for the plan, the options, and the trajectory driven from then on."""
+    """Print an event, its effect on the plan, the options, and the option that is taken."""
     x, y = (float(getattr(happening.driven.states, name)[-1]) for name in ("x", "y"))
     echo(f"\n{happening.event.at:.1f} s, at ({x:.2f}, {y:.2f}): {happening.event}")
     if happening.change is not None:
@@ -104,7 +104,8 @@ def _print(happening: Happening, driven: Execution) -> None:
         echo(f"  {happening.words}")
     if happening.taken is None:
         open_ahead = driven.plan.duration >= driven.announced.duration
-        echo("  it keeps its plan" if open_ahead else "  nothing can be taken: it waits before what is closed")
+        waits = "no option can be taken: it waits before the closed part of its path"
+        echo(f"  {'it keeps its plan' if open_ahead else waits}")
     else:
         echo(f"  {'taken' if happening.asked else 'the robot takes by itself'}: number {happening.taken.index}")
 
@@ -119,7 +120,7 @@ def _consequences(happening: Happening) -> list[str]:
 
 
 def _print_options(options: Options, happening: Happening) -> None:
-    """Print a table of options: the present plan, the option taken, the knee and the least of each cost."""
+    """Print a table of options: the present plan, the option taken, the knee, and the least of each cost."""
     from rich.console import Console
 
     from hpop.cli.report import header, plain_table, print_wide
@@ -151,16 +152,16 @@ def _print_options(options: Options, happening: Happening) -> None:
 
 
 def _how_far(options: Options) -> str:
-    """Return by how much missing options may be better, and advice."""
+    """Return in words how much better than these options a missing one may be, with advice; "" if none is missing."""
     if options.gap == 0:
         return ""
     if math.isfinite(options.gap):
-        return f", at most {options.gap:.1%} worse than what is missing"
-    return ", better ones may be missing: give a later --deadline"
+        return f", at most {options.gap:.1%} worse than missing options"
+    return ", better options may be missing: give a later --deadline"
 
 
 def _named(options: Options, happening: Happening) -> dict[int, list[str]]:
-    """Return the rows of options to print, each with its labels."""
+    """Return the indices of the options to print, each with its labels, such as "knee"."""
     names: dict[int, list[str]] = {}
     if options.keep_on is not None:
         names.setdefault(options.keep_on, []).append("present plan")
@@ -172,7 +173,7 @@ def _named(options: Options, happening: Happening) -> dict[int, list[str]]:
 
 
 def _write(driven: Execution, happened: list[Happening], target: Path) -> None:
-    """Write the record and the picture of a drive, even if an error ended it."""
+    """Write the record and the picture of a drive, also after an error."""
     from hpop.view.moments import draw_drive
     from hpop.view.save import save_figure
 
@@ -190,5 +191,5 @@ def _print_end(driven: Execution) -> None:
         f"{name} {value:.5g}" + f" {criterion.unit}" * (criterion.unit != "1")
         for (name, value), criterion in zip(moment.past.items(), driven.problem.criteria, strict=True)
     )
-    where = "it arrives" if moment.arrived else "it stands before what is closed"
+    where = "it arrives" if moment.arrived else "it stands before the closed part of its path"
     echo(f"{where} after {moment.planned:.1f} s; the drive cost {costs}")

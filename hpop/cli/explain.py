@@ -33,7 +33,7 @@ def print_criteria(console: Console | None = None) -> None:
 
 
 def declared(item: Any) -> str:
-    """Describe a registered type in one line: unit and requirements of a criterion, and its fields."""
+    """Describe a registered type in one line: unit, aggregate and requirements of a criterion, then its fields."""
     parts = [_fields(item)] if dataclasses.is_dataclass(item) else [getattr(item, "suffix", "")]
     if hasattr(item, "aggregate"):
         requires = f"requires {', '.join(item.requires)}" if item.requires else ""
@@ -42,7 +42,7 @@ def declared(item: Any) -> str:
 
 
 def print_models(console: Console | None = None) -> None:
-    """Print the registered robots, their parameters and what they provide."""
+    """Print the registered robots, their parameters, and what they provide to criteria and planners."""
     console = console or Console()
     console.print("Models: name, parameters with their defaults, what criteria and planners can ask of it")
     for name, cls in registry.models.items():
@@ -58,7 +58,7 @@ def print_goals(console: Console | None = None) -> None:
 
 
 def print_planners(console: Console | None = None) -> None:
-    """Print the registered planners, their options and what they need."""
+    """Print the registered planners, their options, and what they need of a robot."""
     console = console or Console()
     console.print("Planners: name, options with their defaults, what they need of a model")
     for name, cls in registry.planners.items():
@@ -101,7 +101,7 @@ def _default(field: dataclasses.Field[Any]) -> str:
 
 
 def _first_line(cls: Any) -> str:
-    """Return the first paragraph of a docstring, on one line, without markup."""
+    """Return the first paragraph of the docstring of a class, on one line, without markup."""
     text = " ".join((cls.__doc__ or "").strip().split("\n\n")[0].split())
     return re.sub(r":\w+:`|`", "", text)
 
@@ -117,7 +117,7 @@ REGISTRIES: tuple[Registry[Any], ...] = (
 
 
 def explained(word: str) -> str:
-    """Return the explanation of a word; UnknownName if there is none."""
+    """Return the explanation of a word, from the glossary and from types with that name; UnknownName if none."""
     meant = _plain(word)
     found = [*_meanings(meant), *_registered(meant)]
     if not found:
@@ -129,7 +129,7 @@ def explained(word: str) -> str:
 
 
 def known() -> str:
-    """List the words that can be explained."""
+    """Return a sentence that lists the words that can be explained."""
     words = ", ".join(entry.word for entry in entries())
     *kinds, last = (each.kind for each in REGISTRIES)
     return f"Explained are {words}; and the name of each {', '.join(kinds)} and {last}."

@@ -17,10 +17,10 @@ from hpop.runtime.status import Status, progress_bar
 
 
 def listed(context: click.Context, option: click.Parameter, given: Sequence[str]) -> list[str]:
-    """Return the names and numbers of repeated options, each a comma-separated list."""
+    """Return the names in repeated options with comma-separated lists."""
     names = [name.strip() for text in given for name in text.split(",")]
     if not all(names):
-        raise click.BadParameter("expected some between commas, such as knee,3", context, option)
+        raise click.BadParameter("expected names or numbers between commas, such as knee,3", context, option)
     return names
 
 

@@ -2,10 +2,10 @@
 
 SOCKET is the number of an inherited listening socket; the arguments after FOLDER name the user's own code. The token is
 in the environment, because command lines are visible to all users of a machine. Each line on standard input announces a
-new front saved in FOLDER; fronts that come while the process is busy are skipped but for the newest. At the end of the
-input it shows the last front and ends.
+new front saved in FOLDER. If several come while the process is busy, only the newest is shown. At the end of the input
+it shows the last front and ends.
 
-It answers requests with the token, see :mod:`hpop.runtime.page_server`, and serves the page and its events only.
+It answers only requests with the token, see :mod:`hpop.runtime.page_server`, and serves only the page and its events.
 """
 
 from __future__ import annotations
@@ -56,11 +56,11 @@ SEARCHING = "The search has begun. Its first trajectories will be shown here as 
 
 @dataclass(eq=False)
 class LiveFront:
-    """Front that the page shows, with the requests that wait for the next front.
+    """Front that the page shows, and the requests that wait for the next front.
 
-    number   fronts shown so far
-    page     page of the newest front
-    payload  of the newest front, as one line of JSON
+    number   of fronts shown so far
+    page     HTML page of the newest front
+    payload  data of the newest front, as one line of JSON
     ended    whether the search has ended
     streams  number of open pages that receive events
     """
@@ -86,21 +86,24 @@ class LiveFront:
             self.changed.notify_all()
 
     def failed(self, error: Exception) -> None:
-        """Say that the front cannot be shown, if none is shown yet."""
-        said = html.escape(printable(f"{SEARCHING} What it has found so far cannot be shown: {error!s:.600}"))
+        """Show an error on the page that waits for the first front; later pages keep the front that they show."""
+        said = html.escape(printable(f"{SEARCHING} The front found so far cannot be shown: {error!s:.600}"))
         with self.changed:
             if not self.number:
                 self.page = WAITING.format(words=said).encode(errors="backslashreplace")
 
     def since(self, seen: int) -> tuple[int, bytes, bool]:
-        """Wait a while for a newer front; return the last number and payload, and whether the search has ended."""
+        """Wait until a front newer than number ``seen`` is published, the search ends, or `ALIVE` s pass.
+
+        Return the number and payload of the newest front, and whether the search has ended.
+        """
         with self.changed:
             self.changed.wait_for(lambda: self.number > seen or self.ended, ALIVE)
             return self.number, self.payload, self.ended
 
     @contextmanager
     def stream(self) -> Iterator[None]:
-        """Count a page as open."""
+        """Count a page as open during the context."""
         with self.changed:
             self.streams += 1
         try:
@@ -111,7 +114,7 @@ class LiveFront:
                 self.changed.notify_all()
 
     def end(self) -> None:
-        """Tell all open pages that the search has ended, and wait until they have received it."""
+        """Notify all open pages that the search has ended, and wait until they have received it."""
         with self.changed:
             self.ended = True
             self.changed.notify_all()
@@ -128,7 +131,7 @@ def server_of(listening: socket.socket, token: str, shown: LiveFront) -> PageSer
         return HTMLResponse(shown.page)
 
     def events(request: Request) -> Response:
-        """Send fronts as server-sent events, beginning with those since the page was made."""
+        """Send fronts as server-sent events, beginning with those published since the page was made."""
         known = [request.headers.get("Last-Event-ID", ""), *request.query_params.getlist("after")]
         seen = max((int(number) for number in known if number.isascii() and number.isdigit()), default=0)
         return StreamingResponse(messages(seen), media_type="text/event-stream")
@@ -150,12 +153,12 @@ def server_of(listening: socket.socket, token: str, shown: LiveFront) -> PageSer
     return PageServer([Route("/", page), Route("/events", events)], token=token, listening=listening)
 
 
-def follow(shown: LiveFront, folder: Path, imports: Sequence[str], said: int) -> None:
-    """Show the newest front of a folder after each message on a pipe; stop at the end of the pipe."""
+def follow(shown: LiveFront, folder: Path, imports: Sequence[str], pipe: int) -> None:
+    """Show the newest front of a folder after each message on a pipe; return at the end of the pipe."""
     from hpop.cli import results, user_code
 
     user_code.register(imports)
-    while os.read(said, 2**16):  # messages that came meanwhile count as one
+    while os.read(pipe, 2**16):  # messages that came meanwhile count as one
         try:
             shown.publish(results.page_payload(folder / results.SAVED))
         except Exception as error:
@@ -163,7 +166,7 @@ def follow(shown: LiveFront, folder: Path, imports: Sequence[str], said: int) ->
 
 
 def main(number: int, token: str, folder: Path, imports: Sequence[str]) -> None:
-    """Serve until the command that started this process has ended."""
+    """Serve the front saved in a folder until the command that started this process ends."""
     shown = LiveFront()
     with socket.socket(fileno=number) as listening, server_of(listening, token, shown) as server:
         Thread(target=server.serve_forever, daemon=True).start()

@@ -25,7 +25,7 @@ DPI = 150
 
 
 def _pairs(context: click.Context, option: click.Parameter, given: Sequence[str]) -> dict[str, str]:
-    """Return the texts of repeated options NAME=VALUE, by name."""
+    """Return the values of repeated options NAME=VALUE as text, by name."""
     texts = {}
     for text in given:
         name, equals, value = text.partition("=")
@@ -39,7 +39,7 @@ def _map_options(command: Any) -> Any:
     """Add the options for reading a map, and for the robot's size, to a command."""
     for option in (
         click.option("--radius", type=float, metavar="M", help="Radius of the robot, m; 0.3 by default."),
-        click.option("--reader", metavar="NAME", help="What reads the map, where its ending does not say."),
+        click.option("--reader", metavar="NAME", help="Reader of the map, if the file's ending does not tell."),
         click.option(
             "--set",
             "options",
@@ -88,7 +88,7 @@ def look(
     if reader is None and new.is_scenario(path):
         if options or resolution is not None or radius is not None:
             raise click.UsageError(
-                "a scenario says by itself how its map is read and what its robot is; change it there"
+                "a scenario states the reader of its map and its robot: leave the options out, or change it there"
             )
         problem = load_scenario(path).problem
     else:
@@ -104,7 +104,7 @@ def look(
     if seen.refused:
         raise QueryError("\n".join(seen.refused))
     if seen.no_way:
-        echo("error: as it seems, no way leads from the start to a goal; the picture shows what it reaches", err=True)
+        echo("error: no path seems to lead from the start to a goal; the picture shows the reached area", err=True)
         sys.exit(NO_PATH)
 
 
@@ -139,7 +139,7 @@ def new(
     user_code.register(imports)
     file = Path(f"{path.stem}_scenario.yaml") if out is None else out
     if file.exists():
-        raise OutputError(f"{file} is there already; remove it, or choose another --out")
+        raise OutputError(f"{file} exists; remove it, or choose another --out")
     if reader is None and scenarios.is_scenario(path):
         shell = argument(path)
         raise OptionError(
@@ -169,7 +169,7 @@ def new(
 
 
 def _write(file: Path, given: GivenMap, draft: Draft, *, chosen: bool) -> None:
-    """Write a scenario and its schema, and check that the scenario can be read again."""
+    """Write a scenario and its schema; check that the scenario can be loaded, else remove it."""
     from hpop.scenario import json_schema, load_scenario, new
 
     text = new.scenario_text(given, draft, file.parent, file.name, chosen=chosen)

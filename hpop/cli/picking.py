@@ -1,4 +1,4 @@
-"""Print a picked trajectory and the reason, a person's preference, or two trajectories to compare."""
+"""Print a picked trajectory with the reason, the preference of a person, or two trajectories to compare."""
 
 from __future__ import annotations
 
@@ -41,7 +41,12 @@ def picked(
     row: int | None = None,
     preference: Preference | None = None,
 ) -> Picked:
-    """Return the point chosen by a row, or by ``front.where(...)`` and ``lexicographic``, ``nearest`` or ``knee``.
+    """Pick a point of a front by row, priorities, wish or preference, by default the knee; return it with the reason.
+
+    at_most     upper bounds of costs: only points within them are considered, unless ``row`` is given
+    least       names of costs to minimise, one after the other
+    wish        values of costs; the nearest point is picked
+    preference  of a person; the point that is best for this person is picked
 
     Raises OptionError or UnknownName if there is none.
     """
@@ -79,7 +84,7 @@ def picked(
 
 
 def print_picked(front: Front, choice: Picked, console: Console | None = None, *, saved: Path) -> None:
-    """Print the picked trajectory and the reason, and its costs beside the least and greatest of the front."""
+    """Print the picked trajectory and the reason, and its costs beside the least and greatest on the front."""
     console = console or Console()
     point, trajectory = choice.point, choice.point.trajectory
     lasts = f"{trajectory.duration:.1f} s as planned, {trajectory.execution().duration:.1f} s executed"
@@ -118,19 +123,19 @@ def loaded_preference(path: Path | None) -> Preference | None:
 
 
 def print_preference(person: Preference, front: Front, console: Console | None = None) -> None:
-    """Print a person's best row of a front, its probability, and the weights of the costs."""
+    """Print the best trajectory for a person, its probability, and the weights of the costs."""
     console = console or Console()
     best = person.best(front)
     asked = f"{person.question}, from {counted(len(person.answers), 'answer')}"
     if person.answers and not person.can_be_seen:
-        _say(console, f"no preference can be seen ({asked}): just anything would be answered alike; ask again, or not")
+        _say(console, f"no preference can be seen ({asked}): random answers would look alike; ask more questions")
     table = plain_table()
     table.add_column("cost")
     table.add_column("share", justify="right")
     table.add_column("90 of 100 between", justify="right")
     for (name, share), (low, high) in zip(person.weights.items(), person.interval(0.9).values(), strict=True):
         table.add_row(Text(printable(name)), f"{share:.2f}", f"{low:.2f} and {high:.2f}")
-    _say(console, f"What counts, as shares of what costs differ by on the front asked about ({asked})")
+    _say(console, f"Weights of the costs, each scaled to its range on the front of the questions ({asked})")
     print_wide(console, table)
     costs = ", ".join(
         f"{name} {number(value, quantum)}{'' if unit == '1' else f' {unit}'}"
@@ -143,7 +148,7 @@ def print_preference(person: Preference, front: Front, console: Console | None =
         others = [str(row) for row in best.near[1 : MOST_NEAR + 1]]
         more = f" and {len(best.near) - 1 - MOST_NEAR} more" * (len(best.near) - 1 > MOST_NEAR)
         bound = percent(best.regret + NEAR)
-        _say(console, f"nearly as good by what is known (expected regret up to {bound}): {', '.join(others)}{more}")
+        _say(console, f"nearly as good (expected regret up to {bound}): {', '.join(others)}{more}")
 
 
 def pair_table(front: Front, pair: Sequence[int]) -> Table:
@@ -152,13 +157,13 @@ def pair_table(front: Front, pair: Sequence[int]) -> Table:
     for column in ("", "a", "b"):
         table.add_column(column, justify="right" if column else "left", no_wrap=True)
     table.add_column("")
-    for one in differences(front, pair):
-        table.add_row(Text(printable(one.label)), one.a, one.b, one.words)
+    for cost in differences(front, pair):
+        table.add_row(Text(printable(cost.label)), cost.a, cost.b, cost.words)
     return table
 
 
 class Difference(NamedTuple):
-    """Cost of two rows a and b, as printed, with the difference in words."""
+    """One cost of two trajectories a and b, formatted, with the difference in words."""
 
     name: str
     unit: str
@@ -168,12 +173,12 @@ class Difference(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Return the cost with its unit."""
+        """Return the name of the cost with its unit."""
         return self.name if self.unit == "1" else f"{self.name} ({self.unit})"
 
 
 def differences(front: Front, pair: Sequence[int]) -> list[Difference]:
-    """Return each cost of two rows, side by side."""
+    """Return each cost of two rows of a front, with the difference in words."""
     found = []
     span = np.ptp(front.costs, axis=0)
     for j, (name, unit) in enumerate(zip(front.names, front.units, strict=True)):

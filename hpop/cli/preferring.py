@@ -1,4 +1,4 @@
-"""``hpop prefer``: ask a person which of two trajectories is better, until the best trajectory is known."""
+"""``hpop prefer``: ask a person which of two trajectories is better, until the best one for this person is known."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MOST_PORT = 65_535
 
 
 class Asking:
-    """Questions to one person about a front; each answer is saved at once."""
+    """Questions to one person about the trajectories of a front; each answer is saved at once."""
 
     def __init__(self, person: Preference, problem: Problem, front: Front, file: Path, most: int) -> None:
         self.person, self.problem, self.front, self.file, self.most = person, problem, front, file, most
@@ -43,7 +43,7 @@ class Asking:
 
     @property
     def number(self) -> int:
-        """Return the number of the question, from 1."""
+        """Return the number of the present question, from 1."""
         return len(self.person.answers) + 1
 
     @property
@@ -57,7 +57,7 @@ class Asking:
         return self.pair is None
 
     def answer(self, word: str) -> None:
-        """Save an answer: a, b, tie or stop."""
+        """Save an answer (a, b or tie), or stop the questions."""
         assert self.pair is not None
         if word == "stop":
             self.pair, self.why = None, "as asked"
@@ -71,14 +71,14 @@ class Asking:
         self.pair = self._next()
 
     def differences(self) -> list[Difference]:
-        """Return the costs of both trajectories."""
+        """Return the costs of the two trajectories of the present question."""
         from hpop.cli.picking import differences
 
         assert self.pair is not None
         return differences(self.front, self.pair)
 
     def picture(self) -> bytes:
-        """Return a map of both trajectories, as PNG."""
+        """Return a map with the two trajectories of the present question, as PNG."""
         import numpy as np
 
         from hpop.view import draw_map
@@ -91,7 +91,7 @@ class Asking:
         return data.getvalue()
 
     def result(self) -> list[str]:
-        """Return the result in words."""
+        """Return the result as lines of text."""
         best = self.person.best()
         said = f"For you: trajectory {best.row}, the best one with probability {best.probability[best.row]:.2f}."
         return [said] if self.person.can_be_seen else [f"No preference can be seen so far. {said}"]
@@ -103,7 +103,7 @@ class Asking:
         if self.why:
             return None
         pair = self.person.next_pair()
-        self.why = "" if pair else "all that differ noticeably were compared"
+        self.why = "" if pair else "all trajectories that differ noticeably were compared"
         return pair
 
 
@@ -159,13 +159,13 @@ def prefer(
 
 
 def _person(front: Front, file: Path, question: str, seed: int | None) -> Preference:
-    """Return the saved preference of a person, or a new one."""
+    """Return the preference saved in a file, to continue its questions, or a new preference."""
     from hpop.base.randomness import seed_of
     from hpop.preference import Preference
 
     if not file.exists():
         if not file.parent.is_dir():
-            raise OutputError(f"cannot write {file}: its folder is not there; make it first, or choose another --out")
+            raise OutputError(f"cannot write {file}: its folder does not exist; create it, or choose another --out")
         seed = seed_of(None) if seed is None else seed
         return Preference.fit(front, question=question, ties=True, seed=seed)
     with results.output_errors(f"cannot read {file}", "choose another --out"):
@@ -177,14 +177,14 @@ def _person(front: Front, file: Path, question: str, seed: int | None) -> Prefer
         )
     if seed is not None and seed != person.seed:
         raise StudyError(
-            f"{file} was begun with --seed {person.seed}, got {seed}; leave it out to go on, or give another --out"
+            f"{file} was begun with --seed {person.seed}, got {seed}; leave it out to continue, or give another --out"
         )
-    echo(f"going on after {len(person.answers)} answers in {file}; for another person give another --out")
+    echo(f"continuing after {len(person.answers)} answers in {file}; for another person give another --out")
     return person
 
 
 def _ask(asking: Asking, picture: Path) -> None:
-    """Ask on the terminal."""
+    """Ask the questions on the terminal, and write a map of each pair to a file."""
     from rich.console import Console
 
     from hpop.cli.picking import pair_table
@@ -204,7 +204,7 @@ def _ask(asking: Asking, picture: Path) -> None:
 
 
 def _answered() -> str:
-    """Return the typed answer; the end of the input means stop."""
+    """Return the typed answer: a, b, tie or stop; the end of the input means stop."""
     while True:
         click.echo("a, b, tie or stop? ", nl=False)
         line = sys.stdin.readline()

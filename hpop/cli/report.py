@@ -30,14 +30,14 @@ from hpop.runtime.status import Status
 # Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 MOST_ROWS = 20
-MOST_DIGITS = 7  # most extra digits to distinguish costs
+MOST_DIGITS = 7  # most digits added to distinguish costs
 WORDS = "what these words mean: `hpop explain certificate`, knee, exposure and so on (docs/glossary.md)"
 BOX = 1.1  # side of the box of scaled costs in which hypervolumes are measured
-MOST_MEASURED = {4: 20_000, 5: 4_000, 6: 1_000, 7: 100}  # most points, by number of costs: more take too long
+MOST_MEASURED = {4: 20_000, 5: 4_000, 6: 1_000, 7: 100}  # most points of a hypervolume, by number of costs
 
 
 def marks(front: Front, preference: Preferring | None = None) -> dict[int, list[str]]:
-    """Return the marked rows, each with all its labels."""
+    """Return the rows that have a label, such as the knee, each with all its labels."""
     names: dict[int, list[str]] = {}
     for label, point in front.named(preference).items():
         names.setdefault(point.index, []).append(label)
@@ -54,14 +54,14 @@ def print_front(
     preference: Preferring | None = None,
     most_rows: int = MOST_ROWS,
 ) -> None:
-    """Print the front, the executed costs of the marked trajectories, the notes and the certificate.
+    """Print the front, the executed costs of its marked trajectories, the notes and the certificate.
 
     Parameters
     ----------
-    saved : file with the whole front
+    saved : file with the whole front, for the text
     verbose : whether to print statistics of the search
     preference : of a person; the best trajectory for that person is marked "for you"
-    most_rows : of the table, besides the marked ones
+    most_rows : number of rows of the table, in addition to the marked ones
     """
     console = console or Console()
 
@@ -77,7 +77,7 @@ def print_front(
         names = marks(front, preference)
         rows = shown_rows(front, most_rows, names)
         console.print()
-        say("The front: of these trajectories none is better in one cost and no worse in the others")
+        say("The front: no trajectory is better than another one in one cost and no worse in the others")
         print_wide(console, _front_table(front, rows, names))
         if len(rows) < len(front):
             say(f"{len(rows)} of {len(front):,} trajectories shown, those that differ most; all are in {saved}")
@@ -103,10 +103,10 @@ def print_front(
 class Contribution:
     """Contribution of one planner to the front.
 
-    points      points of the final front that this planner found first
-    found       points of the front after this planner
-    before      hypervolume of the front before this planner, 0 for the first
-    after       hypervolume of the front after this planner; NaN if it would take minutes
+    points  number of points of the final front that this planner found first
+    found   number of points of the front after this planner
+    before  hypervolume of the front before this planner, 0 for the first
+    after   hypervolume of the front after this planner; NaN if it would take minutes to compute
     """
 
     planner: str
@@ -117,9 +117,9 @@ class Contribution:
 
 
 def contributions(planners: Sequence[str], fronts: Sequence[Front]) -> list[Contribution]:
-    """Return the contribution of each planner; ``fronts[i]`` is the front of planners 0 to i.
+    """Return the contribution of each planner; ``fronts[i]`` is the joint front of planners 0 to i.
 
-    Costs are scaled by all fronts together.
+    For hypervolumes, costs are scaled over all fronts together.
     """
     known: set[tuple[int, ...]] = set()
     last = set(map(tuple, fronts[-1].integers.tolist()))
@@ -136,9 +136,10 @@ def contributions(planners: Sequence[str], fronts: Sequence[Front]) -> list[Cont
 
 
 def _hypervolumes(fronts: Sequence[Front], scale: Sequence[Front]) -> list[float]:
-    """Return the hypervolume of each front, with costs scaled to [0, 1] over ``scale`` and reference point 1.1.
+    """Return the hypervolume of each front, with reference point 1.1 and costs scaled to [0, 1] over ``scale``.
 
-    A cost that is constant in ``scale`` is only shifted. The result is NaN if it would take minutes.
+    ``scale`` are fronts; a cost that is constant in them is only shifted. The result is NaN if it would take minutes to
+    compute.
     """
     scale = [front for front in scale if len(front)]
     if not scale:
@@ -155,11 +156,11 @@ def _hypervolumes(fronts: Sequence[Front], scale: Sequence[Front]) -> list[float
 
 
 class StageLines:
-    """Printer of a line for each front of a running search, so that a user sees it grow.
+    """Printer of one line for each front of a running search, so that a user sees the front grow.
 
-    Hypervolumes use costs scaled so that the first front with points has ideal 0 and nadir 1, with reference point 1.1.
-    So a front that is no worse has no smaller hypervolume. No hypervolume is printed for a front that leaves this box,
-    as after a first front of a few close points.
+    For hypervolumes, costs are scaled so that the first front with points has ideal 0 and nadir 1; the reference point
+    is 1.1. So the hypervolume of an improved front is never smaller. None is printed for a front that leaves this box,
+    as may happen after a first front of a few close points.
     """
 
     def __init__(self) -> None:
@@ -182,12 +183,12 @@ class StageLines:
 
 
 def how_many(front: Front) -> str:
-    """Return the number of trajectories, in words."""
+    """Return the number of trajectories as text, such as "2 trajectories"."""
     return f"{len(front):,} {'trajectory' if len(front) == 1 else 'trajectories'}"
 
 
 def print_contributions(planners: Sequence[str], fronts: Sequence[Front], console: Console | None = None) -> None:
-    """Print what each of several planners added to the front; nothing for one planner."""
+    """Print how much each of several planners added to the front; print nothing for one planner."""
     if len(planners) < 2 or not fronts:
         return
     console = console or Console()
@@ -206,7 +207,7 @@ def print_contributions(planners: Sequence[str], fronts: Sequence[Front], consol
 
 
 def _counted(key: str, value: float) -> str:
-    """Format a count, seconds or bytes of a run.
+    """Format a statistic of a run, which may be a count, seconds or bytes.
 
     >>> _counted("search_seconds", 0.0912), _counted("peak_memory", 14_383_600), _counted("edges", 440_878)
     ('search 0.09 s', 'peak memory 14 MB', 'edges 440,878')
@@ -222,7 +223,7 @@ def _counted(key: str, value: float) -> str:
 
 
 def print_wide(console: Console, table: Table) -> None:
-    """Print a table in full; the terminal wraps it if it is too wide."""
+    """Print a table in full width; a narrower terminal wraps its lines."""
     width = console.width
     console.width = max(width, console.measure(table, options=console.options.update(max_width=10_000)).maximum)
     console.print(table, crop=False)
@@ -235,7 +236,7 @@ def plain_table() -> Table:
 
 
 def header(name: str, unit: str) -> Text:
-    """Return a column's header: name over unit."""
+    """Return the header of a column: name over unit."""
     return Text(printable(name) if unit == "1" else f"{printable(name)}\n({printable(unit)})")
 
 
@@ -262,14 +263,14 @@ def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence
 
 
 def shown_rows(front: Front, most: int, marked: Iterable[int] = ()) -> list[int]:
-    """Return all rows of a short front, or of a long one the marked rows and the rows that differ most."""
+    """Return all rows of a short front; of a long one the marked rows and up to ``most`` rows that differ most."""
     if len(front) <= most:
         return list(range(len(front)))
     return sorted(differing(front.costs, most, always=sorted({*marks(front), *marked})))
 
 
 def _executed_table(problem: Problem, front: Front, names: Mapping[int, Sequence[str]]) -> Table:
-    """Return a table of planned and executed costs; executed costs include speed ramps."""
+    """Return a table of planned and executed costs of the marked rows; executed costs include speed ramps."""
     table = plain_table()
     table.add_column("#", justify="right")
     table.add_column("costs")
@@ -287,14 +288,14 @@ def _executed_table(problem: Problem, front: Front, names: Mapping[int, Sequence
 
 
 def is_complete(front: Front) -> bool:
-    """Return whether nothing is missing that its planners could find."""
+    """Return whether its planners have found everything that they can find."""
     from hpop.frontier.union import JOINT
 
     return set(front.status.split(JOINT)) <= {Status.COMPLETE, Status.NO_PATH}
 
 
 def why_nothing(status: str) -> str:
-    """Return why a front has no points, and what to do."""
+    """Return the reason why a front has no points, with advice, from its status."""
     from hpop.frontier.union import JOINT
 
     ways: dict[str, str] = {
@@ -324,9 +325,7 @@ def numbers(values: FloatArray, quantum: float) -> list[str]:
 
 
 def number(value: float, quantum: float, more: int = 0) -> str:
-    """Format a cost: counts as whole numbers, 0 below half a quantum, else four significant digits.
-
-    ``more`` adds digits.
+    """Format a cost: counts as whole numbers, 0 below half a quantum, else four significant digits plus ``more``.
 
     >>> number(3.0, 1.0), number(41.29117, 1e-6), number(0.01234567, 1e-6), number(3e-8, 1e-6)
     ('3', '41.291', '0.01235', '0')

@@ -33,7 +33,7 @@ PICTURES = ("map.png", "front.png", "trace.png", "where.png", "side.png", "state
 
 @contextmanager
 def output_errors(what: str, way_out: str) -> Iterator[None]:
-    """Turn errors of reading or writing a front into one message."""
+    """Turn an error of reading or writing a file into an OutputError with advice, ``way_out``."""
     from hpop.frontier import FrontFileError
 
     try:
@@ -45,7 +45,7 @@ def output_errors(what: str, way_out: str) -> Iterator[None]:
 
 
 def check_writable(out: Path) -> None:
-    """Check that results can be written before the search begins; nothing is left behind."""
+    """Raise OutputError if results cannot be written to a folder; used before a search, leaves no files."""
     with output_errors(f"cannot write to {out}", "choose another --out"):
         there = next(folder for folder in (out, *out.absolute().parents) if folder.exists() or folder.is_symlink())
         with TemporaryFile(dir=there) as file:
@@ -57,10 +57,10 @@ def check_writable(out: Path) -> None:
 
 @contextmanager
 def held(out: Path) -> Iterator[None]:
-    """Lock a folder, created if missing, while a plan writes to it, so that no second plan overwrites it.
+    """Lock a folder, created if missing, during the context, so that no second plan overwrites its results.
 
-    The system releases the lock when the process ends. Without locks on the file system the folder is not locked.
-    Created folders that stay empty are removed. Raises OutputError if another process has the lock.
+    The system releases the lock when the process ends. On file systems without locks the folder is not locked. Created
+    folders that stay empty are removed. Raises OutputError if another process has the lock.
     """
     with output_errors(f"cannot write to {out}", "choose another --out"):
         made = [folder for folder in (out, *out.parents) if not folder.exists()]
@@ -78,7 +78,7 @@ def held(out: Path) -> Iterator[None]:
 
 
 def _opened(out: Path) -> int | None:
-    """Return the file descriptor of a locked folder; None if folders cannot be locked."""
+    """Lock a folder and return its file descriptor; None if folders cannot be locked on this system."""
     if fcntl is None:
         return None
     folder = None
@@ -98,7 +98,7 @@ def _opened(out: Path) -> int | None:
 
 
 def _holder(out: Path) -> str:
-    """Name the process that holds a folder; "" if the system does not tell."""
+    """Return the number of the process that has locked a folder, as text; "" if the system does not tell."""
     inode = f":{out.stat().st_ino}"
     with suppress(OSError):
         for _, kind, _, _, process, file, *_ in map(str.split, Path("/proc/locks").read_text().splitlines()):
@@ -108,7 +108,7 @@ def _holder(out: Path) -> str:
 
 
 def save(front: Front, out: Path) -> None:
-    """Write the front, to another folder if it cannot be written, and remove outdated pictures and pages."""
+    """Write the front (to a new folder if this fails), and remove pictures and pages of earlier fronts."""
     try:
         with output_errors(f"cannot write to {out}", "choose another --out"):
             out.mkdir(parents=True, exist_ok=True)
@@ -151,7 +151,10 @@ def draw(
     max_memory: int | None = None,
     preference: Preference | None = None,
 ) -> list[str]:
-    """Draw the map, or all pictures and the page, and return their names; on an error the front stays saved."""
+    """Draw only the map, or all pictures and the page; return the names of the files.
+
+    If this fails, an OutputError says that the front is saved.
+    """
     drawn: list[Path] | None = None
     try:
         from hpop.view import save_pictures
@@ -166,7 +169,7 @@ def draw(
 
 
 def loaded(folder: Path) -> tuple[Path, Front]:
-    """Return the file of a front, and the front."""
+    """Load a saved front, given by its folder or its file; return the path of the file, and the front."""
     from hpop.problems.front import Front
 
     path = folder / SAVED if os.path.isdir(folder) else folder
@@ -175,10 +178,10 @@ def loaded(folder: Path) -> tuple[Path, Front]:
 
 
 def problem_of(path: Path, front: Front) -> Problem:
-    """Return the problem of a saved front."""
+    """Return the problem of a saved front; UnknownName if a criterion of the user is not imported."""
     from hpop.problems.problem import Problem
 
     try:
         return Problem.from_description(front.problem or {})
     except UnknownName as error:
-        raise UnknownName(f"{path} was planned with a criterion that is not known here: {error}") from None
+        raise UnknownName(f"{path} was planned with a criterion that is unknown here: {error}") from None

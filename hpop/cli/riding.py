@@ -45,7 +45,7 @@ def film(
     fps: float,
     width: int,
 ) -> None:
-    """Make a video, or its frames, or both, of one row, by default the knee, and print what was written."""
+    """Make a video of one row (by default the knee), or its frames as files, or both; print what was written."""
     from hpop.problems.named_rows import named_rows
     from hpop.view import save_frames, save_video
     from hpop.view.ride.scene import ViewScene
@@ -68,7 +68,7 @@ KNEE = ["knee"]
 
 
 def _rows(context: click.Context, option: click.Parameter, given: Sequence[str]) -> list[str]:
-    """Return the rows of repeated options, each a comma-separated list."""
+    """Return the rows in repeated options with comma-separated lists."""
     rows = [row.strip() for text in given for row in text.split(",")]
     if not all(rows):
         raise click.BadParameter("expected ROW or ROW,ROW, such as knee,3", context, option)
@@ -141,7 +141,7 @@ def ride(
 
 
 def _say(problem: Problem, front: Front, rows: Sequence[str]) -> str:
-    """Print the trajectories of a page, and notes on inexact drawings; return their number in words."""
+    """Print the trajectories of a page, and notes on inexact drawings; return the number of trajectories as text."""
     from hpop.problems.named_rows import named_rows
     from hpop.view.ride.scene import ViewScene
 
@@ -178,9 +178,9 @@ def _serve(problem: Problem, front: Front, rows: Sequence[str], *, blind: bool, 
         _say(problem, front, rows)
         here = server.server_address[1]
         if certificate is None:
-            echo(f"a headset on a cable comes to it after: adb reverse tcp:{here} tcp:{here}")
+            echo(f"for a headset on a cable, run first: adb reverse tcp:{here} tcp:{here}")
         else:
-            echo("a browser warns once that nobody vouches for the certificate, which is made for this; its SHA-256 is")
+            echo("browsers warn once about the certificate, which hpop has signed itself; its SHA-256 is")
             echo(f"  {certificate.fingerprint}")
         echo(f"served until Ctrl-C: {server.address(host)}")
         try:

@@ -1,4 +1,4 @@
-"""Commands on a saved front: ``hpop show`` and ``hpop pick``."""
+"""Commands for a saved front: ``hpop show`` and ``hpop pick``."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _numbers(context: click.Context, option: click.Parameter, given: Sequence[st
 
 
 def _names(context: click.Context, option: click.Parameter, given: Sequence[str]) -> list[str]:
-    """Return the names of repeated options, each a comma-separated list."""
+    """Return the names in repeated options with comma-separated lists."""
     names = [name.strip() for text in given for name in text.split(",")]
     if not all(names):
         raise click.BadParameter("expected NAME or NAME,NAME, such as sickness,rotation", context, option)
@@ -183,7 +183,7 @@ def pick(
     if len(given) > 1:
         raise click.UsageError(f"give one of {', '.join(ways)}, got {' and '.join(given)}")
     if row is not None and at_most:
-        raise click.UsageError("--row says which one, --at-most among which: give one of them")
+        raise click.UsageError("--row names one trajectory, so --at-most has no effect: give one of them")
     user_code.register(imports)
     path, front = loaded(folder)
     if also:
@@ -199,14 +199,14 @@ def pick(
 
 
 def _spread(front: Front, shown: Iterable[int]) -> IntArray:
-    """Return the rows of a large front that are checked: the shown ones, and others evenly over the front."""
+    """Return the rows of a large front to verify: the rows of the table, and others evenly spread over the front."""
     import numpy as np
 
     return np.unique([*np.linspace(0, len(front) - 1, MOST_CHECKED).round().astype(np.int64), *shown])
 
 
 def _refuse_faults(path: Path, faults: list[str]) -> None:
-    """Print the faults of a saved front, and raise OutputError if there are any."""
+    """Print the faults of a saved front to standard error, and raise OutputError if there are any."""
     for fault in faults[:MOST_FAULTS]:
         echo(f"fault: {fault}", err=True)
     if faults:
@@ -215,7 +215,7 @@ def _refuse_faults(path: Path, faults: list[str]) -> None:
 
 
 def _with_further(problem: Problem, front: Front, also: Sequence[str]) -> Front:
-    """Return the front with additional criteria reported."""
+    """Return the front with the further criteria ``also`` evaluated and reported."""
     from hpop.problems import evaluation
 
     with status.progress_bar() as progress:

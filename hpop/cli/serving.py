@@ -1,8 +1,8 @@
 """Serve one page to a headset: over https with a temporary certificate, or over a cable.
 
 Headsets show pages in VR only over a secure connection: https, or http from their own 127.0.0.1, which `adb reverse`
-connects to a port of this machine. Only the page is served, and only to requests with the token in its address that
-address this machine by its own name.
+connects to a port of this machine. Only the page is served, and only to requests that carry the token and address this
+machine by one of its names.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from hpop.runtime.page_server import LOCAL, PageServer
 
 EVERYWHERE = "0.0.0.0"
 DAYS = 7
-"""For which a certificate holds."""
+"""Days for which a certificate is valid."""
 
 
 class Certificate(NamedTuple):
-    """Self-signed certificate of some addresses with its key, both as PEM."""
+    """Self-signed certificate for some IP addresses, with its key, both as PEM."""
 
     pem: bytes
     key: bytes
@@ -37,10 +37,10 @@ class Certificate(NamedTuple):
 
 
 class OnePage(PageServer):
-    """Server of one page under a token, on a port of one or all addresses of this machine.
+    """Server of one page, under an address with a token.
 
-    page     the page, bytes
-    names    further names of this machine that requests may use
+    page   HTML, as bytes
+    names  further names of this machine that requests may use
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class OnePage(PageServer):
 
 
 def own_address() -> str:
-    """Return the address of this machine in its network, or 127.0.0.1, without sending anything."""
+    """Return the address of this machine in its network, else 127.0.0.1; nothing is sent."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))  # an address of documentation (RFC 5737)
@@ -71,9 +71,9 @@ def own_address() -> str:
 
 
 def certificate_for(*hosts: str) -> Certificate:
-    """Return a self-signed certificate for some IP addresses; browsers warn about it once.
+    """Create a self-signed certificate for IP addresses; browsers warn about it once.
 
-    Raises OutputError without `cryptography`.
+    Raises OutputError if `cryptography` is not installed.
     """
     try:
         from cryptography import x509
@@ -108,9 +108,9 @@ def certificate_for(*hosts: str) -> Certificate:
 
 
 def context_of(certificate: Certificate) -> ssl.SSLContext:
-    """Make an SSL context of a certificate.
+    """Return the SSL context of a certificate.
 
-    The key is on the disk only while it is read, readable by its owner only.
+    While the context reads the key, a file holds it that only its owner may read.
     """
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     with TemporaryDirectory(prefix="hpop-") as folder:

@@ -41,7 +41,7 @@ def score(folder: Path) -> None:
         echo(f"note: {said}")
     _print_scores(answers)
     echo(f"written to {folder}: {', '.join(path.name for path in written)}")
-    echo(f"{folder / FILE} says which letter is which row: look when the last session is over, so as to stay blind")
+    echo(f"{folder / FILE} says which letter is which row: to stay blind, open it only after the last session")
     front_of(folder, design)
 
 
@@ -83,7 +83,7 @@ def report(folder: Path, named: str, method: str, correction: str | None, out: P
 
 
 def _score(text: str) -> tuple[str, str]:
-    """Split FORM.SCORE into the form and the name of its score."""
+    """Split FORM.SCORE into the names of the form and of the score."""
     form, _, name = text.partition(".")
     if not form or not name:
         raise click.UsageError(f"--score is a form and a score of it, such as ssq.total, got {text!r}")
@@ -148,7 +148,7 @@ def power(
 
 
 def _shifts(text: str) -> Any:
-    """Return a number, or several from a comma-separated list; "observed" is refused with the reason."""
+    """Return a number, or a list of numbers between commas; "observed" is returned as text and refused later."""
     if text == "observed":
         return text
     try:
@@ -157,13 +157,13 @@ def _shifts(text: str) -> Any:
         raise click.UsageError(f"--effect is a number or several between commas, such as 0.5, got {text!r}") from None
     if several == [0.0] or (len(several) > 1 and len(set(several)) == 1):
         raise click.UsageError(
-            f"--effect {text} is no difference, which no study finds; give the least one that would matter, such as 0.5"
+            f"--effect {text} is no difference, which no study finds; give the smallest that would matter, such as 0.5"
         )
     return several if len(several) > 1 else several[0]
 
 
 def _print_scores(answers: Answers) -> None:
-    """Print the medians of each score before and after each stimulus, with the numbers of people."""
+    """Print the median of each score before and after each stimulus, with the number of people."""
     import numpy as np
     from rich.console import Console
 

@@ -1,4 +1,4 @@
-"""``hpop study``: a study of people's opinions on trajectories, from its design to its tables."""
+"""``hpop study``: a study in which people judge trajectories, from its design to its tables."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ for _command in (power, report, score):
 
 
 def _strata(context: click.Context, option: click.Parameter, given: Sequence[str]) -> dict[str, list[str]]:
-    """Return the levels of repeated options such as sex=f,m, by stratum."""
+    """Return the levels of each stratum, from repeated options such as sex=f,m."""
     found: dict[str, list[str]] = {}
     for text in given:
         name, _, levels = text.partition("=")
@@ -193,9 +193,9 @@ def serve(folder: Path, port: int, network: bool) -> None:
     ) as server:
         if certificate is None:
             on_cable = f"tcp:{server.server_address[1]}"
-            echo(f"a headset on a cable comes to it after: adb reverse {on_cable} {on_cable}")
+            echo(f"for a headset on a cable, run first: adb reverse {on_cable} {on_cable}")
         else:
-            echo("a browser warns once that nobody vouches for the certificate, which is made for this; its SHA-256 is")
+            echo("browsers warn once about the certificate, which hpop has signed itself; its SHA-256 is")
             echo(f"  {certificate.fingerprint}")
         echo(f"sessions, until Ctrl-C: {server.address(here)}")
         try:
@@ -257,11 +257,11 @@ def withdraw(folder: Path, participant: str, yes: bool) -> None:
     files = known_of(folder, participant)
     if not yes:
         if not sys.stdin.isatty():
-            raise StudyError(f"nothing was deleted: give --yes to delete all that is known of {participant} for good")
-        echo(f"this deletes for good: {', '.join(files) or 'nothing, for nothing is left'}; tables are made again")
-        click.confirm(f"delete all that is known of {participant}?", abort=True)
+            raise StudyError(f"nothing was deleted: give --yes to delete all data of {participant} for good")
+        echo(f"this deletes for good: {', '.join(files) or 'no file, as none is left'}; tables are made again")
+        click.confirm(f"delete all data of {participant}?", abort=True)
     done = withdrawn(folder, participant)
-    echo(f"{participant} withdrew; removed: {', '.join(done.removed) or 'nothing, for nothing was left'}")
+    echo(f"{participant} withdrew; removed: {', '.join(done.removed) or 'no file, as none was left'}")
     if done.remade:
         echo(f"made again without {participant}: {', '.join(done.remade)}")
     for note in done.notes:
@@ -270,7 +270,7 @@ def withdraw(folder: Path, participant: str, yes: bool) -> None:
 
 
 def _check_words(language: str, path: Path | None) -> None:
-    """Raise StudyError if texts of the pages are missing, in a file or in those of hpop."""
+    """Raise StudyError if texts of the pages are missing: in the file, or in those of hpop for this language."""
     from hpop.study.words import checked_file
     from hpop.study.words import words as shipped
 
@@ -282,7 +282,7 @@ def _check_words(language: str, path: Path | None) -> None:
 
 @contextmanager
 def _beside(check: Callable[[], None]) -> Iterator[None]:
-    """Run a further check, so that faults of several files are reported together."""
+    """Run a check before the context, and raise one StudyError for the faults of both."""
     said = []
     try:
         check()
@@ -299,7 +299,7 @@ def _beside(check: Callable[[], None]) -> Iterator[None]:
 def _rows(
     front: Front, asked: list[str], count: int | None, by: str | None, share: float | None
 ) -> list[str | NamedRow]:
-    """Return the chosen rows, and, up to ``count``, further rows that differ most from them."""
+    """Return the rows named on the command line and, up to ``count``, further rows that differ most from them."""
     from hpop.study import pick
     from hpop.study.conditions import VIEW
 
@@ -312,14 +312,13 @@ def _rows(
     several = DEFAULT_COUNT if count is None else count
     if several < max(2, len(named) + len(views)):
         raise click.UsageError(
-            f"--count is how many stimuli there are in all: expected {max(2, len(named) + len(views))} or more, got "
-            f"{several}"
+            f"--count is the number of all stimuli: expected {max(2, len(named) + len(views))} or more, got {several}"
         )
     return [*pick(front, several - len(views), always=named, by=by or "costs", share=share), *views]
 
 
 def _consent(path: Path) -> str:
-    """Return the text of the consent file."""
+    """Return the text in the consent file; StudyError if it cannot be read."""
     from hpop.base.files import read_regular
 
     try:
@@ -330,6 +329,4 @@ def _consent(path: Path) -> str:
             "they begin into a text file, and name it by --consent"
         ) from None
     except UnicodeDecodeError:
-        raise StudyError(
-            f"{path}: expected the consent text as UTF-8, found something else; save it as UTF-8"
-        ) from None
+        raise StudyError(f"{path}: the consent text must be UTF-8; save it as UTF-8") from None

@@ -1,6 +1,6 @@
-"""Shared by all commands: cleaned text on the terminal, the option for the user's code, and one message per error.
+"""Helpers of all commands: output that is safe for the terminal, common options, and one message per error.
 
-Text may hold names and values out of files, so it is cleaned and cannot steer the terminal.
+Text may hold names and values out of files, so control characters are escaped.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from hpop.runtime.interrupts import endings_interrupt
 
 
 def echo(text: str, *, err: bool = False) -> None:
-    """Print text of several lines."""
+    """Print text, which may have several lines, with control characters escaped."""
     click.echo(printable(text, newlines=True), err=err)
 
 
@@ -42,7 +42,7 @@ def warnings_as_notes() -> Iterator[None]:
 
 
 class Commands(click.Group):
-    """Group of commands that cleans quoted arguments, so that they cannot steer the terminal."""
+    """Group of commands that escapes control characters in messages about wrong arguments."""
 
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
         with _quoted():
@@ -63,7 +63,7 @@ def _quoted() -> Iterator[None]:
 
 
 def open_page(page: Path) -> None:
-    """Open a page in the user's browser, or say that there is none."""
+    """Open a page in the browser, or print that there is no browser."""
     import webbrowser
 
     try:
@@ -88,7 +88,7 @@ imports_option = click.option(
 )
 
 verbose_option = click.option(
-    "--verbose", is_flag=True, help="Print also what was counted: labels, edges, seconds, memory."
+    "--verbose", is_flag=True, help="Print statistics of the search too: labels, edges, seconds, memory."
 )
 
 preference_option = click.option(
@@ -96,12 +96,12 @@ preference_option = click.option(
     "person",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="What somebody prefers, as `hpop prefer` wrote it: their best trajectory is marked.",
+    help="Preference of a person, a file of `hpop prefer`: the best trajectory for that person is marked.",
 )
 
 
 def user_errors(command: F) -> F:
-    """Make a command end in one message and its exit code, never in a traceback, after a user's mistake."""
+    """Make a command end with one message and an exit code, without a traceback, after a mistake of the user."""
 
     @wraps(command)
     def guarded(*args: Any, **kwargs: Any) -> Any:

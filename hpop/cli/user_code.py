@@ -1,4 +1,4 @@
-"""Python code of the user, named on the command line: imported before a scenario or a front is read.
+"""Python code of the user, named on the command line, and imported before a scenario or a front is read.
 
 Scenarios and fronts themselves run no code. A file is imported under its own name, with its folder on the import path,
 so that worker processes and pickles find it.
@@ -26,15 +26,15 @@ from hpop.planners.base import Planner, make_planner
 
 REGISTRIES: tuple[Registry[Any], ...] = (criteria, planners, models, goals, readers, formats)
 HOME = Path(__file__).parents[1]
-"""The package hpop."""
+"""Folder of the package hpop."""
 FORM = "give FILE.py, or MODULE as seen from this folder"
 
 
 def register(specs: Iterable[str]) -> None:
     """Import files (``FILE.py``) and modules that register criteria, planners, models, goals, readers or formats.
 
-    Raises OwnCodeError if one cannot be imported or registers nothing, and the registry's own error for a wrong
-    declaration or a name that is taken; both with file and line.
+    Raises OwnCodeError if one cannot be imported or registers nothing, and an error of the registry for an invalid
+    declaration or a name that is taken, with file and line.
     """
     for spec in dict.fromkeys(specs):
         before, module = list(_registered()), imported(spec)
@@ -51,16 +51,16 @@ def register(specs: Iterable[str]) -> None:
 
 
 def _registered() -> Iterator[Any]:
-    """Yield the registered types that are not part of hpop."""
+    """Yield the registered types that do not belong to hpop."""
     for registry in REGISTRIES:
         yield from registry.own().values()
 
 
 def named(spec: str) -> Criterion | Model | Planner:
-    """Return a criterion, model or planner with default parameters, by ``FILE.py:NAME``, ``MODULE:NAME`` or name.
+    """Return a criterion, model or planner with default parameters, named by ``FILE.py:NAME``, ``MODULE:NAME`` or name.
 
     Raises OwnCodeError if its module cannot be imported, CriterionError if the module has no such class, and
-    UnknownName.
+    UnknownName for a name that is not registered.
     """
     source, colon, name = spec.rpartition(":")
     known = {name: registry[name] for registry in (planners, models, criteria) for name in registry}
@@ -71,7 +71,7 @@ def named(spec: str) -> Criterion | Model | Planner:
     try:
         found: Any = _named_in(imported(source), name) if colon else known[spec]
     except AttributeError as error:
-        raise CriterionError(f"{spec!r} is not there ({error}); give FILE.py:NAME or MODULE:NAME") from None
+        raise CriterionError(f"{spec!r} does not exist ({error}); give FILE.py:NAME or MODULE:NAME") from None
     try:
         made = found() if isinstance(found, type) else found
     except TypeError as error:
@@ -88,7 +88,7 @@ def named(spec: str) -> Criterion | Model | Planner:
 
 
 def _unregistered(spec: str, known: Mapping[str, Any]) -> UnknownName:
-    """Return the error for an unknown name, with advice on how to check it."""
+    """Return the error for a name that is not registered, with advice on how to check such a class."""
     packages = ("criteria", "planners", "models")
     home = [file for package in packages for file in HOME.glob(f"{package}/**/*.py") if file.stem == spec]
     if os.path.isfile(f"{spec}.py"):
@@ -115,7 +115,7 @@ def _is_at_home(thing: Any) -> bool:
 
 
 def _named_in(module: ModuleType, name: str) -> Any:
-    """Return an attribute of a module by name, or the type that the module registers under that name."""
+    """Return the attribute of a module, or the type that the module has registered, by its name."""
     if not hasattr(module, name):
         for registry in REGISTRIES:
             item = registry.own().get(name)
@@ -125,9 +125,9 @@ def _named_in(module: ModuleType, name: str) -> Any:
 
 
 def imported(spec: str) -> ModuleType:
-    """Import a ``FILE.py``, or a dotted name as seen from the current folder, and return the module.
+    """Import a ``FILE.py``, or a module by its dotted name as seen from the current folder, and return it.
 
-    Raises OwnCodeError, or the HpopError raised by the code, with file and line.
+    Raises OwnCodeError, or the HpopError that the code raises, with file and line.
     """
     source, _, name = spec.rpartition(":")
     if source and name.isidentifier():
@@ -140,7 +140,7 @@ def imported(spec: str) -> ModuleType:
     except OwnCodeError:
         raise
     except (Exception, SystemExit) as error:  # whatever the user's code does
-        raise _told(error, spec, is_file=is_file) from error
+        raise _reported(error, spec, is_file=is_file) from error
 
 
 def _is_file(spec: str) -> bool:
@@ -150,9 +150,9 @@ def _is_file(spec: str) -> bool:
 
 
 def _placed(file: Path) -> str:
-    """Put a file's folder on the import path, and return the name under which the file can be imported.
+    """Put the folder of a file on the import path, and return the name under which the file can be imported.
 
-    Workers and pickles find a module by its name, so no other module may have it.
+    Workers and pickles find a module by its name, so no other module may have this name.
     """
     if os.path.isdir(file):
         raise OwnCodeError(
@@ -171,7 +171,7 @@ def _placed(file: Path) -> str:
 
 
 def _only(name: str, file: Path) -> None:
-    """Check that no other module has the name of a file."""
+    """Raise OwnCodeError if another module has the name of this file."""
     try:
         found = find_spec(name)
     except ValueError:  # __main__ and other modules without an origin
@@ -189,21 +189,21 @@ def _only(name: str, file: Path) -> None:
 
 
 def _look_in(folder: Path) -> None:
-    """Put a folder at the head of the import path, as Python does for scripts."""
+    """Put a folder first on the import path, as Python does for scripts."""
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
     invalidate_caches()
 
 
-def _told(error: BaseException, spec: str, *, is_file: bool) -> HpopError:
-    """Return the error of the command line for an error in imported code; an error of hpop keeps its type."""
+def _reported(error: BaseException, spec: str, *, is_file: bool) -> HpopError:
+    """Return the error to report for an error in imported code; errors of hpop keep their type."""
     place = own_location(error)
     if isinstance(error, HpopError):
         return type(error)(f"{place or spec}: {error}")
     text = error.msg if isinstance(error, SyntaxError) else str(error)
     what = ": ".join(part for part in (place, type(error).__name__, text) if part)
     if isinstance(error, SystemExit):
-        way_out = "; what it does as a program goes below if __name__ == '__main__'"
+        way_out = "; put code that runs it as a program below if __name__ == '__main__'"
     elif isinstance(error, ImportError) and "relative import" in text:
         way_out = "; it is part of a package: give PACKAGE.MODULE, as seen from this folder"
     else:

@@ -1,4 +1,4 @@
-"""Convex bodies of a world in space, for arms: given solids, pieces of prisms, and boxes of occupied cells."""
+"""Obstacles of a world as convex bodies in space, for arms: solids, pieces of prisms, and boxes of occupied cells."""
 
 from __future__ import annotations
 
@@ -21,42 +21,45 @@ from hpop.world.geometry.shapes import Obstacle, Raster
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid
 
 ENDLESS = 10.0
-"""Height of endless prisms above and below the floor, or beyond their one end, m."""
+"""m above (below) the floor at which a prism without a top (bottom) is cut; from its other end if that is beyond."""
 MOST_BODIES = 5_000
-"""Bodies of a world."""
+"""Largest number of convex bodies in a world."""
 MOST_RUNS = 1_000_000
-"""Rows of neighbouring cells that are joined to rectangles."""
+"""Largest number of runs, which are occupied cells side by side in one row, that are joined to rectangles."""
 EXACT = 1e-12
-"""Share of an area by which convex outlines may differ from what they are made of: rounding."""
+"""Relative difference of two areas up to which they count as equal: rounding."""
 SLIVER = 10 * LEAST
-"""Width of a piece, m, below which the rectangle round it is taken for it."""
+"""Width, m, below which a piece of a prism is replaced by its bounding rectangle."""
 
 MAKING = "the bodies of the world were made"
 
 
 def solid_bodies(obstacles: Sequence[Obstacle], raster: Raster | None) -> tuple[Solid, ...]:
-    """Return solids, convex pieces of prisms and boxes of cells, each with a name; MapError if there are too many."""
+    """Return all obstacles as named convex bodies: solids, convex pieces of prisms, and boxes of cells.
+
+    Raises MapError for more than `MOST_BODIES`.
+    """
     bodies: list[Solid] = []
-    given = 0
-    for place, obstacle in enumerate(obstacles):
+    solid_count = 0
+    for index, obstacle in enumerate(obstacles):
         limits.check(MAKING)
         if (solid := obstacle.solid) is not None:
-            bodies.append(solid if solid.name else replace(solid, name=f"solid {given}"))
-            given += 1
+            bodies.append(solid if solid.name else replace(solid, name=f"solid {solid_count}"))
+            solid_count += 1
         else:
-            bodies += prisms(obstacle.polygon, obstacle.heights, f"obstacle {place}")
+            bodies += prisms(obstacle.polygon, obstacle.heights, f"obstacle {index}")
         _check_count(len(bodies), "obstacles")
     return (*bodies, *(_boxes(raster) if raster is not None else ()))
 
 
 def closed_bodies(content: Content, keep_out: BaseGeometry) -> tuple[Solid, ...]:
-    """Return keep-out zones and standing people as bodies of unlimited height: closed to the robot, but not solid."""
+    """Return keep-out zones and standing people as columns, which robots must avoid although they are not obstacles."""
     bodies = []
-    for place, person in enumerate(content.people):
+    for index, person in enumerate(content.people):
         if not person.moves:
             pose = np.eye(4)
             pose[:2, 3] = person.x, person.y
-            bodies.append(Solid(Cylinder(person.radius, 2 * ENDLESS), pose, person.name or f"person {place}"))
+            bodies.append(Solid(Cylinder(person.radius, 2 * ENDLESS), pose, person.name or f"person {index}"))
     zones = [(zone.area, zone.name) for zone in content.zones if zone.kind == "keep-out"]
     for area, name in [(keep_out, ""), *zones]:
         for polygon in shapely.get_parts(area):
@@ -66,7 +69,10 @@ def closed_bodies(content: Content, keep_out: BaseGeometry) -> tuple[Solid, ...]
 
 
 def prisms(polygon: Polygon, heights: tuple[float, float], name: str) -> Iterator[Solid]:
-    """Yield the convex prisms that make up a prism over a polygon; unlimited heights are cut at `ENDLESS`."""
+    """Yield convex prisms that together fill a prism: a polygon, m, between two heights, m.
+
+    Infinite heights are cut, see `ENDLESS`.
+    """
     low, high = heights
     bottom = low if math.isfinite(low) else min(-ENDLESS, high - ENDLESS)
     top = high if math.isfinite(high) else max(ENDLESS, low + ENDLESS)
@@ -75,7 +81,7 @@ def prisms(polygon: Polygon, heights: tuple[float, float], name: str) -> Iterato
 
 
 def convex_pieces(polygon: Polygon) -> list[Polygon]:
-    """Return convex polygons that make up a polygon: its triangles, joined across the longest sides first.
+    """Cut a polygon into convex polygons: triangles, which are joined across their longest common sides first.
 
     >>> sorted(p.area for p in convex_pieces(shapely.Polygon([(0, 0), (9, 0), (9, 1), (1, 1), (1, 3), (0, 3)])))
     [2.5, 8.5]
@@ -92,8 +98,8 @@ def convex_pieces(polygon: Polygon) -> list[Polygon]:
             owner[triangle] = triangle = owner[owner[triangle]]
         return triangle
 
-    for one, other in _neighbours(triangles):
-        a, b = piece_of(one), piece_of(other)
+    for first, second in _neighbours(triangles):
+        a, b = piece_of(first), piece_of(second)
         joined = shapely.convex_hull(shapely.GeometryCollection([pieces[a], pieces[b]]))
         if a != b and joined.area <= (pieces[a].area + pieces[b].area) * (1 + EXACT):
             owner[b] = a
@@ -103,7 +109,7 @@ def convex_pieces(polygon: Polygon) -> list[Polygon]:
 
 
 def _neighbours(triangles: Sequence[Polygon]) -> list[tuple[int, int]]:
-    """Return pairs of triangles that share a side, the longest side first."""
+    """Return the pairs of triangles that share a side, in order of decreasing length of this side."""
     first: dict[tuple[tuple[float, ...], ...], int] = {}
     shared: list[tuple[float, int, int]] = []
     for number, triangle in enumerate(triangles):
@@ -113,11 +119,11 @@ def _neighbours(triangles: Sequence[Polygon]) -> list[tuple[int, int]]:
             if side in first:
                 shared.append((math.dist(*side), first[side], number))
             first[side] = number
-    return [(one, other) for _, one, other in sorted(shared, key=lambda found: -found[0])]
+    return [(a, b) for _, a, b in sorted(shared, key=lambda pair: -pair[0])]
 
 
 def _prism(piece: Polygon, bottom: float, top: float, name: str) -> Solid:
-    """Return an upright prism over a convex polygon: a box for a rectangle; None if too thin to have a volume."""
+    """Return the upright prism over a convex polygon: a box for a rectangle or a sliver, else a convex hull."""
     corners = shapely.get_coordinates(shapely.convex_hull(piece))[:-1]
     pose = np.eye(4)
     pose[2, 3] = (bottom + top) / 2
@@ -147,7 +153,7 @@ def _is_rectangle(corners: FloatArray) -> bool:
 
 
 def _boxes(raster: Raster) -> Iterator[Solid]:
-    """Yield boxes that cover the occupied cells."""
+    """Yield boxes that cover the occupied cells between the heights of the raster."""
     rectangles = _rectangles(raster.cells)
     _check_count(len(rectangles), "cells")
     bottom = max(raster.z_min, min(-ENDLESS, raster.z_max - ENDLESS))
@@ -158,9 +164,9 @@ def _boxes(raster: Raster) -> Iterator[Solid]:
 
 
 def _rectangles(cells: BoolArray) -> IntArray:
-    """Cover the occupied cells with rectangles (n, 4): left, low, right, high.
+    """Cover the occupied cells (H, W) with rectangles (n, 4): first column, first row, last column + 1, last row + 1.
 
-    Equal runs in successive rows are joined.
+    Equal runs of cells in successive rows become one rectangle.
     """
     limits.check(MAKING)
     padded = np.pad(cells, ((0, 0), (1, 1)))

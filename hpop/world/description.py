@@ -151,7 +151,7 @@ def summary(world: World) -> str:
 
 
 def facts(world: World) -> dict[str, str]:
-    """Return the size of a world, its contents and its source, each as text."""
+    """Return the size, the number of each kind of content, and the source of a world, each as text."""
     x0, y0, x1, y1 = world.bounds
     said = {"size": f"{x1 - x0:.4g} x {y1 - y0:.4g} m from ({x0:.4g}, {y0:.4g})"}
     if world.raster is not None:
@@ -169,7 +169,7 @@ def facts(world: World) -> dict[str, str]:
 
 
 def build(description: Mapping[str, Any]) -> World:
-    """Build a world from its description, which is not trusted."""
+    """Build a world from its description. Every part is checked, as the description may come from a foreign file."""
     kind = description.get("kind") if isinstance(description, Mapping) else None
     try:
         if kind == "geometry" or kind in readers:
@@ -197,7 +197,7 @@ def build(description: Mapping[str, Any]) -> World:
 
 
 def seen_from(folder: str, description: Any) -> Any:
-    """Return a description with file paths relative to a folder, so that files and folder can move together.
+    """Return a description with file paths relative to a folder, so that a front and its map can be moved together.
 
     The key "relative" lists these paths.
     """
@@ -206,11 +206,11 @@ def seen_from(folder: str, description: Any) -> Any:
 
 
 def found_from(folder: str, description: Any) -> Any:
-    """Return a description with absolute paths, resolved from the folder of :func:`seen_from`.
+    """Return a description with absolute file paths, undoing :func:`seen_from` for the folder where the front now is.
 
-    A missing file is also looked for by name in the folder. Descriptions of earlier versions hold absolute paths as
-    well; these are used if the files there are unchanged and the others are not. If a file is nowhere, its path
-    relative to the folder is returned.
+    A missing file is also looked for by name in the folder. An absolute path from an earlier version is preferred if
+    its file is unchanged and the one at the relative path is not. A file that is nowhere keeps its path relative to the
+    folder.
     """
     relative = description.get("relative") if isinstance(description, Mapping) else None
     if not isinstance(relative, Mapping):
@@ -234,7 +234,7 @@ def found_from(folder: str, description: Any) -> Any:
 
 
 def _at(description: Mapping[str, Any], places: Mapping[str, str]) -> dict[str, Any]:
-    """Return a description with other file paths."""
+    """Return a description with other file paths, given by "path" or by the name of a reader option."""
     changed = {**description, **{key: place for key, place in places.items() if key == "path"}}
     if others := {key: place for key, place in places.items() if key != "path"}:
         changed["options"] = {**description["options"], **others}
@@ -242,7 +242,7 @@ def _at(description: Mapping[str, Any], places: Mapping[str, str]) -> dict[str, 
 
 
 def _unchanged(description: Any) -> bool:
-    """Return whether the described files exist and are unchanged."""
+    """Return whether the files of a description exist and have the hashes that it states."""
     try:
         build(description)
     except MapError:
@@ -251,7 +251,7 @@ def _unchanged(description: Any) -> bool:
 
 
 def without_places(description: Any) -> Any:
-    """Return a description without file paths, if it has their hashes, and with a hash of cells for packed cells."""
+    """Return a description that is equal for equal maps: file paths and packed cells are replaced by their hashes."""
     raster = description.get("raster") if isinstance(description, Mapping) else None
     if isinstance(raster, Mapping) and isinstance(raster.get("cells"), str):
         try:
@@ -262,15 +262,15 @@ def without_places(description: Any) -> Any:
     paths = _paths(description)
     if "sha256" not in (description if isinstance(description, Mapping) else ()):
         return description
-    rest = {key: value for key, value in description.items() if key not in ("path", "relative")}
-    options = rest.get("options")
+    remaining = {key: value for key, value in description.items() if key not in ("path", "relative")}
+    options = remaining.get("options")
     if isinstance(options, Mapping):
-        rest["options"] = {key: None if key in paths else value for key, value in options.items()}
-    return rest
+        remaining["options"] = {key: None if key in paths else value for key, value in options.items()}
+    return remaining
 
 
 def _paths(description: Any) -> dict[str, str]:
-    """Return the files that a description names: its map, and options that are absolute paths, such as a mask."""
+    """Return the file paths in a description: that of the map, and options that are absolute paths, such as a mask."""
     if not isinstance(description, Mapping) or not isinstance(description.get("path"), str):
         return {}
     options = description.get("options")
@@ -298,7 +298,7 @@ def _from_files(description: Mapping[str, Any], kind: str) -> World:
 
 
 def _refuse_lost(description: Mapping[str, Any]) -> None:
-    """Raise MapError for a file that is at none of the paths where a saved front looks for it."""
+    """Raise MapError if a file is neither at its old path nor at the path relative to the saved front."""
     beside = description.get("relative")
     seen = beside if isinstance(beside, Mapping) else {}
     for key, path in _paths(description).items():
@@ -358,7 +358,7 @@ def _build_raster(data: Mapping[str, Any]) -> Raster:
 
 
 def unpack_cells(text: str, rows: int, columns: int) -> BoolArray:
-    """Unpack cells (rows, columns) from base64 of zlib of packed bits, never inflating more than their size."""
+    """Return cells (rows, columns) from base64 of zlib-compressed bits; no more than their size is inflated."""
     check_size(rows, columns, "the described raster")
     size = -(-rows * columns // 8)
     wrong = MapError(f"the described raster does not hold exactly {columns} x {rows} cells.")

@@ -1,4 +1,4 @@
-"""Files of maps: bytes and hashes, plain YAML, relative paths, and foreign formats read in a child process.
+"""Files of maps: bytes and hashes, plain YAML, relative paths, and foreign formats, which are read in a child process.
 
 If the child process crashes, hangs or takes too much memory, this process is not harmed.
 """
@@ -27,27 +27,27 @@ from hpop.runtime.interrupts import interrupts_held
 from hpop.runtime.limits import READING
 
 MAX_BYTES = 1_000_000_000
-"""Largest file that is read."""
+"""Largest file that is read, bytes."""
 MAX_DEPTH = 20
 """Deepest nesting of a yaml file."""
 MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 """Byte-order marks of UTF-16."""
 PROBE = 1_000
-"""Bytes on either side of one that is no UTF-8 by which text is told from other files."""
+"""Bytes before and after an invalid byte that are examined to guess the encoding."""
 
 
 _BEGINS, _ENDS = re.compile(r"(?<![^\s'\"(\[])/"), re.compile(r"(?=[\s'\":;,)\]])|\.?$")
 CODE = "from hpop.apart.child import serve; serve()"
 MEMORY = 2 * 10**9
-"""Bytes of address space that reading takes, at most."""
+"""Largest address space of the child process that reads a file, bytes."""
 SECONDS = 60
-"""Processor seconds that reading takes, at most."""
+"""Longest processor time of the child process, s."""
 POLL = 0.05
-"""Seconds between two looks at the limits."""
+"""Time between two checks of the limits, s."""
 WAITS = 10 * SECONDS
-"""Seconds until a process is given up that takes none of the processor's."""
+"""Time after which a child process without progress is given up, s."""
 STAYS = 8
-"""Bytes for each of an answer: its geometries."""
+"""Bytes of memory per byte of the output of the child process: for its geometries."""
 
 
 def read_bytes(path: str | Path, what: str, *, limit: int = MAX_BYTES) -> bytes:
@@ -69,7 +69,7 @@ def named(path: str | Path) -> str:
 
 
 def read_text(data: bytes, path: str | Path, what: str) -> str:
-    """Decode UTF-8, or raise `MapError` naming the probable encoding."""
+    """Decode UTF-8 text; a `MapError` names the probable encoding of other bytes. ``what`` names the file."""
     if not data.startswith(MARKS) and _is_wide(data[:PROBE]):
         raise MapError(
             f"{what} {named(path)} must be UTF-8 text. It seems to be UTF-16 or UTF-32 without a byte-order mark: save "
@@ -84,9 +84,9 @@ def read_text(data: bytes, path: str | Path, what: str) -> str:
 
 
 def _is_wide(data: bytes) -> bool:
-    """Return whether bytes seem to be text of two or four bytes a letter: every second byte is 0, the others are not.
+    """Return whether bytes seem to be UTF-16 or UTF-32 text.
 
-    Of four bytes a letter one, the first or the last, is not 0.
+    Of two bytes per letter, every second is 0; of four bytes per letter, all but the first or the last are 0.
     """
     quarters = [data[i::4] for i in range(4)]
     zero = [quarter.count(0) > 0.9 * len(quarter) for quarter in quarters]
@@ -98,7 +98,7 @@ def _is_wide(data: bytes) -> bool:
 
 
 def _encoding_of(data: bytes, first: int) -> str:
-    """Return advice on the probable encoding of bytes that are not UTF-8 from ``first`` on."""
+    """Return advice on the probable encoding of bytes; at index ``first`` they stop to be UTF-8."""
     if data.startswith(MARKS):
         return "It is UTF-16, as PowerShell's > and Notepad's Unicode write it: save it as UTF-8."
     around = data[max(0, first - PROBE) : first + PROBE]
@@ -108,7 +108,7 @@ def _encoding_of(data: bytes, first: int) -> str:
 
 
 def read_yaml(text: str, path: str | Path) -> Any:
-    """Load plain YAML with one document, as `read_yaml_documents` does; `MapError` for several."""
+    """Load plain YAML as `read_yaml_documents` does, but only one document; `MapError` for several."""
     documents = read_yaml_documents(text, path)
     if len(documents) > 1:
         raise MapError(f"{path} is {len(documents)} yaml documents, one after the other (---); expected one.")
@@ -150,7 +150,7 @@ def sha256(data: bytes) -> str:
 
 
 def file_source(reader: str, path: str | Path, options: dict[str, Any], *contents: bytes) -> dict[str, Any]:
-    """Describe a world that ``reader`` builds from the file at ``path`` and further files it names."""
+    """Describe a world by its reader, the absolute path of its file, the options, and the hashes of all files read."""
     return {
         "kind": reader,
         "path": os.path.abspath(path),
@@ -160,10 +160,10 @@ def file_source(reader: str, path: str | Path, options: dict[str, Any], *content
 
 
 def place_seen_from(folder: str, path: str) -> str:
-    """Return a file's path relative to a folder, or to the home folder (~) if the relative path leads through it.
+    """Return the path of a file relative to a folder; if this leads through the home folder (~), relative to that.
 
-    The result is written into files that are passed on, so it names neither user nor machine. For another drive it is
-    the file's name alone.
+    The result is written into files that are passed on, so it names neither user nor machine. For a file on another
+    drive it is the file name alone.
     """
     home = os.path.abspath(os.path.expanduser("~"))
     try:
@@ -175,10 +175,10 @@ def place_seen_from(folder: str, path: str) -> str:
 
 
 def by_names(note: str) -> str:
-    """Return a note with file names instead of absolute paths, since fronts and pages with notes are passed on.
+    """Return a note with file names in place of absolute paths, since fronts and pages with notes are passed on.
 
-    A path begins after a space, quote or bracket, ends before one of these, a colon or a comma, and names an existing
-    file.
+    A path begins after a space, quote or bracket, ends before one of these, a colon or a comma, and must name an
+    existing file.
     """
     kept, done = [], 0
     for begin in _BEGINS.finditer(note):
@@ -193,40 +193,40 @@ def by_names(note: str) -> str:
 
 
 def places_found_from(folder: str, seen: str) -> list[str]:
-    """Return the absolute path for a result of :func:`place_seen_from`, and the path of that name in the folder."""
+    """Return two absolute paths for a result of :func:`place_seen_from`: its own, and its name in the folder."""
     there = os.path.abspath(os.path.join(folder, os.path.expanduser(seen) if seen.startswith("~/") else seen))
     return [there, os.path.join(os.path.abspath(folder), os.path.basename(there))]
 
 
 def _lies_in(folder: str, path: str) -> bool:
-    """Return whether a path is within a folder, other than the root."""
+    """Return whether a path is within a folder; False for the root folder."""
     return os.path.dirname(folder) != folder and os.path.commonpath([folder, os.path.abspath(path)]) == folder
 
 
 def extract(module: str, path: str | Path, data: bytes, options: dict[str, Any]) -> ChildAnswer:
-    """Read a file with a module of `hpop.apart` in a child process, and return its contents; `MapError` if faulty.
+    """Read a file with a module of `hpop.apart` in a child process, and return its contents; `MapError` if invalid.
 
-    The limits of the running plan are checked meanwhile; passing one ends the child process.
+    Meanwhile the limits of the running plan are checked; if one passes, the child process is killed.
     """
-    asked = {"module": module, "options": options, "memory": MEMORY, "seconds": SECONDS}
-    said = _said(asked, data, path)
+    settings = {"module": module, "options": options, "memory": MEMORY, "seconds": SECONDS}
+    output = _child_output(settings, data, path)
     try:
-        answer = unpack(said)
+        answer = unpack(output)
     except ChildRefused as refused:
         raise MapError(f"{named(path)}: {refused}.") from None
     except (ValueError, KeyError, TypeError):
         raise MapError(f"{named(path)} cannot be read: the process that reads it gave no answer.") from None
-    limits.hold(READING, STAYS * len(said))
+    limits.hold(READING, STAYS * len(output))
     return answer
 
 
-def _said(asked: dict[str, Any], data: bytes, path: str | Path) -> bytes:
-    """Return the output of the child process within bounds of time and memory."""
+def _child_output(settings: dict[str, Any], data: bytes, path: str | Path) -> bytes:
+    """Run the child process within bounds of time and memory, and return its output."""
     with TemporaryDirectory(prefix="hpop-") as folder:
-        question = Path(folder) / "asked"  # a pipe would have to be fed while the limits are checked
-        question.write_bytes(json.dumps(asked).encode() + b"\n" + data)
+        request = Path(folder) / "request"  # a pipe would have to be fed while the limits are checked
+        request.write_bytes(json.dumps(settings).encode() + b"\n" + data)
         environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "TMPDIR": folder}
-        with question.open("rb") as stdin, interrupts_held():
+        with request.open("rb") as stdin, interrupts_held():
             # A session of its own, so that Ctrl-C on the terminal does not reach it.
             process = Popen(
                 [sys.executable, "-P", "-c", CODE],
@@ -240,7 +240,7 @@ def _said(asked: dict[str, Any], data: bytes, path: str | Path) -> bytes:
             end = monotonic() + WAITS
             while True:
                 try:
-                    said, _ = process.communicate(timeout=POLL)
+                    output, _ = process.communicate(timeout=POLL)
                     break
                 except TimeoutExpired:
                     limits.check(READING)
@@ -258,4 +258,4 @@ def _said(asked: dict[str, Any], data: bytes, path: str | Path) -> bytes:
             f"{named(path)} cannot be read: the process that reads it broke down ({process.returncode}). Is the file "
             f"broken, or does it take more than {MEMORY / 1e9:.2g} GB to read?"
         )
-    return said
+    return output

@@ -30,25 +30,19 @@ from hpop.world.geometry.shapes import LARGEST, Obstacle, Raster, check_coordina
 from hpop.world.geometry.solids import Solid, check_solids, not_upright
 
 LIMIT = 2_000_000_000
-"""Bytes that a world keeps of what was derived from it."""
+"""Largest number of bytes of derived values that all worlds on one ground cache together."""
 WHOLE = (-math.inf, math.inf)
 CELL = 0.1
-"""Field cell of a polygon world, m."""
+"""Spacing of the fields of a world of polygons, m."""
 T = TypeVar("T")
 Heights = tuple[float, float]
 
 
 class Cache:
-    """Cache of values by key with a limit in bytes: the least recently used values go first, never the newest.
+    """Cache of values by key with a limit in bytes: the least recently used values go first, the newest never.
 
-    A cache ``beside`` another shares its limit and lock but belongs to its own world. So all worlds on one ground
-    together stay within one limit.
-
-    >>> cache = Cache(limit=40)
-    >>> for name in ("a", "b", "a", "c"):
-    ...     _ = cache.get(name, lambda: (shapely.Point(0, 0),))
-    >>> [cache.find(name) is not None for name in "abc"]
-    [True, False, True]
+    Caches made ``beside`` one another share a limit and a lock. So all worlds on one ground together stay within one
+    limit.
     """
 
     def __init__(self, limit: int | None = None, *, beside: Cache | None = None) -> None:
@@ -59,7 +53,7 @@ class Cache:
 
     @property
     def size(self) -> int:
-        """Return the bytes of the values."""
+        """Return the bytes of all values."""
         return sum(nbytes(value) for _, value in self._values.values())
 
     def get(self, key: Hashable, make: Callable[[], Any]) -> Any:
@@ -89,7 +83,7 @@ class Cache:
             return [(key, value) for key, (_, value) in self._values.items()]
 
     def keep(self, key: Hashable, value: Any) -> None:
-        """Store a value, and drop older values beyond the limit."""
+        """Store a value, and drop the least recently used values beyond the limit."""
         with self._budget.lock:
             self._values[key] = next(self._budget.uses), value
             self._budget.drop()
@@ -117,7 +111,7 @@ class _Budget:
 
 
 def nbytes(value: Any) -> int:
-    """Return the bytes of all arrays and coordinates in a value, its attributes and its items."""
+    """Return the bytes of all arrays and coordinates in a value, its items, and attributes of hpop objects."""
     if isinstance(value, BaseGeometry):
         return 16 * int(shapely.get_num_coordinates(value))
     size = getattr(value, "nbytes", None)
@@ -133,7 +127,7 @@ def nbytes(value: Any) -> int:
 
 
 def extent_of(obstacles: Sequence[Obstacle], raster: Raster | None) -> BaseGeometry:
-    """Return the rectangle of an image, or the bounding box of obstacles, m."""
+    """Return the rectangle of a raster, or without a raster the bounding box of the obstacles, m."""
     if raster is not None:
         return raster.rectangle()
     if obstacles:
@@ -142,7 +136,7 @@ def extent_of(obstacles: Sequence[Obstacle], raster: Raster | None) -> BaseGeome
 
 
 def check_area(name: str, area: BaseGeometry) -> None:
-    """Raise MapError unless an area is made of valid polygons."""
+    """Raise MapError, which names the area, unless it is a valid polygon or multipolygon."""
     if not isinstance(area, Polygon | MultiPolygon):
         raise MapError(f"{name} must be a valid shapely Polygon or MultiPolygon; got {shown(area)}.")
     check_coordinates(area, name)
@@ -161,10 +155,10 @@ def check_size(extent: BaseGeometry) -> None:
 
 
 class Layer(NamedTuple):
-    """Obstacles within a range of heights; ranges that meet the same obstacles share one geometry.
+    """Obstacles that overlap a range of heights. Ranges with the same obstacles share cached geometry.
 
     prisms  indices of the obstacles
-    cells   whether the raster's cells are within the range
+    cells   whether the cells of the raster are among them
     """
 
     prisms: tuple[int, ...]
@@ -199,9 +193,8 @@ class Ground:
     def __post_init__(self) -> None:
         """Fill in the extent and check the geometries."""
         prisms = check_prisms(self.obstacles)
-        around = {
-            prism.solid: prism for prism in prisms if prism.solid is not None
-        }  # from the ground that this one was derived from
+        # Prisms round solids come from the ground that this one was derived from.
+        around = {prism.solid: prism for prism in prisms if prism.solid is not None}
         around |= {solid: Obstacle.around(solid) for solid in check_solids(self.solids) if solid not in around}
         object.__setattr__(self, "solids", tuple(around))
         object.__setattr__(self, "obstacles", (*(p for p in prisms if p.solid is None), *around.values()))
@@ -226,7 +219,7 @@ class Ground:
         self.__dict__.update(state, cache=Cache())
 
     def derived(self, key: tuple[Any, ...], make: Callable[[], T]) -> T:
-        """Return the value of ``make``, cached with the ground under a key that states all other inputs."""
+        """Return the value of ``make``, cached under ``key``, which must state all inputs except this ground."""
         return self.cache.get(key, make)  # type: ignore[no-any-return]
 
     @property
@@ -237,7 +230,7 @@ class Ground:
 
     @property
     def cell(self) -> float:
-        """Return the longest panel (m) for quadrature along a motion, about the spacing of the fields."""
+        """Return the longest interval, m, for numerical integration along motions: about the spacing of the fields."""
         if self.raster is not None:
             return min(self.raster.resolution, 2 * CELL)
         x0, y0, x1, y1 = self.bounds
@@ -245,14 +238,14 @@ class Ground:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Return notes on solids that count as larger for a robot in the plane."""
+        """Return notes on solids that count as larger prisms for a robot in the plane."""
         return not_upright(self.solids)
 
     # Solid parts
 
     @property
     def bodies(self) -> tuple[Solid, ...]:
-        """Return everything solid as convex solids: the given ones, pieces of prisms, and boxes of cells.
+        """Return all obstacles as convex solids: the given solids, convex pieces of prisms, and boxes of cells.
 
         Prisms and cells of unlimited height are cut 10 m below or above the floor (z = 0), or 10 m from their other
         end. Raises MapError for more than 5,000 bodies.
@@ -266,7 +259,7 @@ class Ground:
         return any(r != WHOLE for r in ranges)
 
     def layer(self, z: Heights) -> Layer:
-        """Return the obstacles, and whether the raster's cells, overlap an open range of heights, m."""
+        """Return the obstacles that overlap an open range of heights (z_min, z_max), m."""
         low, high = float(z[0]), float(z[1])
         if not low <= high:
             raise OptionError(f"a height range must be (z_min, z_max) with z_min <= z_max; got {shown(z)}.")
@@ -290,7 +283,7 @@ class Ground:
         return self.derived(("raster",), make)
 
     def solid(self, z: Heights = WHOLE) -> BaseGeometry:
-        """Return the union (m) of all obstacles that overlap the open range of heights."""
+        """Return the union (m) of all obstacles that overlap the open range of heights ``z``."""
         return self._solid(self.layer(z))
 
     def _solid(self, layer: Layer) -> BaseGeometry:
@@ -303,14 +296,14 @@ class Ground:
         return self.derived(("solid", layer), make)
 
     def obstruction_field(self, radius: float, z: float) -> Field:
-        """Return a field of the obstructed fraction of a ball of ``radius`` (m) at height ``z`` (m)."""
+        """Return, as a field, the fraction of a ball of ``radius`` (m) at height ``z`` (m) that is inside obstacles."""
         z = z if self.has_heights else 0.0
         return self.derived(("obstruction", float(radius), z), lambda: sample_obstruction(self, float(radius), z))
 
     # Distances to solid parts
 
     def free_space(self, z: Heights = WHOLE) -> FreeSpace:
-        """Return the extent without obstacles, with an index for exact distances to its border."""
+        """Return the extent without obstacles in a range of heights, indexed for exact distances to its border."""
         layer = self.layer(z)
 
         def make() -> FreeSpace:
@@ -319,7 +312,7 @@ class Ground:
         return self.derived(("free", layer), make)
 
     def free_region(self, layer: Layer, closed: BaseGeometry | None = None) -> BaseGeometry:
-        """Return the extent without the obstacles of a layer, and without a closed region, m."""
+        """Return the extent without the obstacles of a layer, and without the region ``closed`` if given, m."""
         solid = self._solid(layer)
         return without(self.extent, solid if closed is None else union([solid, closed]))
 
@@ -333,13 +326,13 @@ class Ground:
     def cell_space(
         self, layer: Layer, rest: FreeSpace | None, closed: BaseGeometry | None = None, before: CellSpace | None = None
     ) -> CellSpace | None:
-        """Return the free space of the cells of a layer; None without cells, or with edges that slant.
+        """Return the free space of the cells of a layer; None without cells, or if any edge slants.
 
         Parameters
         ----------
-        rest : free space of everything else that is blocked, or None
-        closed : region that is closed beside the obstacles of the layer, m
-        before : free space of other cells on this grid; its index is reused
+        rest : free space that all blocked regions but the cells leave, or None
+        closed : region closed to the robot, in addition to the obstacles of the layer, m
+        before : free space of other cells on the same grid; its index is reused
         """
         raster = self.raster if layer.cells else None
         if raster is None or raster.origin[2] != 0.0 or raster.rectangle().wkb != self.extent.wkb:
@@ -353,7 +346,7 @@ class Ground:
         return self.derived(("clearance", self.layer(z)), lambda: self.sampled_clearance(self.free_space(z), z))
 
     def sampled_clearance(self, free: FreeSpace, z: Heights) -> Field:
-        """Sample the signed distance to the border of a free space that may have further blocked areas.
+        """Sample the signed distance to the border of a free space, which may exclude more than the obstacles.
 
         The last result is cached, so after people have moved only samples near them are computed again.
         """
@@ -371,6 +364,6 @@ class Ground:
 
 
 def union(geometries: Sequence[BaseGeometry]) -> BaseGeometry:
-    """Return the union of geometries, m; a single one is returned unchanged, which saves a tenth of a second."""
+    """Return the union of geometries, m. A single geometry is returned unchanged, which saves a tenth of a second."""
     filled = [geometry for geometry in geometries if not geometry.is_empty]
     return filled[0] if len(filled) == 1 else shapely.union_all(filled)

@@ -1,4 +1,4 @@
-"""Worlds of occupancy cells in memory, and what a changed world takes over from the world before the change."""
+"""Worlds of occupancy cells in memory, and reuse of derived values, such as distances, when some cells change."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hpop.world.world import World
 
 UNKNOWN, MOST = -1, 100  # values of a nav_msgs/OccupancyGrid
-THRESHOLDS = (19, 65)  # percent up to which a cell is free, and from which it is occupied, as map_saver has them
+THRESHOLDS = (19, 65)  # percent up to which a cell is free, and from which it is occupied, as in map_saver
 
 
 class FromCells:
@@ -40,7 +40,7 @@ class FromCells:
         keep_out: BaseGeometry | None = None,
         outside_is_obstacle: bool = True,
     ) -> Self:
-        """Build a world from occupancy cells (H, W), row 0 at the bottom; see `Raster` for the rest.
+        """Build a world from occupancy cells (H, W), row 0 at the bottom; `Raster` explains the other parameters.
 
         >>> import hpop
         >>> world = hpop.World.from_cells(np.eye(3, dtype=bool), 0.5)
@@ -101,8 +101,8 @@ class FromCells:
     def updated(self, data: Any, at: tuple[int, int] = (0, 0), *, thresholds: tuple[float, float] = THRESHOLDS) -> Self:
         """Return the world with other occupancy in a part of its cells.
 
-        What this world derived from its cells, such as distances, is made again only near cells that change, with the
-        same values as in a world that is built anew. Content stays as it is.
+        Values derived from the cells, such as distances, are computed again only near changed cells, and equal those
+        of a new world. Content stays.
 
         Parameters
         ----------
@@ -138,7 +138,7 @@ class FromCells:
 
 
 def occupied_cells(data: Any, thresholds: tuple[float, float], *, unknown_is_free: bool) -> BoolArray:
-    """Return the occupied cells (H, W) of occupancy in percent, -1 for unknown; bool data are returned as they are.
+    """Return the occupied cells (H, W) of occupancy in percent, -1 for unknown; bool data are returned unchanged.
 
     Raises MapError for other data.
     """
@@ -184,10 +184,10 @@ MOST_CELLS = 2**31
 
 
 def take_over(before: World, after: World) -> None:
-    """Cache in a world what another world derived from its cells, made again only near cells that differ.
+    """Copy derived values, such as distances, from a world to a changed one, except near cells that differ.
 
-    Nothing is taken over between worlds with other obstacles or grids. Values equal those that are derived from
-    scratch.
+    There they are computed again, so all values equal those derived from scratch. Nothing is copied if obstacles or the
+    grid of cells differ.
     """
     old, new = before.ground, after.ground
     rasters = old.raster, new.raster

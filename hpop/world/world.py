@@ -1,4 +1,4 @@
-"""World: the ground and its content, the free space of a robot, and the obstruction of a camera."""
+"""World: the ground and its content, with the free space of a robot and the obstruction of a camera."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class World(FromCells, FromFiles):
 
     ground    obstacles, and the extent where the robot must stay
     keep_out  shapely geometry, m: closed to the robot, invisible to the camera
-    notes     on parts that a reader left out or mended, and on solids that are not upright
+    notes     on parts that a reader left out or mended, and on solids that are no upright prisms
     content   people, landmarks and zones; see `with_content`
     source    description of the world's files, see `describe`
 
@@ -91,14 +91,15 @@ class World(FromCells, FromFiles):
         self.__dict__.update(state, cache=Cache(beside=state["ground"].cache))
 
     def derived(self, key: tuple[Any, ...], make: Callable[[], T]) -> T:
-        """Return the value of ``make``, cached with this world; values without content belong to `Ground.derived`.
+        """Return the value of ``make``, cached with this world under ``key``, which must state all other inputs.
 
-        The key must state all other inputs. One thread makes the value while others wait.
+        One thread makes the value while others wait. Values that do not depend on the content belong to
+        `Ground.derived`.
         """
         return self.cache.get(key, make)  # type: ignore[no-any-return]
 
     def stand_in(self, kind: type[W]) -> W:
-        """Return this world as another class that reads its fields differently; both share derived values."""
+        """Return this world as an object of another class, which reads its fields differently; both share a cache."""
         view = object.__new__(kind)  # nothing is checked or computed again
         view.__dict__.update(self.__dict__)
         return view
@@ -134,19 +135,19 @@ class World(FromCells, FromFiles):
         >>> world.bounds, world.clearance(np.array([3.25]), np.array([1.0]))
         ((3.0, -1.0, 7.0, 4.0), array([0.25]))
         """
-        given = check_solids(solids)
+        checked = check_solids(solids)
         if extent is None:
-            if not given:
+            if not checked:
                 raise MapError("a world without solids needs an extent, the area in which the robot must stay.")
-            bounds = np.stack([solid.bounds for solid in given])
+            bounds = np.stack([solid.bounds for solid in checked])
             (x0, y0), (x1, y1) = bounds[:, 0, :2].min(axis=0) - MARGIN, bounds[:, 1, :2].max(axis=0) + MARGIN
             extent = shapely.box(x0, y0, x1, y1)
         elif isinstance(extent, BaseGeometry) and extent.is_empty:
             raise MapError("extent is empty: the robot would have nowhere to be.")
-        return cls(Ground(extent=extent, solids=given))
+        return cls(Ground(extent=extent, solids=checked))
 
     def read_from(self, source: Mapping[str, Any]) -> World:
-        """Return this world with its source files, which `dataclasses.replace` drops."""
+        """Return this world with a description of its source files, which `dataclasses.replace` would drop."""
         return copied(self, source=source, ground=copied(self.ground, path=source["path"]))
 
     # Geometry in the plane
@@ -158,10 +159,10 @@ class World(FromCells, FromFiles):
 
     @property
     def bodies(self) -> tuple[Solid, ...]:
-        """Return the convex solids that a robot in space must avoid: `Ground.bodies`, and those closed by content.
+        """Return the convex solids that a robot in space must avoid: obstacles, standing people and keep-out zones.
 
-        Standing people and keep-out zones are columns from 10 m below the floor to 10 m above it. The border of the
-        extent is no body: it bounds the base only.
+        See `Ground.bodies` for the obstacles. Standing people and keep-out zones are columns from 10 m below the floor
+        to 10 m above it. The border of the extent is no body: it bounds the base only.
         """
         return self.derived(("bodies",), lambda: self.ground.bodies + closed_bodies(self.content, self.keep_out))
 
@@ -187,7 +188,7 @@ class World(FromCells, FromFiles):
 
     @property
     def cell(self) -> float:
-        """Return the longest panel (m) for quadrature along a motion, about the spacing of the fields."""
+        """Return the longest interval, m, for numerical integration along motions: about the spacing of the fields."""
         return self.ground.cell
 
     @property
@@ -201,12 +202,15 @@ class World(FromCells, FromFiles):
 
     @property
     def closed(self) -> BaseGeometry:
-        """Return the regions closed to the robot without being solid, m: keep-out zones and standing people."""
+        """Return the regions that are closed to the robot but no obstacles, m: keep-out zones and standing people."""
         return self.derived(("closed",), lambda: shapely.union_all([self.keep_out, self.content.closed]))
 
     @property
     def for_robots(self) -> World:
-        """Return the world for collision tests: touching people removed, other people enlarged by the margin."""
+        """Return the world for collision checks of the robot.
+
+        Standing people are enlarged by the margin; people that the robot touches at its start are no obstacles.
+        """
         content = self.content
         if not content.left and not (content.kept and content.bodies):
             return self
@@ -218,7 +222,10 @@ class World(FromCells, FromFiles):
         return self.derived(("for robots",), make)
 
     def keeping(self, margin: float, left: tuple[int, ...] = ()) -> World:
-        """Return the world for a robot that keeps a margin, m, from standing people, except those it leaves."""
+        """Return the world for a robot that keeps a margin, m, from standing people, except from people ``left``.
+
+        These are indices of people that the robot touches at its start, and may move away from.
+        """
         content = self.content
         if (content.kept, content.left) == (margin, left):
             return self
@@ -228,16 +235,16 @@ class World(FromCells, FromFiles):
 
     @cached_property
     def _kept_clear(self) -> dict[tuple[float, tuple[int, ...]], World]:
-        """Return a cache of worlds by margin, so that each keeps its derived values."""
+        """Return a cache of the worlds that `keeping` returned, so that each keeps its derived values."""
         return {}
 
     def blocked(self, z_min: float = -math.inf, z_max: float = math.inf) -> BaseGeometry:
-        """Return `solid` and `closed`, m, where the robot must not be; the extent bounds it as well."""
+        """Return the region, m, where the robot must not be: `solid` and `closed`. It must also stay in the extent."""
         layer = self.ground.layer((z_min, z_max))
         return self.derived(("blocked", layer), lambda: union([self.solid(z_min, z_max), self.closed]))
 
     def free_space(self, z: Heights = WHOLE) -> FreeSpace:
-        """Return the extent without blocked regions, its border indexed for exact distances."""
+        """Return the extent without blocked regions, indexed for exact distances to its border."""
         if self.closed.is_empty:
             return self.ground.free_space(z)
         layer = self.ground.layer(z)
@@ -257,9 +264,8 @@ class World(FromCells, FromFiles):
     def clearance(self, x: Column, y: Column, *, z: Heights = WHOLE) -> Column:
         """Return the distance (M,), m, to the nearest obstacle, keep-out zone or border; 0 inside or beyond them.
 
-        x and y are (M,) in metres; ``z`` is the range of heights that counts. Exact for arrays (about 1 us a
-        point in a building at 0.05 m). CasADi columns get the `clearance_field`, which is signed and
-        smoothed.
+        x and y are (M,) in metres; only obstacles in the range of heights ``z`` count. Exact for arrays (about 1 us per
+        point in a building at 0.05 m). For CasADi columns `clearance_field` is used, which is signed and smoothed.
         """
         if is_symbolic(x) or is_symbolic(y):
             return self.clearance_field(z=z)(x, y)
@@ -269,7 +275,7 @@ class World(FromCells, FromFiles):
     def segments_free(
         self, x0: Column, y0: Column, x1: Column, y1: Column, margin: float, *, z: Heights = WHOLE
     ) -> BoolArray:
-        """Mark segments (M,) that stay in the extent, ``margin`` (m, within 1e-9) away from blocked regions."""
+        """Mark segments (M,) in the extent, at least ``margin`` (m, within 1e-9) away from blocked regions."""
         if not margin >= 0:
             raise OptionError(f"margin must be a distance of at least 0 m; got {shown(margin)}.")
         columns = (np.asarray(c, dtype=np.float64) for c in (x0, y0, x1, y1))
@@ -278,7 +284,7 @@ class World(FromCells, FromFiles):
 
     @property
     def contents(self) -> frozenset[str]:
-        """Return the contents of this world that a criterion may require."""
+        """Return the names of the kinds of content in this world; a criterion may require one, such as "landmarks"."""
         present = {
             "obstacles": self.obstacles or self.raster is not None,
             "keep_out": not (self.keep_out.is_empty and all(z.kind != "keep-out" for z in self.content.zones)),
@@ -314,19 +320,20 @@ class World(FromCells, FromFiles):
         )
 
     def obstruction(self, pose: Pose, radius: float) -> Column:
-        """Return the obstructed fraction (M,) in [0, 1] of the ball of ``radius`` (m) round camera positions.
+        """Return the fraction (M,), in [0, 1], of the ball of ``radius`` (m) round the camera that is inside obstacles.
 
-        x and y are arrays or CasADi columns, z numbers. One `Field` is built and cached for each radius and distinct
-        height; at most 16 heights per call. If all obstacles have unlimited height, one field serves all heights.
+        In ``pose``, x and y are arrays or CasADi columns, z are numbers. One `Field` is built and cached for each
+        radius and distinct height; at most 16 heights per call. If all obstacles have unlimited height, one field
+        serves all heights.
         """
         return obstructed(self, pose, radius)
 
     def obstruction_field(self, radius: float, z: float = 0.0) -> Field:
-        """Return the obstruction as a `Field` for a ball of ``radius`` (m) at height ``z`` (m).
+        """Return a `Field` of the fraction of a ball of ``radius`` (m) at height ``z`` (m) that is inside obstacles.
 
-        Samples are exact; between and at them the spline smooths. With a spacing of at most a tenth of the
-        radius the field is within .003 of phi beside straight walls, and within .005 among cells no larger
-        than the radius; see `Field` for the general statement.
+        Samples are exact, but the spline smooths them. With a spacing of at most a tenth of the radius the field is
+        within .003 of the exact fraction beside straight walls, and within .005 among cells no larger than the radius;
+        see `Field` for the general statement.
         """
         radius = real("radius", radius, LEAST, MOST, "a length in m")
         z = real("the height of a camera", z, -MOST, MOST, "a length in m")
@@ -335,10 +342,10 @@ class World(FromCells, FromFiles):
     # Saving
 
     def describe(self) -> dict[str, Any]:
-        """Return a JSON-able description; `from_description` builds an identical world from it.
+        """Return a JSON-able description, from which `from_description` builds an identical world.
 
-        A world read from files stores the reader, its options, the absolute path and the files' SHA-256;
-        others store coordinates or compressed cells.
+        A world read from files stores the reader, its options, the absolute path and the SHA-256 of the files; others
+        store coordinates or compressed cells.
         """
         return describe(self)
 

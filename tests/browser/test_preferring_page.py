@@ -48,7 +48,7 @@ def test_answers_in_the_file_are_what_was_clicked(browser: Browser, tmp_path: Pa
         box = choice.bounding_box()
         assert box is not None
         assert box["y"] + box["height"] <= size[1]  # to be pressed without scrolling
-        assert page.get_by_role("img", name="Both ways on the map, a and b").is_visible()
+        assert page.get_by_role("img", name="Map of both trajectories, a and b").is_visible()
         shown.append(tuple(row_of(page, front, column) for column in (1, 2)))
         choice.focus()
         page.keyboard.press("Enter")

@@ -42,7 +42,7 @@ def test_a_batch_is_solved_summarised_and_shown(specification: Path) -> None:
     assert (out / "summary.png").stat().st_size > 1000
     assert run("show", out).stdout == done.stdout
     again = run("batch", specification, "--out", out)
-    assert f"going on: {out} has 4 of 4 cases" in again.stdout
+    assert f"continuing: {out} has 4 of 4 cases" in again.stdout
 
 
 def test_ctrl_c_keeps_what_is_finished_and_the_same_command_goes_on(

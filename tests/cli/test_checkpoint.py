@@ -66,13 +66,13 @@ def test_a_search_that_a_limit_stopped_goes_on_to_the_same_front_and_its_file_go
     file = tmp_path / "my search.ckpt"
     stopped = plan(write(tmp_path, {planner: options | {"max_labels": 500}}), "part", "--checkpoint", file)
     assert "label limit" in stopped.stdout
-    assert f"plan again with --checkpoint '{file}' to go on" in " ".join(stopped.stdout.split())
+    assert f"plan again with --checkpoint '{file}' to continue" in " ".join(stopped.stdout.split())
     assert file.is_file()
     whole = write(tmp_path, {planner: options})
-    assert "going on from" not in stopped.stdout
+    assert "continuing from" not in stopped.stdout
     resumed = plan(whole, "resumed", "--checkpoint", file)
     assert resumed.exit_code == 0
-    assert resumed.stdout.startswith(f"going on from {file}\n")
+    assert resumed.stdout.startswith(f"continuing from {file}\n")
     assert plan(whole, "whole").exit_code == 0
     assert front(tmp_path / "resumed") == front(tmp_path / "whole")
     assert not file.exists()
@@ -108,7 +108,7 @@ def test_it_survives_kill_9_while_a_checkpoint_is_written(tmp_path, warm):
     assert process.wait() == -signal.SIGKILL
     resumed = plan(scenario, "resumed", "--checkpoint", file)
     assert resumed.exit_code == 0
-    assert resumed.stdout.startswith(f"going on from {file}\n")
+    assert resumed.stdout.startswith(f"continuing from {file}\n")
     assert plan(scenario, "whole").exit_code == 0
     assert front(tmp_path / "resumed") == front(tmp_path / "whole")
     assert [name for name in os.listdir(tmp_path) if "ckpt" in name] == []

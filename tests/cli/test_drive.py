@@ -45,7 +45,7 @@ def test_what_happens_is_printed_drawn_and_can_be_told_again(folder: Path, tmp_p
         "1.0 s, at",
         "close: 'north'",
         "no options: none is open",
-        "it waits before what is closed",
+        "it waits before the closed part of its path",
         "open: 'south'",
     ):
         assert words in done.output

@@ -91,7 +91,7 @@ def test_mistakes_are_told(run: Run, refused, folder: Path, tmp_path: Path, opti
 def test_nothing_between_commas_is_told(run: Run, folder: Path) -> None:
     result = run("export", folder, "--rows", "knee,")
     assert result.exit_code == 2
-    assert "expected some between commas, such as knee,3" in result.stderr
+    assert "expected names or numbers between commas, such as knee,3" in result.stderr
 
 
 def test_a_folder_without_a_front_is_told(run: Run, refused, tmp_path: Path) -> None:

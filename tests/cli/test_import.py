@@ -89,7 +89,7 @@ def test_a_file_serves_to_plan_with_workers_to_show_and_to_draw_meanwhile(
 
     without = hpop("show", "out", cwd=room)
     assert without.returncode == 7
-    assert "out/front.json was planned with a criterion that is not known here: unknown criterion 'my_way'" in (
+    assert "out/front.json was planned with a criterion that is unknown here: unknown criterion 'my_way'" in (
         without.stderr
     )
     assert "--import FILE_OR_MODULE" in without.stderr
@@ -151,7 +151,7 @@ def test_the_example_is_planned_as_it_says(hpop: Hpop, tmp_path: Path) -> None:
         ("import hpop\nimport gone\n", "own.py", 14, "own.py, line 2: ModuleNotFoundError: No module named 'gone'"),
         ("\n\n1 / 0\n", "own", 14, "own.py, line 3: ZeroDivisionError: division by zero"),
         ("def f():\n    return {}['x']\nf()\n", "own.py", 14, "own.py, line 2: KeyError: 'x'"),
-        ("raise SystemExit\n", "own.py", 14, "own.py, line 1: SystemExit; what it does as a program"),
+        ("raise SystemExit\n", "own.py", 14, "own.py, line 1: SystemExit; put code that runs it as a program"),
         ("from . import ways\n", "own.py", 14, "give PACKAGE.MODULE"),
         ("import hpop.criteria\n", "own.py", 14, "registers no criterion, planner, model, goal, reader or format"),
         (WAY.replace("my_way", "turns"), "own.py", 8, "own.py, line 4: criterion name 'turns' is taken by hpop."),

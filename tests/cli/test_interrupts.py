@@ -118,7 +118,7 @@ def test_sigterm_keeps_what_a_running_search_has_found_and_its_checkpoint(
         process.kill()
     assert "stopping: what was found is kept" in errors.read_text()
     assert "status: interrupted" in said.read_text()
-    assert "plan again with --checkpoint search.ckpt to go on" in said.read_text()
+    assert "plan again with --checkpoint search.ckpt to continue" in said.read_text()
     front = Front.load(room / "out" / "front.json")
     assert (len(front) > 0, front.status) == (True, "interrupted")
     assert "all is drawn beside" in said.read_text()

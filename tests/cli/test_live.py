@@ -206,7 +206,7 @@ def test_an_address_is_told_only_where_something_answers(
         assert not live.is_served
     result = run("plan", room / "room.yaml", "--out", room / "out", "--web", "0")
     assert (result.exit_code, "http://" in result.output) == (0, False)
-    assert "no process could be begun" in result.output
+    assert "could not be started" in result.output
 
 
 def commands() -> bytes:

@@ -88,7 +88,7 @@ def test_a_new_scenario_of_any_map_plans_as_it_is(
     assert planned.exit_code == 0, planned.output
     assert len(Front.load(tmp_path / "out" / "front.json"))
     again = run("new", path, *options)
-    assert (again.exit_code, "is there already" in again.stderr) == (12, True)
+    assert (again.exit_code, " exists; remove it" in again.stderr) == (12, True)
 
 
 def test_the_step_is_so_small_that_a_narrow_door_is_found(
@@ -170,7 +170,7 @@ def test_a_picture_is_called_as_its_map_and_no_way_has_its_own_exit_code(
     (tmp_path / "apart.yaml").write_text(json.dumps(asked))
     result = run("look", "apart.yaml")
     assert result.exit_code == 6, result.output
-    assert "no way leads from the start to" in result.stderr
+    assert "no path seems to lead from the start to" in result.stderr
     assert (tmp_path / "apart_look.png").exists()
     (tmp_path / "apart.yaml").write_text(json.dumps({**asked, "goal": [[7, 2, 0], [2, 4, 0]]}))
     assert run("look", "apart.yaml").exit_code == 0  # one of two goals can be reached

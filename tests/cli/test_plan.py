@@ -295,7 +295,7 @@ def test_an_interruption_while_drawing_says_where_the_front_is_and_that_pictures
     result = plan(room)
     assert (result.exit_code, begun) == (130, [])
     assert result.stderr == (
-        f"interrupted: the front is {said} in {room / 'out' / 'front.json'}; the pictures were left out; "
+        f"interrupted: the front is {said} in {room / 'out' / 'front.json'}; pictures are missing; "
         f"`hpop show {room / 'out'}` prints the front\n"
     )
     assert len(Front.load(room / "out" / "front.json")) > 0
@@ -343,7 +343,7 @@ def test_what_one_planner_found_survives_the_failure_of_the_next(
     if code == 130:
         assert "complete | interrupted" in result.stdout
     else:
-        assert "what was found before is saved in" in result.stderr
+        assert "the front found before is saved in" in result.stderr
 
 
 @pytest.mark.usefixtures("no_pictures")

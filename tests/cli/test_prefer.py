@@ -58,7 +58,7 @@ def test_somebody_is_asked_and_the_best_row_is_told_and_kept(folder: Path, run: 
 def test_asking_goes_on_where_it_ended_and_the_end_of_the_input_stops(folder: Path, run: Run) -> None:
     assert run("prefer", folder, typed="a\ntie\n").exit_code == 0
     more = run("prefer", folder, typed="b\nstop\n")
-    assert "going on after 2 answers" in more.output
+    assert "continuing after 2 answers" in more.output
     assert "no more questions: as asked" in more.output
     answers = Preference.load(folder / "preference.json").answers
     assert [answer.chosen is None for answer in answers] == [False, True, False]
@@ -71,12 +71,12 @@ def test_asking_goes_on_where_it_ended_and_the_end_of_the_input_stops(folder: Pa
 def test_who_cannot_go_on_is_told_before_the_first_question(folder: Path, run: Run) -> None:
     nowhere = run("prefer", folder, "--out", folder / "none" / "p.json", typed="a\n")
     assert nowhere.exit_code == 12
-    assert "its folder is not there; make it first" in nowhere.output
+    assert "its folder does not exist; create it" in nowhere.output
     assert "Which of the two" not in nowhere.output
     assert run("prefer", folder, "--seed", "1", typed="a\n").exit_code == 0
     again = run("prefer", folder, "--seed", "2", typed="a\n")
     assert again.exit_code == 17
-    assert "was begun with --seed 1, got 2; leave it out to go on" in again.output
+    assert "was begun with --seed 1, got 2; leave it out to continue" in again.output
 
 
 @pytest.mark.usefixtures("without_pictures")
@@ -223,7 +223,7 @@ def test_the_page_asks_takes_each_answer_once_and_tells_the_end_to_who_knows_its
     assert request("POST", here, {"Content-Length": "9" * 5_000}, answer="a")[0] == 400
     asked.disk_is_full = True
     assert (
-        "answer was not kept: cannot write p07.json: &lt;no&gt; space"
+        "answer was not saved: cannot write p07.json: &lt;no&gt; space"
         in request("POST", here, answer="a", question=2)[1]
     )
     assert said[1:] == ["cannot write p07.json: <no> space left"]

@@ -129,7 +129,7 @@ def test_a_stage_that_fails_leaves_the_front_before_it(
     # Who stops a search gets the prompt back: what was found is drawn by another process.
     assert drawn[2:] == [("interrupted", 4)] * (status == "interrupted")
     assert ("written to" in result.stdout) is (status == "interrupted")
-    assert ("what was found before is saved in" in result.stderr) is (status == "unfinished")
+    assert ("the front found before is saved in" in result.stderr) is (status == "unfinished")
 
 
 def test_ctrl_c_while_a_stage_is_saved_keeps_it(room: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -68,7 +68,7 @@ def test_from_the_front_to_the_tables_and_without_whoever_withdrew(study: Study,
 
     unsure = study("withdraw", "s", "p07")  # nobody is there to be asked
     assert unsure.exit_code == 17
-    assert "give --yes to delete all that is known of p07" in unsure.output
+    assert "give --yes to delete all data of p07" in unsure.output
     assert Path("s/answers/p07.json").exists()
     gone = study("withdraw", "s", "p07", "--yes")
     assert gone.exit_code == 0, gone.output

@@ -1,6 +1,6 @@
 """Content of a world: people and their conversations, landmarks to be seen, zones with rules.
 
-Frozen values in metres and radians, world frame. None of them is an obstacle to the camera. A standing person blocks
+Frozen values in metres and radians, world frame. None of them blocks the view of the camera. A standing person blocks
 the robot like a column of its radius; a moving person blocks it at the predicted positions, see
 :mod:`hpop.world.content.people`.
 """
@@ -108,8 +108,8 @@ class Zone:
 class Content:
     """All people, conversations, landmarks and zones of a world.
 
-    people     in order
-    groups     conversations: indices into ``people``, at least two each
+    people
+    groups     conversations: two or more indices into ``people`` each
     landmarks
     zones
     left       set by a problem: indices of people that the robot touches at the start and may move away from
@@ -132,15 +132,15 @@ class Content:
             except TypeError:
                 items = None
             if items is None or not all(isinstance(item, kind) for item in items):
-                each = "a list of places in people" if kind is Iterable else f"a {kind.__name__}"
+                each = "a list of indices into people" if kind is Iterable else f"a {kind.__name__}"
                 raise MapError(f"{name} must be a list, each {each}; got {shown(given)}.")
             object.__setattr__(self, name, items)
         object.__setattr__(self, "groups", tuple(tuple(map(python_value, group)) for group in self.groups))
         for group in self.groups:
             known = all(is_whole(i) and 0 <= i < len(self.people) for i in group)
             if not known or len(set(group)) < 2 or len(set(group)) != len(group):
-                places = f"their places, 0 to {len(self.people) - 1}" if self.people else "their places; there are none"
-                raise MapError(f"a group names two or more different people by {places}; got {shown(group)}.")
+                indices = f"indices 0 to {len(self.people) - 1}" if self.people else "index, but the world has none"
+                raise MapError(f"a group names two or more different people by {indices}; got {shown(group)}.")
 
     @cached_property
     def closed(self) -> BaseGeometry:
@@ -151,15 +151,16 @@ class Content:
 
     @cached_property
     def bodies(self) -> dict[int, BaseGeometry]:
-        """Return the bodies of standing people by index, m, enlarged by the robot's clearance."""
+        """Return the outline of each standing person, m, by index in ``people``, enlarged by the clearance ``kept``."""
         return {i: _body(person, self.kept) for i, person in enumerate(self.people) if not person.moves}
 
     @cached_property
     def kinks(self) -> FloatArray:
-        """Return the sorted times (K,), s, at which a prediction begins, ends or changes its velocity."""
-        each = [one for person in self.people for _, one in person.hypotheses]
-        tracks = [one.track.times for one in each if one.track is not None]
-        return distinct(np.concatenate([[one.until for one in each if one.until is not None], *tracks]))
+        """Return the sorted times (K,), s, at which any prediction begins, ends or changes its velocity."""
+        hypotheses = [hypothesis for person in self.people for _, hypothesis in person.hypotheses]
+        tracks = [person.track.times for person in hypotheses if person.track is not None]
+        ends = [person.until for person in hypotheses if person.until is not None]
+        return distinct(np.concatenate([ends, *tracks]))
 
     @property
     def fastest(self) -> float:
@@ -168,7 +169,7 @@ class Content:
 
     @property
     def present(self) -> frozenset[str]:
-        """Return the kinds of content here that criteria may require."""
+        """Return the names of the kinds of content in this world; a criterion may require one, such as "groups"."""
         kinds = {
             "people": bool(self.people),
             "moving people": any(person.moves for person in self.people),
@@ -210,7 +211,7 @@ class Content:
 
 
 def _body(person: Person, margin: float) -> BaseGeometry:
-    """Return the polygon of 64 corners, m, that encloses a standing person and a margin."""
+    """Return a polygon of 64 corners, m, that encloses the body of a standing person, enlarged by a margin, m."""
     return shapely.Point(person.x, person.y).buffer((person.radius + margin) / np.cos(np.pi / 64), quad_segs=16)
 
 

@@ -23,7 +23,7 @@ SAME_SUM = 1e-12  # tolerance of the sum of normalised weights
 
 
 def named_as(what: str, name: object) -> str:
-    """Return "person 'Ada'" or "a person" as the subject of an error; MapError if the name is no text.
+    """Return "person 'Ada'" or "a person" as the subject of an error message; MapError if the name is no text.
 
     >>> named_as("person", "Ada"), named_as("person", "")
     ("person 'Ada'", 'a person')
@@ -34,19 +34,22 @@ def named_as(what: str, name: object) -> str:
 
 
 def set_numbers(value: object, what: str, *names: str) -> None:
-    """Convert attributes to floats, so that a description holds equal numbers."""
+    """Convert the named attributes of a frozen value to floats, so that equal values have equal descriptions."""
     for name in names:
         object.__setattr__(value, name, number(what, name, getattr(value, name)))
 
 
 def number(what: str, name: str, value: Any, least: float | None = None) -> float:
-    """Return a finite number of at least ``least``; MapError otherwise. "x" and "y" are checked as coordinates."""
+    """Return a value as a finite float of at least ``least``; MapError otherwise.
+
+    "x" and "y" are limited as coordinates.
+    """
     most = FARTHEST if name in ("x", "y") else MOST
     return float(real(f"{what}: {name}", value, -most if least is None else least, most, error=MapError))
 
 
 def pair(what: str, name: str, value: Any, unit: str) -> tuple[float, float]:
-    """Return two finite numbers (x, y), such as a velocity; MapError otherwise."""
+    """Return a vector (x, y) as two finite floats; MapError otherwise. ``unit`` is only for the message."""
     try:
         x, y = value
     except (TypeError, ValueError):
@@ -55,7 +58,7 @@ def pair(what: str, name: str, value: Any, unit: str) -> tuple[float, float]:
 
 
 def check_radians(what: str, name: str, angle: float) -> None:
-    """Raise MapError for an angle that must be in degrees."""
+    """Raise MapError for an angle so large that it must be meant in degrees."""
     if advice := not_radians(angle):
         raise MapError(f"{what}: {name} {advice}.")
 
@@ -70,7 +73,7 @@ class Future:
     track       instead of a velocity
     until       s   when this future ends; None: when the person's prediction ends
     x, y        m   where a future without a track begins; None: at the person
-    yaw, afterwards, spread, growth  None: as the person's
+    yaw, afterwards, spread, growth  None: those of the person
     """
 
     weight: float
@@ -100,13 +103,13 @@ class Future:
 
     @classmethod
     def of(cls, weight: float, person: Person) -> Future:
-        """Return a person's single prediction as one of several futures."""
+        """Return a person with a single prediction as a future of this weight."""
         names = ("velocity", "track", "until", "afterwards", "spread", "growth", "x", "y", "yaw")
         return cls(weight, **{name: getattr(person, name) for name in names})
 
 
 def check_track(what: str, track: object, velocity: tuple[float, float]) -> None:
-    """Raise MapError if a track is of the wrong type or stands beside a velocity."""
+    """Raise MapError if a track is of the wrong type, or given in addition to a velocity."""
     if not isinstance(track, Track):
         raise MapError(f"{what} needs an hpop.world.Track as its track; got {shown(track)}.")
     if velocity != STANDS:
@@ -114,7 +117,7 @@ def check_track(what: str, track: object, velocity: tuple[float, float]) -> None
 
 
 def checked_velocity(what: str, given: tuple[float, float]) -> tuple[float, float]:
-    """Return a velocity, m/s; speeds below the least, such as a tracker's noise at rest, become 0."""
+    """Return a velocity, m/s, checked for units. Speeds below `LEAST`, such as the noise of a tracker, become 0."""
     velocity = pair(what, "velocity", given, "m/s")
     speed = math.hypot(*velocity)
     if speed > FASTEST:
@@ -131,7 +134,10 @@ def heading_along(velocity: tuple[float, float]) -> float:
 
 
 def checked_futures(what: str, given: Any, looks_ahead: bool) -> tuple[Future, ...]:
-    """Return futures with normalised weights; each takes its own heading if the person has none."""
+    """Return futures with weights normalised to sum 1.
+
+    With ``looks_ahead``, a future without a heading gets that of its velocity.
+    """
     futures = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else None
     if futures is None or not all(isinstance(future, Future) for future in futures):
         raise MapError(f"{what}: futures are a list of hpop.world.Future(weight, velocity=...); got {shown(given)}.")

@@ -37,7 +37,7 @@ from hpop.world.tracks.track import Track
 
 SAME_PLACE = 1e-3  # m, tolerance between a person's position and the track at time 0
 WIDEST = 2.0
-"""m, of a person's radius: with what they push or carry; more is given in another unit."""
+"""Largest radius, m, of a person, including a pram or trolley; a greater number must be in another unit."""
 
 
 @checked_arguments
@@ -117,7 +117,7 @@ class Person:
             object.__setattr__(self, name, value)
 
     def _check_begin(self, what: str, future: Future) -> None:
-        """Check that a future's track begins at the person, unless the future has a position of its own."""
+        """Check that the track of a future begins at the person, unless the future has a position (x, y) of its own."""
         if future.track is None or future.x is not None or future.y is not None:
             return
         x, y = (float(place) for place in future.track.at(0.0))
@@ -137,7 +137,7 @@ class Person:
 
     @property
     def moves(self) -> bool:
-        """Return whether the person changes over time; False only for a person who stands for ever, equally certain."""
+        """Return whether the position, the presence or the uncertainty of the person changes over time."""
         leaves = self.until is not None and self.afterwards == "gone"
         return self.velocity != STANDS or self.track is not None or bool(self.futures) or self.growth > 0 or leaves
 
@@ -155,7 +155,7 @@ class Person:
 
     @property
     def settled(self) -> float:
-        """Return the time, s, after which nothing about the person changes: 0 if standing, ∞ without an end."""
+        """Return the time, s, after which nothing about the person changes: 0 if standing, ∞ if it never settles."""
         if self.futures:
             return max(person.settled for _, person in self.hypotheses)
         if not self.moves:
@@ -164,7 +164,7 @@ class Person:
 
     @cached_property
     def hypotheses(self) -> tuple[tuple[float, Person], ...]:
-        """Return (weight, person) for each future; weights sum to 1, and each person has one future."""
+        """Return one pair (weight, person) per future. The weights sum to 1; each person has this future only."""
         if not self.futures:
             return ((1.0, self),)
         return tuple((future.weight, self._with(future)) for future in self.futures)
@@ -176,15 +176,15 @@ class Person:
 
     @property
     def begin(self) -> float:
-        """Return the time, s, at which the person first appears: 0, or the later begin of a track.
+        """Return the time, s, at which the person first appears: 0, or the begin of a track that begins later.
 
-        For one future only.
+        Raises MapError for a person with several futures.
         """
         self._check_one("begin")
         return 0.0 if self.track is None else max(self.track.begin, 0.0)
 
     def way(self) -> FloatArray:
-        """Return the corners (N, 4) of the path from now on: time s, x, y m, and the yaw rad up to the next corner.
+        """Return the predicted path as corners (N, 4): time, s; x, y, m; heading, rad, from there to the next corner.
 
         The person moves straight and at constant speed between corners, and stands or is gone after the last. Raises
         MapError for several futures or a prediction without end; the people of a :class:`hpop.Problem` always have an
@@ -201,7 +201,7 @@ class Person:
         return np.stack([times, np.broadcast_to(x, times.shape), np.broadcast_to(y, times.shape), yaw], axis=1)
 
     def _with(self, future: Future) -> Person:
-        """Return the person with one of the futures as its only prediction."""
+        """Return the person with one of its futures as the only prediction."""
         names = ("x", "y", "yaw", "until", "afterwards", "spread", "growth")
         own = {name: value for name in names if (value := getattr(future, name)) is not None}
         if future.until is not None and self.until is not None:
@@ -211,18 +211,19 @@ class Person:
         return replace(self, velocity=future.velocity, track=future.track, futures=(), **own)
 
     def shifted(self, x: float, y: float) -> Person:
-        """Return the person with all positions shifted by (x, y), m."""
+        """Return the person with all positions, also those of tracks and futures, shifted by (x, y), m."""
 
-        def track(one: Track | None) -> Track | None:
-            return None if one is None else replace(one, x=one.x + x, y=one.y + y)
+        def shifted_track(track: Track | None) -> Track | None:
+            return None if track is None else replace(track, x=track.x + x, y=track.y + y)
 
-        def moved(at: float | None, by: float) -> float | None:
-            return None if at is None else at + by
+        def added(value: float | None, shift: float) -> float | None:
+            return None if value is None else value + shift
 
         futures = tuple(
-            replace(one, track=track(one.track), x=moved(one.x, x), y=moved(one.y, y)) for one in self.futures
+            replace(future, track=shifted_track(future.track), x=added(future.x, x), y=added(future.y, y))
+            for future in self.futures
         )
-        return replace(self, x=self.x + x, y=self.y + y, track=track(self.track), futures=futures)
+        return replace(self, x=self.x + x, y=self.y + y, track=shifted_track(self.track), futures=futures)
 
     def at(self, t: Column) -> tuple[Column, Column]:
         """Return the position (x, y), m, at times t, s; after ``until`` it is constant. For one future only."""
@@ -242,7 +243,11 @@ class Person:
         return vx * walks, vy * walks
 
     def ahead_at(self, t: Column) -> tuple[Column, Column]:
-        """Return the unit vector (x, y) of walking or, at rest, of facing, at times t, s. For one future only.
+        """Return the unit vector (x, y) in which the person walks or, at rest, faces, at times t, s.
+
+        For one future only.
+
+        For one future only.
 
         A person who stops keeps the direction of the last movement.
         """
@@ -260,7 +265,7 @@ class Person:
         return self.yaw if along is None else np.arctan2(along[1], along[0])
 
     def there(self, t: Column) -> Column:
-        """Return 1 where the person is present at times t, s, else 0; the number 1.0 if always present.
+        """Return 1 where the person is present at times t, s, else 0; the number 1.0 for a person always present.
 
         A person is present from a track's first time on, and until ``until`` if gone afterwards.
         """
@@ -280,7 +285,7 @@ class Person:
         return np.sqrt(self.spread * self.spread + grown * grown)
 
     def later(self, t: float) -> Person:
-        """Return the person with its prediction shifted, so that ``t`` seconds from now becomes time 0."""
+        """Return the person as predicted for ``t`` seconds from now, so that time 0 is then."""
         if not self.moves:
             return self
         if self.futures:
@@ -300,7 +305,7 @@ class Person:
         return replace(ended, spread=float(self.deviation(t)), growth=0.0, age=0.0)
 
     def _age(self, t: float) -> float:
-        """Return the age of the prediction ``t`` seconds later; unchanged if its uncertainty does not grow."""
+        """Return the age, s, of the prediction ``t`` seconds later; unchanged if its uncertainty does not grow."""
         grows = any(person.growth > 0 for _, person in self.hypotheses)
         return self.age + t if grows else self.age
 
@@ -310,15 +315,15 @@ class Person:
     def _check_one(self, name: str) -> None:
         if self.futures:
             raise MapError(
-                f"{named_as('person', self.name)} has {len(self.futures)} futures, so there is no one answer to "
-                f"{name}(t): ask each of person.hypotheses, which are (weight, person)."
+                f"{named_as('person', self.name)} has {len(self.futures)} futures, so {name}(t) has no single value: "
+                "call it for each (weight, person) of person.hypotheses."
             )
 
 
 def described_person(person: Person) -> dict[str, Any]:
     """Return a JSON-able description of a person; :func:`person_from` turns it into an equal person.
 
-    Predictions with default values are left out.
+    Attributes of the prediction are left out if they have their default values.
     """
     always = ("x", "y", "yaw", "velocity", "radius", "name")
     return {name: _plain(value) for name, value in _attributes(person) if name in always or value != _DEFAULTS[name]}

@@ -1,10 +1,10 @@
-"""Cut predictions at walls, at the edge of the map, at a horizon, and before a standing robot.
+"""Cut predictions of people at walls, at the edge of the map, at a horizon, and before a standing robot.
 
-A recorded track stays as it is. A prediction is cut where it becomes impossible, so that from some time on nothing
-changes any more. Notes say where it was cut, and the state afterwards.
+Recorded tracks are not cut. A prediction is cut where it becomes impossible, so that from some time on nothing changes
+any more. Notes say where each prediction was cut, and whether the person stays there or is gone.
 
-A prediction ignores the robot, so a person who slowly approaches would walk through it, and a robot that must turn
-before it can leave would have no path. Such a person is therefore assumed to stop before the robot.
+A prediction ignores the robot. A person predicted to approach slowly would walk through the robot, and a robot that
+must turn before it can leave would have no path. Such a person is therefore assumed to stop before the robot.
 """
 
 from __future__ import annotations
@@ -30,24 +30,24 @@ if TYPE_CHECKING:
     from hpop.world.world import World
 
 TOUCH = 1e-9
-"""m, below which a line only touches an area, or goes on in it."""
+"""m: a shorter part of a path within an area only touches it; a shorter part outside does not leave it."""
 
 Span = tuple[float, float]
 TALL = (0.0, 1.8)
-"""Heights, m, at which obstacles are in the way of people."""
+"""Range of heights, m, in which obstacles stop people."""
 DEEP = 0.1
-"""m within an obstacle, from which on a person cannot be meant to be there."""
+"""Depth within an obstacle, m, that is still taken for an inaccurate position beside it."""
 SHIFTED = 0.5
-"""m within an obstacle, up to which a person who walks is shifted out of it: trackers are off by as much."""
+"""Depth within an obstacle, m, up to which a walking person is moved out of it: the error of a tracker."""
 AWAY = 1e5
-"""m: a person so far away matters to nobody."""
+"""Distance, m, by which people who are left out are moved away, so that they affect nothing."""
 MOVED = "shifted to its border"
 LEFT_OUT = "left out"
 STAYS = "who stand there, as the map or the place is off; they block what they cover"
 SAME = 1e-6
-"""s; ends nearer than that to each other are the same."""
+"""Difference, s, up to which two times count as equal."""
 DIGITS = 9
-"""Digits of an end, s: what is beyond is rounding."""
+"""Decimal places to which the end of a prediction, s, is rounded."""
 ENDS = {
     "wall": "would walk into an obstacle, and are predicted to stop before it and to stay",
     "map": "leave the map, and are gone from then on",
@@ -57,9 +57,9 @@ ENDS = {
 }
 AFTERWARDS = {"gone": "are gone from then on", "stays": "stay where they are then"}
 GAP = 0.02
-"""m between a person who has stopped and what a robot needs."""
+"""Distance, m, between a person who stops for the robot and the space that the robot needs."""
 WITHIN = 5.0
-"""s: a robot that has not left its place by then is not kept there by people who come later."""
+"""Time, s, that a robot gets to leave its position: people who reach it later are not assumed to stop."""
 STEP = 0.01  # s between the moments at which contact is looked for
 SIGMAS = 1.645  # standard deviations by which a person of uncertain position stops earlier
 
@@ -77,7 +77,7 @@ class WalkedPath:
 
     @classmethod
     def of(cls, person: Person, bounds: tuple[float, float, float, float]) -> WalkedPath | None:
-        """Return the path of a person with one future until it has left the bounds; None for a standing person."""
+        """Return the path of a person with one future, until it has left the bounds; None for a standing person."""
         if person.track is not None:
             track = person.track.later(0.0)
             points = np.stack([track.x, track.y], axis=1)
@@ -93,7 +93,7 @@ class WalkedPath:
 
     @cached_property
     def lengths(self) -> FloatArray:
-        """Return the distance of each point along the path (N,), m."""
+        """Return the distance (N,), m, of each point from the begin, along the path."""
         return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self.points, axis=0).T))])
 
     def time(self, length: float) -> float:
@@ -106,11 +106,10 @@ class WalkedPath:
         return float(self.times[leg - 1] + min(share, 1.0) * (self.times[leg] - self.times[leg - 1]))
 
     def enters(self, area: BaseGeometry, beyond: float = 0.0) -> float | None:
-        """Return the distance along the path, m, at which it first enters an area, or None.
+        """Return the distance along the path, m, at which it first enters an area; None if it never does.
 
-        Following the border is not entering.
-
-        Entries that end before ``beyond``, m, do not count: the person steps out of the area at the beginning.
+        A path along the border does not enter. A part inside that ends within ``beyond`` m of the begin is ignored:
+        such a person starts inside and steps out.
         """
         for begin, end in self._spans(area):
             if end > beyond and shapely.contains_xy(area, *self._place((begin + end) / 2)):
@@ -118,7 +117,7 @@ class WalkedPath:
         return None
 
     def leaves(self, area: BaseGeometry) -> float | None:
-        """Return the distance along the path, m, at which it leaves an area: 0 if never inside, None if it stays."""
+        """Return the distance along the path, m, at which it leaves an area: 0 if it begins outside, None if never."""
         spans = self._spans(area)
         if not spans:
             stays = self.lengths[-1] == 0.0 and area.covers(shapely.Point(self.points[0]))
@@ -135,7 +134,7 @@ class WalkedPath:
         return x, y
 
     def _spans(self, area: BaseGeometry) -> list[Span]:
-        """Return the sorted begins and ends, m, of the path's parts in an area, border included."""
+        """Return the sorted (begin, end) distances, m, of the parts of the path inside an area or on its border."""
         legs = np.stack([self.points[:-1], self.points[1:]], axis=1)  # (N-1, 2, 2)
         lines: Any = shapely.linestrings(legs)
         shapely.prepare(area)
@@ -157,7 +156,7 @@ class WalkedPath:
 
 
 class End(NamedTuple):
-    """End of a prediction: the person in words, the time, s, the reason (a key of ENDS), and the state afterwards."""
+    """End of a prediction: name of the person, time, s, reason (a key of ENDS), and whether the person then stays."""
 
     who: str
     time: float
@@ -166,7 +165,7 @@ class End(NamedTuple):
 
 
 class Inside(NamedTuple):
-    """Person within an obstacle: the person in words, the position, m, and the treatment."""
+    """Person within an obstacle: name, position, m, and what was done, such as `MOVED`, in words for a note."""
 
     who: str
     place: tuple[float, float]
@@ -211,7 +210,7 @@ def bounded(world: World, horizon: float | None = None) -> tuple[tuple[Person, .
 
 
 def with_people(world: World, people: tuple[Person, ...]) -> World:
-    """Return a world with other people, in order; the same object if they are equal."""
+    """Return the world with its people replaced, in the same order; the same object if nothing changes."""
     content = world.content
     if people == content.people:
         return world
@@ -219,7 +218,11 @@ def with_people(world: World, people: tuple[Person, ...]) -> World:
 
 
 def _cut(world: World, person: Person, horizon: float | None, who: str) -> tuple[Person, End | None]:
-    """Return a person with one future, cut, and the end; the same object if nothing changes."""
+    """Cut the prediction of a person with one future.
+
+    Return the person (the same object if nothing changes) and the end of the prediction; None for a person who never
+    changes.
+    """
     if not person.moves:
         return person, None
     if person.velocity == STANDS and person.track is None:
@@ -245,21 +248,24 @@ def _cut(world: World, person: Person, horizon: float | None, who: str) -> tuple
 
 
 def _comes(world: World, person: Person) -> bool:
-    """Return whether a person is ever on the map, as predicted or recorded."""
+    """Return whether the predicted or recorded path of a person crosses the map."""
     way = WalkedPath.of(person, world.bounds)
     line = shapely.Point(person.x, person.y) if way is None else shapely.LineString(way.points)
     return bool(world.extent.intersects(line))
 
 
 def _ending(person: Person, end: End) -> Person:
-    """Return the person with its prediction ended."""
+    """Return the person with the prediction cut at the given end."""
     if person.track is not None and end.time <= person.track.begin:  # comes only after the end: never
         return replace(person, track=None, until=0.0, afterwards="gone")
     return replace(person, until=round(end.time, DIGITS), afterwards=end.afterwards)
 
 
 def _standing(person: Person, horizon: float | None, who: str) -> tuple[Person, End | None]:
-    """Return a standing person who leaves, or grows uncertain, with the end; a horizon only ends growth."""
+    """Return a standing person who leaves or grows uncertain, with the end of this prediction.
+
+    A horizon only ends the growth of the uncertainty; the person stays.
+    """
     leaves = person.until is not None and person.afterwards == "gone"
     if leaves and person.until == 0.0:
         return person, None
@@ -310,7 +316,7 @@ def _outside(world: World) -> tuple[World, list[Inside]]:
 
 
 def _way_out(solid: BaseGeometry, place: tuple[float, float]) -> tuple[float, float]:
-    """Return the shift (x, y), m, that brings a position out of an obstacle; (0, 0) up to ``DEEP`` inside."""
+    """Return the shift (x, y), m, from a position within an obstacle to its border; (0, 0) up to ``DEEP`` m inside."""
     here = shapely.Point(place)
     if not solid.contains(here) or solid.boundary.distance(here) <= DEEP:
         return 0.0, 0.0
@@ -343,13 +349,13 @@ def _note_of(elsewhere: Sequence[str]) -> Iterable[str]:
 
 
 def yielding(person: Person, place: tuple[float, float], reach: float, begin: float = 0.0) -> Person:
-    """Return a person who stops before a robot at ``place``; the same object if it does not reach the robot.
+    """Return the person with a prediction that stops before a standing robot; the same object if they never meet.
 
     Parameters
     ----------
     place : (x, y) m, position of the robot's axis
     reach : m, radius that the robot needs: its body, the margin, and the deviation of its execution
-    begin : s, from when on the robot stands there; a person who comes more than ``WITHIN`` later is left as predicted
+    begin : s, when the robot begins to stand there; a person who arrives more than ``WITHIN`` later does not stop
     """
     if not person.futures:
         return _stopped(person, place, reach, begin)
@@ -362,18 +368,18 @@ def yielding(person: Person, place: tuple[float, float], reach: float, begin: fl
 def with_stops(
     people: Sequence[Person], which: Sequence[int], place: tuple[float, float], reach: float
 ) -> tuple[Person, ...]:
-    """Return people, with those at the given indices stopping before a robot, see :func:`yielding`."""
+    """Return all people; those with the given indices are predicted to stop before the robot, see :func:`yielding`."""
     return tuple(yielding(person, place, reach) if i in which else person for i, person in enumerate(people))
 
 
 def taken_to_stop(people: Sequence[Person], which: Sequence[int]) -> str:
-    """Return a note on the people, by index, who are assumed to stop before the robot."""
+    """Return a note that names the people, given by index, who are assumed to stop before the robot."""
     who = some([repr(people[i].name) if people[i].name else f"number {i}" for i in which])
     return f"people who would walk up to the robot before it can be away, and are taken to stop before it: {who}"
 
 
 def _stopped(person: Person, place: tuple[float, float], reach: float, begin: float) -> Person:
-    """Return a person with one future who stops before the robot."""
+    """Return a person with one future, predicted to stop before coming too near to the standing robot."""
     if person.velocity == STANDS and person.track is None:
         return person
     times = np.arange(0.0, begin + WITHIN, STEP)

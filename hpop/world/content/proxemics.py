@@ -23,13 +23,13 @@ from hpop.world.fields.field import Field
 HALL = {"intimate": 0.45, "personal": 1.2, "social": 3.6}
 """Outer limits of Hall's zones, m, between surfaces (Hall 1966); farther off is public."""
 BLOCK = 8192  # samples evaluated together: few enough that their intermediate columns stay in the processor's cache
-FAR = 160, 640  # steps of the table from no distance to an infinite one, least and most: 11 a detail at the end
-SHARES = 96  # steps of the table from no distance to no deviation
+FAR = 160, 640  # least and most table steps from distance 0 to infinity: 11 per detail, at the end of the effect
+SHARES = 96  # table steps from distance 0 to deviation 0
 MARGIN = 6  # steps beyond the needed range, in which end effects of the interpolating spline die away
 STRETCH = 2.0  # weight of a deviation relative to a distance
-NODES = 32, 96  # of Gauss-Legendre an integral, least and most: 7 a detail
-WINDOW = 6.5  # deviations about the predicted place: 1e-9 of a normal distribution is beyond
-AT_ONCE = 4096  # integrals: the columns of their nodes take 3 MB each
+NODES = 32, 96  # least and most Gauss-Legendre nodes per integral: 7 per detail
+WINDOW = 6.5  # standard deviations to integrate over; 1e-9 of a normal distribution lies beyond
+AT_ONCE = 4096  # integrals computed together: each array over their nodes takes 3 MB
 TINY = 1e-9  # m: least distance and deviation, which avoids 0/0
 
 
@@ -50,37 +50,37 @@ def offset(person: Person, x: Column, y: Column, t: Column | None) -> tuple[Colu
 
 
 def in_frame(person: Person, x: Column, y: Column, t: Column | None) -> tuple[Column, Column]:
-    """Return points (N,) in a person's frame, m: ahead and to the left. Ahead is where the person walks or faces."""
+    """Return points (N,) in the frame of a person, m: ahead, which is where the person walks or faces, and left."""
     dx, dy = offset(person, x, y, t)
     cos, sin = person.ahead_at(t)
     return dx * cos + dy * sin, dy * cos - dx * sin
 
 
 def expected(people: Iterable[Person], effect: Callable[..., Column], *columns: Column | None) -> Column:
-    """Return the sum (N,), over people, of the mean of ``effect(person, *columns)`` over the person's futures.
+    """Return the sum (N,), over people, of the mean of ``effect(person, *columns)`` over the futures of each person.
 
     A person counts while present. The effect receives people with one future, and handles their deviation itself. The
     last column is the time, or None if all people stand.
     """
 
-    def share(one: tuple[float, Person], *part: Column | None) -> Column:
-        weight, person = one
+    def share(hypothesis: tuple[float, Person], *part: Column | None) -> Column:
+        weight, person = hypothesis
         value = _while_there(person, effect(person, *part), part[-1])
         return value if weight == 1.0 else weight * value
 
-    return over([one for person in people for one in person.hypotheses], share, np.add, *columns)
+    return over([pair for person in people for pair in person.hypotheses], share, np.add, *columns)
 
 
 def worst(people: Iterable[Person], effect: Callable[..., Column], *columns: Column | None) -> Column:
-    """Return the maximum (N,) of ``effect(person, *columns)`` >= 0 over people and futures, see :func:`expected`.
+    """Return the largest ``effect(person, *columns)`` (N,), at least 0, over all people and all their futures.
 
-    Each future counts, however unlikely.
+    Each future counts, however unlikely. For the arguments see :func:`expected`.
     """
 
     def alone(person: Person, *part: Column | None) -> Column:
         return _while_there(person, effect(person, *part), part[-1])
 
-    return over([one for person in people for _, one in person.hypotheses], alone, np.maximum, *columns)
+    return over([single for person in people for _, single in person.hypotheses], alone, np.maximum, *columns)
 
 
 def _while_there(person: Person, value: Column, t: Column | None) -> Column:
@@ -94,13 +94,10 @@ def over(
     combine: Callable[[Column, Column], Column],
     *columns: Column | None,
 ) -> Column:
-    """Combine the effects (N,) ``effect(item, *columns)`` of items: sums with np.add, maxima with np.maximum.
+    """Combine the effects (N,) of items, ``effect(item, *columns)``, with np.add to a sum or np.maximum to a maximum.
 
-    Columns are (N,), or None where an effect does not need them. Arrays are evaluated block by block, which is several
-    times faster, and each run of equal samples once.
-
-    >>> over([1.0, 2.0], np.multiply, np.add, np.arange(4.0))
-    array([0., 3., 6., 9.])
+    Columns are (N,), or None where an effect does not need them. Arrays are evaluated in blocks, which is several times
+    faster, and equal samples that follow each other only once.
     """
     items = tuple(items)
 
@@ -119,7 +116,7 @@ def over(
 
 
 def _once_a_run(function: Callable[..., Column], columns: list[Column | None]) -> Column:
-    """Evaluate a function once for each run of equal samples, and return its values (N,) for all samples."""
+    """Return the values (N,) of a function that is evaluated once for each run of successive equal samples."""
     given = [column for column in columns if column is not None]
     changes = np.ones(given[0].size, dtype=bool)
     changes[1:] = np.any([column[1:] != column[:-1] for column in given], axis=0)
@@ -202,7 +199,7 @@ def _means(
     nu: FloatArray,
     sigma: FloatArray,
 ) -> FloatArray:
-    """Return the integrals (N,) at distances and deviations (N,), each by ``count`` quadrature nodes."""
+    """Return the mean (N,) of `Blurred` for each distance and deviation (N,), m, by quadrature with ``count`` nodes."""
     from scipy.special import i0e, i1e  # slow to import
 
     nodes, weights = np.polynomial.legendre.leggauss(count)

@@ -12,7 +12,10 @@ Four = tuple[float, float, float, float]
 
 @lean
 def _primitive(t: float, d: float, r: float, a: float) -> float:
-    """Return the antiderivative over psi of (r^2 - rho^2)^(3/2) along the line at distance d, at t = d tan(psi)."""
+    """Return an antiderivative, over the angle psi, of (r^2 - rho^2)^(3/2) along a line at distance d from the camera.
+
+    rho is the distance of a point on the line, t = d tan(psi) its position along the line, and a = sqrt(r^2 - d^2).
+    """
     sin_u = min(max(t / a, -1.0), 1.0)
     cos_u = math.sqrt(1.0 - sin_u * sin_u)
     u = math.asin(sin_u)
@@ -91,7 +94,7 @@ def ball_volumes(
 
 @lean
 def _weights(s: float) -> Four:
-    """Return the cubic B-spline weights of the four samples round a point that is s steps behind the second."""
+    """Return the cubic B-spline weights of four successive samples, at s steps (0 to 1) beyond the second of them."""
     r = 1.0 - s
     inner, outer = (4.0 - 6.0 * s * s + 3.0 * s * s * s) / 6.0, (4.0 - 6.0 * r * r + 3.0 * r * r * r) / 6.0
     return r * r * r / 6.0, inner, outer, s * s * s / 6.0
@@ -99,7 +102,7 @@ def _weights(s: float) -> Four:
 
 @kernel
 def _slopes(s: float) -> Four:
-    """Return the first derivatives of the spline weights."""
+    """Return the derivatives of `_weights` with respect to s."""
     r = 1.0 - s
     return -0.5 * r * r, -2.0 * s + 1.5 * s * s, 2.0 * r - 1.5 * r * r, 0.5 * s * s
 
@@ -108,11 +111,11 @@ def _slopes(s: float) -> Four:
 def spline(
     coefficients: FloatArray, row: IntArray, column: IntArray, up: FloatArray, right: FloatArray, out: FloatArray
 ) -> None:
-    """Add to out (M,) the cubic B-spline at points inside the grid.
+    """Add to out (M,) the values of the cubic B-spline at M points inside the grid.
 
-    coefficients (H, W); row, column (M,) of the sample before each point, within [1, n - 3]; up, right (M,) the
-    fraction of a step from there on. NaN gives NaN. (The first plan waits while this compiles, so the kernel is short:
-    array operations prepare its inputs.)
+    coefficients (H, W); row, column (M,): the sample before each point, within [1, n - 3]; up, right (M,): the position
+    beyond this sample, in steps. NaN gives NaN. The kernel is short, because the first plan waits until it is compiled;
+    array operations prepare its inputs.
     """
     for k in range(row.size):
         across, along = _weights(right[k]), _weights(up[k])
@@ -125,10 +128,10 @@ def spline(
 
 @kernel
 def quadratics(coefficients: FloatArray, places: FloatArray, out: FloatArray) -> None:
-    """Write to out the second-order expansions of the B-spline at points inside the grid.
+    """Write to out (M, 8) the second-order expansion of the B-spline about M points inside the grid.
 
-    coefficients (H, W); places (M, 2) in grid steps, within [1, n - 2]; out (M, 8) receives the point, the value, d/du,
-    d/dv, d²/du², d²/dudv and d²/dv². NaN gives NaN.
+    coefficients (H, W); places (M, 2): points (u, v) in grid steps, within [1, n - 2]. A row of out holds u, v, the
+    value, d/du, d/dv, d²/du², d²/dudv and d²/dv². NaN gives NaN.
     """
     rows, columns = coefficients.shape
     for k in range(places.shape[0]):

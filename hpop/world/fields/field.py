@@ -28,15 +28,15 @@ from hpop.base.symbols import lift
 from hpop.world.geometry.shapes import rotate
 
 PAD = 2
-BLOCK = 32  # nodes along a side of a block
-AT_ONCE = 256  # blocks that are sampled together
+BLOCK = 32  # nodes along a side of a block of samples
+AT_ONCE = 256  # blocks computed together
 
 
 class GridPoints(NamedTuple):
     """Symbolic points in grid steps, clamped to the grid.
 
     u, v    (M, 1) each
-    points  (2, M)  u and v, for MX; None for SX
+    points  (2, M)  u and v as one matrix, for CasADi's MX; None for SX
     shape   of the input columns
     """
 
@@ -83,7 +83,7 @@ class Field:
         return coefficients.nbytes
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the samples; the CasADi function is built again on first use."""
+        """Return the samples; a copy builds the CasADi function again on first use."""
         return {"values": self.values, "spacing": self.spacing, "origin": self.origin}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -101,7 +101,7 @@ class Field:
 
     @property
     def coefficients(self) -> FloatArray:
-        """Return the padded samples (H + 2 PAD, W + 2 PAD), the array to which grid steps refer."""
+        """Return the samples with a border of PAD repeated ones on each side, (H + 2 PAD, W + 2 PAD)."""
         padded: FloatArray = self.__dict__["_coefficients"]
         return padded
 
@@ -121,7 +121,7 @@ class Field:
         return slopes
 
     def _grid(self, x: Any, y: Any) -> tuple[Any, Any]:
-        """Convert world points to grid steps of the padded coefficients."""
+        """Convert world points, m, to grid steps (u, v): column and row in the padded coefficients."""
         u, v = rotate(x - self.origin[0], y - self.origin[1], -self.origin[2])
         return u / self.spacing + PAD, v / self.spacing + PAD
 
@@ -136,11 +136,11 @@ class Field:
         return out.reshape(shape)
 
     def coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the padded samples; a lazy field computes those that points (M,) in grid steps need."""
+        """Return the padded samples. A lazy field first computes those that the points (M,), in grid steps, need."""
         return self.coefficients
 
     def places(self, x: Column, y: Column) -> GridPoints:
-        """Convert CasADi columns to points in grid steps, which all fields on an equal grid can share."""
+        """Convert CasADi columns, m, to points in grid steps. Fields with equal grids can share the result."""
         import casadi  # slow to import
 
         u, v = self._grid(x, y)
@@ -153,7 +153,7 @@ class Field:
         return GridPoints(u, v, None if isinstance(u, casadi.SX) else casadi.horzcat(u, v).T, size)
 
     def at(self, places: GridPoints) -> Any:
-        """Return the values at points in grid steps, as CasADi symbols."""
+        """Return the values (M, 1) at points in grid steps, as a CasADi expression."""
         u, v, points, size = places
         if points is None:
             from hpop.world.fields.symbols import look  # CasADi is slow to import
@@ -167,7 +167,7 @@ class Field:
         return lift(values, size)
 
     def _build(self) -> Any:
-        """Build a CasADi B-spline with equal coefficients and uniform knots."""
+        """Build this spline as a CasADi function: equal coefficients, uniform knots."""
         import casadi  # slow to import
 
         rows, columns = self.coefficients.shape
@@ -177,7 +177,7 @@ class Field:
 
 
 def _step(at: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
-    """Return the sample (M,) before each position along an axis of ``count`` samples, and the part of a step beyond."""
+    """Split positions (M,) on an axis of ``count`` samples into the sample before and the fraction of a step beyond."""
     at = np.minimum(np.maximum(at, 1.0), count - 2.0)
     before = np.fmin(at, count - 3.0).astype(np.int64)  # fmin also bounds NaN
     return before, at - before
@@ -192,7 +192,7 @@ def _kernel() -> Any:
 
 
 def grid_points(bounds: tuple[float, float, float, float], spacing: float) -> tuple[FloatArray, FloatArray]:
-    """Return sample positions (xs, ys), m, that cover ``bounds`` and one more step on every side."""
+    """Return sample positions along x and along y, m, that cover ``bounds`` and one more step on each side."""
     x0, y0, x1, y1 = bounds
     columns = math.ceil((x1 - x0) / spacing) + 3
     rows = math.ceil((y1 - y0) / spacing) + 3
@@ -204,14 +204,14 @@ def grid_points(bounds: tuple[float, float, float, float], spacing: float) -> tu
 class LazyField(Field):
     """Field that computes its samples block by block, when a point in a block is first read.
 
-    Values equal those of the field sampled at once. Reading ``values``, or pickling, computes all samples.
+    Values equal those of a `Field` with all samples. Reading ``values``, or pickling, computes all samples.
 
-    >>> asked = []
+    >>> sizes = []
     >>> def sample(x, y):
-    ...     asked.append(x.size)
+    ...     sizes.append(x.size)
     ...     return np.full(x.shape, 0.5)
     >>> field = LazyField(np.arange(900.0), np.arange(900.0), 1.0, sample)
-    >>> field(np.array([450.0]), np.array([450.0])), asked[0] < 2000
+    >>> field(np.array([450.0]), np.array([450.0])), sizes[0] < 2000
     (array([0.5]), True)
     """
 
@@ -223,7 +223,7 @@ class LazyField(Field):
         sample: Callable[[FloatArray, FloatArray], FloatArray],
         within: tuple[float, float] = (0.0, 1.0),
     ) -> None:
-        """Set up an empty field; (ys, xs) are node positions, m, and ``sample`` returns the values (N,) at nodes.
+        """Set up a field without samples; ``sample(x, y)`` returns the values (N,) at nodes of the grid, m.
 
         ``within`` is a lower and an upper bound of all values.
         """
@@ -256,12 +256,12 @@ class LazyField(Field):
 
     @property
     def values(self) -> FloatArray:
-        """Compute and return all samples (H, W)."""
+        """Compute all samples and return them (H, W)."""
         return self.coefficients[PAD:-PAD, PAD:-PAD]
 
     @property
     def coefficients(self) -> FloatArray:
-        """Compute and return all samples, with the border repeated."""
+        """Compute all samples and return them with their repeated border, (H + 2 PAD, W + 2 PAD)."""
         self._fill(np.ones_like(self.__dict__["_asked"]))
         return super().coefficients
 
@@ -270,7 +270,7 @@ class LazyField(Field):
         return Field, (self.values, self.spacing, self.origin)
 
     def coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Sample the blocks that the spline reads at points in grid steps."""
+        """Sample the blocks that the spline needs at points (M,) in grid steps; return the padded samples."""
         asked: Any = self.__dict__["_asked"]
         if not asked.all():
             rows, columns = self.__dict__["_coefficients"].shape
@@ -285,7 +285,7 @@ class LazyField(Field):
         return super().coefficients
 
     def _fill(self, wanted: Any) -> None:
-        """Sample those of the wanted blocks that are missing; one thread at a time."""
+        """Compute the samples of those marked blocks that are missing; one thread at a time."""
         with self.__dict__["_lock"]:
             self._filled(wanted)
 
@@ -296,7 +296,7 @@ class LazyField(Field):
             self._sampled(blocks[begin : begin + AT_ONCE])
 
     def _sampled(self, blocks: IntArray) -> None:
-        """Sample the missing nodes of blocks (B, 2), which are sorted by row."""
+        """Compute the samples that blocks (B, 2), given by row and column and sorted by row, still need."""
         asked, whole = (self.__dict__[name] for name in ("_asked", "_whole"))
         corners = blocks * BLOCK - PAD
         first = max(int(corners[0, 0]) - 1, 0)
@@ -317,7 +317,7 @@ class LazyField(Field):
 
 
 class TiledField(LazyField):
-    """Lazy field that samples its nodes in tiles of fixed size, as a Fourier transform needs them.
+    """Lazy field that computes its samples in large square tiles, as a Fourier transform yields them.
 
     >>> tiles = []
     >>> def sample(rows, columns):
@@ -337,7 +337,7 @@ class TiledField(LazyField):
         sample: Callable[[slice, slice], FloatArray],
         reads: Callable[[slice, slice], Sequence[tuple[float, float]]] | None = None,
     ) -> None:
-        """Set up an empty field; ``sample`` returns the values of a tile of at most side x side nodes.
+        """Set up a field without samples; ``sample(rows, columns)`` returns the values of a tile, at most side x side.
 
         ``reads`` returns the ranges of rows and columns of the inputs on which a tile depends, for :meth:`take_over`.
         """
@@ -345,9 +345,9 @@ class TiledField(LazyField):
         self._begin(shape, spacing, origin, (0.0, 1.0), _side=side, _sample=sample, _reads=reads, _made=made)
 
     def take_over(self, before: TiledField, boxes: IntArray) -> None:
-        """Copy the samples of an equal field before a change that do not depend on changed inputs.
+        """Copy the samples of an equal field, made before a change, that do not depend on changed inputs.
 
-        ``boxes`` (B, 4) bound these inputs: first row and column, end of rows and columns.
+        ``boxes`` (B, 4) bound these inputs: first row and column, last row + 1 and last column + 1.
         """
         inside, old = (field.__dict__["_whole"][PAD:-PAD, PAD:-PAD] for field in (self, before))
         for i, j in np.argwhere(before.__dict__["_made"] & ~self.__dict__["_made"]).tolist():
@@ -359,7 +359,7 @@ class TiledField(LazyField):
                 self.__dict__["_made"][i, j] = True
 
     def _tile_of(self, i: int, j: int) -> tuple[slice, slice]:
-        """Return the rows and columns of the nodes in a tile."""
+        """Return the rows and columns of the nodes in tile [i, j]."""
         side, shape = self.__dict__["_side"], self.__dict__["_whole"][PAD:-PAD, PAD:-PAD].shape
         rows, columns = (slice(k * side, min((k + 1) * side, n)) for k, n in zip((i, j), shape, strict=True))
         return rows, columns
@@ -390,11 +390,11 @@ class TiledField(LazyField):
 
 
 def _tile(nodes: IntArray, side: int, shape: tuple[int, ...]) -> IntArray:
-    """Return the tiles (N, 2) of nodes; a node beyond the grid belongs to the nearest tile."""
+    """Return the row and column of the tile (N, 2) nearest to each node (N, 2); a node in the grid lies in its tile."""
     return np.clip(nodes // side, 0, np.array(shape) - 1)
 
 
 def _repeat_border(whole: FloatArray) -> None:
-    """Copy the border of the samples into their padding."""
+    """Repeat the outermost samples in the padding round them."""
     whole[PAD:-PAD, :PAD], whole[PAD:-PAD, -PAD:] = whole[PAD:-PAD, PAD : PAD + 1], whole[PAD:-PAD, -PAD - 1 : -PAD]
     whole[:PAD], whole[-PAD:] = whole[PAD], whole[-PAD - 1]

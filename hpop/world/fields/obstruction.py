@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 NOISE = 1e-9
 """Rounding of the FFT: values below are 0."""
 BLOCK = 256
-"""Polygons whose neighbours are looked for together."""
+"""Polygons whose neighbours are searched together."""
 ROUNDING = 1e-12
 """Rounding of the closed form: values below are 0."""
 PER_RADIUS = 10  # nodes
@@ -68,11 +68,11 @@ class RasterBalls:
 
     @property
     def side(self) -> int:
-        """Return the number of nodes along a tile."""
+        """Return the number of cells along a tile."""
         return self._tile - self._overlap
 
     def values(self, rows: slice, columns: slice) -> FloatArray:
-        """Return the fractions, in [0, 1], in a tile that begins at a multiple of its side."""
+        """Return the obstructed fractions, in [0, 1], at the cells of a tile, which begins at multiples of its side."""
         height, width = rows.stop - rows.start, columns.stop - columns.start
         cells = self._cells(rows, columns)
         product = self._transform * np.fft.rfft2(cells, (self._tile, self._tile))
@@ -81,7 +81,7 @@ class RasterBalls:
         return np.clip(np.where(np.abs(phi) < NOISE, 0.0, phi), 0.0, 1.0)
 
     def spans(self, rows: slice, columns: slice) -> list[tuple[int, int]]:
-        """Return the ranges of rows and columns of the cells that a tile's balls reach, also beyond the image."""
+        """Return the ranges of rows and columns of the cells that the balls of a tile reach, also beyond the image."""
         border = self._border
         return [
             (part.start - border, min(part.start + self._tile - border, size + border))
@@ -89,7 +89,7 @@ class RasterBalls:
         ]
 
     def _cells(self, rows: slice, columns: slice) -> FloatArray:
-        """Return the occupancy of the cells that a tile's balls reach, with the border round the image."""
+        """Return the occupancy of the cells that the balls of a tile reach, including cells beyond the image."""
         cells, spans = self._raster.cells, self.spans(rows, columns)
         out = np.full([stop - start for start, stop in spans], float(self._outside))
         inside = [(max(start, 0), min(stop, size)) for (start, stop), size in zip(spans, cells.shape, strict=True)]
@@ -103,7 +103,7 @@ class RasterBalls:
 def _transform_of_cell(
     resolution: float, z_min: float, z_max: float, radius: float, camera_z: float
 ) -> tuple[int, int, NDArray[np.complex128]]:
-    """Return how many cells a ball reaches, the side of a tile, and the transform of the obstruction by one cell."""
+    """Return the reach of a ball in cells, the side of a tile, and the transform of the obstruction by one cell."""
     reach = math.ceil(radius / resolution + 0.5)
     offsets = np.arange(-reach, reach + 1) * resolution
     half = resolution / 2
@@ -117,7 +117,7 @@ def _transform_of_cell(
 def raster_obstruction(
     raster: Raster, radius: float, camera_z: float = 0.0, outside_is_obstacle: bool = True, *, pad: int = 0
 ) -> FloatArray:
-    """Return the obstructed fraction (H + 2 pad, W + 2 pad) at every cell centre; see :class:`RasterBalls`."""
+    """Return the obstructed fraction (H + 2 pad, W + 2 pad) of the ball at each cell centre; see `RasterBalls`."""
     balls = RasterBalls(raster, radius, camera_z, outside_is_obstacle, pad=pad)
     out = np.empty(balls.shape)
     for row in range(0, out.shape[0], balls.side):
@@ -164,7 +164,7 @@ def polygon_obstruction(obstacles: Sequence[Obstacle], x: Column, y: Column, z: 
 def prism_obstruction(
     parts: Sequence[BaseGeometry], heights: FloatArray, x: Column, y: Column, z: Column, radius: float
 ) -> FloatArray:
-    """Return `polygon_obstruction` for disjoint prisms, as returned by :func:`disjoint_prisms`."""
+    """Return :func:`polygon_obstruction` (M,) for prisms without overlaps, as :func:`disjoint_prisms` returns them."""
     from hpop.world.fields._kernels import ball_volumes  # numba is slow to import
 
     columns = (np.asarray(c, dtype=np.float64) for c in (x, y, z))
@@ -190,7 +190,7 @@ def prism_obstruction(
 
 
 def disjoint_prisms(obstacles: Sequence[Obstacle]) -> tuple[list[BaseGeometry], FloatArray]:
-    """Rewrite overlapping obstacles as disjoint prisms: geometries (m) and their heights (S, 2), m."""
+    """Cut overlapping obstacles into S prisms that do not overlap; return their polygons and heights (S, 2), m."""
     geometries: list[BaseGeometry] = []
     heights: list[tuple[float, float]] = []
     for group in _groups([o.polygon for o in obstacles]):
@@ -204,7 +204,7 @@ def disjoint_prisms(obstacles: Sequence[Obstacle]) -> tuple[list[BaseGeometry], 
 
 
 def _groups(polygons: Sequence[Polygon]) -> list[IntArray]:
-    """Group the indices of polygons that touch, directly or through others."""
+    """Group the indices of polygons that touch each other, directly or through other polygons."""
     if not polygons:
         return []
     tree, shapes = shapely.STRtree(polygons), np.asarray(polygons, dtype=object)
@@ -223,9 +223,10 @@ def _groups(polygons: Sequence[Polygon]) -> list[IntArray]:
 
 
 def _tiles(x: FloatArray, y: FloatArray, radius: float) -> tuple[IntArray, IntArray, NDArray[np.object_]]:
-    """Sort points by square tile of side 2 r.
+    """Sort points by square tiles of side 2 r, so that points of a tile need the same obstacles.
 
-    Return the begins of tiles (T + 1,), and the boxes that their balls reach.
+    Return the order of the points, the begin of each tile in this order (T + 1,), and the boxes (T,) that the balls of
+    each tile can reach.
     """
     side = 2.0 * radius
     column, row = np.floor(x / side), np.floor(y / side)
@@ -238,7 +239,7 @@ def _tiles(x: FloatArray, y: FloatArray, radius: float) -> tuple[IntArray, IntAr
 
 
 def _edges(geometries: Sequence[BaseGeometry]) -> tuple[FloatArray, IntArray]:
-    """Return the edges (E, 4) of the geometries' rings, m, and the first edge of each geometry (S + 1,)."""
+    """Return the edges (E, 4), m, of all rings, and the index of the first edge of each geometry (S + 1,)."""
     parts, owner = shapely.get_parts(np.asarray(geometries, dtype=object), return_index=True)
     area = shapely.area(parts) > 0
     rings, part = shapely.get_rings(shapely.orient_polygons(parts[area]), return_index=True)
@@ -250,16 +251,11 @@ def _edges(geometries: Sequence[BaseGeometry]) -> tuple[FloatArray, IntArray]:
 
 
 class SolidBalls:
-    """Fraction of the ball of ``radius`` m round a point that bodies fill.
+    """Fraction of the ball of ``radius`` m round a point that is filled by solids.
 
-    The fraction changes slowly, by at most 3/4 when the centre moves by the radius. Rays measure it at the nodes of a
-    grid, a tenth of the radius apart, and smooth cubics (Catmull and Rom 1974) interpolate it. A node is computed when
-    a point near it is first read; its value does not depend on the order of reading.
-
-    >>> from hpop.world.geometry.solids import Box, Solid, pose_at
-    >>> wall = Solid(Box((9.0, 99.0, 99.0)), pose_at((5.5, 0.0, 0.0)))  # its face is 1 m away
-    >>> SolidBalls(Surfaces.of([wall]), 2.0)(np.array([[0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])).round(2)  # 5/32, 0
-    array([0.16, 0.  ])
+    The fraction changes slowly: by at most 3/4 when the centre moves by the radius. Rays measure it at the nodes of a
+    grid, a tenth of the radius apart, and smooth cubics (Catmull and Rom 1974) interpolate. A node is computed when a
+    point near it is first read; its value does not depend on the order of reading.
     """
 
     def __init__(self, surfaces: Surfaces, radius: float) -> None:
@@ -274,7 +270,7 @@ class SolidBalls:
         return self._keys.nbytes + self._values.nbytes
 
     def __call__(self, places: FloatArray) -> FloatArray:
-        """Return the fractions (N,), in [0, 1], round points (N, 3), m."""
+        """Return the filled fractions (N,), in [0, 1], of the balls round points (N, 3), m."""
         if not len(self._surfaces):
             return np.zeros(len(places))
         scaled = np.clip((places - self._middle) / self._spacing, 4.0 - SIDE, SIDE - 4.0)
@@ -287,7 +283,7 @@ class SolidBalls:
         return np.clip(share, 0.0, 1.0)
 
     def _at(self, nodes: IntArray) -> FloatArray:
-        """Return the fractions at nodes; one thread computes missing nodes while others wait."""
+        """Return the filled fractions at nodes; one thread computes missing nodes while others wait."""
         some, which = np.unique(nodes, return_inverse=True)
         with self._lock:
             place = np.minimum(np.searchsorted(self._keys, some), max(0, self._keys.size - 1))
@@ -305,12 +301,12 @@ class SolidBalls:
         return found
 
     def _places(self, nodes: IntArray) -> FloatArray:
-        """Return the positions (N, 3), m, of nodes."""
+        """Return the positions (N, 3), m, of nodes, which are numbered by integer keys (N,)."""
         numbers = np.stack([nodes >> 42, nodes >> 21 & 2 * SIDE - 1, nodes & 2 * SIDE - 1], axis=1) - SIDE
         return self._middle + self._spacing * numbers
 
 
 def filled(world: World, radius: float) -> SolidBalls:
-    """Return the obstruction of balls of ``radius`` m by a world's solids; cached with the ground."""
+    """Return a function of points: the fraction of a ball of ``radius`` m that a world's solids fill. Cached."""
     ground = world.ground
     return ground.derived(("filled balls", radius), lambda: SolidBalls(surfaces_of(world), radius))

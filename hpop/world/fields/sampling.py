@@ -24,20 +24,20 @@ if TYPE_CHECKING:
     from hpop.world.world import World
 
 MAX_NODES = 25_000_000
-"""Samples of a field: a larger polygon world is sampled more coarsely, coarse cells are split less."""
+"""Largest number of samples of a field; larger worlds are sampled more coarsely."""
 FINENESS = 10
-"""Samples of the obstruction a ball's radius, at least."""
+"""Least number of samples of the obstruction per radius of its ball."""
 MAX_HEIGHTS = 16
-"""Distinct camera heights that one call of `World.obstruction` may ask for."""
+"""Largest number of distinct camera heights in one call of `World.obstruction`."""
 PAD = 3
 SAMPLE = 8
 """Bytes of a sample."""
 WHOLE = 250_000
-"""Samples of the clearance that are taken at once; of a larger map those that are read."""
+"""Number of clearance samples up to which all are computed at once; above it only those that are read."""
 BLOCK = 8
-"""Nodes along a side of what is sampled, or known, together."""
+"""Nodes along a side of a block whose clearance is computed, or copied, as a whole."""
 SLACK = 1e-6
-"""Metres by which an edge counts as nearer than it is."""
+"""Tolerance, m, when deciding whether an edge is near enough to change a sample."""
 CLEARANCE = "the clearance was sampled"
 OBSTRUCTION = "the obstruction was sampled"
 
@@ -45,8 +45,8 @@ OBSTRUCTION = "the obstruction was sampled"
 def sample_clearance(ground: Ground, free: FreeSpace, last: tuple[FreeSpace, Field] | None) -> Field:
     """Sample the signed clearance, to some cells beyond the extent; see `World.clearance_field`.
 
-    ``last`` is a free space of this ground and its samples. Samples with an unchanged nearest edge are copied from
-    there, bit by bit equal; the others are computed again, in blocks.
+    ``last`` is a previous free space of this ground with its samples. Samples with an unchanged nearest edge are
+    copied, equal to the last bit; blocks with other samples are computed again.
     """
     spacing = _spacing(ground, math.inf)
     border = max(4 * spacing, 0.5)
@@ -73,7 +73,7 @@ def sample_clearance(ground: Ground, free: FreeSpace, last: tuple[FreeSpace, Fie
 
 
 def _near(edges: FloatArray, clearance: FloatArray, xs: FloatArray, ys: FloatArray) -> BoolArray:
-    """Mark blocks of nodes (ys, xs) that may lie nearer to edges (E, 4), m, than their clearance (H, W), m."""
+    """Mark blocks of nodes (ys, xs) where the old clearance (H, W), m, may be wrong near changed edges (E, 4), m."""
     rows, columns = (np.arange(0, size, BLOCK) for size in clearance.shape)
     if not len(edges):
         return np.zeros((rows.size, columns.size), dtype=bool)
@@ -93,7 +93,7 @@ def sample_obstruction(ground: Ground, radius: float, z: float) -> Field:
 
 
 def obstructed(world: World, pose: Pose, radius: float) -> Column:
-    """Return the obstruction (M,) at poses, from a field for each height; see `World.obstruction`."""
+    """Return the obstruction (M,) at the positions of poses, from one field per height; see `World.obstruction`."""
     x, y = pose.x, pose.y
     if not world.has_heights:
         return world.obstruction_field(radius)(x, y)
@@ -168,7 +168,7 @@ def _sample_raster(ground: Ground, raster: Raster, radius: float, z: float) -> F
 
 
 def _beside_cells(ground: Ground, raster: Raster, obstacle: Obstacle) -> list[Obstacle]:
-    """Return the parts of an obstacle that lie outside the raster's cells, so that no volume counts twice."""
+    """Return the parts of an obstacle that the cells of the raster do not cover, so that no volume counts twice."""
     bottom, top = max(obstacle.z_min, raster.z_min), min(obstacle.z_max, raster.z_max)
     if bottom >= top:
         return [obstacle]
@@ -184,6 +184,6 @@ def _beside_cells(ground: Ground, raster: Raster, obstacle: Obstacle) -> list[Ob
 
 
 def _prisms(geometry: BaseGeometry, z_min: float = -math.inf, z_max: float = math.inf) -> list[Obstacle]:
-    """Return the polygons of a geometry as obstacles; lines and points, which an overlay may leave, are dropped."""
+    """Return the polygons of a geometry as obstacles, without the lines and points that an overlay may leave."""
     parts = shapely.get_parts(geometry)
     return [Obstacle(part, z_min, z_max) for part in parts if part.area > 0]

@@ -1,8 +1,9 @@
-"""Fields in CasADi formulas: each reading becomes a quadratic, with coefficients from a CasADi function.
+"""Fields in CasADi formulas: each evaluation becomes a quadratic, with coefficients from a CasADi function.
 
-While a formula is built from CasADi's scalar symbols (SX), each reading of a field becomes a quadratic expansion about
-a point, with eight new symbols as its coefficients. To evaluate the formula, evaluate the points first, and let
-:class:`Quadratics` compute the coefficients there. Values and first and second derivatives then equal the field's.
+While a formula is built from CasADi's scalar symbols (SX), each evaluation of a field becomes a quadratic expansion
+about a point, with eight new symbols: the point and the coefficients. To evaluate the formula, compute the points
+first, and let :class:`Quadratics` compute the coefficients there. Then the value and its first and second derivatives
+equal those of the field.
 """
 
 from __future__ import annotations
@@ -28,11 +29,11 @@ NUMBERS = 8  # of a quadratic: point (2), value, gradient (2), curvature (3)
 
 @dataclass(frozen=True)
 class Looks:
-    """Readings of fields by one formula, in order.
+    """Evaluations of fields by one formula, in order.
 
-    fields   K
+    fields   K fields
     places   K points (2,) of SX, grid steps
-    numbers  K columns (NUMBERS,) of SX
+    numbers  K columns (NUMBERS,) of SX: the symbols of each quadratic
     """
 
     fields: list[Field] = field(default_factory=list)
@@ -40,7 +41,7 @@ class Looks:
     numbers: list[Any] = field(default_factory=list)
 
     def take(self, into: Field, u: Any, v: Any) -> Any:
-        """Return the value of a field at a point, in grid steps, as a quadratic; all are SX scalars."""
+        """Return the value of a field at a point (u, v), in grid steps, as a quadratic in SX scalars."""
         number = casadi.SX.sym("look", NUMBERS)
         self.fields.append(into)
         self.places.append(casadi.vertcat(u, v))
@@ -55,7 +56,7 @@ _OPEN: ContextVar[Looks | None] = ContextVar("looks", default=None)
 
 @contextmanager
 def looking() -> Iterator[Looks]:
-    """Collect the readings of fields inside the context."""
+    """Collect the evaluations of fields that happen inside the context."""
     looks = Looks()
     token = _OPEN.set(looks)
     try:
@@ -73,11 +74,11 @@ def look(into: Field, u: Any, v: Any) -> Any:
 
 
 class Quadratics(casadi.Callback):
-    """CasADi function from points (2, size), in grid steps, to quadratics (NUMBERS, size).
+    """CasADi function from points (2, size), in grid steps, to quadratic expansions of a field (NUMBERS, size).
 
-    Much faster than three CasADi splines; see :func:`hpop.world.fields._kernels.quadratics`. Once a limit is passed it
-    returns NaN, on which solvers stop; an exception would only make CasADi print an error. CasADi holds no reference to
-    the function: keep one as long as an expression uses it.
+    It is much faster than three CasADi splines; see :func:`hpop.world.fields._kernels.quadratics`. After a limit has
+    passed it returns NaN, on which solvers stop; an exception would only make CasADi print an error. CasADi does not
+    keep the function alive: keep a reference as long as an expression uses it.
     """
 
     def __init__(self, field: Field, size: int) -> None:

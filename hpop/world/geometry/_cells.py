@@ -10,9 +10,9 @@ from hpop.runtime.compiled import lean
 def inside_cells(
     cells: BoolArray, xs: FloatArray, ys: FloatArray, x: FloatArray, y: FloatArray, out: BoolArray
 ) -> None:
-    """Mark the points (M,) strictly inside free cells: all cells that touch a point are free.
+    """Mark in out (M,) the points strictly inside free cells: all cells that touch the point are free.
 
-    xs (W + 1,) and ys (H + 1,) are the lines between cells, m.
+    xs (W + 1,) and ys (H + 1,) are the coordinates, m, of the lines between columns and between rows.
     """
     rows, columns = cells.shape
     across, up = columns / (xs[columns] - xs[0]), rows / (ys[rows] - ys[0])

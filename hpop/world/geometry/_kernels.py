@@ -27,12 +27,11 @@ def nearest(
     y: FloatArray,
     out: FloatArray,
 ) -> None:
-    """Write to out (M,) the distance of each point to its nearest edge; see `EdgeTree` for the arrays.
+    """Write to out (M,) the distance, m, of each point to its nearest edge; see `EdgeTree` for the other arrays.
 
-    ``waiting`` and ``away`` are scratch, two numbers for each level of the tree.
-
-    The nearer of two boxes is searched first, and boxes farther than the nearest edge so far are skipped. Successive
-    points are mostly close together, so each search begins at the leaf of the last nearest edge.
+    ``waiting`` and ``away`` are scratch memory, two numbers for each level of the tree. The nearer of two boxes is
+    searched first; boxes farther than the nearest edge so far are skipped. Successive points are mostly close together,
+    so each search begins at the leaf of the last nearest edge.
     """
     inner = len(boxes) - len(members)
     width = members.shape[1]
@@ -79,11 +78,9 @@ def nearest(
 def inside(
     planes: FloatArray, first: int, last: int, round_: FloatArray, o: tuple[float, ...], d: tuple[float, ...]
 ) -> tuple[float, float]:
-    """Return the interval of t in which the line o + t d, |d| = 1, is inside a body; an empty one if it misses.
+    """Return the interval (low, high) of t, m, in which the line o + t d is inside a convex body; low > high for none.
 
-    An empty one if it misses the body.
-
-    See `Surfaces` for the arrays planes (P, 4) and round_ (8,).
+    d has length 1. See `Surfaces` for the planes (P, 4) and for round_ (8,), a row of its ``rounds``.
     """
     mx, my, mz = o[0] - round_[0], o[1] - round_[1], o[2] - round_[2]
     along = mx * d[0] + my * d[1] + mz * d[2]
@@ -124,7 +121,7 @@ def inside(
 
 @lean
 def within_reach(rounds: FloatArray, o: tuple[float, ...], reach: float, found: IntArray) -> int:
-    """Write to ``found`` the bodies within ``reach`` of a point, and return their number."""
+    """Write to ``found`` the numbers of the bodies within ``reach`` m of the point o, and return their count."""
     count = 0
     for b in range(len(rounds)):
         x, y, z = rounds[b, 0] - o[0], rounds[b, 1] - o[1], rounds[b, 2] - o[2]
@@ -136,7 +133,7 @@ def within_reach(rounds: FloatArray, o: tuple[float, ...], reach: float, found: 
 
 @lean
 def bundle(directions: FloatArray) -> tuple[float, float, float, float]:
-    """Return the axis of a cone round rays (K, 3), and half its angle, rad; 4 if the rays go almost all round."""
+    """Return a cone round rays (K, 3): unit axis x, y, z and half opening, rad; 4 if the rays go almost all round."""
     x = y = z = 0.0
     for k in range(len(directions)):
         x, y, z = x + directions[k, 0], y + directions[k, 1], z + directions[k, 2]
@@ -152,7 +149,7 @@ def bundle(directions: FloatArray) -> tuple[float, float, float, float]:
 
 @lean
 def in_bundle(rounds: FloatArray, o: tuple[float, ...], cone: tuple[float, ...], found: IntArray, count: int) -> int:
-    """Keep in ``found`` the bodies with bounding balls that meet a cone, and return their number."""
+    """Keep the first ``count`` bodies in ``found`` only if their bounding ball meets a cone; return the new count."""
     if cone[3] > math.pi:
         return count
     kept = 0
@@ -179,7 +176,7 @@ def _first(
     d: tuple[float, ...],
     reach: float,
 ) -> float:
-    """Return how far a ray gets until it enters one of some bodies; at most reach."""
+    """Return the distance, m, at which a ray enters the first of some bodies; at most ``reach``."""
     best = reach
     for b in some:
         low, high = inside(planes, begin[b], begin[b + 1], rounds[b], o, d)
@@ -198,9 +195,9 @@ def first_hits(
     reach: float,
     out: FloatArray,
 ) -> None:
-    """Write to out (N, K) the distance at which each ray (N, K, 3) from its origin (N, 3) enters a body; at most reach.
+    """Write to out (N, K) the distance, m, at which each ray enters a body; at most ``reach``.
 
-    A body that contains the origin does not count.
+    origins (N, 3), m; directions (N, K, 3): unit vectors. A body that contains the origin does not count.
     """
     near = np.empty(len(rounds), np.int64)
     for n in range(len(origins)):
@@ -216,10 +213,10 @@ def first_hits(
 def towards_ball(
     places: FloatArray, centre: FloatArray, radius: float, disc: FloatArray, directions: FloatArray, reach: FloatArray
 ) -> None:
-    """Write unit vectors (N, K, 3) from points (N, 3) towards points of a ball, and distances (N, K), m, to it.
+    """Write unit vectors (N, K, 3) from points (N, 3) to a ball, and the distances (N, K), m, at which they reach it.
 
-    The targets are points (K, 2) of a unit disc, scaled to the ball and turned to face each point. Distances are 0 m
-    for points in the ball.
+    The targets are points (K, 2) of a unit disc, scaled to the ball and turned to face each point. Distances are 0 for
+    points in the ball.
     """
     for n in range(len(places)):
         x, y, z = centre[0] - places[n, 0], centre[1] - places[n, 1], centre[2] - places[n, 2]
@@ -267,11 +264,11 @@ def flow(
     largest: bool,
     out: FloatArray,
 ) -> None:
-    """Write to out (N,) the mean, or the largest, angular speed at which a camera sees the bodies move, rad/s.
+    """Write to out (N,) the mean, or the largest, angular speed of the surfaces that a camera sees, rad/s.
 
-    places, velocity, rotation (N, 3): of the camera, world frame; axes (N, 3, 3): ahead, left and up, one a row; view
-    (K, 3): unit vectors along these axes in which it looks. A surface at distance r in direction d shifts by
-    w x d + (v - (v d) d) / r, where r is at least nearest, and at most reach.
+    places, velocity, rotation (N, 3): of the camera, world frame; axes (N, 3, 3): its unit vectors ahead, left and up,
+    one per row; view (K, 3): directions in which it looks, along these axes. A surface at distance r in direction d
+    shifts by w x d + (v - (v d) d) / r, where r is at least ``nearest`` and at most ``reach``.
     """
     near = np.empty(len(rounds), np.int64)
     for n in range(len(places)):
@@ -306,9 +303,10 @@ def filled(
     radius: float,
     out: FloatArray,
 ) -> None:
-    """Write to out (N,) the fraction of the ball round each centre (N, 3) that bodies fill; overlaps count once.
+    """Write to out (N,) the fraction of the ball of ``radius`` m round each centre (N, 3) that bodies fill.
 
-    It is the mean, over directions (K, 3), of the filled part of a ray's cone: volume grows with t³ / radius³.
+    It is the mean, over rays in directions (K, 3), of the sum of (high³ - low³) / radius³ over the intervals inside
+    bodies; overlaps count once.
     """
     near = np.empty(len(rounds), np.int64)
     lows, highs = np.empty(len(rounds)), np.empty(len(rounds))

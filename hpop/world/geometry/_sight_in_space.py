@@ -1,4 +1,4 @@
-"""Compiled loop that finds which lines of sight bodies block, with few divisions per line."""
+"""Compiled loop that finds the lines of sight that bodies block, with few divisions per line."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ BOX = 3  # most planes of a box that face a point outside it
 
 @lean
 def _turned_back(pose: FloatArray, d: tuple[float, ...]) -> tuple[float, float, float]:
-    """Transform a direction from the world to the frame of a pose."""
+    """Transform a vector (x, y, z) from the world into the frame of a pose (4, 4)."""
     return (
         pose[0, 0] * d[0] + pose[1, 0] * d[1] + pose[2, 0] * d[2],
         pose[0, 1] * d[0] + pose[1, 1] * d[1] + pose[2, 1] * d[2],
@@ -34,10 +34,11 @@ def _faced(
     sorted_: FloatArray,
     room: int,
 ) -> tuple[int, int]:
-    """Write planes to sorted_ from ``room`` on, those facing the point first; return the end of these and of all.
+    """Copy the planes of a body to sorted_, from row ``room`` on: first those that face a point, then all others.
 
-    The last column becomes the distance of the point behind each plane. No planes are written for a body that no ray
-    can enter: one that contains the point, or that the cone of rays leads away from.
+    Return the row after the planes that face the point, and the row after all planes. The last column becomes the
+    distance of the point behind each plane, m. Nothing is copied for a body that no ray can enter: one that contains
+    the point, or that lies behind the cone of rays.
     """
     front, back = room, room + last - first
     for k in range(first, last):
@@ -57,10 +58,10 @@ def _faced(
 
 @lean
 def _enters(planes: FloatArray, first: int, front: int, last: int, d: tuple[float, ...], reach: float) -> bool:
-    """Return whether a ray enters a convex body before reach; its planes are sorted by `_faced`.
+    """Return whether a ray enters a convex body before ``reach``, m; `_faced` has sorted the planes of the body.
 
-    A ray must pass all planes that face it before any other, which takes few divisions. The planes of a hull's bounding
-    box come first, because most rays that miss the hull miss the box.
+    A ray inside the body has crossed all planes that face the point and none of the others; this needs few divisions.
+    The planes of a hull's bounding box come first, because most rays that miss the hull miss the box.
     """
     low, middle = 0.0, min(front, first + BOX)
     for k in range(first, middle):
@@ -106,9 +107,10 @@ def blocked(
     reach: FloatArray,
     out: FloatArray,
 ) -> None:
-    """Write to out (N,) the fraction of rays (N, K, 3) from each origin (N, 3) that enter a body before reach (N, K).
+    """Write to out (N,) the fraction of rays from each origin (N, 3) that enter a body before ``reach`` (N, K), m.
 
-    Bodies are those of a world, and own bodies, each in a frame with poses (B, N, 4, 4).
+    directions (N, K, 3): unit vectors. The bodies are those of a world, and those of the robot ("own"). The latter move
+    with frames: poses (B, N, 4, 4).
     """
     count, own_count = len(rounds), len(own_rounds)
     near, some = np.empty(max(count, own_count), np.int64), np.empty(count + own_count, np.int64)

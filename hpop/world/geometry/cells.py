@@ -1,8 +1,8 @@
-"""Free space of occupancy cells: its border comes straight from the cells, so that a few changed cells cost little.
+"""Free space of occupancy cells. Its border comes straight from the cells, so that a few changed cells cost little.
 
-The cells are free where nothing is occupied, and end at the border of the image. Other blocked regions, such as
-keep-out zones, are a second free space; the distance of a free point is the lesser of both. Values equal those of
-:class:`.planar.FreeSpace`, which is built as soon as its region, its edges or distances of blocked points are read.
+Free cells end at the border of the image. Other blocked regions, such as keep-out zones, make a second free space; the
+clearance of a point is the lesser of its clearances in both. Values equal those of :class:`.planar.FreeSpace`, which is
+built as soon as the region, its edges, or distances of blocked points are needed.
 """
 
 from __future__ import annotations
@@ -25,12 +25,9 @@ MOST_ADDED = 8  # an index is built anew once a share of 1 / 8 of its edges has 
 
 
 def border_edges(cells: BoolArray) -> IntArray:
-    """Return the border (E, 4) of the free cells in grid coordinates: column and row of both ends.
+    """Return the border of the free cells as edges (E, 4) in grid coordinates: column and row of both ends.
 
-    An edge leads straight from one corner to the next, with the free cells on its right.
-
-    >>> border_edges(np.zeros((1, 2), dtype=bool)).tolist()
-    [[2, 0, 0, 0], [0, 1, 2, 1], [0, 0, 0, 1], [2, 1, 2, 0]]
+    An edge is straight from corner to corner, with the free cells on its right.
     """
     free = np.pad(~cells, 1)
     south_west, south_east, north_west, north_east = free[:-1, :-1], free[:-1, 1:], free[1:, :-1], free[1:, 1:]
@@ -44,14 +41,17 @@ def border_edges(cells: BoolArray) -> IntArray:
 
 
 def _runs(corners: IntArray, leaves: BoolArray, is_forward: BoolArray) -> IntArray:
-    """Return the edges from corners (N, 2) that a border leaves to the next corner, reversed if not forward."""
+    """Return edges from each corner (N, 2) that a border leaves, to the next corner in its row or column.
+
+    An edge is reversed where ``is_forward`` is False, so that the free cells are on its right.
+    """
     first = np.flatnonzero(leaves)
     edges = np.concatenate([corners[first], corners[first + 1]], axis=1)
     return np.where(is_forward[first, None], edges, edges[:, [2, 3, 0, 1]])
 
 
 def _keys(edges: IntArray) -> IntArray:
-    """Return a number for each edge (E, 4) in grid coordinates, different for different edges."""
+    """Return a unique integer for each edge (E, 4) in grid coordinates."""
     keys = edges[:, 0]
     for column in (1, 2, 3):
         keys = (keys << BITS) | edges[:, column]
@@ -60,12 +60,12 @@ def _keys(edges: IntArray) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class ChangingEdges:
-    """Index of changing edges: it is built once; later edges are removed from it or added beside it.
+    """Index of edges that change: the tree is built once; later edges are removed from it or added in a second tree.
 
-    keys   (E,)  sorted numbers of the edges of the tree when it was built
-    place  (E,)  their rows in the tree
-    whole        the tree when it was built
-    tree         the tree with removed edges infinitely far away
+    keys   (E,)  sorted integers of the edges in ``whole``
+    place  (E,)  row of each of these edges in ``whole``
+    whole        tree when it was built
+    tree         ``whole`` with removed edges infinitely far away
     added        tree of the added edges, or None
     """
 
@@ -77,14 +77,14 @@ class ChangingEdges:
 
     @classmethod
     def build(cls, raster: Raster, edges: IntArray) -> ChangingEdges:
-        """Index the edges (E, 4), in grid coordinates of a raster."""
+        """Build the index of edges (E, 4) in grid coordinates of a raster."""
         keys = _keys(edges)
         place = np.argsort(keys)
         tree = EdgeTree.build(_placed(raster, edges))
         return cls(keys[place], place, tree, tree)
 
     def updated(self, raster: Raster, edges: IntArray) -> ChangingEdges:
-        """Return the index after some edges were removed and some added."""
+        """Return the index for other edges (E, 4): only removed and added ones are treated, unless they are many."""
         keys = _keys(edges)
         order = np.argsort(keys)
         now = keys[order]
@@ -104,7 +104,7 @@ class ChangingEdges:
 
 
 def _among(values: IntArray, others: IntArray) -> BoolArray:
-    """Mark the values that are among others, both sorted."""
+    """Mark the values that occur in ``others``; both arrays are sorted."""
     if not others.size:
         return np.zeros(values.size, dtype=np.bool_)
     found: BoolArray = others[np.minimum(np.searchsorted(others, values), others.size - 1)] == values
@@ -112,13 +112,13 @@ def _among(values: IntArray, others: IntArray) -> BoolArray:
 
 
 def _placed(raster: Raster, edges: IntArray) -> FloatArray:
-    """Return edges (E, 4), in grid coordinates, in metres."""
+    """Convert edges (E, 4) from grid coordinates to metres."""
     ends = (raster.to_world(edges[:, i].astype(np.float64), edges[:, i + 1].astype(np.float64)) for i in (0, 2))
     return np.stack([column for point in ends for column in point], axis=1)
 
 
 class CellSpace(FreeSpace):
-    """Free space of the cells of a raster that is not rotated, and of a second free space, if any."""
+    """Free space of the cells of a raster that is not rotated, less other blocked regions if there are any."""
 
     raster: Raster
     rest: FreeSpace | None
@@ -136,7 +136,7 @@ class CellSpace(FreeSpace):
 
         Parameters
         ----------
-        rest : free space of everything else that is blocked, or None
+        rest : free space that all blocked regions but the cells leave, or None
         outline : function that returns the whole free region, m
         before : space of a raster on the same grid; its index is reused
         """
@@ -151,23 +151,23 @@ class CellSpace(FreeSpace):
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the index."""
+        """Return the bytes of the index."""
         edges: IntArray = vars(self)["grid_edges"]
         return 12 * edges.nbytes
 
     @cached_property
     def whole(self) -> FreeSpace:
-        """The free space as one region."""
+        """Return the free space as one region."""
         return FreeSpace(self.outline())
 
     @property
     def region(self) -> BaseGeometry:
-        """The free region (polygon or multipolygon, m)."""
+        """Return the free region, a polygon or multipolygon, m."""
         return self.whole.region
 
     @property
     def edges(self) -> FloatArray:
-        """The edges (E, 2, 2), m, of its border."""
+        """Return the edges (E, 2, 2), m, of the border."""
         return self.whole.edges
 
     def distance(self, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -176,7 +176,7 @@ class CellSpace(FreeSpace):
 
     @cached_property
     def _lines(self) -> tuple[FloatArray, FloatArray]:
-        """The lines between columns (W + 1,) and between rows (H + 1,), m."""
+        """Return the coordinates, m, of the lines between columns (W + 1,) and between rows (H + 1,)."""
         rows, columns = self.raster.cells.shape
         return (
             self.raster.to_world(np.arange(columns + 1.0), np.zeros(columns + 1))[0],
@@ -205,7 +205,7 @@ class CellSpace(FreeSpace):
         return result
 
     def differs(self, before: FreeSpace, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
-        """Mark points (M,) where free space within a distance, m, may differ from a previous free space."""
+        """Mark points (M,) with a changed free space within a distance, m: where it may differ from a previous one."""
         changed = self.changed_cells(before)
         if changed is None:
             return super().differs(before, x, y, within)
@@ -216,7 +216,7 @@ class CellSpace(FreeSpace):
         return near
 
     def changed_cells(self, before: FreeSpace) -> FloatArray | None:
-        """Return boxes (B, 4), m, with all cells that differ from those before; None if more than cells differ."""
+        """Return boxes (B, 4), m, round all cells that have changed; None if anything besides cells has changed."""
         if not isinstance(before, CellSpace) or before.rest is not self.rest:
             return None
         return changed_boxes(before.raster, self.raster)
@@ -229,7 +229,7 @@ class CellSpace(FreeSpace):
         return free if self.rest is None else free & self.rest.shapes_free(shapes, margin)
 
     def _beside_cells(self, shapes: NDArray[np.object_], margin: float) -> BoolArray:
-        """Mark geometries (N,) on free cells, at least ``margin`` (m) from the border of these cells."""
+        """Mark geometries (N,) that lie on free cells, at least ``margin`` (m) from the border of these cells."""
         points, owner = shapely.get_coordinates(shapes, return_index=True)
         first = np.searchsorted(owner, np.arange(len(shapes)))
         free = self.contains(points[first, 0], points[first, 1])
@@ -245,7 +245,7 @@ class CellSpace(FreeSpace):
 
 
 def changed_boxes(before: Raster, after: Raster) -> FloatArray | None:
-    """Return boxes (B, 4), m, that hold all cells that differ, one for each cluster; None for different grids."""
+    """Return boxes (B, 4), m, that hold all cells that differ, one for each block; None for different grids."""
     if not on_one_grid(before, after):
         return None
     blocks = changed_blocks(before.cells, after.cells)
@@ -255,7 +255,7 @@ def changed_boxes(before: Raster, after: Raster) -> FloatArray | None:
 
 
 def on_one_grid(first: Raster, second: Raster) -> bool:
-    """Return whether two rasters have the same cells in the plane, with the same heights."""
+    """Return whether two rasters have cells of the same number, size, position and heights."""
     alike = ("resolution", "origin", "heights")
     same_cells = first.cells.shape == second.cells.shape
     return same_cells and all(getattr(first, name) == getattr(second, name) for name in alike)
@@ -265,7 +265,7 @@ BLOCK = 32  # cells along a side of a block in which changes count as one
 
 
 def changed_blocks(before: BoolArray, after: BoolArray) -> IntArray:
-    """Return the bounds (B, 4) of all differing cells in each block: first row and column, end of rows and columns."""
+    """Return the bounds (B, 4) of the changed cells in each block: first row, first column, and both ends."""
     rows, columns = np.nonzero(before != after)
     if not rows.size:
         return np.zeros((0, 4), np.int64)

@@ -1,9 +1,9 @@
-"""Outlines of cells and polygons: traced between solid and free cells, and checked before GEOS processes them.
+"""Outlines of cells and polygons: traced round occupied cells, and checked before the library GEOS processes them.
 
 GEOS cannot be interrupted, and its time grows fast with the input. Joining squares takes more than linear time (a
 minute for 800 x 800 cells of noise), so only the borders of cells become rings here. Mending an outline takes at least
-quadratic time in its crossings, and testing one takes time in proportion to the pairs of segments with overlapping
-boxes. These are counted here with NumPy, exactly up to rounding, and refused above a bound.
+quadratic time in its crossings; testing an outline takes time in proportion to the pairs of segments with overlapping
+boxes. Both are counted here with NumPy, exactly up to rounding, and refused above a bound.
 """
 
 from __future__ import annotations
@@ -22,23 +22,26 @@ from hpop.errors import MapError
 from hpop.runtime import limits
 
 MOST_CORNERS = 500_000
-"""Corners of outlines: some seconds. The largest real maps at hand have some thousands; noise has them."""
+"""Largest number of corners of outlines, some seconds of work.
+
+Large real maps have thousands; noise has more than this.
+"""
 MOST_MENDED = 1_000
-"""Crossings of an outline that is mended."""
+"""Largest number of crossings of an outline that is mended."""
 MOST_SQUARES = 5 * MOST_MENDED**2
-"""Sum of the squared numbers of crossings of all outlines of a file that are mended: some seconds."""
+"""Largest sum, over the outlines of a file, of the squared number of crossings: some seconds of mending."""
 MOST_JOINED = 100_000
-"""Crossings of outlines that are joined."""
+"""Largest number of crossings of outlines that are joined."""
 MOST_NEAR = 200_000
-"""Pairs of segments of a line that are so near to each other that their strips overlap."""
+"""Largest number of pairs of segments of a line whose strips overlap."""
 MOST_PAIRS = 20_000_000
-"""Pairs of segments whose boxes overlap."""
+"""Largest number of pairs of segments whose bounding boxes overlap."""
 AT_ONCE = 1_000_000
-"""Pairs of segments that are looked at together, about."""
+"""Pairs of segments that are compared together, approximately."""
 
 
 def outlined(cells: BoolArray) -> BaseGeometry:
-    """Return the exact union of unit squares, one for each True cell (H, W), with a corner only where an outline turns.
+    """Return the exact union of unit squares, one for each True cell (H, W); corners only where its outline turns.
 
     Raises MapError for more than `MOST_CORNERS` corners.
     """
@@ -75,9 +78,9 @@ def _borders(x: IntArray, y: IntArray, leave: BoolArray) -> IntArray:
 
 
 def _lowest(rings: NDArray[np.object_]) -> IntArray:
-    """Return the lowest point (n, 2) of each ring, the leftmost if several; the cell above right of it is inside.
+    """Return the lowest point (n, 2) of each ring, the leftmost if there are several.
 
-    The cell above right of it is inside.
+    The cell above and to the right of this point is inside the ring.
     """
     points, ring = shapely.get_coordinates(rings, return_index=True)
     order = np.lexsort((points[:, 0], points[:, 1], ring))
@@ -99,7 +102,7 @@ def check_mendable(outline: BaseGeometry, what: str) -> int:
 
 
 def check_mendable_together(crossings: Sequence[int], what: str) -> None:
-    """Raise MapError for outlines, each mendable, that take too long together."""
+    """Raise MapError for outlines that each can be mended, but take too long together."""
     if sum(count * count for count in crossings) > MOST_SQUARES:
         raise MapError(
             f"{what}: {len(crossings):,} of its outlines cross themselves {sum(crossings):,} times in all, up to "
@@ -121,7 +124,7 @@ def check_joinable(outlines: Sequence[BaseGeometry], what: str) -> None:
 
 
 def check_widenable(line: BaseGeometry, distance: float, what: str) -> None:
-    """Raise MapError for a line so close to itself that a strip of half-width ``distance`` along it is useless."""
+    """Raise MapError if a strip of half-width ``distance``, m, along a line would overlap itself too often."""
     near = (len(first) for first, _ in _pairs(_segments([line]), what, margin=distance))
     _bound(what, "comes near to itself", MOST_NEAR, near)
 
@@ -132,7 +135,7 @@ def _may_cross(count: Any) -> Any:
 
 
 def _bound(what: str, does: str, most: int, counts: Iterator[int]) -> int:
-    """Add up counts; raise MapError as soon as the sum is above ``most``."""
+    """Return the sum of counts; raise MapError as soon as it is above ``most``."""
     found = 0
     for count in counts:
         found += count
@@ -145,9 +148,9 @@ def _bound(what: str, does: str, most: int, counts: Iterator[int]) -> int:
 
 
 def _pairs(segments: FloatArray, what: str, margin: float = 0.0) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield pairs of segments (m, 2, 2) with overlapping boxes, enlarged by a margin; each pair once, in batches.
+    """Yield pairs of segments, two arrays (m, 2, 2), with overlapping bounding boxes, enlarged by ``margin``, m.
 
-    Each pair once, in large batches.
+    Each pair comes once, in large batches.
     """
     corners = np.concatenate([segments.min(axis=1) - margin, segments.max(axis=1) + margin], axis=1)
     boxes = np.atleast_1d(shapely.box(*corners.T))
@@ -179,7 +182,7 @@ def _segments(outlines: Sequence[BaseGeometry]) -> FloatArray:
 
 
 def _crossings(first: FloatArray, second: FloatArray, *, touching: bool = False) -> int:
-    """Count the pairs of segments (m, 2, 2) with overlapping boxes that cross, or also touch."""
+    """Count the pairs of segments (m, 2, 2) that cross, or with ``touching`` also touch; their boxes overlap."""
     for _ in range(2):
         apart = _side(first, second[:, 0]) * _side(first, second[:, 1])
         meet = apart <= 0 if touching else apart < 0
@@ -188,6 +191,6 @@ def _crossings(first: FloatArray, second: FloatArray, *, touching: bool = False)
 
 
 def _side(segments: FloatArray, points: FloatArray) -> FloatArray:
-    """Return the side of the lines through segments on which points lie: -1, 0 or 1 (m,)."""
+    """Return the side of each point, relative to the line through its segment: 1 left, -1 right, 0 on the line (m,)."""
     u, v = segments[:, 1] - segments[:, 0], points - segments[:, 0]
     return np.asarray(np.sign(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]))

@@ -1,8 +1,8 @@
 """Distances in the plane: trees and grids of edges, and the clearance of points and segments in a free region.
 
-The free region is the extent without everything blocked; its border consists of outlines of obstacles, keep-out zones
-and the extent. Points use a tree of boxes, other shapes another tree; rays visit the buckets of a grid. All distances
-are exact.
+The free region is the extent without obstacles and keep-out zones; its border consists of their outlines and that of
+the extent. Points use a tree of boxes, other shapes use a tree of GEOS, and rays visit the buckets of a grid. All
+distances are exact.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ LEAF = 4  # pieces of edges in a leaf
 ROUNDING = 8  # units in the last place by which boxes are enlarged against rounding
 BITS = 16  # of each coordinate, for sorting pieces
 TOLERANCE = 1e-9
-"""Metres by which a segment may miss its margin."""
+"""m by which a segment may come closer to the border than its margin."""
 GRID = 2.0**-43
-"""Share of the largest coordinate to which free regions with slanting edges are rounded: 1e-10 m in 1 km."""
+"""Rounding of free regions with slanting edges, relative to the largest coordinate: 1e-10 m in 1 km."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ class EdgeTree:
 
 
 def _pieces(edges: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Cut long edges; return the edge (P,) of each piece and its ends (P, 4), m."""
+    """Cut long edges into pieces; return the edge (P,) that each piece belongs to, and its ends (P, 4), m."""
     size = edges.reshape(-1, 2).max(axis=0) - edges.reshape(-1, 2).min(axis=0)
     most = max(math.sqrt(2.0 * size[0] * size[1] / len(edges)), size.max() * 2.0 / len(edges), 1e-9)
     slanting = (edges[:, :2] != edges[:, 2:]).all(axis=1)  # an edge parallel to an axis fills its box
@@ -92,7 +92,7 @@ def _pieces(edges: FloatArray) -> tuple[IntArray, FloatArray]:
 
 
 def _curve(points: FloatArray) -> IntArray:
-    """Return the positions (P,) of points along a Morton curve through their bounding square."""
+    """Return the positions (P,) of points (P, 2) along a Morton curve, which orders near points mostly together."""
     low = points.min(axis=0)
     side = max(float((points.max(axis=0) - low).max()), 1e-9)
     cells = np.minimum((points - low) / side * 2**BITS, 2**BITS - 1).astype(np.int64)
@@ -102,10 +102,10 @@ def _curve(points: FloatArray) -> IntArray:
 
 
 def without(region: BaseGeometry, blocked: BaseGeometry) -> BaseGeometry:
-    """Return a region without a blocked part, m.
+    """Return a region less a blocked region, m.
 
-    Slanting edges are first snapped to a fine grid. Without a grid GEOS may silently lose whole polygons if edges
-    almost coincide, as those of cells on a rotated map do: once in a thousand small maps.
+    Slanting edges are first snapped to a fine grid. Otherwise GEOS may silently lose whole polygons if edges almost
+    coincide, as edges of cells on a rotated map do: once in a thousand small maps.
     """
     points, ring = shapely.get_coordinates(shapely.get_rings(shapely.get_parts([region, blocked])), return_index=True)
     slanting = np.diff(points, axis=0).all(axis=1) & (np.diff(ring) == 0)
@@ -158,7 +158,7 @@ class FreeSpace:
     def differs(self, before: FreeSpace, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
         """Mark points (M,) where free space within a distance, m, may differ from a previous free space.
 
-        It does not differ if no edge within that distance was added or removed, and the point itself is free as before.
+        It is equal if no edge within that distance was added or removed, and the point is free in both or in neither.
         """
         if self is before:
             return np.zeros(x.shape, dtype=np.bool_)
@@ -176,8 +176,8 @@ class FreeSpace:
     def segments_free(self, x0: FloatArray, y0: FloatArray, x1: FloatArray, y1: FloatArray, margin: float) -> BoolArray:
         """Mark segments in the free region, at least ``margin`` (>= 0, m) from its border.
 
-        Cheap tests decide most: free if the midpoint's clearance exceeds margin + half the length, not free if an end
-        is closer than the margin. Otherwise the tree of edges is searched within the margin.
+        Cheap tests decide most: a segment is free if the clearance of its midpoint exceeds the margin plus half its
+        length, and not free if an end is closer than the margin. The remaining ones are looked up in the tree of edges.
         """
         middle = self.clearance((x0 + x1) / 2, (y0 + y1) / 2)
         free = middle >= margin + np.hypot(x1 - x0, y1 - y0) / 2
@@ -200,7 +200,7 @@ class FreeSpace:
 
 
 def _distinct(edges: FloatArray) -> FloatArray:
-    """Return the distinct edges of (N, 2, 2), m, as rows (E, 4), each from its lesser end to its greater one."""
+    """Return each edge of (N, 2, 2), m, once, as rows (E, 4) that are the same for both directions."""
     (x0, y0), (x1, y1) = edges[:, 0].T, edges[:, 1].T
     swapped = (x0 > x1) | ((x0 == x1) & (y0 > y1))
     return np.unique(np.where(swapped[:, None, None], edges[:, ::-1], edges).reshape(-1, 4), axis=0)
@@ -217,7 +217,7 @@ _COPIES = _Copies()
 
 
 def _own(space: FreeSpace) -> BaseGeometry:
-    """Return the region, prepared for this thread alone.
+    """Return a copy of the region, prepared for this thread alone.
 
     Queries change the state of a prepared geometry, so two threads would corrupt memory (libgeos/geos#825).
     """
@@ -231,7 +231,7 @@ def _own(space: FreeSpace) -> BaseGeometry:
 def edges_of_one(one: FreeSpace, other: FreeSpace) -> FloatArray:
     """Return the edges (E, 4), m, on the border of exactly one of two free spaces.
 
-    An edge is directed, with the free region on its right: two edges may join the same points.
+    Edges are directed, with the free region on the right; an edge and its reverse are different.
     """
     edges = np.concatenate([one.edges, other.edges]).reshape(-1, 4)
     distinct, count = np.unique(edges, axis=0, return_counts=True)
@@ -247,13 +247,14 @@ def _first_point(shapes: NDArray[np.object_]) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, eq=False)
 class EdgeGrid:
-    """Edges sorted into the square buckets of a grid that they cross, for rays that visit one bucket after another.
+    """Edges, sorted into the square buckets that they cross, for rays that go from bucket to bucket.
 
     edges    (E, 4)    m   x0, y0, x1, y1; at least one
     corner   (x, y)    m   lower-left corner of bucket [0, 0]
     side     float     m   of a bucket
     start    (R C + 1,)    the edges of bucket [i, j] are members[start[i C + j]:start[i C + j + 1]]
-    members  (K,) shape    (R, C)
+    members  (K,)          indices of edges, bucket after bucket
+    shape    (R, C)        rows and columns of buckets
     """
 
     edges: FloatArray
@@ -277,9 +278,9 @@ class EdgeGrid:
 
 
 def _crossings(edges: FloatArray, corner: FloatArray, side: float, shape: tuple[int, int]) -> tuple[IntArray, IntArray]:
-    """Return sorted pairs (grid cell, edge).
+    """Return two arrays: for each bucket that an edge crosses, the bucket and the edge, sorted by bucket.
 
-    Long edges are cut; each piece is in the cells that its bounding box overlaps.
+    Long edges are cut; each piece counts for the buckets that its bounding box overlaps.
     """
     length = np.hypot(edges[:, 2] - edges[:, 0], edges[:, 3] - edges[:, 1])
     pieces = np.maximum(1, np.ceil(length / side)).astype(np.int64)

@@ -1,4 +1,4 @@
-"""Rays in space against boxes, cylinders, spheres and convex hulls, for a camera that rises and tilts.
+"""Rays in space against boxes, cylinders, spheres and convex hulls, for cameras that rise and tilt.
 
 Each body is convex, so a line is inside it along one interval, with ends in closed form; kernels compute many rays at
 once. For cameras of fixed height the planar methods (:mod:`hpop.world.sight.bearings`,
@@ -33,12 +33,12 @@ RAYS = "rays were cast"
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """Convex bodies for rays: each is the region behind all of its planes and within its round part.
+    """Convex bodies for rays: each is the intersection of half-spaces with a cylinder or a ball.
 
-    planes  (P, 4)    outward unit normal and distance from the origin along it, m; body by body
+    planes  (P, 4)    outward unit normal of each half-space, and its distance from the origin, m; body by body
     begin   (B + 1,)  index of each body's first plane
-    rounds  (B, 8)    centre, m; axis of a cylinder, 0 of a ball; radius, 0 if nothing is round; and radius of a ball
-                      round the centre that holds the body, m
+    rounds  (B, 8)    of each body: centre, m; axis of its cylinder (0, 0, 0 for a ball); radius of its cylinder or
+                      ball (0 without one); radius of a ball round the centre that holds the body, m
 
     >>> can = Surfaces.of([Solid(Cylinder(0.1, 0.4), np.eye(4))])
     >>> ahead, up = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
@@ -67,10 +67,10 @@ class Surfaces:
         return len(self.rounds)
 
     def first_hits(self, origins: FloatArray, directions: FloatArray, reach: float) -> FloatArray:
-        """Return the length (N, K), m, of unit rays (N, K, 3) from origins (N, 3), m, up to ``reach``.
+        """Return the length (N, K), m, of rays until they enter a body; at most ``reach``.
 
-        A ray ends where it enters a body. A body that contains or touches the origin, such as the camera's own case,
-        does not stop it.
+        The rays have unit directions (N, K, 3) and begin at origins (N, 3), m. A body that contains or touches the
+        origin, such as the case of the camera, does not stop a ray.
         """
         from hpop.world.geometry._kernels import first_hits  # numba is slow to import
 
@@ -86,9 +86,10 @@ class Surfaces:
     def blocked(
         self, own: Surfaces, poses: FloatArray, origins: FloatArray, directions: FloatArray, reach: FloatArray
     ) -> FloatArray:
-        """Return the fraction (N,) of rays (N, K, 3) from origins (N, 3), m, that meet a body before ``reach`` (N, K).
+        """Return the fraction (N,) of rays from origins (N, 3), m, that enter a body before ``reach`` (N, K), m.
 
-        Bodies are these surfaces and ``own``, each body of ``own`` in a frame with poses (B, N, 4, 4).
+        Rays have unit directions (N, K, 3). Bodies are these surfaces, and those of the robot: ``own``, each body of
+        which moves with a frame, poses (B, N, 4, 4).
         """
         from hpop.world.geometry._sight_in_space import blocked  # numba is slow to import
 
@@ -110,7 +111,7 @@ class Surfaces:
         *,
         largest: bool,
     ) -> FloatArray:
-        """Return the mean or largest angular speed (N,), rad/s, of surfaces in view; see `_kernels.flow`."""
+        """Return the mean or largest angular speed (N,), rad/s, of surfaces that a camera sees; see `_kernels.flow`."""
         from hpop.world.geometry._kernels import flow  # numba is slow to import
 
         out = np.empty(len(places))
@@ -122,7 +123,7 @@ class Surfaces:
         return out
 
     def filled(self, centres: FloatArray, radius: float, rays: int) -> FloatArray:
-        """Return the fraction (N,) of the ball of ``radius`` m round centres (N, 3), m, that bodies fill."""
+        """Return the fraction (N,) of the ball of ``radius`` m round each centre (N, 3), m, that bodies fill."""
         from hpop.world.geometry._kernels import filled  # numba is slow to import
 
         out = np.zeros(len(centres))
@@ -137,13 +138,13 @@ class Surfaces:
 
 
 def surfaces_of(world: World) -> Surfaces:
-    """Return the surfaces of a world's solids; cached with its ground."""
+    """Return the surfaces of the solids of a world; cached with its ground."""
     ground = world.ground
     return ground.derived(("bodies for rays",), lambda: Surfaces.of(ground.bodies))
 
 
 def rows(vector: Vector, size: int) -> FloatArray:
-    """Return three columns or numbers as vectors (N, 3); OptionError for symbols."""
+    """Stack the x, y and z of a vector, columns or numbers, into rows (N, 3); OptionError for CasADi symbols."""
     if any(map(is_symbolic, vector)):
         raise OptionError(
             "rays in space are cast on numbers, and here places are variables of a program; take a planner on a graph."
@@ -152,9 +153,9 @@ def rows(vector: Vector, size: int) -> FloatArray:
 
 
 def over_sphere(count: int, width: float = 2.0 * math.pi, height: float = math.pi) -> FloatArray:
-    """Return unit vectors (count, 3), spread evenly over directions within half the angles, rad, of the x axis.
+    """Return unit vectors (count, 3), spread evenly over directions round the x axis; by default over all directions.
 
-    ``width`` is the angle round the z axis, ``height`` the angle up and down; by default all directions.
+    ``width`` is the angle about the z axis, and ``height`` the angle up and down, in which they lie, rad.
     """
     number = np.arange(count) + 0.5
     z = math.sin(0.5 * height) * (2.0 * number / count - 1.0)
@@ -165,9 +166,9 @@ def over_sphere(count: int, width: float = 2.0 * math.pi, height: float = math.p
 def towards_ball(
     places: FloatArray, centre: Sequence[float], radius: float, rays: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return unit vectors (N, rays, 3) from points (N, 3) towards a ball, spread evenly, and distances (N, rays), m.
+    """Return evenly spread rays from points to a ball: unit vectors (N, rays, 3), and their lengths (N, rays), m.
 
-    Distances are 0 for points inside the ball.
+    The points are (N, 3), m; lengths are 0 for points inside the ball.
     """
     from hpop.world.geometry._kernels import towards_ball  # numba is slow to import
 
@@ -184,7 +185,7 @@ def over_disc(count: int) -> FloatArray:
 
 
 def _form(shape: Shape) -> tuple[FloatArray, FloatArray, FloatArray, float, float]:
-    """Return planes (P, 4), centre, axis, radius and the radius of a bounding ball of a shape, in its own frame."""
+    """Return planes (P, 4), centre, axis, radius and bounding radius of a shape in its own frame, see `Surfaces`."""
     zero, up = np.zeros(3), np.array([0.0, 0.0, 1.0])
     match shape:
         case Box():

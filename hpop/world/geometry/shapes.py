@@ -22,9 +22,9 @@ from hpop.world.geometry.outlines import check_joinable, outlined
 from hpop.world.geometry.solids import Solid
 
 MAX_CELLS = 100_000_000
-"""Largest raster that is read: 10 000 x 10 000 cells, 500 m x 500 m at 0.05 m."""
+"""Largest number of cells of a raster that is read, such as 500 m x 500 m at 0.05 m."""
 VANISHING = 1e-100
-"""Coordinates below, m, multiply to 0 though they are not."""
+"""m; the product of two such small coordinates underflows to 0."""
 SMALLEST, LARGEST = 0.1, 1e6
 """Least and greatest longer side of a map that is read, m."""
 
@@ -70,7 +70,10 @@ def check_pose(origin: Any) -> tuple[float, float, float]:
 
 
 def check_coordinates(geometry: BaseGeometry | NDArray[np.object_], what: str) -> None:
-    """Raise MapError for geometries larger than any building, or with products of coordinates that underflow."""
+    """Raise MapError for coordinates beyond any building, or so small that their products underflow.
+
+    ``what`` names them.
+    """
     away = np.abs(shapely.get_coordinates(geometry))
     if not (away <= FARTHEST).all():
         raise MapError(f"{what} must have finite coordinates, within {FARTHEST:,.0f} m of the origin; shift it there.")
@@ -79,12 +82,12 @@ def check_coordinates(geometry: BaseGeometry | NDArray[np.object_], what: str) -
 
 
 def check_positive(name: str, value: Any) -> float:
-    """Return a finite float above 0; `MapError` naming the quantity otherwise."""
+    """Return a value as a finite float above 0; a `MapError` names the quantity otherwise."""
     return float(real(name, value, 1e-9, 1e9, "a number above 0,", error=MapError))
 
 
 def check_inside(point: Any) -> tuple[float, float] | None:
-    """Return a point (x, y) in free space, m, or None; `MapError` otherwise."""
+    """Return a point (x, y), m, as floats, or None for None; `MapError` for anything else."""
     if point is None:
         return None
     try:
@@ -175,7 +178,7 @@ class Obstacle:
 
 
 def prisms_of(obstacles: Any) -> tuple[Obstacle, ...]:
-    """Return prisms from shapely polygons, each alone or as (polygon, (z_min, z_max)); MapError otherwise."""
+    """Return prisms from shapely polygons, each alone or as (polygon, (z_min, z_max)), m; MapError otherwise."""
     if not isinstance(obstacles, Iterable) or (isinstance(obstacles, np.ndarray) and not obstacles.ndim):
         raise MapError(f"obstacles must be a list of shapely polygons; got {shown(obstacles)}. Put one in brackets.")
     prisms = list[Obstacle]()
@@ -234,12 +237,12 @@ class Raster:
         return self.z_min, self.z_max
 
     def to_world(self, column: Column, row: Column) -> tuple[Any, Any]:
-        """Convert points, in cells from the lower-left corner, to world coordinates (m)."""
+        """Convert points, in cells from the lower-left corner of the image, to world coordinates (m)."""
         dx, dy = rotate(column * self.resolution, row * self.resolution, self.origin[2])
         return dx + self.origin[0], dy + self.origin[1]
 
     def rectangle(self) -> BaseGeometry:
-        """Return the outline of the image, m."""
+        """Return the rectangle that the cells cover, m."""
         rows, columns = self.cells.shape
         return self._placed(shapely.box(0, 0, columns, rows))
 

@@ -1,6 +1,7 @@
 """Solids in space: boxes, cylinders, spheres and convex hulls with poses, for worlds and for arms.
 
-For a robot in the plane each solid counts as its enclosing upright prism, `Solid.outline` between `Solid.heights`.
+For a robot in the plane each solid counts as the upright prism that encloses it, `Solid.outline` between
+`Solid.heights`.
 """
 
 from __future__ import annotations
@@ -24,17 +25,17 @@ from hpop.base.text import printable, shown
 from hpop.errors import MapError
 
 SAGITTA = 1e-3
-"""By how much an outline of straight edges leaves a circle, m, or radii where the radius is more than 1 m."""
+"""Largest distance, m, between a circle and the polygon that replaces it; relative to radii of more than 1 m."""
 ORTHONORMAL = 1e-6
-"""By how much the axes of a pose may miss length 1 and right angles."""
+"""Tolerance of the axes of a pose, which have length 1 and are at right angles."""
 TILT = 1e-9
-"""Sine of the angle to the vertical below which an axis is upright."""
+"""Sine of the angle between an axis and the vertical up to which the axis counts as upright."""
 MOST_SOLIDS = 5_000
-"""Solids of a world."""
+"""Largest number of solids of a world."""
 MARGIN = 1.0
-"""Margin of a world without an extent round its solids, m: room for a robot beside them."""
+"""m from the solids to the border of the extent, if none is given: room for a robot beside them."""
 MOST_POINTS = 100_000
-"""Points of which a hull is made: some tenths of a second."""
+"""Largest number of points of a hull: some tenths of a second."""
 
 
 @checked_arguments
@@ -59,7 +60,7 @@ class Box:
         return corners
 
     def support(self, directions: FloatArray) -> FloatArray:
-        """Return the extent (N,), m, of the box in unit directions (N, 3)."""
+        """Return the distance (N,), m, from the centre to the farthest point of the box in unit directions (N, 3)."""
         reach: FloatArray = np.abs(directions) @ (np.array(self.size) / 2)
         return reach
 
@@ -86,7 +87,7 @@ class Cylinder:
         return np.concatenate([np.c_[rim, np.full(len(rim), z)] for z in (-self.length / 2, self.length / 2)])
 
     def support(self, directions: FloatArray) -> FloatArray:
-        """Return the extent (N,), m, of the cylinder in unit directions (N, 3)."""
+        """Return the distance (N,), m, from centre to farthest point of the cylinder in unit directions (N, 3)."""
         x, y, z = directions.T
         reach: FloatArray = self.radius * np.hypot(x, y) + self.length / 2 * np.abs(z)
         return reach
@@ -106,7 +107,7 @@ class Sphere:
         object.__setattr__(self, "radius", _length("a sphere's radius", self.radius))
 
     def support(self, directions: FloatArray) -> FloatArray:
-        """Return the extent (N,), m, of the ball in unit directions (N, 3)."""
+        """Return the distance (N,), m, from the centre to the farthest point of the ball in unit directions (N, 3)."""
         return np.full(len(directions), self.radius)
 
 
@@ -151,7 +152,7 @@ class Hull:
 
     @cached_property
     def triangles(self) -> IntArray:
-        """Return the corners (F, 3) of its faces, counter-clockwise as seen from outside."""
+        """Return the faces as triangles (F, 3) of indices into ``points``, counter-clockwise as seen from outside."""
         from scipy.spatial import ConvexHull  # slow to import
 
         hull = ConvexHull(self.points)
@@ -168,7 +169,7 @@ class Hull:
         return float(np.einsum("ij,ij->", np.cross(a, b), c)) / 6
 
     def support(self, directions: FloatArray) -> FloatArray:
-        """Return the extent (N,), m, of the hull in unit directions (N, 3)."""
+        """Return the distance (N,), m, from the origin to the farthest point of the hull in unit directions (N, 3)."""
         reach: FloatArray = (self.points @ directions.T).max(axis=0)
         return reach
 
@@ -203,7 +204,7 @@ class Solid:
 
     @property
     def corners(self) -> FloatArray:
-        """Return the corners (V, 3), m, of a polyhedron: equal to a `Box` or `Hull`, enclosing a `Cylinder`.
+        """Return the corners (V, 3), m, of a box or hull, or of a polyhedron that encloses a cylinder.
 
         Raises MapError for a sphere.
         """
@@ -214,7 +215,7 @@ class Solid:
 
     @cached_property
     def bounds(self) -> FloatArray:
-        """Return the least and the greatest x, y and z (2, 3), m; exact."""
+        """Return the bounding box (2, 3), m: the least and the greatest x, y and z; exact."""
         reach = self.shape.support(self.pose[:3, :3])
         away = self.shape.support(-self.pose[:3, :3])
         return frozen(np.stack([self.pose[:3, 3] - away, self.pose[:3, 3] + reach]))
@@ -227,7 +228,7 @@ class Solid:
 
     @cached_property
     def outline(self) -> Polygon:
-        """Return the outline from above, m: exact for boxes and hulls, else enclosing the solid within `SAGITTA`."""
+        """Return the outline from above, m: exact for boxes and hulls, else a polygon round it within `SAGITTA`."""
         if isinstance(self.shape, Sphere):
             return shapely.Polygon(self.pose[:2, 3] + _rim(self.shape.radius))
         outline: Polygon = shapely.convex_hull(shapely.MultiPoint(self.corners[:, :2]))  # type: ignore[assignment]
@@ -235,7 +236,7 @@ class Solid:
 
     @cached_property
     def is_upright(self) -> bool:
-        """Return whether the solid equals its enclosing upright prism, apart from the polygon for a circle."""
+        """Return whether the solid is an upright prism, so that its outline and heights describe it in full."""
         vertical = np.hypot(self.pose[0, :3], self.pose[1, :3]) <= TILT
         match self.shape:
             case Box():
@@ -267,11 +268,11 @@ class Solid:
         dimensions = data[kind]
         shapes: dict[str, Any] = {"box": Box, "sphere": Sphere, "hull": Hull}
         shape = Cylinder(**dimensions) if kind == "cylinder" else shapes[kind](dimensions)
-        return cls(shape, [*data["pose"], [0.0, 0.0, 0.0, 1.0]], data["name"])  # type: ignore[arg-type]  # made an array
+        return cls(shape, [*data["pose"], [0.0, 0.0, 0.0, 1.0]], data["name"])  # type: ignore[arg-type]  # a list
 
 
 def check_solids(solids: Any) -> tuple[Solid, ...]:
-    """Return the solids of a world as a tuple; `MapError` if there are too many or any is of another type."""
+    """Return solids as a tuple; `MapError` if there are too many or one is of another type."""
     found = tuple(islice(solids, MOST_SOLIDS + 1)) if isinstance(solids, Iterable) else (solids,)
     if not all(isinstance(solid, Solid) for solid in found):
         raise MapError(
@@ -284,7 +285,7 @@ def check_solids(solids: Any) -> tuple[Solid, ...]:
 
 
 def not_upright(solids: Sequence[Solid]) -> tuple[str, ...]:
-    """Return a note on solids that are larger in the plane than in space; empty if all are upright."""
+    """Return a note on the solids that planning in the plane takes for larger ones; empty if all are upright prisms."""
     names = [solid.name or f"solid {place}" for place, solid in enumerate(solids) if not solid.is_upright]
     if not names:
         return ()
@@ -341,7 +342,7 @@ def _checked_pose(pose: Any, name: str) -> FloatArray:
 
 
 def _numbers(what: str, vector: Any, count: int) -> tuple[float, ...]:
-    """Return ``count`` finite numbers, or raise MapError."""
+    """Return ``count`` finite floats, or raise MapError."""
     try:
         values = tuple(vector)
     except TypeError:

@@ -1,4 +1,4 @@
-"""Readers of maps, about one module for each format, and the registry of readers by name."""
+"""Readers of maps, mostly one module per format, and the registry of readers by name."""
 
 from __future__ import annotations
 

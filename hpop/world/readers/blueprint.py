@@ -1,4 +1,4 @@
-"""Clean blueprints: find grey areas, lettering, specks, thin lines and unreachable regions, which are no walls."""
+"""Find dark parts of a blueprint that are no walls (grey areas, lettering, specks, thin lines), and closed regions."""
 
 from __future__ import annotations
 
@@ -19,42 +19,42 @@ from hpop.world.geometry.shapes import Raster, rotate
 DARK, LIGHT = 0.25, 0.9
 """Brightness below which a pixel is dark, and above which it is light."""
 EDGE = 2
-"""Pixels from an obstacle within which grey is its edge: lines are drawn smooth, and JPEG blurs them."""
+"""Distance, pixels, from an obstacle within which grey is its edge: smooth lines and JPEG blur edges."""
 LEAST = 4
-"""Pixels of a grey area that is told."""
+"""Least size, pixels, of a grey area that a note mentions."""
 TOLD = 3
-"""Areas that are told one by one."""
+"""Number of areas or words that a note describes one by one."""
 LETTER = 2.0
-"""Side of a letter on a plan, m, at most."""
+"""Largest side of a letter on a plan, m."""
 LINE = 5
-"""Pixels that the tallest letter of a word has, at least."""
+"""Least height, pixels, of the tallest letter of a word."""
 WORD = 3
-"""Letters of a word, at least."""
+"""Least number of letters of a word."""
 SPARE = 2.0
-"""Factor from the largest letter to the proposed limit, if nothing else has that size."""
+"""Factor from the largest letter to the proposed limit, if no other obstacle is between the two."""
 MOST_SPECKS = 20_000
-"""Specks among which lettering is looked for; more are noise."""
+"""Largest number of obstacles among which lettering is searched; more are noise."""
 LABELS = 8
-"""Bytes a pixel while connected pixels are numbered, and looked at."""
+"""Bytes per pixel while connected pixels are numbered and examined."""
 ROWS = 1_000_000
 """Pixels that are counted together."""
 
-_ROUND = np.ones((3, 3), dtype=bool)  # a pixel with its eight neighbours: lines are connected at corners
+_ROUND = np.ones((3, 3), dtype=bool)  # a pixel and its eight neighbours, as lines may be connected at corners
 THIN = 3
-"""Pixels that a line is thick, at most, which is told apart from walls."""
+"""Largest thickness of a line, pixels, that may be a door swing rather than a wall."""
 WALLS = 0.5
-"""Share of the dark pixels that are of walls, at least, where lines are told apart: else walls are lines as well."""
+"""Least share of dark pixels in thicker walls; below it the walls themselves are drawn as thin lines."""
 ROOM = 1.0
 """Area, m², of a part of the free space that counts as a room."""
 MOST = 1_000
-"""Pixels up to which lines are left out."""
+"""Largest thickness, pixels, below which lines are removed."""
 
 
 class Specks(NamedTuple):
-    """Groups of connected pixels, one row each.
+    """Groups of connected pixels, one per row.
 
     area    (n,)    int     pixels
-    boxes   (n, 4)  int     first row, first column, and the row and column after the last
+    boxes   (n, 4)  int     first row, first column, last row + 1, last column + 1
     """
 
     area: IntArray
@@ -62,7 +62,7 @@ class Specks(NamedTuple):
 
 
 def without_specks(raster: Raster, smallest: float) -> tuple[BoolArray, str]:
-    """Return cells without obstacles smaller than ``smallest`` (m²), and a note on removed and remaining ones."""
+    """Return cells (H, W) without obstacles smaller than ``smallest``, m², and a note on those removed and left."""
     cells, square = raster.cells, raster.resolution**2
     labels, count = numbered(cells, _ROUND)
     area = areas_of(labels, count)
@@ -82,9 +82,10 @@ def without_specks(raster: Raster, smallest: float) -> tuple[BoolArray, str]:
 
 
 def closed_from(raster: Raster, inside: tuple[float, float]) -> tuple[BoolArray, str]:
-    """Make the part that is unreachable from a point (m) solid, and return cells and a note; `MapError` if blocked.
+    """Make the free cells solid that cannot be reached from a point (x, y), m; return the cells (H, W) and a note.
 
-    Only the four neighbours that share a side are reachable, so a line of pixels that touch at corners is closed.
+    A cell is connected to its four neighbours that share a side, so a line of pixels that touch at corners is closed.
+    Raises MapError for a point in an obstacle or beyond the image.
     """
     rows, columns = raster.cells.shape
     x, y = rotate(inside[0] - raster.origin[0], inside[1] - raster.origin[1], -raster.origin[2])
@@ -104,9 +105,10 @@ def closed_from(raster: Raster, inside: tuple[float, float]) -> tuple[BoolArray,
 
 
 def greys(shade: NDArray[np.uint8], dark: BoolArray, threshold: float, raster: Raster) -> Iterator[str]:
-    """Yield notes on pixels that are neither dark nor light, and on grey areas that became free.
+    """Yield notes on pixels that are neither dark nor light, and on grey areas that therefore became free.
 
-    shade, dark : (H, W), brightness from 0 to 255 and the obstacles, row 0 at the bottom
+    shade  (H, W)  brightness from 0 to 255, row 0 at the bottom
+    dark   (H, W)  the obstacles
     """
     grey = (shade >= round(255 * DARK)) & (shade <= round(255 * LIGHT))
     count, solid = np.count_nonzero(grey), np.count_nonzero(grey & dark)
@@ -145,7 +147,7 @@ def greys(shade: NDArray[np.uint8], dark: BoolArray, threshold: float, raster: R
 
 
 def lettering(raster: Raster) -> Iterator[str]:
-    """Yield a note on obstacles that look like lettering: rows of small specks of different sizes, close together."""
+    """Yield a note on obstacles that look like lettering: lines of small specks of similar height, close together."""
     labels, count = numbered(raster.cells, _ROUND)
     if count > MOST_SPECKS:
         yield (
@@ -184,7 +186,7 @@ def lettering(raster: Raster) -> Iterator[str]:
 
 
 def _words(specks: Specks, *, turned: bool) -> list[IntArray]:
-    """Return the letters of words written horizontally, or upward if ``turned``."""
+    """Return, for each word, the indices of its letters; words run horizontally, or upward if ``turned``."""
     r0, c0, r1, c1 = specks.boxes.T if not turned else specks.boxes[:, [1, 0, 3, 2]].T
     if not len(r0):
         return []
@@ -213,7 +215,7 @@ def _words(specks: Specks, *, turned: bool) -> list[IntArray]:
 
 
 def numbered(cells: BoolArray, structure: BoolArray | None) -> tuple[NDArray[np.int32], int]:
-    """Return numbers of connected cells, from 1, and the highest number."""
+    """Assign numbers from 1 to groups of connected cells; return the numbers (H, W), 0 for False, and their count."""
     from scipy import ndimage  # slow to import
 
     limits.hold(READING, 0, LABELS * cells.size)
@@ -222,7 +224,7 @@ def numbered(cells: BoolArray, structure: BoolArray | None) -> tuple[NDArray[np.
 
 
 def areas_of(labels: NDArray[np.int32], count: int) -> IntArray:
-    """Count the cells of each number, 0 included, in blocks of rows to bound memory."""
+    """Return the number of cells (count + 1,) with each number, counted in blocks of rows to bound memory."""
     step = max(1, ROWS // labels.shape[1])
     area = np.zeros(count + 1, dtype=np.int64)
     for top in range(0, labels.shape[0], step):
@@ -231,7 +233,7 @@ def areas_of(labels: NDArray[np.int32], count: int) -> IntArray:
 
 
 def _box(cells: BoolArray) -> list[int]:
-    """Return the first row and column of the True cells, and the row and column after the last."""
+    """Return the bounding box of the True cells: first row, first column, last row + 1, last column + 1."""
     rows, columns = np.flatnonzero(cells.any(axis=1)), np.flatnonzero(cells.any(axis=0))
     return [int(rows[0]), int(columns[0]), int(rows[-1]) + 1, int(columns[-1]) + 1]
 
@@ -241,13 +243,13 @@ def _size(rows: int, columns: int, raster: Raster) -> str:
 
 
 def _rounded_up(value: float) -> float:
-    """Return a number rounded up to two digits."""
+    """Return a number rounded up to two significant digits."""
     unit = 10.0 ** (math.floor(math.log10(value)) - 1)
     return float(f"{math.ceil(value / unit - 1e-9) * unit:.6g}")
 
 
 def without_lines(raster: Raster, thinnest: float) -> tuple[BoolArray, str]:
-    """Return cells without obstacles thinner than ``thinnest`` (m), and a note on the removed pixels."""
+    """Return cells (H, W) without lines thinner than ``thinnest``, m, and a note on the removed pixels."""
     pixels = min(MOST, math.ceil(thinnest / raster.resolution - 1e-9))
     thick = _thick(raster.cells, pixels)
     removed = np.count_nonzero(raster.cells) - np.count_nonzero(thick)
@@ -259,7 +261,7 @@ def without_lines(raster: Raster, thinnest: float) -> tuple[BoolArray, str]:
 
 
 def closing(raster: Raster) -> Iterator[str]:
-    """Yield a note on thin lines that separate rooms if all walls are thicker; they may be the swings of doors."""
+    """Yield a note on thin lines that separate rooms where walls are thicker; they may be the swings of doors."""
     cells = raster.cells
     thick = _thick(cells, THIN + 1)
     thin = cells & ~thick
@@ -293,7 +295,7 @@ def closing(raster: Raster) -> Iterator[str]:
 
 
 def _beside(lines: NDArray[np.int32], rooms: NDArray[np.int32], large: BoolArray) -> Iterator[NDArray[np.int32]]:
-    """Yield pairs (n, 2) of the numbers of a line and a room with neighbouring pixels."""
+    """Yield pairs (n, 2): the number of a line, and that of a large room that it touches."""
     for a, b in (
         ((slice(1, None), slice(None)), (slice(None, -1), slice(None))),
         ((slice(None), slice(1, None)), (slice(None), slice(None, -1))),
@@ -304,7 +306,7 @@ def _beside(lines: NDArray[np.int32], rooms: NDArray[np.int32], large: BoolArray
 
 
 def _thick(cells: BoolArray, pixels: int) -> BoolArray:
-    """Return the obstacle cells in or next to a square of side ``pixels`` that fits into the obstacles."""
+    """Return the obstacle cells that belong to a square of ``pixels`` x ``pixels`` obstacle cells, or touch it."""
     if pixels <= 1:
         return cells
     from scipy import ndimage  # slow to import

@@ -1,4 +1,4 @@
-"""Readers for floor plans in DXF and PDF: lines are walls, solid or dark fills are obstacles.
+"""Readers for floor plans in DXF and PDF: lines become walls, solid or dark fills become obstacles.
 
 They need the extra ``plans`` (ezdxf and pypdfium2).
 """
@@ -32,10 +32,10 @@ from hpop.world.readers.rooms import Arc, DoorArcs, door_arcs, said_of_doors, wi
 from hpop.world.world import World
 
 MOST_BYTES = 100_000_000
-"""Largest file, bytes: a minute or so."""
+"""Largest file, bytes: reading it takes about a minute."""
 MOST_PAGES = 100_000
 POINT = 0.0254 / 72
-"""A point of a page, m on paper."""
+"""Length of a point, the unit of a page, m on paper."""
 METRES = {
     1: ("inches", 0.0254),
     2: ("feet", 0.3048),
@@ -46,13 +46,13 @@ METRES = {
     14: ("decimetres", 0.1),
     21: ("US survey feet", 1200 / 3937),
 }
-"""Units of buildings and their metres, by ``$INSUNITS`` of a drawing's header."""
+"""Name of a unit and its length, m, by the code ``$INSUNITS`` in the header of a drawing."""
 WALL_WIDTH = 0.05
-"""Thickness of a wall along a line, m: drawings have walls as two lines, their faces."""
+"""Default thickness of a wall along a line, m; drawings show both faces of a wall as lines."""
 LONG = 400
-"""Points of a line that may come near to itself so often that its strip cannot be made."""
+"""Number of points above which a line is checked: it may come too near to itself to be widened."""
 BLOCK = 2_000
-"""Lines that are widened between two looks at the limits."""
+"""Lines that are widened between two checks of the limits."""
 
 
 class DrawingOptions(NamedTuple):
@@ -88,11 +88,11 @@ def _names(layers: Any) -> list[str] | None:
 def build(
     path: str | Path, found: ChildAnswer, placement: Placement, options: DrawingOptions, *, nothing: str
 ) -> World:
-    """Build the world of a drawing's lines, with notes on everything left out.
+    """Build the world of a drawing, with notes on everything left out.
 
-    found      ``points`` (n, 2) of all lines, their first points ``starts`` (m + 1,), their ``layer`` (m,), and their
-               ``area`` (m,): lines with an equal number above 0 bound an area
-    placement  from the drawing's units to metres
+    found      arrays ``points`` (n, 2) of all lines, index of the first point of each line ``starts`` (m + 1,), and
+               ``layer`` and ``area`` of each line (m,): lines with an equal area number above 0 bound an area
+    placement  conversion from the units of the drawing to metres
     nothing    advice for a drawing without lines
     """
     words, arrays = found
@@ -154,7 +154,7 @@ def _counted(layer: IntArray) -> tuple[list[int], list[int]]:
 def _walls(
     points: FloatArray, starts: IntArray, lines: IntArray, widths: FloatArray, usual: float, path: str | Path
 ) -> list[BaseGeometry]:
-    """Return polygons along lines, each of its own width, m; lines wider than usual have flat ends."""
+    """Return polygons along lines, each as wide as ``widths`` says, m; lines wider than usual get flat ends."""
     walls: list[BaseGeometry] = []
     for begin in range(0, len(lines), BLOCK):
         limits.check(READING)
@@ -170,7 +170,10 @@ def _walls(
 def _without(
     arcs: Sequence[Arc], points: FloatArray, starts: IntArray, widths: FloatArray, lines: IntArray
 ) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
-    """Return points, starts, widths and lines without arcs; what remains of a line becomes lines of their own."""
+    """Return points, starts, widths and lines without the given arcs.
+
+    The parts of a line before and after an arc become new lines.
+    """
     pieces = [
         (points[begin:end], widths[arc.line])
         for arc in arcs
@@ -189,7 +192,7 @@ def _without(
 
 
 def _linestrings(points: FloatArray, starts: IntArray, lines: IntArray) -> NDArray[np.object_]:
-    """Return lines, except those of length 0."""
+    """Return shapely lines from the given rows of ``starts``, except lines of length 0."""
     sizes = starts[lines + 1] - starts[lines]
     owner = np.repeat(np.arange(len(lines)), sizes)
     index = np.arange(len(owner)) + np.repeat(starts[lines] - np.cumsum(sizes) + sizes, sizes)
@@ -198,7 +201,7 @@ def _linestrings(points: FloatArray, starts: IntArray, lines: IntArray) -> NDArr
 
 
 def _areas(points: FloatArray, starts: IntArray, area: IntArray, path: str | Path) -> list[BaseGeometry]:
-    """Return the areas inside an odd number of the given lines, as polygons."""
+    """Return the filled areas as polygons: points inside an odd number of the lines that share an area number."""
     made: list[BaseGeometry] = []
     lines = np.flatnonzero(area)
     for some in np.split(lines, np.flatnonzero(np.diff(area[lines])) + 1):
@@ -212,7 +215,7 @@ def _areas(points: FloatArray, starts: IntArray, area: IntArray, path: str | Pat
 
 
 def _reached(free: BaseGeometry, inside: tuple[float, float], extent: BaseGeometry, path: str | Path) -> BaseGeometry:
-    """Return the part of the free space that contains a point; `MapError` if it is blocked."""
+    """Return the connected part of the free space that contains a point; `MapError` for a blocked point."""
     here = shapely.Point(inside)
     for part in shapely.get_parts(free).tolist():
         if shapely.intersects(part, here):
@@ -246,8 +249,8 @@ def read_dxf(
     wall_width : float
         Thickness of the walls along lines, m.
     inside : (x, y), optional
-        A point in the free space, m. All that cannot be reached from it is solid, such as the inside of walls drawn as
-        two lines, and everything outside the building. Without it the extent is the bounding box of the walls.
+        A point in the free space, m. Areas that cannot be reached from there become solid, such as the inside of walls
+        drawn as two lines, and everything outside the building. By default the extent is the bounding box of the walls.
     origin : (x, y)
         The drawing's point that becomes (0, 0), in its units.
     door_arcs : "closed" or "open"
@@ -265,21 +268,21 @@ def read_dxf(
         If the file is missing or no drawing, states no units, lacks lines or the requested layers, or takes more time
         or memory than `hpop.world.files` allows.
     """
-    asked = checked_options(wall_width, layers, inside, door_arcs)
+    checked = checked_options(wall_width, layers, inside, door_arcs)
     Placement(1.0 if scale is None else scale, origin)  # checked before the file is read
     content = read_bytes(path, "DXF drawing", limit=MOST_BYTES)
-    found = extract("dxf", path, content, {"layers": asked.layers})
+    found = extract("dxf", path, content, {"layers": checked.layers})
     elsewhere = found.words["elsewhere"]
     nothing = "its model space is empty" + f", {elsewhere:,} things are on its sheets" * bool(elsewhere)
     unit, metres = ("units", scale) if scale is not None else _units(path, found)
-    world = build(path, found, Placement(metres, origin), asked, nothing=nothing)
+    world = build(path, found, Placement(metres, origin), checked, nothing=nothing)
     note = f"{path}: drawn in {unit} of {metres:g} m{' by its header; scale says otherwise' * (scale is None)}."
-    options = {"scale": scale, **asked._asdict(), "origin": list(origin)}
+    options = {"scale": scale, **checked._asdict(), "origin": list(origin)}
     return World(world.ground, notes=(note, *world.notes)).read_from(file_source("dxf", path, options, content))
 
 
 def _units(path: str | Path, found: ChildAnswer) -> tuple[str, float]:
-    """Return the name of the units in a drawing's header, and their size in metres."""
+    """Return the name of the units that the header of a drawing states, and their length, m."""
     code = found.words["insunits"]
     if code in METRES:
         return METRES[code]
@@ -319,11 +322,11 @@ def read_pdf(
     layers : name or names, optional
         The layers (optional content) to read; default: all that are on when the file is opened.
     wall_width, inside
-        As `hpop.world.readers.drawing.read_dxf` has them.
+        See `hpop.world.readers.drawing.read_dxf`.
     origin : (x, y)
         The point that becomes (0, 0), in points from the lower left corner of the page as it is shown.
     door_arcs : "closed" or "open"
-        As `hpop.world.readers.drawing.read_dxf` has it.
+        See `hpop.world.readers.drawing.read_dxf`.
 
     Dark lines are walls; lines thicker than 1 mm on paper are as thick as drawn. Dark fills are obstacles. Lighter
     fills colour rooms and are left out, as are texts, images, annotations, and everything outside the page or a clip
@@ -335,7 +338,7 @@ def read_pdf(
         If the file is missing or no PDF, lacks the page, lines or the requested layers, or takes more time or memory
         than `hpop.world.files` allows.
     """
-    asked = checked_options(wall_width, layers, inside, door_arcs)
+    checked = checked_options(wall_width, layers, inside, door_arcs)
     page = whole("page", page, 1, MOST_PAGES, error=MapError)
     if (scale is None) == (ratio is None):
         raise MapError(
@@ -345,10 +348,10 @@ def read_pdf(
     metres = check_positive("ratio", ratio) * POINT if scale is None else check_positive("scale", scale)
     placement = Placement(metres, origin)
     content = read_bytes(path, "PDF", limit=MOST_BYTES)
-    found = extract("pdf", path, content, {"layers": asked.layers, "page": page})
+    found = extract("pdf", path, content, {"layers": checked.layers, "page": page})
     nothing = f"page {page} of {found.words['pages']:,} is empty"
     try:
-        world = build(path, found, placement, asked, nothing=nothing)
+        world = build(path, found, placement, checked, nothing=nothing)
     except MapError as error:
         if not found.words["left_out"].get("images") or len(found.arrays["points"]):
             raise
@@ -356,7 +359,7 @@ def read_pdf(
             f"{error} Is it scanned? Save the page as an image, such as by pdftoppm -r 150 -gray -png, and read that "
             f"by image with resolution {metres * 72 / 150:.4g}."
         ) from None
-    options = {"scale": metres, "page": page, **asked._asdict(), "origin": list(origin)}
+    options = {"scale": metres, "page": page, **checked._asdict(), "origin": list(origin)}
     if (unit := found.words["unit"]) != 1.0:
         note = f"{path}: a unit of page {page} is {unit:g} points by its UserUnit."
         world = replace(world, notes=(note, *world.notes))

@@ -1,7 +1,7 @@
-"""Features of GeoJSON files: names, properties as text, selection by properties, and notes.
+"""Features of GeoJSON files: their names, values of their properties, selection by properties, and notes on faults.
 
-One note covers all features of a file with the same fault. Properties follow the habits of GIS and OpenStreetMap:
-numbers and lengths as text, several values in one text.
+One note covers all features of a file with the same fault. Properties are read as GIS programs and OpenStreetMap write
+them: numbers and lengths may be text, and one text may hold several values.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from hpop.base.text import shown, some
 from hpop.errors import MapError, did_you_mean
 
 RANGES = 8
-"""Features, or ranges of their numbers, that a note lists, at most."""
+"""Largest number of features, or of ranges of their numbers, that a note lists."""
 UNITS = {
     **dict.fromkeys(("", "m", "metre", "metres", "meter", "meters"), 1.0),
     "cm": 0.01,
@@ -23,22 +23,22 @@ UNITS = {
     **dict.fromkeys(("ft", "feet", "foot", "'"), 0.3048),
     **dict.fromkeys(("in", "inch", "inches", '"'), 0.0254),
 }
-"""Metres a unit. OpenStreetMap's lengths without a unit are in metres (wiki, Key:height)."""
+"""Metres per unit. A length of OpenStreetMap without a unit is in metres (wiki, Key:height)."""
 LENGTH = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([a-zA-Z]*|'|\")")
 FEET_INCHES = re.compile(r"(\d+)\s*(?:'|ft)\s*(\d+(?:\.\d+)?)\s*(?:\"|in)?")
 RANGE = re.compile(r"(-?\d{1,3})-(-?\d{1,3})")
-"""A range of levels: "0-2", "-1-3"."""
+"""Range of levels as text: "0-2", "-1-3"."""
 RANGED = frozenset({"level", "repeat_on"})
 """Properties whose text may be a range (OpenStreetMap, Simple Indoor Tagging)."""
 YES, NO = frozenset({"yes", "true", "1"}), frozenset({"no", "false", "0", ""})
 LEVELS = ("level", "floor")
-"""Properties that say on which floor a feature is."""
+"""Properties that state the floor of a feature."""
 TOLD = 8
-"""Values of a property that a message lists, at most."""
+"""Largest number of values of a property that a message lists."""
 
 
 class Feature(NamedTuple):
-    """Feature of a file: its path, its number, and its data."""
+    """Feature of a file: path of the file, number of the feature in the file, and its JSON data."""
 
     path: str | Path
     number: int
@@ -46,13 +46,16 @@ class Feature(NamedTuple):
 
     @property
     def properties(self) -> dict[str, Any]:
-        """Return the properties; {} if they are no object."""
+        """Return the properties; {} if the feature has no JSON object of properties."""
         properties = self.data.get("properties")
         return properties if isinstance(properties, dict) else {}
 
     @property
     def name(self) -> str:
-        """Return the name: ``name``, ``label``, ``title``, ``id``, or the properties ``id`` and ``type``."""
+        """Return the first text among ``name``, ``label``, ``title``, the feature's ``id``, and ``id`` or ``type``.
+
+        All but the feature's ``id`` are properties. "" if there is none.
+        """
         own = self.properties
         named = [own.get(key) for key in ("name", "label", "title")]
         candidates = [
@@ -66,7 +69,7 @@ class Feature(NamedTuple):
 
     @property
     def called(self) -> str:
-        """Return the number, and the name if there is one."""
+        """Return the number of the feature, followed by its name if it has one."""
         return f"{self.number} {shown(self.name)}" if self.name else str(self.number)
 
     def __str__(self) -> str:
@@ -89,7 +92,7 @@ class FeatureNotes:
         self._found: dict[tuple[str, str], list[Feature]] = {}
 
     def add(self, feature: Feature, what: str) -> None:
-        """Note a feature; a repeated note on it, such as for another part, counts once."""
+        """Add a note on a feature; the same note on it, such as for another part of its geometry, counts once."""
         features = self._found.setdefault((str(feature.path), what), [])
         if not features or features[-1].number != feature.number:
             features.append(feature)
@@ -99,7 +102,7 @@ class FeatureNotes:
         return any(said == what for _, said in self._found)
 
     def lines(self, path: str | Path | None = None) -> tuple[str, ...]:
-        """Return the notes on all files, or on one, as lines in the order of the features."""
+        """Return the notes on all files, or on the file at ``path``, as lines in the order of the features."""
         files = list(dict.fromkeys(of for of, _ in self._found))
         notes = sorted(self._found.items(), key=lambda note: (files.index(note[0][0]), note[1][0].number))
         return tuple(
@@ -110,7 +113,7 @@ class FeatureNotes:
 
 
 def _listed(features: list[Feature]) -> str:
-    """List features by number and name, or by ranges of numbers if none has a name."""
+    """Return features as text: numbers with names, or ranges of numbers if none has a name."""
     if not any(feature.name for feature in features):
         return _ranges(sorted({feature.number for feature in features}))
     called = dict.fromkeys(feature.called for feature in sorted(features, key=lambda feature: feature.number))
@@ -118,7 +121,7 @@ def _listed(features: list[Feature]) -> str:
 
 
 def _ranges(numbers: list[int]) -> str:
-    """Write increasing numbers as ranges: "0 to 2, 5"."""
+    """Return increasing numbers as text with ranges: "0 to 2, 5"."""
     ranges: list[list[int]] = []
     for number in numbers:
         if ranges and number == ranges[-1][-1] + 1:
@@ -130,7 +133,7 @@ def _ranges(numbers: list[int]) -> str:
 
 
 def length(value: Any) -> float | None:
-    """Return a length in m, from a number or from text with or without a unit; None for anything else.
+    """Return a length, m, from a number, or from text with or without a unit; None for anything else.
 
     >>> length(3), length("3"), length("12 ft"), length("250 cm"), length(f'''6'11"'''), length("high")
     (3.0, 3.0, 3.6576000000000004, 2.5, 2.1082, None)
@@ -163,7 +166,7 @@ def truth(value: Any) -> bool | None:
 
 
 def values(key: str, value: Any) -> set[str]:
-    """Return the values of a property as texts: items of a list, parts between semicolons, and levels of a range.
+    """Return the values of a property as texts: items of a list, parts between semicolons, levels of a range.
 
     >>> sorted(values("level", "0-2")), sorted(values("level", 0.0)), sorted(values("type", "room;hall"))
     (['0', '1', '2'], ['0'], ['hall', 'room'])
@@ -181,7 +184,7 @@ def values(key: str, value: Any) -> set[str]:
 
 
 def _text(value: Any) -> str:
-    """Convert a value to text, equal for 0, 0.0 and "0"."""
+    """Return a value as text, which is equal for 0, 0.0 and "0"."""
     read = number(value)
     if isinstance(read, float) and read.is_integer() and abs(read) < 1e15:
         return str(int(read))
@@ -216,7 +219,7 @@ class FeatureFilter:
         return bool(self._wanted)
 
     def takes(self, properties: Mapping[str, Any], keys: Iterable[str] | None = None) -> bool:
-        """Return whether properties have the wanted values, of all keys or of the given ones."""
+        """Return whether properties have the wanted values, of all keys of this filter or only of ``keys``."""
         asked = self._wanted.items() if keys is None else [(k, w) for k, w in self._wanted.items() if k in keys]
         return all(wanted & values(key, properties.get(key)) for key, wanted in asked)
 
@@ -237,9 +240,9 @@ def chosen_features(
     *,
     by_level: Callable[[Feature], bool] | None = None,
 ) -> tuple[list[Feature], tuple[str, ...]]:
-    """Return the features that pass a filter, and a note; MapError if there are none.
+    """Return the features that pass a filter, and a note on their number; MapError if none passes.
 
-    by_level  tells whether a feature, such as a door, is chosen by its level alone
+    ``by_level`` returns whether a feature, such as a door, is chosen by its level alone.
     """
     if not choice:
         return list(features), ()
@@ -270,7 +273,7 @@ def chosen_features(
 
 
 def notes_of_levels(of: Sequence[Feature], choice: FeatureFilter, path: str | Path) -> Iterator[str]:
-    """Yield a note if features of several floors are read as one."""
+    """Yield a note if features of several floors are read as one floor."""
     for key in LEVELS:
         if key in choice.given:
             continue

@@ -1,4 +1,4 @@
-"""Reader for GeoJSON (RFC 7946) floor plans: polygons as obstacles, or as the free space between them."""
+"""Reader for floor plans in GeoJSON (RFC 7946): polygons are obstacles, or the free space between them."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ from hpop.world.readers.rooms import (
 from hpop.world.world import World
 
 HEIGHTS = ("min_height", "height")
-"""Properties that give the lower and upper end of an obstacle."""
+"""Properties that state the lower and upper end of an obstacle, m."""
 ESTIMATED = "est_height"
 """OpenStreetMap's estimate of a height, for features without ``height``."""
 FLOORS = ("building:levels", "building:min_level")
-"""OpenStreetMap's numbers of floors, which are no heights."""
+"""Numbers of floors in OpenStreetMap, which are no heights."""
 Meaning = Literal["obstacles", "free", "outline", "rooms"]
 FAR = 100_000.0
-"""Coordinates, m, that no plan has whose origin is in the building: those of projections are larger."""
+"""m; larger coordinates come from a map projection, not from a plan whose origin is in the building."""
 
 
 def read(
@@ -77,7 +77,7 @@ def read(
         Metres per unit of the file. EPSG:3857 stretches lengths: its scale is cos(latitude).
     origin : (x, y)
         The file's point that becomes (0, 0), in its units; projected coordinates are millions of metres otherwise.
-        Without it, (0, 0) stays where it is, and of degrees or a ``crs`` it is the plan's south-west corner.
+        By default (0, 0) stays; for degrees or a ``crs`` the default is the south-west corner of the plan.
     polygons : "obstacles", "free", "outline" or "rooms"
         Meaning of a polygon. *obstacles*: the extent is their bounding box. *free*: the robot must stay in their union,
         and everything beyond obstructs the camera. *outline*: the largest polygon is free, such as a building, and the
@@ -94,7 +94,7 @@ def read(
         Coordinates are projected to a plane as degrees are. Needs pyproj (extra ``plans``).
     where : mapping, optional
         Properties that a feature must have, each with a value or several: ``{"indoor": "room", "level": [0, 1]}``.
-        Text and numbers are compared as text; a feature's "0;1" is each of the two, and its level "0-2" all three.
+        Text and numbers are compared as text; "0;1" in a feature means both values, and a level "0-2" all three.
         Doors are chosen by their level alone.
 
     An obstacle's property ``height`` is its height above the floor, m, also as text ("3", "12 ft"), or a pair [z_min,
@@ -149,7 +149,7 @@ def read(
 def _ground(
     plan: _Plan, polygons: Meaning, width: float | None, noted: FeatureNotes, path: str | Path
 ) -> tuple[Ground, list[str]]:
-    """Return the ground of a plan, with notes."""
+    """Return the ground of a plan, for the given meaning of its polygons, with notes."""
     areas, lines = plan.areas, plan.lines
     if polygons == "obstacles":
         notes = [*_closing(areas, lines, width or 0.0)]
@@ -184,7 +184,7 @@ def _ground(
 def _shapes(
     features: Sequence[Feature], kinds: tuple[str, ...], noted: FeatureNotes, *, doors: bool
 ) -> tuple[list[Feature], NDArray[np.object_]]:
-    """Return features and their geometries, including doors if ``doors``."""
+    """Return features and their geometries of the given kinds; with ``doors`` also all kinds of doors, at the end."""
     if not doors:
         return shaped(features, kinds, noted)
     opening = [feature for feature in features if is_door(feature)]
@@ -202,7 +202,10 @@ def _placed_by(
     shapes: NDArray[np.object_],
     path: str | Path,
 ) -> tuple[Placement, NDArray[np.object_], dict[str, Any]]:
-    """Return the placement of geometries, the geometries in its units, and options that describe it."""
+    """Return the placement of geometries in the world, the geometries in its units, and options that record both.
+
+    A crs comes from the option ``crs``, or else from the document.
+    """
     is_open = given.units is None and given.scale == 1.0
     system = systems.crs_of(crs) if crs is not None else document.crs if is_open else None
     if system is None or system == systems.DEGREES:
@@ -237,7 +240,7 @@ class _FeaturePolygon(NamedTuple):
 
 
 def _in_metres(declared: str | None, shapes: NDArray[np.object_], path: str | Path) -> tuple[str, ...]:
-    """Yield notes on coordinates read as metres although their crs, or their size, suggests otherwise."""
+    """Return a note on coordinates read as metres although their crs, or their size, suggests otherwise."""
     x0, y0, x1, y1 = shapely.total_bounds(shapes)
     if declared is not None:
         return (
@@ -253,7 +256,7 @@ def _in_metres(declared: str | None, shapes: NDArray[np.object_], path: str | Pa
 
 
 def _closing(areas: Sequence[_FeaturePolygon], lines: Sequence[_FeaturePolygon], width: float) -> Iterator[str]:
-    """Yield a note on an obstacle that encloses everything else, such as the outline of a building."""
+    """Yield a note on an obstacle that encloses all others, such as the outline of a building."""
     if not areas:
         return
     largest = max(areas, key=lambda part: part.area.area)
@@ -268,14 +271,14 @@ def _closing(areas: Sequence[_FeaturePolygon], lines: Sequence[_FeaturePolygon],
 
 
 class _Plan(NamedTuple):
-    """Parts of a plan: areas, walls along lines, and doors."""
+    """Parts of a plan: polygons, walls along lines, and doors."""
 
     areas: list[_FeaturePolygon]
     lines: list[_FeaturePolygon]
     doors: list[Door]
 
     def add(self, feature: Feature, parts: Sequence[Any], width: float, notes: FeatureNotes, *, doors: bool) -> None:
-        """Add the parts of a feature, m."""
+        """Add the geometries of a feature, m, as doors, polygons, or walls of thickness ``width`` along lines."""
         if doors and is_door(feature):
             self.doors.extend(Door(feature, part) for part in parts)
             return
@@ -288,7 +291,7 @@ class _Plan(NamedTuple):
 
 
 def _heights(feature: Feature, notes: FeatureNotes) -> Heights:
-    """Return the heights, m, of a feature; unreadable heights become unlimited, with a note."""
+    """Return the heights of a feature, m; missing or unreadable heights are unlimited, the latter with a note."""
     properties = feature.data.get("properties")
     if not isinstance(properties, dict):
         notes.add(feature, "no properties, so of the whole height")
@@ -328,5 +331,5 @@ def _heights(feature: Feature, notes: FeatureNotes) -> Heights:
 
 
 def _in_bounds(height: float | None) -> float | None:
-    """Return a height, m, or None if it is farther from the floor than heights may be."""
+    """Return a height, m; None if it is farther from the floor than hpop allows."""
     return height if height is not None and abs(height) <= MOST else None

@@ -34,12 +34,12 @@ from hpop.world.readers.geojson_document import LINES, POINTS, POLYGONS, WORDS, 
 from hpop.world.readers.placement import MOST_DEGREES, Placement, Units
 
 FLOW_WIDTH = 3.0
-"""Width of the way along a flow, m."""
+"""Default width of the lane along a flow, m."""
 ContentFile = str | Path | Mapping[str, Any]
-"""A path, or a mapping with a ``path`` and ``where``: the properties that its features must have."""
+"""Path of a file, or a mapping with its ``path`` and ``where``, the properties that its features must have."""
 ContentFiles = ContentFile | Sequence[ContentFile]
 Maker = Callable[[Any, Feature], Landmark | Zone | str | None]
-"""From a geometry, m, what it stands for; text says why it is nothing, None that there is nothing to say."""
+"""Function from a geometry, m, to its content; a text explains why there is none, None leaves this unexplained."""
 
 
 def read(
@@ -70,8 +70,8 @@ def read(
         Each polygon with a rule is a `Zone`: property ``limit`` (m/s) makes a speed zone, ``closed`` (true, yes, or a
         number other than 0) a keep-out zone; ``kind`` (speed or keep-out) comes first.
     scale, origin, units, crs
-        As for the plan of the world, see `hpop.world.readers.geojson.read`; ``world.source["options"]`` has the values
-        that were used there. If the plan is in degrees or a crs, a file may be in degrees or in its own ``crs``.
+        Those of the plan of the world, see `hpop.world.readers.geojson.read`; ``world.source["options"]`` has the
+        values that were used. If the plan is in degrees or a crs, a file may be in degrees or in its own ``crs``.
     width : float
         Width of the lane along a flow, m.
 
@@ -104,7 +104,7 @@ def read(
 
 @dataclass(frozen=True)
 class _Source:
-    """Placement of the files in the world, the crs of their plan, and notes on features and choices."""
+    """Placement of the files in the world, coordinate system of their plan, and notes collected while reading."""
 
     placement: Placement
     crs: str
@@ -112,7 +112,7 @@ class _Source:
     chosen: list[str]
 
     def made(self, files: ContentFiles, kinds: tuple[str, ...], make: Maker) -> list[Landmark | Zone]:
-        """Return the content described by geometries of some kinds in the files."""
+        """Return the content that ``make`` builds from the geometries of the given kinds in the files."""
         things: list[Landmark | Zone] = []
         for file in [files] if isinstance(files, str | Path | Mapping) else files:
             path, choice = _path_and_choice(file)
@@ -128,7 +128,7 @@ class _Source:
                 if not isinstance(feature.data.get("properties"), dict):
                     self.notes.add(feature, "no properties")
                 for part in parts:
-                    thing = _told(make, part, feature)
+                    thing = _content_of(make, part, feature)
                     if isinstance(thing, str):
                         self.notes.add(feature, thing)
                     elif thing is not None:
@@ -138,7 +138,7 @@ class _Source:
         return things
 
     def _in_degrees(self, shapes: NDArray[np.object_], crs: str | None, path: str | Path) -> NDArray[np.object_]:
-        """Return the geometries of a file, in degrees if the plan is in degrees."""
+        """Return the geometries of a file, converted to degrees if the plan is in degrees."""
         if self.placement.units != "deg" or not len(shapes):
             return shapes
         if crs is None:
@@ -160,8 +160,8 @@ def _path_and_choice(file: ContentFile) -> tuple[str | Path, FeatureFilter]:
     return path, FeatureFilter(file.get("where"))
 
 
-def _told(make: Maker, part: BaseGeometry, feature: Feature) -> Landmark | Zone | str | None:
-    """Make the content of a geometry; an error names the feature."""
+def _content_of(make: Maker, part: BaseGeometry, feature: Feature) -> Landmark | Zone | str | None:
+    """Return the content of a geometry; an error names the feature."""
     try:
         return make(part, feature)
     except MapError as error:

@@ -1,4 +1,4 @@
-"""GeoJSON documents (RFC 7946, RFC 8142): features, the declared crs, and geometries in metres, mended where invalid.
+"""Features, coordinate system and geometries of GeoJSON documents (RFC 7946, RFC 8142), in metres, mended if invalid.
 
 Files of another format raise an error that names the format.
 """
@@ -34,11 +34,11 @@ GEOMETRIES = (
     "GeometryCollection",
 )
 BLOCK = 1_000
-"""Objects of JSON that are read between two looks at the limits: hundredths of a second."""
+"""JSON objects that are read between two checks of the limits: hundredths of a second."""
 STAYS, PARSED = 6, 24
-"""Bytes for each of a file: of geometries, and of Python's objects while it is read."""
+"""Bytes of memory per byte of a file: for its geometries, and for Python objects while it is read."""
 BETWEEN = re.compile(r"[\s\x1e]*")
-"""Separators of texts: line ends, and the record separators of RFC 8142."""
+"""Separators of JSON texts in a file: white space, and the record separators of RFC 8142."""
 CONVERT = "convert it, such as by ogr2ogr -f GeoJSON -t_srs EPSG:4326 plan.geojson"
 BINARY = (
     (b"PK\x03\x04", f"a zip archive, of a Shapefile perhaps: unpack it and {CONVERT} plan.shp"),
@@ -60,22 +60,22 @@ MARKED = (
     ("<!doctype html", "a web page: download the file itself"),
     ("version https://git-lfs", "a pointer of Git LFS: fetch the file by git lfs pull"),
 )
-"""Words in the first lines of texts that are no JSON, in lower case, with advice."""
+"""Words in the first lines of files that are no JSON, in lower case, with advice."""
 POINTS, LINES = ("Point", "MultiPoint"), ("LineString", "MultiLineString")
 POLYGONS = ("Polygon", "MultiPolygon")
 COLLECTION = "GeometryCollection"
 AREAS = (shapely.GeometryType.POLYGON, shapely.GeometryType.MULTIPOLYGON)
 WORDS: dict[tuple[str, ...], str] = {POINTS: "point", LINES: "line", POLYGONS: "polygon"}
 LEAST_RING = 3
-"""Different points of a ring that bounds an area, at least."""
+"""Least number of different points of a ring that bounds an area."""
 MOST_DEEP = 20
-"""Collections within collections that are read."""
+"""Deepest nesting of geometry collections that is read."""
 
 
 class GeoJsonDocument(NamedTuple):
     """Contents of a GeoJSON file.
 
-    features  in the file's order
+    features  in the order of the file
     crs       declared coordinate system, or None
     notes     on unusual contents
     """
@@ -86,9 +86,9 @@ class GeoJsonDocument(NamedTuple):
 
 
 def read_document(content: bytes, path: str | Path) -> GeoJsonDocument:
-    """Read features from a FeatureCollection, a Feature or a bare geometry, or from several texts, one per line.
+    """Read the features of a file: a FeatureCollection, a Feature or a geometry, or several of these, one per line.
 
-    Raises MapError for other contents, with the probable format and how to convert it.
+    Raises MapError for other contents; it names the probable format and how to convert it.
     """
     limits.hold(READING, STAYS * len(content), PARSED * len(content))
     for start, what in BINARY:
@@ -120,7 +120,7 @@ def read_document(content: bytes, path: str | Path) -> GeoJsonDocument:
 
 
 def _texts(text: str, path: str | Path) -> list[Any]:
-    """Return the JSON texts of a file: one, or one per line (GeoJSONSeq, newline-delimited GeoJSON)."""
+    """Parse the JSON values in a file: one, or one per line (GeoJSONSeq, newline-delimited GeoJSON)."""
     count = 0
 
     def look(parsed: Any) -> Any:
@@ -148,19 +148,19 @@ def _texts(text: str, path: str | Path) -> list[Any]:
 
 
 def _after(text: str, place: int) -> int:
-    """Return the index after the separator that follows a text."""
+    """Return the index after the separators that begin at ``place``."""
     found = BETWEEN.match(text, place)
     return found.end() if found else place
 
 
 def _hint(text: str) -> str:
-    """Return a hint at the probable format of a text that is no JSON."""
+    """Return a hint at the probable format of a text that is no JSON; "" if unknown."""
     begin = text[:2_000].lower()
     return next((f" It seems to be {what}." for mark, what in MARKED if mark in begin), "")
 
 
 def _features(data: Any, path: str | Path, *, several: bool) -> list[Any]:
-    """Return the features of one text."""
+    """Return the JSON of all features in one parsed value; MapError if it is no GeoJSON."""
     kind = data.get("type") if isinstance(data, dict) else None
     if kind == "FeatureCollection":
         found = data.get("features")
@@ -179,7 +179,7 @@ def _features(data: Any, path: str | Path, *, several: bool) -> list[Any]:
 
 
 def _other(data: Any) -> str:
-    """Return a hint at another JSON format, and how to convert it."""
+    """Return a hint at another JSON format, with how to convert it; "" if unknown."""
     if not isinstance(data, dict):
         return ""
     if data.get("type") == "Topology":
@@ -194,7 +194,7 @@ def _other(data: Any) -> str:
 
 
 def two_numbers(data: Any) -> Any:
-    """Return coordinates with the first two numbers of each position."""
+    """Return nested coordinates with only the first two numbers of each position."""
     if isinstance(data, list) and data and not isinstance(data[0], list):
         return data[:2]
     return [two_numbers(item) for item in data] if isinstance(data, list) else data
@@ -207,7 +207,7 @@ WORDS[POLYGONS + LINES + POINTS] = "polygon, line or door"
 def shaped(
     features: Sequence[Feature], kinds: tuple[str, ...], notes: FeatureNotes
 ) -> tuple[list[Feature], NDArray[np.object_]]:
-    """Return geometries of some kinds (n,), in the file's units, and their features; notes tell the others."""
+    """Return the geometries of the given kinds, in units of the file, with the feature of each; note all others."""
     of: list[Feature] = []
     shapes: list[BaseGeometry] = []
     rest = iter(features)
@@ -228,11 +228,11 @@ def placed(
     *,
     rooms: bool = False,
 ) -> Iterator[tuple[Feature, list[Any]]]:
-    """Yield features with the parts of their geometries, m, in blocks; mended geometries are noted.
+    """Yield each feature with the polygons, lines or points of its geometry, m; mended geometries get a note.
 
     Limits are checked between blocks. Polygons are valid: a self-crossing outline is mended, or refused with `MapError`
-    if it crosses itself so often that mending would not end. With ``rooms`` the polygons of a MultiPolygon are not
-    merged where they touch or overlap.
+    if mending would take too long. With ``rooms`` the polygons of a MultiPolygon are not merged where they touch or
+    overlap.
     """
     for begin in range(0, len(of), BLOCK):
         limits.check(READING)
@@ -252,14 +252,14 @@ def placed(
 
 
 def left_out(kind: Any, kinds: tuple[str, ...]) -> str:
-    """Return the note on a geometry of another kind."""
+    """Return the note on a geometry that is not of the expected kinds."""
     return f"a {shown(kind)}, not a {WORDS[kinds]}, left out"
 
 
 def _shaped(
     feature: Feature, data: Any, kinds: tuple[str, ...], notes: FeatureNotes, deep: int = 0
 ) -> Iterator[BaseGeometry]:
-    """Yield the geometries of a feature in the file's units, from collections one by one; other kinds are noted."""
+    """Yield the geometries of a feature, also those in collections, in units of the file; note other kinds."""
     if data is None:
         place = " but a place of JSON-FG" if feature.data.get("place") is not None else ""
         notes.add(feature, f"no geometry{place}, left out")
@@ -287,7 +287,7 @@ def _shaped(
 
 
 def _geometry(feature: Feature, data: dict[str, Any], notes: FeatureNotes) -> BaseGeometry | None:
-    """Return the geometry of coordinates as GIS programs write them: extra numbers and open rings are allowed."""
+    """Build a geometry from coordinates as GIS programs write them, with extra numbers or rings that are not closed."""
     kind = data["type"]
     if kind in POLYGONS:
         data = _with_rings(feature, data, notes)
@@ -306,7 +306,7 @@ def _geometry(feature: Feature, data: dict[str, Any], notes: FeatureNotes) -> Ba
 
 
 def _with_rings(feature: Feature, data: dict[str, Any], notes: FeatureNotes) -> dict[str, Any]:
-    """Return polygons with the rings that bound an area; other rings, and open ones, are noted."""
+    """Return polygon data with only the rings that bound an area; note removed rings and rings that are not closed."""
     polygons = data["coordinates"] if data["type"] == "MultiPolygon" else [data["coordinates"]]
     kept, is_whole = [], True
     for polygon in polygons if isinstance(polygons, list) else ():
@@ -332,7 +332,7 @@ def _with_rings(feature: Feature, data: dict[str, Any], notes: FeatureNotes) -> 
 
 
 def _bounds_area(ring: list[list[Any]]) -> bool:
-    """Return whether a ring has enough different points; usually the first few suffice."""
+    """Return whether a ring has at least `LEAST_RING` different points."""
     seen: set[Any] = set()
     for point in ring:
         seen.add(tuple(item if isinstance(item, int | float | str) else None for item in point[:2]))
@@ -344,7 +344,7 @@ def _bounds_area(ring: list[list[Any]]) -> bool:
 def _mended(
     of: Sequence[Feature], shapes: NDArray[np.object_], areas: BoolArray, notes: FeatureNotes, rooms: bool
 ) -> NDArray[np.object_]:
-    """Return geometries of features, with invalid areas made valid; with ``rooms`` each polygon by itself."""
+    """Return the geometries with invalid polygons made valid; with ``rooms`` each polygon is mended by itself."""
     check_each_joinable(shapes[areas], [each for each, area in zip(of, areas, strict=True) if area])
     invalid = np.flatnonzero(areas & ~shapely.is_valid(shapes)).tolist()
     crossings = [check_mendable(shapes[i], str(of[i])) for i in invalid]
@@ -362,7 +362,7 @@ def _mended(
 
 
 def _valid(feature: Feature, shape: BaseGeometry, notes: FeatureNotes) -> BaseGeometry:
-    """Return an invalid area made valid, with a note."""
+    """Return an invalid polygon made valid, and add a note."""
     reason, *_ = shapely.is_valid_reason(shape).split("[")  # without the position: features share a note
     notes.add(feature, f"no valid polygon ({reason}), mended")
     return shapely.make_valid(shape)

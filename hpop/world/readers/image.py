@@ -1,6 +1,6 @@
-"""Reader for blueprints: an image in which dark means obstacle, decoded a block of rows at a time.
+"""Reader for blueprints: images in which dark pixels are obstacles, decoded a block of rows at a time.
 
-Decoded pixels may take many bytes each, so a whole image is never decoded at once.
+Decoded pixels take several bytes each, so a large image is never decoded as a whole.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ from hpop.world.world import World
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
 FORMATS = ("PPM", "PNG", "BMP", "GIF", "JPEG")
-"""Pillow's names of the formats that are read; PPM includes PGM."""
+"""Pillow names of the formats that are read; PPM includes PGM."""
 ORIENTATION = 0x0112
-"""Tag of EXIF."""
+"""EXIF tag of the orientation of an image."""
 DEEP = ("I", "I;16", "I;16B", "F")
-"""Pillow's names of what has more than 8 bits a pixel."""
+"""Pillow modes with more than 8 bits per pixel."""
 BLOCK = 1_000_000
-"""Pixels that are looked at together."""
+"""Pixels that are processed together."""
 DECODED, SHADES = 8, 80
-"""Bytes a pixel while an image is read: of the image with its cells, and of those looked at together."""
+"""Bytes per pixel while an image is read: for the image and its cells, and for pixels processed together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +65,9 @@ class DecodedImage:
     is_turned: bool = False
 
     def blocks(self) -> Iterator[tuple[slice, FloatArray, FloatArray | None]]:
-        """Yield about a million pixels at a time: rows, brightness (h, W, channels) from 0 to 1, and alpha (h, W).
+        """Yield about a million pixels at a time: rows, brightness (h, W, channels) and opacity (h, W), from 0 to 1.
 
-        Grey images have one channel, coloured images three; alpha is None for an image without transparency.
+        Grey images have one channel, coloured images three. The opacity is None for an image without transparency.
         """
         step = max(1, BLOCK // self.width)
         for top in range(0, self.height, step):
@@ -92,9 +92,9 @@ class DecodedImage:
 
 
 def read_image(data: bytes, path: str | Path, *, upright: bool = False) -> DecodedImage:
-    """Decode an image; white is the largest value of 8 or 16 bits. Its size is checked before decoding.
+    """Decode an image after checking its size; white is the largest value of 8 or 16 bits.
 
-    A byte per cell is charged to the memory limit. ``upright`` applies the EXIF orientation, as image viewers do and
+    One byte per cell counts towards the memory limit. ``upright`` applies the EXIF orientation, as image viewers do;
     map_server does not.
     """
     from PIL import Image, ImageOps, UnidentifiedImageError  # slow to import
@@ -145,7 +145,7 @@ def _unreadable(image: Any, path: str | Path, error: Exception) -> MapError:
 
 
 def shades(pixels: Pixels) -> FloatArray:
-    """Return pixels as brightness from 0 (black) to 1 (white)."""
+    """Convert pixel values to brightness from 0 (black) to 1 (white)."""
     return np.asarray(pixels / float(np.iinfo(pixels.dtype).max))
 
 
@@ -174,8 +174,8 @@ def read(
     smallest_obstacle : float, optional
         Connected dark pixels with less area, m², are no obstacle, such as lettering or specks of a scan.
     inside : (x, y), optional
-        A point in the free space, m. All that cannot be reached from it is solid, such as the inside of walls drawn as
-        two lines, and everything outside the building.
+        A point in the free space, m. Areas that cannot be reached from there become solid, such as the inside of walls
+        drawn as two lines, and everything outside the building.
     origin : (x, y, yaw)
         World pose of the image's lower-left corner, m and rad.
     height : (z_min, z_max), optional
@@ -185,9 +185,9 @@ def read(
     thinnest_obstacle : float, optional
         Thinner lines, m, are no obstacle, such as the swings of doors between thicker walls.
 
-    A photograph is rotated by its EXIF orientation. ``world.notes`` tell this, the number of grey pixels, which grey
-    areas are free, which specks look like lettering, and which thin lines close passages, each with the option that
-    changes it; and what these options left out or closed.
+    A photograph is rotated by its EXIF orientation. ``world.notes`` mention this, the number of grey pixels, grey areas
+    that are free, specks that look like lettering, and thin lines that close passages, each with the option that
+    changes it; and the areas that these options removed or closed.
 
     Raises
     ------

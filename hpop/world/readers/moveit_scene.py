@@ -1,8 +1,8 @@
 """Reader for planning scenes in YAML, as MoveIt and MotionBenchMaker write them.
 
-The world's objects of ``moveit_msgs/PlanningScene`` are read: boxes, cylinders, spheres and convex meshes. Points are
-lists ``[x, y, z]`` or mappings ``{x: ..}``; quaternions are x, y, z, w. The output of ``ros2 topic echo`` is read too:
-several messages, with a byte as a character. The robot and its states are not read; a note says so.
+It reads the collision objects of ``moveit_msgs/PlanningScene``: boxes, cylinders, spheres and convex meshes. Points are
+lists ``[x, y, z]`` or mappings ``{x: ..}``; quaternions are x, y, z, w. The output of ``ros2 topic echo`` may hold
+several messages, and prints a byte as a character. The robot and its states are not read; a note says so.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from hpop.world.geometry.solids import MOST_POINTS, MOST_SOLIDS, Box, Cylinder, 
 from hpop.world.world import World
 
 MOST_BYTES = 5_000_000
-"""Largest scene, bytes: some seconds."""
+"""Largest scene file, bytes: some seconds."""
 PARSED = 60
-"""Bytes for each of a file, of Python's objects while it is read."""
+"""Memory of Python objects per byte of a file while it is read, bytes."""
 DIMENSIONS = {"box": 3, "sphere": 1, "cylinder": 2}
 NUMBERED = {1: "box", 2: "sphere", 3: "cylinder", 4: "cone"}
-"""Types of primitives as ``shape_msgs/SolidPrimitive`` counts them."""
+"""Names of primitives by their number in ``shape_msgs/SolidPrimitive``."""
 ADD, REMOVE, APPEND, MOVE = range(4)
 """Operations of ``moveit_msgs/CollisionObject``."""
 WORDS = ("add", "remove", "append", "move")
@@ -39,34 +39,34 @@ OPERATIONS: dict[Any, int] = {None: ADD} | {
 SHAPES = ("primitives", "primitive_poses", "meshes", "mesh_poses", "planes", "plane_poses")
 READ = frozenset({"id", "header", "operation", "pose", *SHAPES})
 LABELS = frozenset({"type", "subframe_names", "subframe_poses"})
-"""Keys of an object that say nothing solid."""
+"""Keys of an object that are ignored, since they describe no solid part."""
 NOTED = ("robot_state", "allowed_collision_matrix", "link_padding", "link_scale", "object_colors")
 SCENE = frozenset({"name", "robot_model_name", "is_diff", "world", "fixed_frame_transforms", *NOTED})
 CUT = "..."
 """Text that ``ros2 topic echo`` writes in place of omitted values."""
 NO_ARRAY = ("<sequence type:", "<array type:")
 CONVEX = 1e-4
-"""Share of its hull's volume that a convex mesh may lack: rounding in files. The hull is what counts."""
+"""Share of the volume of its hull that a convex mesh may lack, by rounding in files; the hull replaces it."""
 
 
 class SceneEntry(NamedTuple):
-    """Value of a scene file, with its path in words."""
+    """Value in a scene file (``given``), with its location in words (``what``) for messages."""
 
     what: str
     given: Any
 
     def fault(self, expected: str) -> MapError:
-        """Return an error that states the expected and the actual value."""
+        """Return an error that states the location, the expected and the actual value."""
         return MapError(f"{self.what} must be {expected}; got {shown(self.given)}.")
 
     def get(self, key: str) -> SceneEntry:
-        """Return the value under a key of a mapping; its value is None if the key is missing."""
+        """Return the entry under a key of a mapping; the value of the entry is None if the key is missing."""
         if not isinstance(self.given, dict):
             raise self.fault("a yaml mapping")
         return SceneEntry(f"{self.what}: {key}", self.given.get(key))
 
     def entries(self, most: int = MOST_SOLIDS) -> list[SceneEntry]:
-        """Return the entries of a list; none for a missing one."""
+        """Return the entries of a list; an empty list for a missing one."""
         given = [] if self.given is None else self.given
         if isinstance(given, str) and given.startswith(NO_ARRAY):
             raise MapError(f"{self.what} is left out, as ros2 topic echo --no-arr does; print it without that option.")
@@ -81,7 +81,7 @@ class SceneEntry(NamedTuple):
         return [SceneEntry(f"{self.what} {place}", entry) for place, entry in enumerate(given)]
 
     def numbers(self, keys: str) -> tuple[float, ...]:
-        """Return numbers in a list, or by the names of axes."""
+        """Return numbers from a list, or from a mapping with one key for each letter of ``keys``, such as "xyz"."""
         given = self.given
         if isinstance(given, dict) and given.keys() == set(keys):
             given = [given[key] for key in keys]
@@ -93,9 +93,9 @@ class SceneEntry(NamedTuple):
 class Object(NamedTuple):
     """Collision object.
 
-    frame   frame of the pose
-    pose    (4, 4)  in that frame
-    shapes  with their poses (4, 4) in the object
+    frame   name of the frame in which the pose is stated
+    pose    (4, 4) of the object in this frame
+    shapes  shapes, each with its pose (4, 4) in the object
     """
 
     frame: str
@@ -149,7 +149,7 @@ def read(path: str | Path) -> World:
 
 
 def _apply(scene: SceneEntry, objects: dict[str, Object], *, is_diff: bool) -> None:
-    """Apply the objects of a message to the objects so far; MapError for unreadable objects."""
+    """Update the objects, by name, with the message ``scene``; MapError for unreadable objects."""
     world = scene.get("world")
     if not isinstance(world.given, dict) or "collision_objects" not in world.given:
         raise MapError(
@@ -191,7 +191,7 @@ def _apply(scene: SceneEntry, objects: dict[str, Object], *, is_diff: bool) -> N
 
 
 def _unread(scene: SceneEntry) -> Iterator[str]:
-    """Yield the names of parts of a message that have a meaning but are ignored."""
+    """Yield notes on parts of a message that have a meaning but are not read."""
     paddings = [entry.get("padding") for entry in scene.get("link_padding").entries()]
     scales = [entry.get("scale") for entry in scene.get("link_scale").entries()]
     padded = [
@@ -228,7 +228,7 @@ def _unread(scene: SceneEntry) -> Iterator[str]:
 
 
 def _transforms(scene: SceneEntry) -> dict[str, tuple[str, FloatArray]]:
-    """Return the parent frame of each frame of ``fixed_frame_transforms``, and its pose (4, 4) in the parent."""
+    """Return the parent frame of each frame in ``fixed_frame_transforms``, and its pose (4, 4) in the parent."""
     found: dict[str, tuple[str, FloatArray]] = {}
     for entry in scene.get("fixed_frame_transforms").entries():
         child, moved = entry.get("child_frame_id"), entry.get("transform")
@@ -241,7 +241,7 @@ def _transforms(scene: SceneEntry) -> dict[str, tuple[str, FloatArray]]:
 
 
 def _resolved(frame: str, transforms: Mapping[str, tuple[str, FloatArray]]) -> tuple[str, FloatArray]:
-    """Return the root frame of a frame, and the frame's pose (4, 4) in the root."""
+    """Return the root of a chain of frames that begins at a frame, and the pose (4, 4) of this frame in the root."""
     pose, passed = np.eye(4), set[str]()
     while frame in transforms and frame not in passed:
         passed.add(frame)
@@ -251,7 +251,7 @@ def _resolved(frame: str, transforms: Mapping[str, tuple[str, FloatArray]]) -> t
 
 
 def _refuse_unread(scene: SceneEntry) -> None:
-    """Raise MapError for solids that are not among the objects of the world."""
+    """Raise MapError for solid parts of a scene that are not collision objects, such as an octomap."""
     octomap = scene.get("world").get("octomap")
     if isinstance(octomap.given, dict):
         inside = octomap.get("octomap")
@@ -264,7 +264,7 @@ def _refuse_unread(scene: SceneEntry) -> None:
 
 
 def _frame(thing: SceneEntry) -> str:
-    """Return the frame of an object."""
+    """Return the name of the frame in which an object is given."""
     header = thing.get("header")
     frame = None if header.given is None else header.get("frame_id").given
     if not isinstance(frame, str | None):
@@ -283,20 +283,20 @@ def _operation(thing: SceneEntry, *, is_diff: bool) -> int:
 
 
 def _check_frames(path: str | Path, frames: Mapping[str, str]) -> None:
-    """Raise MapError unless all objects are given in one frame, the world's."""
+    """Raise MapError unless all objects are given in the same frame."""
     known: dict[str, str] = {}
     for name, frame in frames.items():
         known.setdefault(frame, name)
     if len(known) > 1:
-        (one, first), (other, second) = list(known.items())[:2]
+        (frame, first), (other, second) = list(known.items())[:2]
         raise MapError(
-            f"{named(path)}: object {shown(first)} is given in frame {shown(one)}, object {shown(second)} in frame "
+            f"{named(path)}: object {shown(first)} is given in frame {shown(frame)}, object {shown(second)} in frame "
             f"{shown(other)}. Give all objects in one."
         )
 
 
 def _shapes(thing: SceneEntry) -> Iterator[tuple[Shape, FloatArray]]:
-    """Yield the shapes of an object with their poses in it."""
+    """Yield each shape of an object with its pose (4, 4) in the object."""
     if thing.get("planes").given:
         raise MapError(
             f"{thing.get('planes').what} have no end and are not read; give a thin box in the place of each."
@@ -315,7 +315,7 @@ def _shapes(thing: SceneEntry) -> Iterator[tuple[Shape, FloatArray]]:
 
 
 def _pose(part: SceneEntry, place: str = "position", turned: str = "orientation") -> FloatArray:
-    """Return the pose of ``position`` and ``orientation``; missing ones, and a quaternion of zeros, are identities."""
+    """Return the pose (4, 4) of a position and an orientation; a missing one, or a zero quaternion, is an identity."""
     if part.given is None:
         return np.eye(4)
     position, orientation = part.get(place), part.get(turned)
@@ -369,15 +369,15 @@ def _mesh(part: SceneEntry) -> Hull:
 
 
 def _triangle(part: SceneEntry, count: int) -> list[int]:
-    """Return the three vertices of a triangle."""
+    """Return the indices of the three vertices of a triangle."""
     inner = part.get("vertex_indices") if isinstance(part.given, dict) else part
     if not isinstance(inner.given, list) or len(inner.given) != 3:
-        raise inner.fault("three places of vertices")
-    return [whole(inner.what, place, 0, count - 1, "a place of a vertex", error=MapError) for place in inner.given]
+        raise inner.fault("the indices of three vertices")
+    return [whole(inner.what, vertex, 0, count - 1, "the index of a vertex", error=MapError) for vertex in inner.given]
 
 
 def _is_convex(hull: Hull, corners: FloatArray) -> bool:
-    """Return whether triangles (F, 3, 3) enclose the volume of their hull: closed and consistently oriented."""
+    """Return whether triangles (F, 3, 3), if closed and equally oriented, enclose the volume of their convex hull."""
     a, b, c = (corners - hull.points.mean(axis=0)).transpose(1, 0, 2)
     volume = abs(float(np.einsum("ij,ij->", np.cross(a, b), c))) / 6
     return volume >= (1 - CONVEX) * hull.volume

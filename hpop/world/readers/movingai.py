@@ -18,9 +18,9 @@ from hpop.world.world import World
 PASSABLE = ".GS"
 TERRAIN = ".GS@OTW"
 BLOCK = 1_000_000
-"""Cells that are looked at together."""
+"""Cells that are processed together."""
 LINES = 4
-"""Bytes a cell while a map is read, beside those that stay: the file, its text and lines, and cells copied."""
+"""Bytes per cell while a map is read, in addition to the cells: the file, its text and its lines."""
 
 
 def read(path: str | Path, *, resolution: float = 1.0) -> World:

@@ -1,4 +1,4 @@
-"""Placement of a file's coordinates in the world: metres in a plane, degrees on the earth, or a crs.
+"""Placement of coordinates of a file in the world: metres in a plane, degrees on the earth, or a crs.
 
 A crs is a coordinate reference system, which pyproj converts to degrees. Degrees are projected to a tangent plane.
 """
@@ -24,32 +24,32 @@ from hpop.world.geometry.shapes import check_coordinates, check_positive
 from hpop.world.readers.features import Feature
 
 RADIUS = 6378137.0
-"""The earth's at the equator, of WGS 84, m."""
+"""Radius of the earth at the equator, m (WGS 84)."""
 DEGREES = "EPSG:4326"
 GEOGRAPHIC = frozenset({"EPSG:4326", "EPSG:4979", "EPSG:4258", "EPSG:4269", "EPSG:4267"})
-"""Systems of degrees that are within 200 m of each other: of a building they are the same."""
+"""Systems of degrees, which differ by at most 200 m: within a building they are equal."""
 MERCATOR = frozenset({"EPSG:3857", "ESRI:102100", "EPSG:3785", "ESRI:102113"})
-"""The projection of web maps."""
+"""Codes of the projection of web maps."""
 OLD = {"EPSG:900913": "EPSG:3857"}
 CODE = re.compile(r"\b(EPSG|ESRI)\b.*?(\d{4,6})", re.IGNORECASE)
 LONGITUDE_FIRST = re.compile(r".*\bCRS:?84h?", re.IGNORECASE)
 MEMBERS = ("crs", "coordRefSys")
 """Members that declare a coordinate system: of GeoJSON 2008, and of JSON-FG."""
 DEEPEST = 20
-"""Collections within collections, and lists within lists, that are searched for a position."""
+"""Deepest nesting of collections and lists that is searched for a position."""
 Units = Literal["m", "deg"]
 FARTHEST_UNIT = 1000 * FARTHEST
 """Greatest coordinate of a file, in its units, which may be millimetres."""
 MOST_DEGREES = (180.0, 90.0)
 """Greatest longitude and latitude."""
 WIDEST = 0.1
-"""Degrees that a plan spans, at most, each way: 11 km. What spans as many metres is no building."""
+"""Largest span, degrees, of a plan in degrees: 11 km. A plan that spans only 0.1 m is no building."""
 SMALL = 0.01
-"""Degrees that a thing in a building spans, at most, each way: 1.1 km. As metres that is a centimetre."""
+"""Largest span, degrees, of an object in a building: 1.1 km. In metres this would be a centimetre."""
 NEAR = 1.0
-"""Degrees from the origin within which lengths on the plane are those on the earth, to 0.02 %."""
+"""Distance, degrees, from the origin up to which lengths on the tangent plane are right to 0.02 %."""
 FLATTENING = 1 / 298.257223563
-"""The earth's of WGS 84."""
+"""Flattening of the earth (WGS 84)."""
 
 
 def crs_of(name: Any) -> str:
@@ -74,10 +74,9 @@ def crs_of(name: Any) -> str:
 
 
 def declared(member: Any) -> str | None:
-    """Return the crs that a file's member ``crs`` names (GeoJSON 2008, dropped by RFC 7946), or None.
+    """Return the crs that a member of a file names, or None: ``crs`` (GeoJSON 2008) or ``coordRefSys`` (JSON-FG).
 
-    The member ``coordRefSys`` of JSON-FG is read too: a text in brackets, a reference, or a list, whose first is
-    horizontal.
+    The latter is a text in brackets, a reference, or a list with the horizontal system first.
 
     >>> declared({"type": "name", "properties": {"name": "EPSG:25832"}}), declared(None)
     ('EPSG:25832', None)
@@ -102,8 +101,8 @@ def declared(member: Any) -> str | None:
 def declared_by(text: Mapping[str, Any], features: Sequence[Any], path: Any) -> tuple[str | None, tuple[str, ...]]:
     """Return the crs that the JSON of a file declares for its geometries, or None, and notes.
 
-    In JSON-FG (OGC 21-045) the member ``coordRefSys`` is the crs of the members ``place``, which are not read, and
-    geometries are in degrees. A file whose geometries are beyond all degrees has them in that crs too.
+    In JSON-FG (OGC 21-045) ``coordRefSys`` is the crs of the members ``place``, which are not read, while geometries
+    are in degrees. If the first position of a file cannot be degrees, its geometries are taken to be in that crs too.
     """
     crs, system = (text.get(key) for key in MEMBERS)
     if crs is not None or system is None:
@@ -121,7 +120,7 @@ def declared_by(text: Mapping[str, Any], features: Sequence[Any], path: Any) -> 
 
 
 def _first_position(geometry: Any) -> list[float]:
-    """Return the first position [x, y] of a geometry in JSON; [] without one."""
+    """Return the first position [x, y] of a geometry in JSON; [] if there is none."""
     data = geometry
     for _ in range(2 * DEEPEST):
         if isinstance(data, dict):
@@ -132,7 +131,7 @@ def _first_position(geometry: Any) -> list[float]:
 
 
 def degrees_of(points: FloatArray, crs: str, what: Any) -> FloatArray:
-    """Convert points (n, 2) of a crs to longitude and latitude (n, 2); `MapError` without pyproj."""
+    """Convert points (n, 2) from a crs to longitude and latitude (n, 2); `MapError` if pyproj is not installed."""
     if crs == DEGREES:
         return points
     try:  # here: an extra, and slow to import
@@ -159,13 +158,13 @@ def degrees_of(points: FloatArray, crs: str, what: Any) -> FloatArray:
 
 
 def on_earth(shapes: NDArray[np.object_], crs: str, what: Any) -> NDArray[np.object_]:
-    """Convert geometries (n,) of a crs to longitude and latitude."""
+    """Convert geometries (n,) from a crs to longitude and latitude."""
     flat = shapely.force_2d(shapes)
     return np.asarray(shapely.transform(flat, lambda points: degrees_of(points, crs, what)), dtype=object)
 
 
 def _stretched(points: FloatArray, crs: str) -> str:
-    """Return advice on the scale that converts web-map coordinates to metres; "" for another crs."""
+    """Return advice on the scale that turns web-map coordinates into metres; "" for another crs."""
     if crs not in MERCATOR or not len(points):
         return ""
     return f", or give scale: {1 / math.cosh(float(points[:, 1].mean()) / RADIUS):.4g}"
@@ -173,11 +172,11 @@ def _stretched(points: FloatArray, crs: str) -> str:
 
 @dataclass(frozen=True)
 class Placement:
-    """Map from a file's coordinates to metres.
+    """Conversion from coordinates of a file to metres.
 
     scale   metres per unit of the file
-    origin  the file's point that becomes (0, 0); None is (0, 0), and the south-west corner of a plan in degrees
-    units   "m": plane coordinates, times the scale; "deg": longitude and latitude; None: guessed from the coordinates
+    origin  point of the file that becomes (0, 0); None: (0, 0), or the south-west corner of a plan in degrees
+    units   "m": plane coordinates, times the scale; "deg": longitude and latitude; None: guessed
     """
 
     scale: float = 1.0
@@ -198,10 +197,10 @@ class Placement:
             )
 
     def settled(self, of: Sequence[Feature], shapes: NDArray[np.object_]) -> Placement:
-        """Return the placement with units and origin determined from the geometries of features.
+        """Return the placement with its units guessed, and its origin determined, from the geometries of features.
 
-        Coordinates are degrees if they all lie within 180 and 90 and span less than `WIDEST` each way, as no plan in
-        metres does. `MapError` if some features look like degrees and others do not.
+        Coordinates are degrees if all are within 180 and 90 and span less than `WIDEST` each way, as no plan in metres
+        does. Raises MapError if some features look like degrees and others do not.
         """
         points, owner = shapely.get_coordinates(shapes, return_index=True)
         beyond = ~(np.abs(points) <= FARTHEST_UNIT).all(axis=1)
@@ -237,7 +236,7 @@ class Placement:
         return "m"
 
     def refuse_degrees(self, of: Sequence[Feature], shapes: NDArray[np.object_]) -> None:
-        """Raise `MapError` if a file that should be in metres, like its plan, looks like degrees."""
+        """Raise `MapError` if a file looks like degrees although its plan is in metres."""
         small = _as_degrees(shapes)
         if self.units == "m" and self.scale == 1.0 and len(small) and small.all():
             raise MapError(f"{_spanned(of, shapes, small)}, but the plan is in metres. Give both in one of them.")
@@ -273,7 +272,7 @@ class Placement:
 
 
 def _as_degrees(shapes: NDArray[np.object_]) -> BoolArray:
-    """Mark geometries (n,) that look like degrees: on the earth, smaller than a building, and no points."""
+    """Mark geometries (n,) that look like degrees: within 180 and 90, tiny if in metres, and no points."""
     bounds = shapely.bounds(shapes).reshape(-1, 4)
     spans = bounds[:, 2:] - bounds[:, :2]
     within = (np.abs(bounds) <= MOST_DEGREES * 2).all(axis=1)
@@ -281,14 +280,14 @@ def _as_degrees(shapes: NDArray[np.object_]) -> BoolArray:
 
 
 def _spanned(of: Sequence[Feature], shapes: NDArray[np.object_], small: BoolArray) -> str:
-    """Describe the first feature that looks like degrees."""
+    """Return a text that describes the first of the geometries marked as ``small``, which look like degrees."""
     first = int(small.argmax())
     x0, y0, x1, y1 = shapely.bounds(shapes[first])
     return f"{of[first]} spans {x1 - x0:.3g} x {y1 - y0:.3g} at ({x0:g}, {y0:g}), as degrees do"
 
 
 def check_origin(origin: Any) -> tuple[float, float]:
-    """Return the file's point that becomes (0, 0), as two finite floats; `MapError` otherwise."""
+    """Return the point of a file that becomes (0, 0), as two finite floats; `MapError` otherwise."""
     try:
         x, y = (float(value) for value in origin)
     except (TypeError, ValueError, OverflowError):
@@ -302,10 +301,10 @@ def check_origin(origin: Any) -> tuple[float, float]:
 
 
 def _east_north(degrees: FloatArray, origin: tuple[float, float]) -> FloatArray:
-    """Project points (n, 2), longitude and latitude, to the plane tangent to WGS 84 at the origin, m.
+    """Project longitude and latitude (n, 2) to the plane that touches the earth (WGS 84) at the origin, m.
 
     The projection is along the vertical at the origin. Lengths shrink by half the square of their distance in radians,
-    2e-6 at 12 km; points beyond a quarter of the earth are infinite.
+    2e-6 at 12 km. Points on the other half of the earth become infinite.
     """
     there, here = _on_earth(degrees), _on_earth(np.array([origin]))[0]
     longitude, latitude = np.radians(origin)
@@ -316,7 +315,7 @@ def _east_north(degrees: FloatArray, origin: tuple[float, float]) -> FloatArray:
 
 
 def _on_earth(degrees: FloatArray) -> FloatArray:
-    """Return points (n, 3) on the ellipsoid, m from its centre; z to the north pole, x to longitude 0."""
+    """Return points (n, 3), m from the centre of the earth; z to the north pole, x to longitude 0."""
     longitude, latitude = np.radians(degrees).T
     squared = FLATTENING * (2 - FLATTENING)  # squared eccentricity
     normal = RADIUS / np.sqrt(1 - squared * np.sin(latitude) ** 2)

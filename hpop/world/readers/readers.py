@@ -43,7 +43,7 @@ ENDINGS = {
     ".map": "movingai",
     ".pdf": "pdf",
 }
-"""Readers by how the names of their files end."""
+"""Name of the reader by the ending of a file name."""
 CONVERT = "convert it to GeoJSON, such as by ogr2ogr -f GeoJSON -t_srs EPSG:4326 plan.geojson {}"
 OTHERS = {
     **dict.fromkeys((".shp", ".gpkg", ".kml", ".gml", ".gdb", ".fgb", ".parquet", ".gpx"), CONVERT),
@@ -58,7 +58,7 @@ OTHERS = {
 
 
 def reader_of(path: str | Path) -> str:
-    """Return the name of a file's reader by its ending; a folder is a bag. `MapError` for an unknown ending."""
+    """Return the name of the reader for a file, by its ending; a folder is a bag. `MapError` for an unknown ending."""
     try:
         ending = Path(path).suffix.lower()
         if os.path.isdir(path):

@@ -1,7 +1,7 @@
-"""Rooms, walls and doors of floor plans: walls along lines and around rooms, opened at doors.
+"""Rooms, walls and doors of floor plans: walls along lines and round rooms, opened at doors.
 
-In indoor maps rooms share walls, and doors are points or lines. In drawings the swing of a door is an arc, which seems
-to close an open passage.
+In indoor maps rooms share walls, and doors are points or lines. In drawings the swing of a door is an arc, which would
+close an open passage if it were a wall.
 """
 
 from __future__ import annotations
@@ -24,32 +24,32 @@ from hpop.world.geometry.shapes import check_positive
 from hpop.world.readers.features import Feature, FeatureNotes, length, truth
 
 WALL_WIDTH = 0.1
-"""Thickness of the walls of rooms, m, where none is given."""
+"""Default thickness of the walls of rooms, m."""
 DOOR_WIDTH = 0.9
-"""Width of a door, m, whose property ``width`` is missing."""
+"""Width of a door without a property ``width``, m."""
 UNWALLED = frozenset({"area", "corridor", "level", "outline", "building_outline"})
 """Kinds of areas without walls of their own (OpenStreetMap, Simple Indoor Tagging)."""
 SOLID = frozenset({"wall", "column", "pillar", "window"})
-"""Kinds of solid features that are no rooms."""
+"""Kinds of features that are solid, not rooms."""
 TOUCHING = 0.05
-"""Length, m, that rooms share at least where they touch."""
+"""Least length of common outline, m, for rooms that touch."""
 GRID = 1e-3
-"""Distance, m, within which outlines are the same."""
+"""Distance, m, up to which outlines coincide."""
 MOST_PAIRS = 5_000
-"""Pairs of rooms whose outlines are compared."""
+"""Largest number of pairs of rooms whose outlines are compared."""
 SHARPEST = 2.0
-"""Largest reach of a corner beyond its two lines, in half widths: pointed down to sixty degrees, then cut."""
+"""Largest reach of a corner of widened lines, in half widths: corners below sixty degrees are cut off."""
 DoorArcs = Literal["closed", "open"]
 RADII = (0.4, 1.6)
-"""Least and greatest width of the leaf of a door, m."""
+"""Least and greatest width of a door leaf, m."""
 SWEEPS = (math.radians(55), math.radians(125))
-"""Least and greatest angle by which it turns."""
+"""Least and greatest angle, rad, by which a door swings."""
 ROUND = 0.01
-"""Largest distance of an arc's points from a circle, as a share of its radius."""
+"""Largest distance of the points of an arc from a circle, relative to its radius."""
 POINTS = (5, 200)
-"""Fewest and most points of such a line."""
+"""Least and greatest number of points of an arc."""
 LINES_AT_ONCE = 1_000
-"""Lines that are looked at between two looks at the limits."""
+"""Lines that are examined between two checks of the limits."""
 PLACES_TOLD = 3
 
 
@@ -61,14 +61,14 @@ class PlanRoom(NamedTuple):
 
 
 class Door(NamedTuple):
-    """Opening of walls, m: a point, a line or a polygon."""
+    """Door of a floor plan, m: a point, a line or a polygon where walls are open."""
 
     feature: Feature
     place: BaseGeometry
 
 
 def kind_of(feature: Feature) -> str:
-    """Return the kind of a building's feature: its property ``indoor``, or else ``type``."""
+    """Return the kind of a feature, such as "room" or "wall": its property ``indoor``, or else ``type``."""
     own = feature.properties
     return str(own.get("indoor", own.get("type", ""))).lower()
 
@@ -83,10 +83,10 @@ def is_door(feature: Feature) -> bool:
 def walled(
     rooms: Sequence[PlanRoom], doors: Sequence[Door], lines: Sequence[BaseGeometry], width: float, notes: FeatureNotes
 ) -> tuple[BaseGeometry, list[Polygon]]:
-    """Return the free space of rooms without their walls, and other solid lines, both opened at doors, m.
+    """Return the free space of rooms without their walls, and the polygons of other walls; doors open both, m.
 
-    A wall of thickness ``width`` is centred on each outline of a room. Areas and corridors have no walls, so that they
-    join each other. A door opens the wall over the door's width.
+    A wall of thickness ``width`` is centred on each outline of a room; ``lines`` are further walls. Areas such as
+    corridors have no walls, so that they join. A door opens walls over its width.
     """
     outlined = [room for room in rooms if kind_of(room.feature) not in UNWALLED]
     outlines = [room.area.boundary for room in outlined]
@@ -131,7 +131,7 @@ def _polygons(geometry: BaseGeometry) -> list[Polygon]:
 
 
 def touching(rooms: Sequence[PlanRoom]) -> tuple[PlanRoom, PlanRoom] | None:
-    """Return two rooms that share a part of their outlines, or None; at most `MOST_PAIRS` near pairs are tested."""
+    """Return two rooms with a common part of their outlines, or None; at most `MOST_PAIRS` pairs are compared."""
     areas = np.array([room.area for room in rooms], dtype=object)
     tree = shapely.STRtree(areas)
     looked = 0
@@ -154,7 +154,7 @@ def check_width(width: Any) -> float | None:
 
 
 def walls(line: LineString, width: float, what: str) -> list[Polygon]:
-    """Return the area within half a width (m) of a line; square ends let walls meet without a notch.
+    """Return the area within half of ``width`` (m) of a line; ends are square, so that walls meet without a notch.
 
     >>> [wall.bounds for wall in walls(LineString([(0, 0), (4, 0)]), 0.5, "the line")]
     [(-0.25, -0.25, 4.25, 0.25)]
@@ -166,7 +166,7 @@ def walls(line: LineString, width: float, what: str) -> list[Polygon]:
 
 
 def widened(lines: NDArray[np.object_], width: float, cap: Literal["square", "flat"] = "square") -> list[Polygon]:
-    """Return the areas within half a width (m) of lines (n,), as `walls` does for one line.
+    """Return the areas within half of ``width`` (m) of each line (n,), as `walls` does for one line.
 
     The lines must have passed `check_widenable`. ``cap`` is the shape of the ends.
     """
@@ -176,10 +176,10 @@ def widened(lines: NDArray[np.object_], width: float, cap: Literal["square", "fl
 
 
 class Arc(NamedTuple):
-    """Arc of a door's swing within a line.
+    """Swing of a door, drawn as an arc within a line.
 
     line         index of the line
-    first, last  its points in the line's array, both included
+    first, last  indices of its first and last point
     radius       m
     middle       (x, y), m
     """
@@ -192,7 +192,7 @@ class Arc(NamedTuple):
 
 
 def door_arcs(points: FloatArray, starts: IntArray, lines: IntArray) -> Iterator[Arc]:
-    """Yield the swing arcs of doors in lines of points (n, 2), m; a line may end in the door's leaf."""
+    """Yield the arcs of door swings among lines of points (n, 2), m; a line may also include the leaf of the door."""
     sizes = starts[lines + 1] - starts[lines]
     for number, line in enumerate(lines[(sizes >= POINTS[0]) & (sizes <= POINTS[1])].tolist()):
         if number % LINES_AT_ONCE == 0:
@@ -207,7 +207,7 @@ def door_arcs(points: FloatArray, starts: IntArray, lines: IntArray) -> Iterator
 
 
 def _radius(arc: FloatArray) -> float | None:
-    """Return the radius, m, of points (n, 2) if they form the swing of a door, else None."""
+    """Return the radius, m, of the arc through points (n, 2) if it can be the swing of a door, else None."""
     if len(arc) < POINTS[0]:
         return None
     a, b, c = arc[0], arc[len(arc) // 2], arc[-1]
@@ -227,7 +227,7 @@ def _radius(arc: FloatArray) -> float | None:
 
 
 def said_of_doors(arcs: list[Arc], treated: DoorArcs) -> str:
-    """Return a note on the swing arcs of doors."""
+    """Return a note on the arcs of door swings: number, widths, positions, and treatment."""
     examples = ", ".join(f"({arc.middle[0]:.2f}, {arc.middle[1]:.2f})" for arc in arcs[:PLACES_TOLD])
     radii = sorted(arc.radius for arc in arcs)
     size = f"{radii[0]:.2g}" if radii[-1] - radii[0] < 0.01 else f"{radii[0]:.2g} to {radii[-1]:.2g}"

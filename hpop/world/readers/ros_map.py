@@ -1,4 +1,4 @@
-"""Readers for maps of ROS: a map_server yaml file with its image, or the grid in a bag of ROS 1 or 2.
+"""Readers for maps of ROS: a map_server yaml file with its image, or an occupancy grid in a bag of ROS 1 or 2.
 
 Bags need the extra ``bags`` (rosbags).
 """
@@ -29,20 +29,20 @@ from hpop.world.world import World
 KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 MODES = ("trinary", "scale", "raw")
 MAX_YAML = 1_000_000
-"""Largest yaml file, bytes: an image given by mistake is told apart from a map."""
+"""Largest yaml file, bytes; a larger file is an image that was given by mistake."""
 GREY = 205
-"""The byte that map_saver writes for an unknown cell, whatever the thresholds in its yaml file."""
+"""Grey value that map_saver writes for an unknown cell, whatever the thresholds in its yaml file."""
 TELLS_GREY = 0.196
-"""The free_thresh that leaves it unknown."""
+"""Largest free_thresh with which this grey is read as unknown."""
 NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)(e[-+]?\d+)?", re.IGNORECASE)
-"""Text that is a number."""
+"""Pattern of a text that is a number."""
 ENDINGS = (".pgm", ".png", ".bmp", ".ppm", ".gif", ".jpg", ".jpeg")
-"""Endings of map images, which a yaml file may lack."""
+"""File endings of map images, tried where a yaml file names an image without one."""
 TRUTH = {"0": False, "1": True, **dict.fromkeys(("false", "no", "off", "n"), False)}
 TRUTH |= dict.fromkeys(("true", "yes", "on", "y"), True)
-"""Values of negate; map_server takes 0 and 1 as well as YAML's words."""
+"""Texts for true and false in ``negate``: map_server accepts 0 and 1 as well as the words of YAML."""
 OCCUPIED, FREE = 65, 19
-"""Percent from which a cell is occupied, and up to which it is free, as map_saver writes them."""
+"""Percent from which a cell is occupied, and percent up to which it is free, as in map_saver."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +83,8 @@ def read(
     Numbers and ``negate`` may be quoted. A missing image is looked for beside the yaml file: by its name alone, in
     upper or lower case (``Map.PGM``), or without its ending.
 
-    ``world.notes`` tell unknown cells, a ``free_thresh`` that makes cells free that map_saver wrote as unknown, an
-    image found elsewhere, and a mask that closes nothing or has unknown cells.
+    ``world.notes`` mention unknown cells, cells that map_saver wrote as unknown but ``free_thresh`` makes free, an
+    image at another place, and a mask that closes nothing or has unknown cells.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def read(
 
 
 def _on_unknown(grid: OccupancyMap, path: str | Path) -> tuple[str, ...]:
-    """Return notes on unknown cells, and on free cells that were saved as unknown, as Nav2 did until 2025."""
+    """Return notes on unknown cells, and on cells that were saved as unknown but are free (Nav2 until 2025)."""
     share, greys = (
         f"{path}: {100 * cells / grid.free.size:.3g} % of its cells" for cells in (grid.unknown, grid.free_greys)
     )
@@ -200,7 +200,7 @@ def load(path: str | Path) -> OccupancyMap:
 
 
 def _plain(value: Any) -> Any:
-    """Convert quoted numbers to numbers, as map_server's YAML does; lists item by item."""
+    """Convert quoted numbers, also in lists, to numbers, as the YAML library of map_server does."""
     if isinstance(value, list):
         return [_plain(item) for item in value]
     if isinstance(value, str) and NUMBER.fullmatch(value.strip()):
@@ -209,10 +209,10 @@ def _plain(value: Any) -> Any:
 
 
 def _image_beside(path: Path, name: str) -> tuple[Path, tuple[str, ...]]:
-    """Return the image that a yaml file names, and a note if it was found elsewhere.
+    """Return the path of the image that a yaml file names, and a note if it is at another place.
 
-    Map files copied from other machines may name other folders, cases or endings. Only the yaml file's own folder is
-    searched. If no image is found, the named path is returned.
+    A map copied from another machine may name another folder, case or ending. Only the folders of the named image and
+    of the yaml file are searched; if no image is there, the named path is returned.
     """
     given = path.parent / name
     if "\0" in name or os.path.lexists(given):
@@ -245,16 +245,16 @@ def classify(
     occupied_thresh: float,
     free_thresh: float,
 ) -> tuple[BoolArray, BoolArray]:
-    """Return occupied and free pixels (H, W), as map_server does; the others are unknown.
+    """Return the occupied and the free pixels (H, W) as map_server classifies them; all others are unknown.
 
-    The brightness of a pixel is the mean of its colours in [0, 1]; in trinary mode an alpha channel is
-    averaged in with them. ``occ`` is 1 - brightness, or the brightness if negated.
+    The brightness of a pixel is the mean of its colours in [0, 1]; in trinary mode the alpha channel is included in the
+    mean. ``occ`` is 1 - brightness, or the brightness if negated.
 
     - trinary: occupied if occ > occupied_thresh, free if occ < free_thresh.
     - scale: as trinary, but a pixel that is not opaque is unknown. map_server grades pixels between the thresholds from
       0 to 100; here 100 is occupied, 0 is free, and other grades are unknown.
-    - raw: the byte itself is the occupancy in percent and above 100 unknown, whatever `negate` says;
-      occupied if at least 100 occupied_thresh, free if at most 100 free_thresh.
+    - raw: the byte itself is the occupancy in percent, and unknown above 100, whatever `negate` says; occupied if at
+      least 100 occupied_thresh, free if at most 100 free_thresh.
     """
     if mode == "trinary" and alpha is not None:
         channels = np.broadcast_to(colours, (*alpha.shape, 3))
@@ -310,7 +310,7 @@ def read_bag(
         Topic of the grid; default: ``/map``, or the only topic with a grid.
     unknown_is_free : bool
         Whether cells that are neither occupied (65 % or more) nor free (19 % or less), and everything beyond the grid,
-        are free rather than obstacles. These thresholds are map_saver's.
+        are free rather than obstacles. The thresholds are those of map_saver.
     height : (z_min, z_max) in metres, optional
         Heights of all obstacle cells; unlimited by default.
 
@@ -352,7 +352,7 @@ def read_bag(
 
 
 def _checked(path: str | Path) -> str:
-    """Return the absolute path of a file or folder; `MapError` if it is missing or no regular file."""
+    """Return the absolute path of a bag; `MapError` if it is missing, or holds anything but files and folders."""
     try:
         whole = os.path.abspath(path)
         within = [entry.path for entry in os.scandir(whole)] if os.path.isdir(whole) else [whole]

@@ -1,4 +1,4 @@
-"""Compiled loops of sight: rays and optic flow along bearings, shadows, isovists and landmarks in view."""
+"""Compiled loops of sight: rays and optic flow along bearings, shadows, isovists, and landmarks in view."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TOUCHING = 1e-9  # m: an edge nearer than this blocks as if it were this far awa
 
 @kernel
 def _hit(x: float, y: float, cos: float, sin: float, edges: FloatArray, e: int) -> float:
-    """Return the distance from a point along a direction to an edge, m; inf if the ray misses or is parallel."""
+    """Return the distance from a point in a direction to edge e, m; inf if the ray misses it or is parallel to it."""
     dx, dy = edges[e, 2] - edges[e, 0], edges[e, 3] - edges[e, 1]
     across = cos * dy - sin * dx
     if across == 0.0:
@@ -42,9 +42,9 @@ def cast(
     reach: float,
     out: FloatArray,
 ) -> None:
-    """Write to out (M, B) the distance from each point along each direction (B, 2) to the first edge; at most reach.
+    """Write to out (M, B) the distance, m, from each point along directions (B, 2) to the first edge; at most reach.
 
-    The ray visits the buckets of an `EdgeGrid` in order, and ends at a hit within the buckets visited so far.
+    A ray visits the buckets of an `EdgeGrid` in order, and stops at a hit within the buckets visited so far.
     """
     rows, columns = shape
     right, top = corner[0] + columns * side, corner[1] + rows * side
@@ -101,11 +101,12 @@ def flow(
     largest: bool,
     out: FloatArray,
 ) -> None:
-    """Write to out (M,) the mean, or the largest, angular speed over the bearings; see `Bearings`.
+    """Write to out (M,) the mean, or the largest, angular speed over the bearings, rad/s; see `Bearings`.
 
-    layers (H, W, 3 B): `Bearings.layers`, or the distances (H, W, B) alone; (u, v): positions in grid steps, clamped as
-    in `Field`. tilt (3, M): the upward velocity and the rotation about x and y, or (3, 0) if all are zero. yaw (M,) is
-    the middle of the visible bearings and width their angle; yaw is (0,) if all are visible.
+    layers  (H, W, 3 B)  `Bearings.layers`, or the distances (H, W, B) alone
+    u, v    (M,)         positions in grid steps, clamped as in `Field`
+    tilt    (3, M)       upward velocity, and rotation about x and about y; (3, 0) if all are zero
+    yaw     (M,)         middle of the angle ``width`` of visible bearings, rad; (0,) if all are visible
     """
     rows, columns, splines = layers.shape
     count = directions.shape[0]
@@ -155,7 +156,7 @@ def flow(
 
 @kernel
 def _weights(s: float, out: FloatArray) -> None:
-    """Write to out the cubic B-spline weights of four neighbours."""
+    """Write to out the cubic B-spline weights of four successive samples, at s steps beyond the second of them."""
     r = 1.0 - s
     out[0] = r * r * r / 6.0
     out[1] = (4.0 - 6.0 * s * s + 3.0 * s * s * s) / 6.0
@@ -165,10 +166,11 @@ def _weights(s: float, out: FloatArray) -> None:
 
 @kernel
 def _line(turns: IntArray, low: int, left: int, ax: float, ay: float, bx: float, by: float) -> None:
-    """Add a directed line of an outline: nodes to its right gain a turn if it goes down, and lose one if it goes up.
+    """Add a directed line of an outline to turns: nodes to its right get +1 if it goes down, and -1 if it goes up.
 
-    Rows are half open and x is computed from the lower end, so that opposite lines cancel exactly. ``turns`` begins at
-    row ``low`` and column ``left``.
+    Summed over an outline, this counts how often the outline winds round each node. Rows are half open and x is
+    computed from the lower end, so that opposite lines cancel exactly. ``turns`` begins at row ``low`` and column
+    ``left``.
     """
     high, right = low + turns.shape[0], left + turns.shape[1] - 1
     sign = 1
@@ -195,11 +197,13 @@ def shadows(
     left: int,
     turns: IntArray,
 ) -> None:
-    """Add to turns (H, W + 1) the outlines of all shadows; sums along a row count the shadows on each node.
+    """Add the outlines of all shadows to turns (H, W + 1); sums along a row count the shadows on each node.
 
-    edges (E, 4) grid steps: x0, y0, x1, y1, the solid on the left; u, v grid steps: the light near, far (E,): an edge's
-    shadow extends from ``near`` to ``far`` times its distance; inf: without end shape: rows and columns of the grid;
-    low, left: the first row and column of ``turns`` in it
+    edges      (E, 4)  grid steps: x0, y0, x1, y1, with the solid on the left
+    near, far  (E,)    where the shadow of an edge begins and ends, in multiples of its distance from the light
+    u, v               position of the light, grid steps
+    shape              rows and columns of the grid
+    low, left          row and column of the grid where ``turns`` begins
     """
     reach = 0.0
     for x in (-u, shape[1] + 1 - u):
@@ -231,7 +235,7 @@ def shadows(
 
 @kernel
 def lit(turns: IntArray, split: int, out: FloatArray) -> None:
-    """Write to out (H, W) the fraction of the split x split nodes round each sample on which no shadow lies."""
+    """Write to out (H, W) the fraction of the split x split nodes round each sample that lie in no shadow."""
     for row in range(turns.shape[0]):
         count = 0
         for column in range(turns.shape[1] - 1):
@@ -244,10 +248,12 @@ def lit(turns: IntArray, split: int, out: FloatArray) -> None:
 def isovists(
     edges: FloatArray, x: FloatArray, y: FloatArray, radius: float, cos: FloatArray, sin: FloatArray, out: FloatArray
 ) -> None:
-    """Write to out (M,) the visible fraction of the disc with the radius (m) round each point.
+    """Write to out (M,) the visible fraction of the disc of the given radius, m, round each point.
 
-    edges (E, 4) m: x0, y0, x1, y1, the solid on the left; cos, sin (K,): directions of the rays, the middles of K
-    equal sectors from angle 0. Each ray ends where it first enters the solid.
+    edges     (E, 4)  m: x0, y0, x1, y1, with the solid on the left
+    cos, sin  (K,)    directions of rays, in the middle of K equal sectors from angle 0
+
+    A ray ends where it first enters a solid.
     """
     rays = cos.size
     sector = 2.0 * math.pi / rays
@@ -287,7 +293,7 @@ def isovists(
 
 @kernel
 def _share(s: float, place: int) -> float:
-    """Return the cubic B-spline weight of one of the four coefficients round a point, s past the second."""
+    """Return cubic B-spline weight number ``place`` of four samples, at s steps beyond the second of them."""
     r = 1.0 - s
     if place == 0:
         return r * r * r / 6.0
@@ -315,13 +321,16 @@ def unseen(
     pitch: FloatArray,
     out: FloatArray,
 ) -> None:
-    """Write to out (M,) 1 - the sum, in [0, 1], of the fields of landmarks within the angle of view.
+    """Write to out (M,) 1 - the sum, in [0, 1], of the fields of the landmarks within the angle of view.
 
-    values (N,): of all windows in turn, row by row; a field is 0 beyond its window windows (L, 5): index of a field's
-    first value, first row, rows, first column, columns, on a grid of this shape; corner, m: the grid's first node;
-    spacing, m; beyond the grid the border's values hold marks (L, 3) m: x, y, and the height above the camera; x, y,
-    yaw (M,) m, rad: camera cos_half: cosine of half the angle of view; half_height: half the vertical one, rad, about
-    the camera's pitch (M,), or (0,) where all elevations are in view
+    values            (N,)    samples of all fields in turn, row by row; a field is 0 beyond its window
+    windows           (L, 5)  of each field: index of its first value, first row, rows, first column, columns
+    shape                     rows and columns of the grid; beyond it the values of its border hold
+    marks             (L, 3)  m: x, y, and height above the camera
+    cos_half                  cosine of half the angle of view
+    half_height               half the vertical angle of view, rad
+    corner_x, corner_y        first node of the padded grid, m, with nodes ``spacing`` m apart
+    x, y, yaw, pitch  (M,)    of the camera, m and rad; pitch is (0,) if all elevations are in view
     """
     rows, columns = shape[0] + 2 * PAD, shape[1] + 2 * PAD
     count = len(windows)
@@ -354,7 +363,7 @@ def unseen(
             if pitch.size > 0 and abs(math.atan2(marks[m, 2], flat) - pitch[k]) > half_height:
                 continue
             if math.isnan(value[m]):
-                one = 0.0
+                total_here = 0.0
                 for p in range(4):
                     row = min(max(i - 1 + p - PAD, 0), shape[0] - 1) - windows[m, 1]
                     if not 0 <= row < windows[m, 2]:
@@ -362,7 +371,7 @@ def unseen(
                     for q in range(4):
                         column = min(max(j - 1 + q - PAD, 0), shape[1] - 1) - windows[m, 3]
                         if 0 <= column < windows[m, 4]:
-                            one += weight[4 * p + q] * values[windows[m, 0] + row * windows[m, 4] + column]
-                value[m] = one
+                            total_here += weight[4 * p + q] * values[windows[m, 0] + row * windows[m, 4] + column]
+                value[m] = total_here
             total += value[m]
         out[k] = min(max(1.0 - total, 0.0), 1.0)

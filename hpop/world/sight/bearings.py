@@ -1,7 +1,7 @@
-"""Camera surroundings: distances to surfaces along bearings, optic flow, and landmarks in view.
+"""Surroundings of a camera: distances to surfaces along bearings, optic flow, and landmarks in view.
 
-Surfaces are the outlines of obstacles that overlap a height range, and the extent's border if the outside counts as
-obstacle. Keep-out zones, other borders and people are invisible.
+Surfaces are the outlines of obstacles that overlap a range of heights, and the border of the extent if the outside
+counts as obstacle. Keep-out zones, other borders and people are invisible.
 """
 
 from __future__ import annotations
@@ -30,30 +30,30 @@ if TYPE_CHECKING:
     from hpop.motions.states import Vector
 
 REACH = 20.0
-"""Metres beyond which surfaces do not count: flow past them is below 0.05 rad/s at 1 m/s."""
+"""m; farther surfaces are ignored, as flow past them is below 0.05 rad/s at 1 m/s."""
 MARGIN = 5.0
-"""Metres beyond an open extent in which a world as the camera sees it is still known."""
+"""m beyond an extent without walls, up to which `as_seen` knows distances."""
 MAX_NODES = 250_000
-"""Grid nodes of the distances per bearing: a larger world is sampled more coarsely."""
+"""Largest number of grid nodes of the distances; a larger world is sampled more coarsely."""
 
 
 CAST = 4096
-"""Nodes from which distances are looked for together."""
+"""Nodes whose distances are computed together."""
 SAMPLE = 8
 """Bytes of a sample."""
 DISTANCES = "the distances along bearings were sampled"
 LINEAR = 1e-6
-"""Metres of second difference up to which distances are linear."""
+"""Second difference, m, up to which distances count as linear."""
 ALL_ROUND = 2 * math.pi - 1e-3
-"""Angles of view from here on, rad, are all round: 6.283 is meant for 2 pi."""
+"""Angle of view, rad, from which on all directions are in view: 6.283 is meant as 2 pi."""
 BEHIND = -2.0
-"""Cosine of half an angle of view that is all round: none is less, whatever the rounding."""
+"""Value for the cosine of half an angle of view that includes all directions; no cosine is less."""
 UP_AND_DOWN = math.pi - 1e-3
-"""Vertical angles of view from here on, rad, hold all from straight down to straight up."""
+"""Vertical angle of view, rad, from which on all elevations are in view."""
 
 
 class ViewAngles(NamedTuple):
-    """Bearings within a camera's view: ``width`` rad about its yaw (M,), rad."""
+    """Horizontal field of view of a camera: ``width`` rad about its yaw (M,), rad."""
 
     yaw: Column
     width: float
@@ -87,10 +87,10 @@ class Bearings:
         return self._distances(bearing)(x, y)
 
     def layers(self, nearest: float) -> FloatArray:
-        """Return the coefficients (H, W, 3 B) of three splines per bearing, cached for each ``nearest``, m.
+        """Return coefficients (H, W, 3 B) of three splines per bearing, cached for each ``nearest``, m.
 
-        They are the distance; the inverse, 1/m, of the distance or ``nearest``; and the weight of that inverse, which
-        is 1 where a jump is among a spline's sixteen nodes, and else 0, so that the distance is inverted.
+        The first is the distance d. The second is 1 / max(d, nearest), 1/m, sampled itself. The third is the weight of
+        the second: 1 where a jump of d lies among the sixteen nodes of a spline, else 0, so that there d is inverted.
         """
         if nearest not in self._layers:
             sampled = self.distances[PAD:-PAD, PAD:-PAD]
@@ -100,7 +100,7 @@ class Bearings:
         return self._layers[nearest]
 
     def _inverse(self, bearing: int, read: Callable[[Field], Column], nearest: float) -> Column:
-        """Return the inverse (M,), 1/m, of the distance along a bearing, at least ``nearest`` m."""
+        """Return 1 / distance (M,), 1/m, along a bearing, with distances of at least ``nearest`` m."""
         layers, count = self.layers(nearest), len(self.directions)
         plain = 1.0 / np.maximum(read(self._distances(bearing)), nearest)
         if not layers[..., 2 * count + bearing].any():
@@ -112,9 +112,9 @@ class Bearings:
         return plain + share * (blurred - plain)
 
     def _reader(self, x: Column, y: Column) -> Callable[[Field], Column]:
-        """Return a function that evaluates fields on this grid at points; MX points are converted once.
+        """Return a function that evaluates fields on this grid at points (x, y); MX points are converted only once.
 
-        SX points are converted for each field, because programs are tested with derivatives summed in that order.
+        SX points are converted for each field, because tests compare derivatives that are summed in that order.
         """
         if is_symbolic(x) or is_symbolic(y):
             places = self._distances(0).places(x, y)
@@ -133,7 +133,7 @@ class Bearings:
     def mean_flow(
         self, x: Column, y: Column, velocity: Vector, rotation: Vector, nearest: float, seen: ViewAngles | None = None
     ) -> Column:
-        """Return the mean (M,), rad/s, over bearings, of the speed at which surfaces move on the view sphere.
+        """Return the optic flow (M,), rad/s: the mean over bearings of the angular speed of the surfaces seen there.
 
         A camera that moves with ``velocity`` m/s and turns at ``rotation`` rad/s, world frame, sees a surface at
         distance d along a horizontal bearing b shift by (v_x sin b - v_y cos b) / d - w_z along the horizon and by v_z
@@ -153,9 +153,9 @@ class Bearings:
     def peak_flow(
         self, x: Column, y: Column, velocity: Vector, rotation: Vector, nearest: float, seen: ViewAngles | None = None
     ) -> Column:
-        """Return the maximum (M,), rad/s, over bearings, of the speeds averaged by `mean_flow`.
+        """Return the largest angular speed (M,), rad/s, over the bearings that `mean_flow` averages.
 
-        It inverts the splines of distances, also near jumps, which pass too quickly to show a peak. A bearing counts if
+        It inverts the splines of distances even near jumps, which pass too quickly to show a peak. A bearing counts if
         any part of its sector is visible; on symbols it fades in at the edge of the view within SMOOTHING.
         """
         if not self._on_symbols(x, y, velocity, rotation, seen):
@@ -219,7 +219,7 @@ class Bearings:
 
 
 def as_seen(world: World, heights: Heights) -> World:
-    """Return the world as a camera sees it within a range of heights, m; its `clearance` is the distance to surfaces.
+    """Return the world as a camera sees it: `clearance` is the distance to surfaces within a range of heights, m.
 
     Distances are exact up to `MARGIN` beyond the extent, where this world ends. The result is cached for each ground,
     range and class of world.
@@ -235,7 +235,7 @@ def as_seen(world: World, heights: Heights) -> World:
 
 
 def bearings(world: World, z: float, count: int = 16) -> Bearings:
-    """Return the distances along ``count`` bearings at height z, m, cached for each ground and height."""
+    """Return the distances along ``count`` bearings at height z, m; cached for each ground and height."""
     z = real("the height of bearings", z, -MOST, MOST, "a length in m")
     count = whole("the number of bearings", count, 4)
 
@@ -259,7 +259,7 @@ def bearings(world: World, z: float, count: int = 16) -> Bearings:
 
 
 def _near_jumps(distances: FloatArray) -> BoolArray:
-    """Mark nodes and bearings (H, W, B) where the distance is not linear within two nodes, except inside obstacles."""
+    """Mark nodes and bearings (H, W, B) within two nodes of a bend or jump of the distance, except inside obstacles."""
     rows, columns, count = distances.shape
     bends = np.zeros((rows + 4, columns + 4, count), dtype=bool)
     inside = bends[2:-2, 2:-2]
@@ -273,7 +273,7 @@ def _near_jumps(distances: FloatArray) -> BoolArray:
 
 
 def _cast(edges: FloatArray, x: FloatArray, y: FloatArray, directions: FloatArray) -> FloatArray:
-    """Return the distances (M, B), m, to the first edge along each direction."""
+    """Return the distances (M, B), m, from points to the first edge along each direction; at most `REACH`."""
     out = np.full((x.size, len(directions)), REACH)
     if len(edges):
         from hpop.world.sight._kernels import cast  # numba is slow to import
@@ -289,7 +289,7 @@ def _cast(edges: FloatArray, x: FloatArray, y: FloatArray, directions: FloatArra
 
 
 def _is_walled(ground: Ground, heights: Heights) -> bool:
-    """Return whether the outside of the extent is obstacle at these heights, where it has the raster's height."""
+    """Return whether the area beyond the extent is an obstacle at these heights; it is as high as the cells."""
     return ground.outside_is_obstacle and (ground.raster is None or ground.layer(heights).cells)
 
 
@@ -312,7 +312,7 @@ def bearing(pose: Pose, x: float, y: float) -> Column:
 
 
 def elevation(pose: Pose, x: float, y: float, z: float) -> Column:
-    """Return the angle (M,), rad in [-pi/2, pi/2], of a point above the camera's height; 0 at the camera."""
+    """Return the elevation (M,), rad in [-pi/2, pi/2], of a point as seen from the camera; 0 at the camera."""
     dx, dy, rise = x - pose.x, y - pose.y, z - pose.z
     flat = hypot(dx, dy)
     return np.arctan2(rise, np.where(flat + np.abs(rise) > 0, flat, 1.0))

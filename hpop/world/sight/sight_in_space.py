@@ -1,8 +1,8 @@
 """Visibility and openness for a camera of changing height, by rays against solids in space.
 
-It complements :mod:`hpop.world.sight.visibility`, which samples fields at one height. Each line of sight is tested, so
-the borders of shadows and of the view are sharp. The view tilts and rolls with the camera. In both modules the body
-that contains a landmark does not hide it, and floor and ceiling hide nothing.
+:mod:`hpop.world.sight.visibility`, in contrast, samples fields at one height. Here each line of sight is tested, so
+that the borders of shadows and of the view are sharp, and the view tilts and rolls with the camera. In both modules the
+body that contains a landmark does not hide it, and floor and ceiling hide nothing.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def landmarks_unseen(
     the view rolls with the camera.
 
     size           number N of poses
-    near, far      m: a landmark counts in full up to ``near``, and less and less up to ``far``
+    near, far      m: a landmark counts in full up to ``near``, and linearly less up to ``far``
     fov, vertical  rad, horizontal and vertical angles of view
     """
     landmarks = world.content.landmarks
@@ -42,8 +42,8 @@ def landmarks_unseen(
         distance = np.linalg.norm(offset, axis=1)
         value = _in_front(offset, landmark) * np.clip((far - distance) / (far - near), 0.0, 1.0)
         value = value * in_view(pose, landmark, size, fov, vertical)
-        asked = np.flatnonzero(value > 0.0)
-        seen[asked] += landmark.weight * value[asked] * _free(world, landmark, offset[asked])
+        near_enough = np.flatnonzero(value > 0.0)
+        seen[near_enough] += landmark.weight * value[near_enough] * _free(world, landmark, offset[near_enough])
         total += landmark.weight
     return np.asarray(np.clip(1.0 - seen / total, 0.0, 1.0))
 
@@ -58,7 +58,7 @@ def sees(world: World, pose: Pose, landmark: Landmark, size: int, *, far: float)
 
 
 def in_view(pose: Pose, landmark: Landmark, size: int, fov: float, vertical: float) -> FloatArray:
-    """Return 1 (N,) where a landmark is within the angles of view, rad, of the camera's own axes, else 0."""
+    """Return 1 (N,) where a landmark is within the angles of view, rad, about the axes of the camera, else 0."""
     offset = -_from_landmark(pose, landmark, size)
     along, aside, above = (np.sum(offset * rows(axis, size), axis=1) for axis in (pose.ahead, pose.left, pose.up))
     inside = np.ones(size, dtype=bool)
@@ -83,7 +83,7 @@ def _from_landmark(pose: Pose, landmark: Landmark, size: int) -> FloatArray:
 
 
 def _in_front(offset: FloatArray, landmark: Landmark) -> FloatArray:
-    """Return the cosine (N,), at least 0, between a landmark's front and the camera in the plane; 1 without a front."""
+    """Return the cosine (N,), at least 0, of the angle in the plane between the front of a landmark and the camera."""
     if landmark.facing is None:
         return np.ones(len(offset))
     flat = np.hypot(offset[:, 0], offset[:, 1])

@@ -37,29 +37,29 @@ if TYPE_CHECKING:
     from hpop.world.world import World
 
 MAX_NODES = 2_000_000
-"""Samples of a field; a larger world is sampled more coarsely."""
+"""Largest number of samples of a field; a larger world is sampled more coarsely."""
 MARGIN = 4
-"""Samples more on every side of what is looked at: a spline takes its neighbours, and the outermost must be 0."""
+"""Samples added on every side of a window: splines need neighbours, and the outermost samples must be 0."""
 SPLIT = 3
-"""A sample of the line of sight is the mean over SPLIT x SPLIT exact lines, spread over its cell."""
+"""Each sample is the mean of SPLIT x SPLIT exact lines of sight, spread over its cell."""
 RAYS = 360
 """Rays of an isovist."""
 FINENESS = 50
-"""Samples of the openness a radius, at most: it changes slowly, and isovists cost more than lines."""
+"""Largest number of samples of the openness per radius: it changes slowly, and isovists are expensive."""
 COARSEST = 0.2
-"""Spacing, m, beyond which openness is not made coarser for that."""
+"""Spacing, m, up to which `FINENESS` may make the samples of the openness coarser."""
 BEYOND = 1.0
-"""Metres of obstacle round a world whose outside is obstacle, and two samples more."""
+"""Width, m, of the obstacle round a world whose outside is an obstacle, plus two samples."""
 SAMPLE = 8
 """Bytes of a sample."""
 SCRATCH = 9 * SAMPLE
-"""Bytes beside it while a line of sight or an isovist is looked for."""
+"""Further bytes per sample while lines of sight or isovists are computed."""
 SIGHT = "the visibility of landmarks was sampled"
 OPENNESS = "the openness was sampled"
 
 
 class Window(NamedTuple):
-    """Samples of a field round a landmark, with their rows and columns on the world's grid."""
+    """Samples of a field round a landmark, with their rows and columns on the grid of the world."""
 
     rows: slice
     columns: slice
@@ -89,10 +89,11 @@ def line_of_sight(world: World, landmark: Landmark, camera_z: float, far: float 
 
 
 def landmark_field(world: World, index: int, camera_z: float, near: float, far: float) -> Field:
-    """Return the visibility, in [0, 1], of the landmark ``world.content.landmarks[index]``, for any yaw.
+    """Return the visibility, in [0, 1], of the landmark ``world.content.landmarks[index]``, for any yaw of the camera.
 
-    It is the line of sight, times the cosine, at least 0, between the landmark's front and the direction to the camera
-    in the plane (1 without a front), times a factor of distance: 1 up to ``near`` m, then linear to 0 at ``far`` m.
+    It is a product of the line of sight, of the cosine, at least 0, between the front of the landmark and the direction
+    to the camera in the plane (1 without a front), and of a factor of distance: 1 up to ``near`` m, then linear to 0 at
+    ``far`` m.
     """
     ground, landmark = world.ground, world.content.landmarks[index]
     key = ("landmark", landmark, float(camera_z), float(near), float(far))
@@ -100,7 +101,7 @@ def landmark_field(world: World, index: int, camera_z: float, near: float, far: 
 
 
 def _seen(ground: Ground, landmark: Landmark, camera_z: float, near: float, far: float) -> Window:
-    """Return the samples of :func:`landmark_field`; it is 0 beyond them."""
+    """Return the samples of :func:`landmark_field` within a window, outside which they are 0."""
     sight = _lit(ground, landmark, camera_z, far)
     xs, ys, _ = _grid(ground)
     dx, dy = (xs[sight.columns] - landmark.x)[None, :], (ys[sight.rows] - landmark.y)[:, None]
@@ -130,7 +131,7 @@ def landmarks_unseen(
 
 
 def sees(world: World, pose: Pose, landmark: Landmark, *, far: float) -> Column:
-    """Mark poses (M,) of a camera in front of a landmark, within ``far`` m, with a free line to it; numbers only."""
+    """Mark poses (M,) of a camera in front of a landmark, within ``far`` m, with a free line to it. No symbols."""
     dx, dy = pose.x - landmark.x, pose.y - landmark.y
     free = _by_height(pose, lambda z: line_of_sight(world, landmark, z, far)(pose.x, pose.y)) > 0.5
     close = dx * dx + dy * dy + (pose.z - landmark.z) ** 2 <= far * far
@@ -145,10 +146,11 @@ def openness(world: World, pose: Pose, radius: float) -> Column:
 
 
 def openness_field(world: World, camera_z: float, radius: float) -> Field:
-    """Return the area of the isovist, ½ ∫ R(θ)² dθ with R up to ``radius`` m, over pi radius², as a `Field`.
+    """Return a `Field` of the open fraction, in [0, 1], of the disc of ``radius`` m round a camera at a height, m.
 
-    R is the distance, along 360 rays, to the first obstacle that reaches the camera's height; 0 within obstacles. A ray
-    at the edge of a gap changes the result by at most 1/360.
+    It is the area of the isovist, ½ ∫ R(θ)² dθ, over pi radius². R, at most ``radius``, is the distance along 360 rays
+    to the first obstacle that reaches the camera's height; 0 within obstacles. A ray at the edge of a gap changes the
+    result by at most 1/360.
     """
     radius = real("the radius of an isovist", radius, LEAST, MOST, "a length in m")
     ground = world.ground
@@ -157,7 +159,7 @@ def openness_field(world: World, camera_z: float, radius: float) -> Field:
 
 
 def _by_height(pose: Pose, evaluate: Callable[[float], Column]) -> Column:
-    """Evaluate a function for each distinct camera height, and return the values (M,)."""
+    """Evaluate a function of the camera height for each distinct height of the poses; return the values (M,)."""
     if is_symbolic(pose.z):
         raise OptionError("visibility needs camera heights as numbers; here they are variables.")
     heights = np.asarray(pose.z, dtype=np.float64)
@@ -213,7 +215,7 @@ def _unseen_on_symbols(
 def _unseen_in_view(
     world: World, pose: Pose, z: float, near: float, far: float, fov: float, vertical: float
 ) -> FloatArray:
-    """Return `landmarks_unseen` on numbers; spline weights are computed once per point for all landmarks."""
+    """Return `landmarks_unseen` (M,) on numbers; the spline weights of a point serve all landmarks."""
     from hpop.world.sight._kernels import unseen  # numba is slow to import
 
     ground, landmarks = world.ground, world.content.landmarks
@@ -255,7 +257,7 @@ def _unseen_in_view(
 
 
 def _lit(ground: Ground, landmark: Landmark, camera_z: float, far: float) -> Window:
-    """Return the fraction of free lines of sight round each sample, up to ``far`` m away in x and y, with a margin."""
+    """Return the fraction of free lines of sight in each cell, up to ``far`` m from the landmark in x and y."""
     from hpop.world.sight._kernels import lit, shadows  # numba is slow to import
 
     limits.check(SIGHT)
@@ -280,24 +282,24 @@ def _lit(ground: Ground, landmark: Landmark, camera_z: float, far: float) -> Win
 
 
 def _part(ground: Ground, landmark: Landmark, far: float) -> tuple[slice, slice]:
-    """Return the rows and columns of the samples round a landmark."""
+    """Return the rows and columns of the samples up to ``far`` m from a landmark, with a margin."""
     xs, ys, _ = _grid(ground)
     return _within(ys, landmark.y, far), _within(xs, landmark.x, far)
 
 
 def _within(places: FloatArray, centre: float, far: float) -> slice:
-    """Return the samples of an axis up to ``far`` m from a centre, with a margin; at least one."""
+    """Return the range of samples of an axis up to ``far`` m from a centre, with a margin; at least one sample."""
     first, last = np.searchsorted(places, [centre - far, centre + far])
     first, last = max(0, int(first) - MARGIN), min(places.size, int(last) + MARGIN)
     return slice(min(first, places.size - 1), max(last, 1))
 
 
 def _hiding(bottom: FloatArray, top: FloatArray, landmark_z: float, camera_z: float) -> tuple[FloatArray, FloatArray]:
-    """Return the begin and end of each prism's shadow, in multiples (E,) of the distance of its outline.
+    """Return where the shadow of each edge begins and ends (E,), in multiples of its distance from the landmark.
 
-    At a fraction t of the way to the camera the line of sight has height z(t), which is between bottom and top for t in
-    (low, high), independent of the camera's position. So an outline at distance d hides cameras from d / high to d /
-    low.
+    At a fraction t of the way to the camera the line of sight has height z(t), which is between bottom and top of a
+    prism for t in (low, high), independent of the camera's position. So an outline at distance d hides cameras from d /
+    high to d / low.
     """
     rise = camera_z - landmark_z
     if abs(rise) < 1e-9:
@@ -343,7 +345,7 @@ def _sample_openness(ground: Ground, camera_z: float, radius: float) -> Field:
 
 
 def _tiles(x: FloatArray, y: FloatArray, side: float) -> list[Any]:
-    """Return the indices of the points in each square of a given side, m."""
+    """Return the indices of the points in each square tile of the given side, m."""
     column, row = np.floor((x - x.min()) / side), np.floor((y - y.min()) / side)
     number = (row * (column.max() + 1) + column).astype(np.int64)
     order = np.argsort(number, kind="stable")
@@ -354,7 +356,7 @@ def _tiles(x: FloatArray, y: FloatArray, side: float) -> list[Any]:
 
 
 def _grid(ground: Ground, least: float = 0.0) -> tuple[FloatArray, FloatArray, float]:
-    """Return the positions (xs, ys) of the samples, and their spacing, m, at least ``least``."""
+    """Return the sample positions along x and y, m, and their spacing, m, of at least ``least``."""
     x0, y0, x1, y1 = ground.bounds
     spacing = max(ground.cell, least, math.sqrt((x1 - x0) * (y1 - y0) / MAX_NODES))
     xs, ys = grid_points(ground.bounds, spacing)
@@ -362,7 +364,7 @@ def _grid(ground: Ground, least: float = 0.0) -> tuple[FloatArray, FloatArray, f
 
 
 def _outside(ground: Ground) -> BaseGeometry:
-    """Return the obstacle beyond the extent, m."""
+    """Return the obstacle beyond the extent, m; empty if the outside is no obstacle."""
     width = BEYOND + 2 * _grid(ground)[2]
     around = shapely.box(*ground.bounds).buffer(width, join_style="mitre")
     return shapely.difference(around, ground.extent) if ground.outside_is_obstacle else shapely.MultiPolygon()
@@ -373,7 +375,7 @@ def _outside_heights(ground: Ground) -> tuple[float, float]:
 
 
 def _outlines(ground: Ground) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return edges (E, 4) of all obstacles, m, and the bottom and top (E,) of each edge's obstacle, m."""
+    """Return the edges (E, 4) of all obstacles, m, and the bottom and the top (E,) of the obstacle of each edge, m."""
 
     def make() -> tuple[FloatArray, FloatArray, FloatArray]:
         solids: list[tuple[BaseGeometry, tuple[float, float]]]
@@ -389,7 +391,7 @@ def _outlines(ground: Ground) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _edges(geometry: BaseGeometry) -> FloatArray:
-    """Return the edges (E, 4) of a geometry's polygons, m, each with the inside on its left."""
+    """Return the edges (E, 4) of polygons, m, each with the inside on its left."""
     parts = [part for part in shapely.get_parts(geometry) if part.area > 0]
     rings = shapely.get_rings(shapely.orient_polygons(np.array(parts, dtype=object)))
     points, ring = shapely.get_coordinates(rings, return_index=True)

@@ -1,10 +1,10 @@
-"""Tracks as a text table: a row for each person and time, with or without a header.
+"""Tracks of people as a text table: one row per person and time, with or without a header.
 
 A header, which may be a comment, names the columns in any order: an id (id, person, track, agent, ...), a time (t,
 time) or a frame (frame), x and y; it may state units (``x/cm``, ``x [cm]``, ``time/ms``). Without a header the columns
-are id, t, x, y, where t is a frame if a frame rate is given; or frame, id, x, y, as in common copies of the ETH and UCY
-data, if people then walk in shorter steps. Ids may be words. Columns are separated by commas, semicolons, tabs or
-blanks; decimal commas are allowed unless commas separate.
+are id, t, x, y, where t is a frame if a frame rate is given. They are frame, id, x, y instead, as in common copies of
+the ETH and UCY data, if people then walk in shorter steps. Ids may be words. Columns are separated by commas,
+semicolons, tabs or blanks; decimal commas are allowed unless commas separate columns.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ NAMES = {
     "y": ("y", "pos_y", "y_pos"),
 }  # fmt: skip
 UPRIGHT = ("", "z", "pos_z", "z_pos")
-"""Titles that nobody misses: a count of rows, and heights, for people stand upright."""
+"""Titles of columns that are ignored without a note: row numbers, and heights, as people stand upright."""
 SECONDS = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
     **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3),
@@ -40,26 +40,26 @@ SECONDS = {
     **dict.fromkeys(("ns", "nsec", "nanosecond", "nanoseconds"), 1e-9),
     **dict.fromkeys(("min", "minute", "minutes"), 60.0),
 }
-"""Units of times, s."""
+"""Names of units of time, with their length in s."""
 UNIT = re.compile(r"^(.*?)\s*[/\[(]\s*(\w+)\s*[\])]?$")
 SUFFIX = re.compile(rf"^(.+?)_({'|'.join([*SECONDS, *UNITS])})$")
 RATE = re.compile(r"#+\s*(?:frame\s*rate|fps)\s*[:=]\s*([0-9.,e+-]+)", re.IGNORECASE)
 SAID_UNIT = re.compile(r"#+\s*units?\s*[:=]\s*(mm|cm|m)\b", re.IGNORECASE)
 UNITED = re.compile(r"\s*(?:/\s*(\w+)|[\[(]\s*(\w+)\s*[\])])")
-"""A unit behind a title, with or without a blank before it."""
+"""Unit after a title, with or without a blank before it."""
 HEAD = 20_000
-"""Characters in which comments are looked for."""
+"""Characters at the begin of a file in which comments are searched."""
 LONGEST = 500  # characters of a row of four columns and some more
 CLOSER = 0.7
-"""By what factor steps must be shorter with frames in the first column than with ids there, where no header says it."""
+"""Factor by which steps must be shorter for a first column without title to be frames rather than ids."""
 
 
 class Columns(NamedTuple):
     """Columns of a table of tracks, by their titles.
 
-    places  index of "id", "t" or "frame", "x" and "y"
+    places  column index of "id", "t" or "frame", "x" and "y"
     unit    of positions, as stated in the titles, or None
-    second  the unit of times, s, as stated in the titles, or None
+    second  length of the unit of times, s, as stated in the titles, or None
     unread  titles of all other columns
     """
 
@@ -70,7 +70,7 @@ class Columns(NamedTuple):
 
 
 def titled(titles: Sequence[str], source: TrackFile) -> Columns:
-    """Return the columns of titles; MapError if one is missing, repeated or in an unknown unit."""
+    """Find the columns by their titles; MapError if one is missing, repeated or in an unknown unit."""
     places, units = dict[str, int](), {"t": set[str](), "x": set[str]()}
     for place, title in enumerate(titles):
         kind, unit = _kind(title)
@@ -103,13 +103,13 @@ def titled(titles: Sequence[str], source: TrackFile) -> Columns:
 
 
 def are_titles(words: Sequence[str]) -> bool:
-    """Return whether words are the titles of a table of tracks."""
+    """Return whether words can be the titles of a table of tracks: an id, a time or frame, x and y."""
     kinds = {_kind(word)[0] for word in words}
     return {"id", "x", "y"} <= kinds and bool({"t", "frame"} & kinds)
 
 
 def _kind(title: str) -> tuple[str | None, str | None]:
-    """Return the kind of a column and its unit, by its title."""
+    """Return the kind of a column (a key of NAMES) and its unit, by its title; None for unknown ones."""
     title = title.strip().lower()
     found = UNIT.match(title) or (None if _named(title) else SUFFIX.match(title))
     name, unit = (found.group(1).strip(), found.group(2)) if found else (title, None)
@@ -134,7 +134,7 @@ class Comments(NamedTuple):
 
 
 def comments_of(text: str, source: TrackFile) -> Comments:
-    """Return the comments above the rows; MapError for a frame rate that is no number."""
+    """Return frame rate, unit and titles stated in comments; MapError for a frame rate that is no number."""
     lines = [line for line in text[:HEAD].splitlines() if line.lstrip().startswith("#")]
     rate = next((found for line in lines if (found := RATE.match(line.strip()))), None)
     unit = next((found.group(1).lower() for line in lines if (found := SAID_UNIT.match(line.strip()))), None)
@@ -153,7 +153,7 @@ def _rate(text: str, source: TrackFile) -> float:
 
 
 def tracks(text: str, source: TrackFile, wanted: Sequence[Hashable] | None = None) -> Tracks:
-    """Return tracks by id; MapError for a file of another format."""
+    """Return tracks by id, of all people or of the ``wanted`` ids; MapError for a file of another format."""
     said, rows = comments_of(text, source), _rows(text, source)
     first = next(rows, None)
     if first is None:
@@ -187,20 +187,20 @@ def tracks(text: str, source: TrackFile, wanted: Sequence[Hashable] | None = Non
 
 @dataclass(frozen=True)
 class _Lines:
-    """Lines of a file, numbered only to report a faulty row."""
+    """Lines of a file; they are numbered only when an error reports a faulty row."""
 
     text: str
     header: bool
 
     def of(self, row: int) -> int:
-        """Return the line, from 1, of a row of cells, from 0."""
+        """Return the number of the line, from 1, that holds a row of cells, counted from 0."""
         lines = (number for number, line in enumerate(self.text.splitlines(), 1) if _has_a_row(line))
         return next(islice(lines, row + self.header, None), 0)
 
 
 @dataclass(frozen=True)
 class _Table:
-    """Cells of columns by name, and their lines."""
+    """Columns of a table by name, with its lines and its file for error messages."""
 
     cells: dict[str, list[str]]
     lines: _Lines
@@ -208,7 +208,7 @@ class _Table:
 
     @classmethod
     def of(cls, rows: Iterable[Sequence[str]], places: dict[str, int], lines: _Lines, source: TrackFile) -> _Table:
-        """Return the columns with the given indices; MapError for a row that lacks one."""
+        """Collect the columns with the given indices from rows; MapError for a row that is too short."""
         cells: dict[str, list[str]] = {name: [] for name in places}
         columns = list(zip(cells.values(), places.values(), strict=True))
         for number, row in enumerate(islice(rows, MOST_ROWS + 1)):
@@ -222,7 +222,7 @@ class _Table:
         return cls(cells, lines, source)
 
     def numbers(self, name: str) -> FloatArray:
-        """Return a column of finite numbers; MapError otherwise."""
+        """Return a column as finite numbers (N,), with decimal points or commas; MapError otherwise."""
         column = self.cells[name]
         try:
             numbers = np.array(column, dtype=np.float64)
@@ -240,7 +240,7 @@ class _Table:
         return numbers
 
     def times(self, second: float | None) -> tuple[FloatArray, float | None]:
-        """Return the times and their unit, s; dates with times (ISO 8601) become seconds since 1970."""
+        """Return the times (N,) and the length of their unit, s; dates (ISO 8601) become seconds since 1970."""
         first = next(iter(self.cells["t"]), "")
         if second is not None or _is_number(first) or not first[:4].isdecimal():
             return self.numbers("t"), second
@@ -256,31 +256,31 @@ class _Table:
         return np.array(seconds), 1.0
 
     def ids(self) -> list[Hashable]:
-        """Return the ids, as whole numbers if possible; MapError if one is missing."""
+        """Return the ids, as int where they are whole numbers; MapError if one is missing."""
         ids = [_identity(text) for text in self.cells["id"]]
         if "" in ids:
             raise self.source.error(f"has no id in line {self.lines.of(ids.index(''))}; expected a number or a name.")
         return ids
 
     def ordered(self, *, frames: bool) -> _Table:
-        """Return the table with columns named by their order and contents, for a file without a header."""
+        """Return the table with names for the columns of a file without a header, guessed from order and contents."""
         columns = list(self.cells.values())
         numbers = [_finite(column) for column in columns]
         if len(columns) == 5 and numbers[0] is not None and np.array_equal(numbers[0], np.arange(len(columns[0]))):
             columns, numbers = columns[1:], numbers[1:]  # a column of row numbers, as pandas writes it
-        one, other, x, y = numbers[:4]
+        first, second, x, y = numbers[:4]
         clock = "frame" if frames or self.source.frame_rate is not None else "t"
         names = ("id", clock, "x", "y")
-        if one is not None and other is not None and x is not None and y is not None and _are_whole(other):
-            if not _are_whole(one):
+        if first is not None and second is not None and x is not None and y is not None and _are_whole(second):
+            if not _are_whole(first):
                 names = (clock, "id", "x", "y")
-            elif _step(other, one, x, y) < CLOSER * _step(one, other, x, y):
+            elif _step(second, first, x, y) < CLOSER * _step(first, second, x, y):
                 names = ("frame", "id", "x", "y")
         return replace(self, cells=dict(zip(names, columns[:4], strict=True)))
 
 
 def _rows(text: str, source: TrackFile) -> Iterator[list[str]]:
-    """Yield rows that are neither comments nor empty."""
+    """Yield the cells of each line that is neither a comment nor empty."""
     lines = (line for line in text.splitlines() if _has_a_row(line))
     sample = next(lines, "")
     if not sample:
@@ -297,7 +297,7 @@ def _rows(text: str, source: TrackFile) -> Iterator[list[str]]:
 
 
 def _has_a_row(line: str) -> bool:
-    """Return whether a line is neither comment nor empty."""
+    """Return whether a line is neither a comment nor empty."""
     return bool(line.strip()) and not line.lstrip().startswith("#")
 
 
@@ -311,7 +311,7 @@ def _delimiter(line: str) -> str:
 
 
 def _without_titles(first: Sequence[str], source: TrackFile) -> dict[str, int]:
-    """Return the index of each column; MapError unless there are four or five."""
+    """Return the column indices by number, for a file without titles; MapError unless it has four or five."""
     if len(first) not in (4, 5):
         raise source.error(
             f"has no header, and {len(first)} columns; expected id, t, x, y, or a header that names them."
@@ -333,7 +333,7 @@ def _are_whole(numbers: FloatArray) -> bool:
 
 
 def _step(who: FloatArray, when: FloatArray, x: FloatArray, y: FloatArray) -> float:
-    """Return the median distance between successive positions of a person; infinite if each person has only one."""
+    """Return the median distance between successive positions of a person; inf if each person has only one."""
     order = np.lexsort((when, who))
     goes_on = np.diff(who[order]) == 0
     steps = np.hypot(np.diff(x[order]), np.diff(y[order]))[goes_on]

@@ -1,4 +1,4 @@
-"""Read tracks from files of PeTrack, the ETH data set, JuPedSim, or CSV, and recognise a file's format."""
+"""Read tracks from files of PeTrack, the ETH data set, JuPedSim, or CSV, and recognise the format of a file."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from hpop.world.tracks.csv import HEAD, comments_of, titled
 from hpop.world.tracks.table import MOST_ROWS, PathLike, TrackFile, Tracks, identity, tracks_of
 
 ANNOTATED = 2.5
-"""Annotations a second."""
+"""Annotations of each person per second in the ETH data set."""
 OBSMAT_COLUMNS = 8
 UNIT_OF_X = re.compile(r"^#.*\bx\s*[/\[(]\s*(mm|cm|m)\b", re.IGNORECASE | re.MULTILINE)
 ORDER = ("id", "frame", "x", "y")
@@ -39,7 +39,7 @@ MAX_BYTES = 200_000_000
 
 
 def read_numbers(text: str, source: TrackFile, widths: Sequence[int], columns: str) -> FloatArray:
-    """Return finite numbers (N, one of ``widths``); MapError names the columns and the faulty line otherwise."""
+    """Return rows of finite numbers (N, one of ``widths``); a MapError names the columns and the faulty line."""
     expected = f"expected rows of {' or '.join(map(str, widths))} numbers ({columns})"
     try:
         with warnings.catch_warnings():
@@ -55,7 +55,7 @@ def read_numbers(text: str, source: TrackFile, widths: Sequence[int], columns: s
 
 
 def _wrong_line(text: str, widths: Sequence[int]) -> str:
-    """Describe the first line that is no row of finite numbers, or has another number of them than the first row."""
+    """Describe the first line with a word that is no finite number, or of another length than the first line."""
     width = None
     for number, line in enumerate(text.splitlines(), 1):
         words = line.partition("#")[0].split()
@@ -73,7 +73,7 @@ def _is_finite(value: Any) -> bool:
 
 
 def _wrong_cell(rows: Sequence[Sequence[Any]]) -> str:
-    """Describe the first cell of JuPedSim's tables that is no finite number."""
+    """Describe the first cell of the tables of JuPedSim that is no finite number."""
     for number, row in enumerate(rows, 1):
         for column, value in zip(CELLS, row, strict=True):
             if not _is_finite(value):
@@ -128,7 +128,7 @@ def petrack_tracks(text: str, source: TrackFile, wanted: Sequence[Hashable] | No
 
 
 def is_jupedsim(data: bytes) -> bool:
-    """Return whether a file is an SQLite database."""
+    """Return whether a file is an SQLite database, as those of JuPedSim are."""
     return data.startswith(MAGIC)
 
 
@@ -184,17 +184,17 @@ def read_tracks(
     ids : people to read; all by default
 
     Times are those of the file: frame 0 is 0 s; times since 1970 begin at 0 s. :meth:`Track.later` shifts time 0. The
-    result's ``notes`` tell what was left out, repaired or assumed: people with one point, unreachable points, gaps,
-    unsorted rows, the order of columns without a header.
+    ``notes`` of the result mention all that was left out, repaired or assumed: people with one point, unreachable
+    points, gaps, unsorted rows, the order of columns without a header.
 
     Raises MapError for a file that is unreadable, too large or contradictory, or that has no valid tracks: two
     positions at one time, invalid numbers, or speeds that suggest a wrong unit.
     """
     source = TrackFile(path, frame_rate, unit)
     if ids is not None:
-        several = isinstance(ids, list | tuple) or (isinstance(ids, np.ndarray) and ids.ndim == 1)
-        chosen = [python_value(one) for one in ids] if several else []
-        if not chosen or not all(isinstance(one, str | int | float) for one in chosen):
+        is_list = isinstance(ids, list | tuple) or (isinstance(ids, np.ndarray) and ids.ndim == 1)
+        chosen = [python_value(person) for person in ids] if is_list else []
+        if not chosen or not all(isinstance(person, str | int | float) for person in chosen):
             raise MapError(f"ids are a list of numbers and names, such as [1, 7]; got {shown(ids)}.")
         ids = chosen
     if format is not None:

@@ -1,4 +1,4 @@
-"""Convert tables of a person, a time and a position per row, in given units, to tracks."""
+"""Convert tables with a person, a time and a position per row, in given units, to tracks."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from hpop.world.files import named
 from hpop.world.tracks.track import FASTEST, Track
 
 UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
-"""Units in a metre."""
+"""Names of units of length, with their number in a metre."""
 FASTEST_CAMERA = 10_000.0
-"""Pictures a second."""
+"""Largest frame rate, frames per second."""
 MOST_ROWS = 5_000_000
-"""Rows of a file."""
+"""Largest number of rows of a file."""
 EPOCHS = {1e18: 1e-9, 1e15: 1e-6, 1e12: 1e-3, 1e9: 1.0}
-"""Units, s, of times since 1970, by the least number that such a time has had since 2001."""
+"""Unit of times since 1970, s, by the least number that such a time has had since 2001."""
 SINCE_1970 = 1e8
-"""s: later times are counted from 1970 on."""
+"""s; later times are taken for times since 1970."""
 LEAVES = 10.0
-"""s: who is missing for longer comes back as another."""
+"""s; a person who is missing for longer comes back as another person."""
 MISSING = 1.0
-"""s: who is missing for longer, and five usual steps, is told of."""
+"""s; a person who is missing for longer, and for more than five usual steps, is mentioned in a note."""
 
 MOSTLY = 0.9
-"""Share of steps that are alike where a camera watches, and the least of those that people can walk."""
+"""Least share of time steps that are alike if a camera watches, and of steps that people can walk."""
 MOST_NAMED = 8
-"""People whom a note names."""
+"""Largest number of people that a note names."""
 
 PathLike = str | os.PathLike[str]
 
@@ -61,7 +61,7 @@ class TrackFile:
             one_of("the unit of a track", self.unit, UNITS, error=MapError)
 
     def error(self, fault: str) -> MapError:
-        """Return an error about a fault of the file."""
+        """Return an error that names the file and its fault."""
         return MapError(f"the track file {named(str(self.path))} {fault}{self.hint}")
 
     def rate(self, said: float | None) -> float:
@@ -81,16 +81,16 @@ class TrackFile:
         return float(said if self.frame_rate is None else self.frame_rate)  # type: ignore[arg-type]  # one is there
 
     def a_metre(self, said: str | None) -> float:
-        """Return the number of units per metre; MapError if file and options differ."""
+        """Return the number of units in a metre; MapError if file and options state different units."""
         if said is not None and self.unit is not None and said != self.unit:
             raise self.error(f"says that places are in {said}, and unit {self.unit}; leave unit out.")
         return UNITS[self.unit or said or "m"]
 
 
 class Tracks(dict[Hashable, Track]):
-    """Tracks by id, in the file's order.
+    """Tracks by id, in the order of the file.
 
-    notes  on everything left out, repaired or assumed
+    notes  on all that was left out, repaired or assumed
     """
 
     notes: tuple[str, ...] = ()
@@ -111,7 +111,7 @@ class _Points(NamedTuple):
     y: FloatArray
 
     def take(self, kept: BoolArray | IntArray) -> _Points:
-        """Return a subset of the points."""
+        """Return the points that are marked, or have the given indices."""
         return _Points(self.who[kept], self.t[kept], self.x[kept], self.y[kept])
 
     @property
@@ -138,22 +138,22 @@ def tracks_of(
     second: float | None = 1.0,
     notes: Iterable[str] = (),
 ) -> Tracks:
-    """Return recorded tracks by id, in the order in which ids first appear; each row is a point (N,).
+    """Return recorded tracks by id, in the order in which ids first appear. Each of N rows is a point of a person.
 
     times  (N,)  in units of ``second`` s; None: in s, or in the unit guessed for times since 1970
     x, y   (N,)  m
 
     Rows are sorted by time, and repeated rows count once. Single unreachable points, and people with one point, are
-    left out. A person who jumps, or is missing for more than ``LEAVES`` s, continues as another, such as "7 (2)";
-    between irregular or rare rows a person walks straight. Notes tell all this. Raises MapError with the file and the
+    left out. A person who jumps, or is missing for more than ``LEAVES`` s, continues as another, such as "7 (2)".
+    Between irregular or rare rows a person walks straight. Notes report all this. Raises MapError with the file and the
     id for an invalid track or a missing id.
     """
     if not len(ids):
-        raise source.error("has no rows: expected one a person and time.")
+        raise source.error("has no rows: expected a row per person and time.")
     if len(ids) > MOST_ROWS:
         raise source.error(f"has {len(ids):,} rows; expected at most {MOST_ROWS:,}.")
     first = dict[Hashable, int]()
-    number = np.fromiter((first.setdefault(one, len(first)) for one in ids), dtype=np.int64, count=len(ids))
+    number = np.fromiter((first.setdefault(name, len(first)) for name in ids), dtype=np.int64, count=len(ids))
     names = list(first)
     chosen = list(range(len(names))) if wanted is None else _numbers(source, wanted, first)
     told = [*notes]
@@ -184,18 +184,18 @@ def tracks_of(
 
 
 def _numbers(source: TrackFile, wanted: Sequence[Hashable], first: Mapping[Hashable, int]) -> list[int]:
-    """Return the indices of wanted ids; MapError if an id is missing or wanted twice."""
-    if absent := [one for one in wanted if one not in first]:
+    """Return the indices of the wanted ids; MapError if an id is missing or wanted twice."""
+    if absent := [name for name in wanted if name not in first]:
         known = ", ".join(map(str, list(first)[:8])) + (", ..." if len(first) > 8 else "")
         raise source.error(f"has nobody with the id {shown(absent[0])}; it has {counted(len(first), 'id')}: {known}.")
-    doubled = [one for place, one in enumerate(wanted) if one in wanted[:place]]
+    doubled = [name for index, name in enumerate(wanted) if name in wanted[:index]]
     if doubled:
         raise source.error(f"is asked for the id {shown(doubled[0])} twice; give each once.")
-    return [first[one] for one in wanted]
+    return [first[name] for name in wanted]
 
 
 def _seconds(times: FloatArray, second: float | None) -> tuple[FloatArray, list[str]]:
-    """Convert times to s, with times since 1970 shifted to begin at 0, and return them with notes."""
+    """Convert times (N,) to s, with notes; times since 1970 are shifted to begin at 0."""
     begin = float(times.min())
     if second is None:
         second = next((unit for least, unit in EPOCHS.items() if least <= begin < 5 * least), 1.0)
@@ -221,7 +221,7 @@ def _sorted(points: _Points, names: Sequence[Hashable]) -> tuple[_Points, list[s
 
 
 def _without_wrong_points(points: _Points, names: Sequence[Hashable]) -> tuple[_Points, list[str]]:
-    """Return the points except single ones too far from both neighbours, and notes."""
+    """Return the points without single ones that are too far from both neighbours, and notes."""
     fast = _few(points.speeds > FASTEST)
     wrong = np.concatenate([[False], fast[:-1] & fast[1:], [False]]) if fast.size else np.zeros(points.t.size, bool)
     if not wrong.any():
@@ -268,9 +268,9 @@ def _parts(points: _Points, names: Sequence[Hashable]) -> tuple[list[list[slice]
 
 
 def _few(marked: BoolArray) -> BoolArray:
-    """Return the marks if they are few, else none: many faults mean a wrong unit, which is reported elsewhere.
+    """Return the marks if they are few, else no marks: many faults mean a wrong unit, which is reported elsewhere.
 
-    Few are a tenth of the marks, or two in a file of six steps or more.
+    Few are at most a tenth of all steps, or two in a file of six steps or more.
     """
     most = max((1 - MOSTLY) * marked.size, min(2.0, marked.size / 3))
     return marked if marked.sum() <= most else np.zeros_like(marked)
@@ -281,5 +281,5 @@ def _named(names: Sequence[Hashable], numbers: IntArray) -> str:
 
 
 def identity(number: float) -> Hashable:
-    """Return a whole number as int, and other ids unchanged."""
+    """Return an id that is a whole number as int, any other id unchanged."""
     return int(number) if number == int(number) else number

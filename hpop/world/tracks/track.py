@@ -18,9 +18,9 @@ from hpop.base.text import shown
 from hpop.errors import MapError
 
 FASTEST = 10.0
-"""m/s; nobody in a building runs faster, so that a greater speed tells of a wrong unit or frame rate."""
+"""m/s; no person in a building runs faster, so a greater speed means a wrong unit or frame rate."""
 MOST_POINTS = 100_000
-"""Points of a track: more than an hour at 25 a second."""
+"""Largest number of points of a track: more than an hour at 25 per second."""
 
 
 @checked_arguments
@@ -99,7 +99,7 @@ class Track:
 
     @property
     def speed(self) -> float:
-        """Return the greatest speed of a leg, m/s."""
+        """Return the greatest speed between two successive points, m/s."""
         return float(np.hypot(*self._velocities).max())
 
     def at(self, t: Column) -> tuple[Column, Column]:
@@ -113,12 +113,12 @@ class Track:
         return legs(self.x[:-1]) + legs(vx) * since, legs(self.y[:-1]) + legs(vy) * since
 
     def velocity(self, t: Column) -> tuple[Column, Column]:
-        """Return the velocity (x, y), m/s, at times t, s: that of the leg which begins there; 0 beyond the ends."""
+        """Return the velocity (x, y), m/s, at times t, s; at a point that of the following leg, 0 beyond the ends."""
         vx, vy = (np.concatenate([[0.0], part, [0.0]]) for part in self._velocities)
         return self._of_leg(t, vx), self._of_leg(t, vy)
 
     def ahead(self, t: Column) -> tuple[Column, Column] | None:
-        """Return the unit vector (x, y) of walking at times t, s; at rest the last one.
+        """Return the unit vector (x, y) in which the person walks at times t, s; at rest, the last such vector.
 
         None if the person never walks.
         """
@@ -128,12 +128,12 @@ class Track:
         return self._of_leg(t, ux), self._of_leg(t, uy)
 
     def later(self, t: float) -> Track:
-        """Return the track with times from ``t`` seconds on, without earlier points."""
+        """Return the track with times counted from ``t`` seconds on, without points that are no longer needed."""
         first = min(max(int(np.searchsorted(self.times, t, side="right")) - 1, 0), self.times.size - 2)
         return replace(self, times=self.times[first:] - t, x=self.x[first:], y=self.y[first:])
 
     def until(self, t: float) -> Track:
-        """Return the track up to time t, s, which must be after its begin."""
+        """Return the track up to time t, s, which must be after the begin of the track."""
         kept = int(np.searchsorted(self.times, t, side="left"))
         if kept == 0 or t <= self.begin:
             raise MapError(f"a track that begins at {self.begin:g} s has no part until {t:g} s.")
@@ -157,7 +157,7 @@ class Track:
 
     @cached_property
     def _ahead(self) -> tuple[FloatArray, FloatArray] | None:
-        """Return unit vectors (N+1,): before the track, on its legs, after it; at rest the last one."""
+        """Return unit vectors (N+1,) before the track, on its legs, and after it; at rest the last one."""
         vx, vy = self._velocities
         speed = np.hypot(vx, vy)
         walks = np.flatnonzero(speed > 0)
@@ -168,7 +168,7 @@ class Track:
         return vx[last] / speed[last], vy[last] / speed[last]
 
     def _of_leg(self, t: Column, values: FloatArray) -> Column:
-        """Return values at times t, from values (N+1,) before the track, on its legs, and after it."""
+        """Return values at times t, s, from values (N+1,) that hold before the track, on its legs, and after it."""
         if is_symbolic(t):
             before = np.array([min(self.begin, 0.0) - MOST])
             return _symbolic_legs(np.concatenate([before, self.times]), t)(values)
@@ -178,7 +178,7 @@ class Track:
         if not isinstance(other, Track):
             return NotImplemented
         pairs = ((self.times, other.times), (self.x, other.x), (self.y, other.y))
-        return self.recorded == other.recorded and all(np.array_equal(one, another) for one, another in pairs)
+        return self.recorded == other.recorded and all(np.array_equal(own, others) for own, others in pairs)
 
     def __hash__(self) -> int:
         return hash((self.recorded, self.times.tobytes(), self.x.tobytes(), self.y.tobytes()))
@@ -189,7 +189,7 @@ class Track:
 
 
 def _column(name: str, values: Any, most: float) -> FloatArray:
-    """Return a frozen column of finite numbers."""
+    """Return numbers as a read-only column (N,); MapError unless all are finite and at most ``most``."""
     try:
         array = np.array(values)
     except (TypeError, ValueError, OverflowError):
@@ -207,7 +207,10 @@ def _column(name: str, values: Any, most: float) -> FloatArray:
 
 
 def _symbolic_legs(begins: FloatArray, t: Column) -> Any:
-    """Return a function that maps values of the legs to the value of the leg at symbolic times t."""
+    """Return a function from one value per leg to the value of the leg at symbolic times t, s.
+
+    Legs begin at the times ``begins``.
+    """
     import casadi  # slow to import
 
     expression = t.to_casadi()

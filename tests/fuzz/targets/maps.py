@@ -235,4 +235,4 @@ def ros_bag(rng: Rng, folder: Path) -> str:
 
 def _read_here() -> Any:
     """Half a second less for each; pdfium alone may bring down whoever reads."""
-    return patch("hpop.world.files._said", lambda asked, data, path: child.answer_bytes(asked, data))
+    return patch("hpop.world.files._child_output", lambda asked, data, path: child.answer_bytes(asked, data))

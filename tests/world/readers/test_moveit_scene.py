@@ -189,8 +189,11 @@ TABLE, BALL, BLOCK = ((*OBJECTS, i) for i in range(3))
             changed(*BLOCK, "meshes", 0, "triangles", 3, to=None),
             "'block': meshes 0 is not convex, or .* no closed surface",
         ),
-        (changed(*BLOCK, "meshes", 0, "triangles", 3, to=[1, 2, 8]), "must be a place of a vertex from 0 to 7, got 8"),
-        (changed(*BLOCK, "meshes", 0, "triangles", 3, to=[1, 2]), "triangles 3 must be three places of vertices"),
+        (
+            changed(*BLOCK, "meshes", 0, "triangles", 3, to=[1, 2, 8]),
+            "must be the index of a vertex from 0 to 7, got 8",
+        ),
+        (changed(*BLOCK, "meshes", 0, "triangles", 3, to=[1, 2]), "triangles 3 must be the indices of three vertices"),
         (changed("world", "octomap", "octomap", "data", to=[1]), "octomap has cells, which are not read"),
         (
             changed("robot_state", "attached_collision_objects", to=[{"link_name": "hand"}]),
