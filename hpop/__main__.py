@@ -1,4 +1,4 @@
-"""``python -m hpop``: the command line, as ``hpop`` runs it."""
+"""``python -m hpop``: the command line, run as ``hpop`` runs it."""
 
 from __future__ import annotations
 

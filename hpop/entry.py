@@ -1,7 +1,7 @@
 """Process of the command ``hpop``: everything around :func:`hpop.cli.main`, from the first import to the last output.
 
-Ctrl-C is answered without a traceback even while modules are imported. A search goes on if the reader of its output
-ends (``hpop plan ... | head -1``) or the terminal is closed. No code from the current folder is run.
+Ctrl-C ends the command without a traceback, even while modules are imported. A search continues if the reader of its
+output ends (``hpop plan ... | head -1``) or the terminal is closed. No code from the current folder is run.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import IO, Any
 INTERRUPTED = 130
 BAD_FILE = 4
 NUMBA_SETTINGS = ".numba_config.yaml"
-LEFT = (errno.EPIPE, errno.EIO)  # errors of a pipe without a reader, and of a closed terminal
+LEFT = (errno.EPIPE, errno.EIO)  # errors for a pipe without a reader, and for a closed terminal
 
 
 def main() -> None:
@@ -37,9 +37,9 @@ def main() -> None:
 def _distrust_current_folder() -> None:
     """Import no module from the current folder, in this process and its children, because anyone may have written it.
 
-    Numba also reads settings from the current folder, which can name a folder of compiled code, and offers no switch to
-    turn this off; if such a file exists, the command ends. Matplotlib's settings are undone once it is imported
-    (:mod:`hpop.view`), and IPOPT's are turned off where its options are set.
+    Numba also reads settings from the current folder; they can name a folder of compiled code, and no switch turns this
+    off. So the command ends if such a file exists. Settings of Matplotlib are undone once it is imported
+    (:mod:`hpop.view`), and those of IPOPT are turned off where its options are set.
     """
     os.environ["PYTHONSAFEPATH"] = "1"
     if os.path.exists(NUMBA_SETTINGS):
@@ -51,19 +51,19 @@ def _distrust_current_folder() -> None:
 
 
 def _drop_invalid_epoch() -> None:
-    """Drop a SOURCE_DATE_EPOCH that is no whole number, with a note: NumPy and Matplotlib would raise an error."""
+    """Drop a SOURCE_DATE_EPOCH that is no whole number, with a note; NumPy and Matplotlib would raise an error."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH")
     if epoch is not None and not (epoch.isascii() and epoch.isdigit()):
         del os.environ["SOURCE_DATE_EPOCH"]
         sys.stderr.write(
-            f"note: SOURCE_DATE_EPOCH must be a whole number of seconds, got {epoch!a:.40}; it is left out\n"
+            f"note: SOURCE_DATE_EPOCH must be a whole number of seconds, got {epoch!a:.40}; it is ignored\n"
         )
 
 
 def _open_closed_streams() -> None:
-    """Open closed standard streams (``hpop plan ... >&-``) on the null device.
+    """Open standard streams that are closed (``hpop plan ... >&-``) on the null device.
 
-    Otherwise the next opened files would take their numbers, and any library's prints would go into these files.
+    Otherwise files that are opened later would get their numbers, and output of any library would go into these files.
     """
     for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         try:
@@ -78,7 +78,7 @@ def _open_closed_streams() -> None:
 
 
 class _TolerantStream(io.FileIO):
-    """Stream that discards the output once its reader has ended; any other error raises OutputError once."""
+    """Stream that discards output once its reader has ended; another error raises OutputError, only once."""
 
     failed = False
 
@@ -96,7 +96,7 @@ class _TolerantStream(io.FileIO):
 
 
 def _tolerant_stream(stream: Any) -> IO[str]:
-    """Return a stream as a :class:`_TolerantStream`; characters that its encoding lacks are escaped."""
+    """Return a stream as a :class:`_TolerantStream` that escapes characters missing in its encoding."""
     try:
         raw = _TolerantStream(stream.fileno(), "w", closefd=False)
     except (AttributeError, OSError):  # closed, or no file

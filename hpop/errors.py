@@ -1,4 +1,4 @@
-"""Errors for users' mistakes: one class for each outcome, with its exit code on the command line.
+"""Errors for mistakes of users: one class per outcome, with its exit code on the command line.
 
 A message says what was expected, what came, and what to do. "No path" and "time ran out" are results, not errors: they
 are a :class:`hpop.runtime.status.Status`.
@@ -16,7 +16,7 @@ from typing import ClassVar
 from hpop.base.text import printable, shown
 
 NOTE = "note: "
-"""Prefix of an exception's note that is printed on a line of its own."""
+"""Prefix of a note on an exception that is printed on a line of its own."""
 
 
 class HpopError(Exception):
@@ -25,7 +25,7 @@ class HpopError(Exception):
     exit_code: ClassVar[int] = 1
 
     def __str__(self) -> str:
-        """Return the message without control characters of a terminal, since it may quote a file."""
+        """Return the message without terminal control characters, since it may quote a file."""
         return printable(self.args[0], newlines=True) if self.args else ""
 
 
@@ -96,7 +96,7 @@ class OutputError(HpopError, OSError):
 
 
 class LimitError(HpopError):
-    """Error for limits of all planners passed while the map is read, when no front can have a status yet."""
+    """Error for limits of all planners that pass while the map is read, before any front can have a status."""
 
     exit_code = 13
 
@@ -120,7 +120,7 @@ class DriveError(HpopError, ValueError):
 
 
 class CoversRobot(DriveError):
-    """Error for a closed area that covers the robot, from where nothing could be planned then."""
+    """Error for a closed area that covers the robot, which could then plan no path."""
 
 
 class StudyError(HpopError, ValueError):
@@ -130,12 +130,12 @@ class StudyError(HpopError, ValueError):
 
 
 MOST_LETTERS = 100
-"""Longest name for which near names are suggested."""
+"""Longest name for which similar names are suggested."""
 OWN = "import its module first (on the command line --import FILE_OR_MODULE) or install its package."
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownName:
-    """Return the error that suggests the nearest known name, lists all, and says how to register one's own.
+    """Return the error for an unknown name: it suggests the nearest name, lists all, and explains registration.
 
     >>> print(unknown_name("criterion", "turn", ["turns", "length"]))  # doctest: +NORMALIZE_WHITESPACE
     unknown criterion 'turn'. Did you mean 'turns'? Known: length, turns.
@@ -149,7 +149,7 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownName:
 
 
 def did_you_mean(name: object, known: Iterable[str]) -> str:
-    """Return a question with the nearest known name; "" if none is near.
+    """Return a question that suggests the nearest known name; "" if none is near.
 
     >>> did_you_mean("lenght", ["turns", "length"]), did_you_mean("mood", ["turns", "length"])
     (" Did you mean 'length'?", '')
@@ -161,7 +161,7 @@ def did_you_mean(name: object, known: Iterable[str]) -> str:
 
 
 def own_location(error: BaseException) -> str:
-    """Return the file and line of an error in the innermost frame of user code; "" if no user code is involved."""
+    """Return the file and line of an error in the innermost frame of user code; "" if there is none."""
     if isinstance(error, SyntaxError) and error.filename and Path(error.filename).is_file():
         return f"{error.filename}, line {error.lineno}" if error.lineno else error.filename
     libraries = [Path(__file__).parent, *(Path(sysconfig.get_path(key)) for key in ("stdlib", "purelib", "platlib"))]
@@ -173,9 +173,9 @@ def own_location(error: BaseException) -> str:
 
 
 def own_failure(subject: str, error: BaseException) -> str:
-    """Return a sentence on an error in user code: the location and the error.
+    """Return a sentence on an error in user code, with its location.
 
-    subject  the failed plugin in words
+    ``subject`` names the plugin that failed.
 
     >>> own_failure("criterion 'mine'", ZeroDivisionError("division by zero"))
     "criterion 'mine' failed: ZeroDivisionError: division by zero"

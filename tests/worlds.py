@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
@@ -158,3 +159,20 @@ def grid(
     size = {"width": data.shape[1], "height": data.shape[0], **info}
     about = types["nav_msgs/msg/MapMetaData"](map_load_time=time, resolution=resolution, origin=pose, **size)
     return types[GRID](header=header, info=about, data=data.ravel())
+
+
+def square(x0, y0, x1, y1):
+    """Return a closed ring of corners."""
+    return [[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]]
+
+
+def feature(*coordinates, kind="Polygon", **properties):
+    """Return a GeoJSON feature; coordinates are rings, points or numbers, as its kind has them."""
+    return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": list(coordinates)}}
+
+
+def geojson_file(folder, *features, name="plan.geojson", **members):
+    """Write a FeatureCollection to a file, and return its path."""
+    path = folder / name
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features, **members}))
+    return path

@@ -1,4 +1,4 @@
-"""Execution: a plan that is driven, options on the way, and the record of a drive."""
+"""Driving a plan: the options to change it on the way, changes of the world, and the record of a drive."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Closed areas of a drive, such as doors, and the arcs of a graph that lead through them.
 
-Whether a robot hits an area does not depend on the rest of the world. So each area is checked in a world of its own,
-against the arcs near it; the graph itself stays as it is.
+Whether a robot collides with an area does not depend on the other obstacles. So each area is checked in a world of its
+own, only with the arcs near it; the graph stays unchanged.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from hpop.planners.graphs.state_graph import StateGraph
 from hpop.world import World
 from hpop.world.content.content import Zone
 
-BESIDE = 1.0  # m of free space round an area in its own world, beyond the robot's reach
-NEAR = 1.0  # m from the robot's outline, within which a closed area is said to be about the robot
+BESIDE = 1.0  # m beyond the robot's reach within which the states near an area are checked
+NEAR = 1.0  # m from the robot's outline up to which a message counts a closed area as near the robot
 
 
 def polygon_of(shape: Any, what: str) -> BaseGeometry:
-    """Return the polygon of a shapely geometry or of corners ((x, y), ...), m; raise DriveError for anything else."""
+    """Return an area, m, given as a shapely polygon or as corners ((x, y), ...); DriveError for anything else."""
     area = shape
     if not isinstance(shape, BaseGeometry):
         try:
@@ -52,9 +52,9 @@ def polygon_of(shape: Any, what: str) -> BaseGeometry:
 class Closing:
     """An area, m, that is closed to the robot.
 
-    name    to open it by; "" for an area that is known by its polygon alone
-    person  name of a standing person, if the area is the body; "" for other areas
-    place   (x, y) m, of that person
+    name    by which it can be opened; "" for an area without a name
+    person  name of a standing person, if the area is the body of a person; else ""
+    place   (x, y) m, position of that person
     """
 
     area: BaseGeometry
@@ -69,7 +69,7 @@ class Closing:
         return repr(self.name) if self.name else f"an area about ({x:.2f}, {y:.2f})"
 
     def describe(self) -> dict[str, Any]:
-        """Return name and area, as JSON."""
+        """Return name and area as JSON."""
         return {"name": self.name, "area": mapping(self.area)}
 
     @cached_property
@@ -78,7 +78,10 @@ class Closing:
         return world_of_area(self.area)
 
     def collision(self, model: Model) -> Collision:
-        """Return the collision check with this area; motions out of contact with a standing person are free."""
+        """Return the collision check with this area.
+
+        Motions that lead out of contact with a standing person are free.
+        """
         collision = model.collision(self.world_of_area)
         if not self.person:
             return collision
@@ -91,7 +94,7 @@ class Closing:
 
 
 def named_areas(world: World) -> dict[str, BaseGeometry]:
-    """Return the named zones of a world by name, m; keep-out zones among them are closed."""
+    """Return the areas of the named zones of a world, m, by name; also of zones that are not closed."""
     areas: dict[str, list[BaseGeometry]] = {}
     for zone in world.content.zones:
         if zone.name:
@@ -100,10 +103,10 @@ def named_areas(world: World) -> dict[str, BaseGeometry]:
 
 
 def to_close(area: Any, name: str, areas: Mapping[str, BaseGeometry], closed: Sequence[Closing]) -> Closing:
-    """Return the closed area for a polygon, or for a known name; raise DriveError for anything else.
+    """Return the closed area for a polygon, or for the name of an area; DriveError for anything else.
 
-    areas   by name
-    closed  the areas that are closed already; each name stands for one area
+    areas   areas that can be closed by name
+    closed  areas that are closed already; no two may have the same name
     """
     if isinstance(area, str):
         if area not in areas:
@@ -117,7 +120,7 @@ def to_close(area: Any, name: str, areas: Mapping[str, BaseGeometry], closed: Se
 
 
 def to_open(area: Any, areas: Mapping[str, BaseGeometry], closed: Sequence[Closing]) -> list[Closing]:
-    """Return the closed areas that a name or a polygon opens; raise DriveError where there are none."""
+    """Return the closed areas with this name or polygon, which are to be opened; DriveError if there are none."""
     if isinstance(area, str):
         if opened := [closing for closing in closed if closing.name == area]:
             return opened
@@ -136,7 +139,7 @@ def to_open(area: Any, areas: Mapping[str, BaseGeometry], closed: Sequence[Closi
 
 
 def refuse_covered(closings: Sequence[Closing], model: Model, here: States) -> None:
-    """Raise CoversRobot where a closed area, other than a person's body, covers a robot in a state (1,)."""
+    """Raise CoversRobot if a closed area, except the body of a person, covers the robot in a state (1,)."""
     for closing in closings:
         if not closing.person and not closing.collision(model).states_free(here)[0]:
             raise CoversRobot(
@@ -152,12 +155,15 @@ def _no_door(name: str, known: Any, hint: str) -> str:
 
 
 def listed(closed: Sequence[Closing]) -> str:
-    """Return the closed areas in words."""
+    """Return the closed areas as text."""
     return ", ".join(map(str, closed)) if closed else "none"
 
 
 def no_way_out(closings: Sequence[Closing], here: States, model: PlanarModel) -> str:
-    """Return in words the closed areas about a robot in a state (1,) without a path on, and the others; "" for none."""
+    """Return the reason why no path leads on from a state (1,), as text: closed areas near the robot, and elsewhere.
+
+    "" if no area is closed.
+    """
     place = shapely.Point(float(here.x[0]), float(here.y[0]))
     ordered = sorted(closings, key=lambda closing: closing.area.distance(place))
     near = [closing for closing in ordered if closing.area.distance(place) <= reach_of(model) + NEAR]
@@ -167,12 +173,12 @@ def no_way_out(closings: Sequence[Closing], here: States, model: PlanarModel) ->
 
 
 def reach_of(model: PlanarModel) -> float:
-    """Return the largest distance, m, of a robot's body from its position."""
+    """Return the largest distance, m, from the position of a robot to a point of its body."""
     return max(float(part.reach) for part in model.platform)
 
 
 def states_by_place(graph: StateGraph) -> tuple[States, float]:
-    """Return all states of a graph, and the length, m, of its longest move."""
+    """Return all states of a graph, and the length of its longest move, m, which :func:`closed_arcs` need."""
     states, longest = graph.states(np.arange(graph.size)), 0.0
     arcs = graph.arcs
     tails = np.repeat(np.arange(graph.size), np.diff(arcs.start))
@@ -184,9 +190,9 @@ def states_by_place(graph: StateGraph) -> tuple[States, float]:
 
 
 def closed_arcs(graph: StateGraph, closing: Closing, states: States, longest: float) -> IntArray:
-    """Return the arcs (c,) of a graph that lead through a closed area, or cut its corners where that is not allowed.
+    """Return the indices (c,) of the arcs of a graph that lead through a closed area, or cut its corners.
 
-    states, longest  of the graph, from :func:`states_by_place`
+    ``states`` and ``longest`` are those of the graph, from :func:`states_by_place`.
     """
     collision = closing.collision(graph.model)
     x_min, y_min, x_max, y_max = closing.area.bounds
@@ -213,7 +219,7 @@ def closed_arcs(graph: StateGraph, closing: Closing, states: States, longest: fl
 
 
 def chains_closed(chains: MotionChains, closing: Closing) -> BoolArray:
-    """Mark the chains (C,) of motions that touch a closed area."""
+    """Mark the chains (C,) of motions that collide with a closed area."""
     collision = closing.collision(chains.graph.model)
     closed: BoolArray = ~collision.states_free(chains.corners[0]) & (not closing.person)  # contact may be left
     for rows, motions in chains.motions():

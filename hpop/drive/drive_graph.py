@@ -1,4 +1,4 @@
-"""The graph of a drive, which is kept for the whole drive, and the known paths on it.
+"""The graph of a drive, which is reused by all searches of the drive, and known paths on it.
 
 It is laid out once, in the world without people and without named areas. Closed areas are masks over its arcs. After a
 change of the world, only criteria that depend on the change are evaluated again.
@@ -45,11 +45,11 @@ if TYPE_CHECKING:
 class KnownRoutes:
     """Known paths to a goal, with the remaining cost from each of their nodes.
 
-    The arcs of all paths are listed one path after another. If areas were only closed since, the open remaining paths
-    of optimal ones are still optimal, as there are fewer alternatives.
+    The arcs are listed path by path. If areas have only been closed since, open remaining parts of optimal paths are
+    still optimal, as there are fewer alternatives.
 
-    tails, arcs     (S,)
-    ends            (S,)    index after the last arc of the same path
+    tails, arcs     (S,)    tail and index of each arc
+    ends            (S,)    position after the last arc of the same path
     remaining_cost  (S, k)  in quanta, from the tail of each arc to the goal
     closed          (S,)    whether this arc or a later one of the path is closed
     """
@@ -62,7 +62,7 @@ class KnownRoutes:
 
     @classmethod
     def of(cls, paths: Sequence[IntArray], tails: IntArray, graph: Graph, closed: BoolArray) -> KnownRoutes:
-        """Return known paths, given by their arcs in a graph with tails (m,) and closed arcs (m,)."""
+        """Build known paths from the arcs of each, in a graph with tails (m,) and a mask of closed arcs (m,)."""
         arcs = np.concatenate([np.zeros(0, np.int64), *paths])
         sizes = [path.size for path in paths]
         last = np.cumsum(np.array(sizes, np.int64))
@@ -77,19 +77,19 @@ class KnownRoutes:
         return cls(tails[arcs], arcs, np.repeat(last, sizes), remaining_cost, is_closed)
 
     def remaining(self, node: int) -> list[IntArray]:
-        """Return the arcs of the open remaining paths from a node, none of them dominated."""
+        """Return the arcs of the open, non-dominated remaining parts of known paths from a node."""
         steps = np.flatnonzero((self.tails == node) & ~self.closed)
         steps = steps[is_nondominated(self.remaining_cost[steps])] if steps.size else steps
         return [self.arcs[step : self.ends[step]] for step in steps.tolist()]
 
 
-SAMPLED = 200  # arcs nearest to a change, which show the criteria whose costs it changes
-CACHED = ("_places", "_finder", "tails")  # depend on the states and arcs of the graph only
+SAMPLED = 200  # arcs nearest to a change, evaluated to find the criteria that depend on it
+CACHED = ("_places", "_finder", "tails")  # cached values that depend only on states and arcs of the graph
 OF_PEOPLE = frozenset({"people", "moving people", "groups"})  # requirements of criteria that depend on people
 
 
 def bare(world: World) -> World:
-    """Return a world without people and without named closed areas, which come and go during a drive."""
+    """Return a world without people and without named keep-out zones, which may change during a drive."""
     content = world.content
     zones = tuple(zone for zone in content.zones if not (zone.kind == "keep-out" and zone.name))
     if not content.people and len(zones) == len(content.zones):
@@ -99,13 +99,13 @@ def bare(world: World) -> World:
 
 @dataclass(frozen=True, eq=False)
 class DriveGraph:
-    """The graph of a drive, with its costs and closed arcs as they are now.
+    """The graph of a drive, with its present costs and closed arcs.
 
     name      of the planner that laid it out
-    query     on the graph between a start and the goal, laid out in the bare world
+    query     for paths on the graph between a start and the goal, laid out in the bare world
     world     in which costs are evaluated, with the present people and closed areas
     closings  closed areas
-    masks     (c,) for each closed area, the arcs of the inner graph that it closes
+    masks     (c,) for each closed area, the indices of the arcs that it closes in the graph without joined ends
     reading   columns of the criteria with costs that depend on closed areas
     """
 
@@ -120,11 +120,11 @@ class DriveGraph:
     def laid_out(
         cls, name: str, inner: StateGraph, problem: Problem, objectives: Objectives, closings: Sequence[Closing] = ()
     ) -> DriveGraph:
-        """Return the graph from a problem's start; ``inner`` is a graph of states in the bare world of the drive.
+        """Return the graph from the start of a problem to its goal; ``inner`` is a graph of states in the bare world.
 
-        closings  closed areas of the problem's world that are not in the bare one
+        ``closings`` are the closed areas of the problem that the bare world lacks.
 
-        Raises QueryError where the start or the goal cannot be joined to the graph.
+        Raises QueryError if the start or the goal cannot be joined to the graph.
         """
         began = time.perf_counter()
         space, start, goals = with_ends(inner, problem, inner.reach(problem))
@@ -135,20 +135,20 @@ class DriveGraph:
         return cls(name, query, problem.world, tuple(closings), tuple(masks))
 
     def from_beside(self, problem: Problem) -> DriveGraph:
-        """Return the graph with a start that is not one of its states, joined to it as exact ends are."""
+        """Return the graph with another start, which is not one of its states and is joined to it."""
         joined = DriveGraph.laid_out(self.name, self.inner, problem, self.query.objectives)
         return replace(joined, closings=self.closings, masks=self.masks, reading=self.reading)
 
     @property
     def inner(self) -> StateGraph:
-        """The graph of states, without joined ends."""
+        """The graph of states, without joined start and goal."""
         states = self.query.space.states_alone
         assert states is not None  # the query was laid out on one
         return states
 
     @property
     def graph(self) -> Graph:
-        """Arcs and their costs, closed arcs included."""
+        """Arcs of the graph with their costs, including closed arcs."""
         return self.query.graph
 
     @cached_property
@@ -169,7 +169,7 @@ class DriveGraph:
 
     @cached_property
     def closed(self) -> BoolArray:
-        """Mask (m,) of the closed arcs."""
+        """Mask (m,) of the closed arcs of the graph, including the arcs that join its ends."""
         space = self.query.space
         inner = np.zeros(self.inner.arcs.heads.size, dtype=np.bool_)
         for mask in self.masks:
@@ -184,7 +184,7 @@ class DriveGraph:
     # Changes
 
     def changed(self, world: World, closings: Sequence[Closing], *, people: bool) -> DriveGraph:
-        """Return the graph in a world with other people (``people``) or other closed areas; known masks are reused.
+        """Return the graph after people (``people``) or closed areas have changed; masks of known areas are reused.
 
         Only criteria that depend on the change are evaluated again.
         """
@@ -210,7 +210,7 @@ class DriveGraph:
         return copied(changed, **{part: vars(self)[part] for part in CACHED if part in vars(self)})
 
     def _reading(self, closing: Closing, criteria: Sequence[Criterion], world: World) -> set[int]:
-        """Return the columns of the criteria that cost the arcs nearest to a closed area differently in two worlds."""
+        """Return the columns of criteria that cost motions near a closed area differently in the other world."""
         states, _ = self._places
         x_min, y_min, x_max, y_max = closing.area.bounds
         dx, dy = np.maximum(x_min - states.x, states.x - x_max), np.maximum(y_min - states.y, states.y - y_max)
@@ -236,13 +236,13 @@ class DriveGraph:
 
     @cached_property
     def _finder(self) -> KDTree:
-        """Search tree of all states of the inner graph; angles are points on a circle."""
+        """Search tree of all states of the graph without joined ends; angles are points on a circle."""
         from scipy.spatial import KDTree  # on first use: the import takes its time
 
         return KDTree(_points(self.inner, self._places[0]))
 
     def nodes(self, states: States) -> IntArray:
-        """Return the nodes (N,) of the inner graph at states (N,), -1 where there is none."""
+        """Return the nodes (N,) of the graph without joined ends at states (N,); -1 where there is none."""
         space = self.inner.model.space
         own = States(**{name: getattr(states, name) for name in space.names})
         nearest = self._finder.query(_points(self.inner, own))[1]
@@ -253,11 +253,11 @@ class DriveGraph:
         return np.where(same, nearest, -1)
 
     def arcs_of(self, trajectories: Sequence[Trajectory]) -> list[IntArray]:
-        """Return, for each trajectory, the arcs of its last part along the graph to a goal."""
+        """Return, for each trajectory, the arcs of its last part that follows the graph to a goal."""
         return [arcs for arcs, _ in self.arcs_and_places(trajectories)]
 
     def arcs_and_places(self, trajectories: Sequence[Trajectory]) -> list[tuple[IntArray, IntArray]]:
-        """Return the arcs of :meth:`arcs_of`, each with the index of the state at its tail."""
+        """Return the arcs of :meth:`arcs_of`, each with the index of the state of the trajectory at its tail."""
         if not trajectories:
             return []
         names = self.inner.model.space.names
@@ -268,14 +268,17 @@ class DriveGraph:
         return [self._arcs_along(own) for own in np.split(nodes, ends[:-1])]
 
     def all_arcs(self, trajectory: Trajectory) -> IntArray | None:
-        """Return the arcs of a trajectory along the graph from its beginning on; None if it leaves it, or is closed."""
+        """Return the arcs of a trajectory that follows the graph as a whole; None if it does not, or is closed."""
         (arcs,) = self.arcs_of([trajectory])
         first = int(self.nodes(trajectory.states.take([0]))[0])
         begins = self.tails[arcs[0]] == first if arcs.size else first in self.query.goals
         return arcs if begins and not self.closed[arcs].any() else None
 
     def _arcs_along(self, nodes: IntArray) -> tuple[IntArray, IntArray]:
-        """Return the arcs between the last of some nodes, to a goal, and the indices of their tails; -1 is no node."""
+        """Return the arcs between the last of some nodes, up to a goal, and the indices of their tails among the nodes.
+
+        A node of -1 interrupts the path.
+        """
         places = np.flatnonzero(np.append(nodes[1:] != nodes[:-1], True))  # a hold repeats its node
         nodes = nodes[places]
         last, final = nodes.size - 1, np.zeros(0, np.int64)
@@ -295,7 +298,7 @@ class DriveGraph:
         return arcs, places[first : first + arcs.size]
 
     def _arcs(self, tails: IntArray, heads: IntArray) -> IntArray:
-        """Return the arcs (N,) between nodes, -1 where there is none."""
+        """Return the arcs (N,) between pairs of nodes; -1 where there is none."""
         between = np.full(tails.size, -1)
         here = np.flatnonzero((tails >= 0) & (heads >= 0))
         begins, ends = self.graph.indptr[tails[here]], self.graph.indptr[tails[here] + 1]
@@ -306,7 +309,7 @@ class DriveGraph:
         return between
 
     def known_routes(self, paths: Sequence[IntArray]) -> KnownRoutes:
-        """Return known paths, given by their arcs, with their remaining costs."""
+        """Return the known paths with the given arcs, with their remaining costs."""
         return KnownRoutes.of(paths, self.tails, self.graph, self.closed)
 
     # Search
@@ -316,7 +319,7 @@ class DriveGraph:
 
         Parameters
         ----------
-        before, kept : an earlier graph and its preparation, which is updated where the costs have not changed
+        before, kept : an earlier graph and its preparation, which is updated if the costs are unchanged
         """
         if before is not None and kept is not None and before.graph is self.graph:
             kept.open(np.flatnonzero(before.closed & ~self.closed))
@@ -338,14 +341,14 @@ class DriveGraph:
     ) -> ParetoPaths:
         """Return all non-dominated paths from a node to the goal, or those found until a deadline.
 
-        Known paths need no search: they are returned even after a deadline of 0 s, unless a better path is found.
+        Known paths need no search: they are returned even for a deadline of 0 s, unless a better path is found.
 
         Parameters
         ----------
         prepared : this graph from :meth:`prepared`
         known : arcs of known open paths from the node
-        present : arcs of the present plan, which is kept among paths with equal costs
-        deadline : s of this thread's processor time, None for none
+        present : arcs of the present plan, which is preferred among paths with equal costs
+        deadline : s of processor time of this thread; None for no deadline
         """
         several = [*known] if present is None else [present, *known]
 
@@ -359,7 +362,7 @@ class DriveGraph:
         return paths.select(paths.costs, rows[np.lexsort(paths.costs[rows].T[::-1])])
 
     def restored(self, node: int, answer: Mapping[str, Any]) -> ParetoPaths:
-        """Return the result of a search from a node that its deadline ended, from the event log."""
+        """Return the result of a search that its deadline ended, from the event log; the search began at this node."""
         logged = [np.array(path, np.int64) for path in answer["arcs"]]
         arcs = known_paths(self.graph, node, self._is_goal, logged, self.closed).paths
         paths, gap = self._unsearched(node, arcs), answer["gap"]
@@ -367,7 +370,7 @@ class DriveGraph:
         return replace(paths, status=Status(answer["status"]), gap=math.inf if gap is None else gap, stats=stats)
 
     def _unsearched(self, node: int, several: Sequence[IntArray]) -> ParetoPaths:
-        """Return known paths from a node, given by their arcs, as the result of a search that did nothing."""
+        """Return known paths from a node, given by their arcs, as the result of a search without any work."""
         costs, stats = costs_along(self.graph, several), SearchStats("none")
         return ParetoPaths(costs, Status.TIME_LIMIT, stats, self.graph, node, tuple(several), gap=math.inf)
 
@@ -379,17 +382,17 @@ class DriveGraph:
         return assemble(self.name, query, paths, claim, reason=reason, stats=stats)
 
     def closed_in(self, node: int) -> str:
-        """Return the closed areas in words, where no path leads on from a node; "" without closed areas."""
+        """Return the reason why no path leads on from a node, as text; "" if no area is closed."""
         return no_way_out(self.closings, self.query.space.states(np.array([node])), self.inner.model)
 
 
 def _differ(criterion: Criterion, before: Motions, after: Motions) -> bool:
-    """Return whether a criterion gives motions other costs in another world."""
+    """Return whether a criterion gives different costs to the same motions in two worlds."""
     return not np.array_equal(motion_costs(criterion, before), motion_costs(criterion, after))
 
 
 def _points(graph: StateGraph, states: States) -> FloatArray:
-    """Return states (N,) as points (N, d) that are near each other where the states are, up to whole turns."""
+    """Return states (N,) as points (N, d): near states are near points, also for angles that differ by 2 pi."""
     columns: list[FloatArray] = []
     for name in graph.model.space.names:
         column = getattr(states, name)

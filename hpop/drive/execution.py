@@ -1,7 +1,7 @@
-"""A drive: a plan that a robot follows, changes of the world on the way, and the options that it may take instead.
+"""A drive: a plan that a robot follows, changes of the world on the way, and options to change the plan.
 
-The caller tells the time: ``now`` is in seconds on any clock of the caller's. So a drive that is told the same events
-does the same, and can be repeated from its event log.
+The caller passes the time, ``now``, in seconds on a clock of the caller. So the same events always give the same drive,
+and a drive can be repeated from its event log.
 """
 
 from __future__ import annotations
@@ -41,18 +41,18 @@ if TYPE_CHECKING:
 DEADLINE = 0.2
 """Default deadline for options, s."""
 SHIFT = 0.01
-"""Smallest delay or lead of the robot, s, that changes where it is taken to be."""
+"""Least delay or lead of the robot, s, that shifts the plan in time."""
 
 
 @checked_arguments
 class Execution(EventLog):
-    """A drive along a plan, with options to change it; :func:`hpop.follow` makes one.
+    """A drive along a plan, with options to change it; :func:`hpop.follow` creates one.
 
     problem     as it was planned
     choice      the plan that was chosen first; ``ways`` are all plans of the front
     patience    share by which another plan must be better before the robot takes it by itself
     notice      s, least time between such a change and the first turn that was not announced
-    preference  of the person aboard, by which the robot chooses; it is not saved, but what was taken is
+    preference  of the person aboard, by which the robot chooses; it is not saved, but the choices are
     record      the event log, as JSON; see :meth:`save`
 
     Accepts: fronts of planners on graphs with turns and straight moves (lattice, roadmap of positions), or of other
@@ -94,16 +94,16 @@ class Execution(EventLog):
         return f"<Execution: {plan.driven.duration:.1f} s {ends}, {len(self.record)} events>"
 
     def _lay_out(self, now: float) -> None:
-        """Prepare the graph for queries from now on; while people move, in another thread."""
+        """Prepare the graph for queries from a time on; among moving people, in another thread."""
         if not self.surroundings.moving:
             self._replanner.graph(self.surroundings)
         elif not (commit := self.commit(now, 0.0)).arrives:
             self._replanner.begin(self.surroundings, commit)
 
     def ready(self, now: float | None = None) -> None:
-        """Wait until the graph is rebuilt after a change of the world, however long that takes.
+        """Wait until the graph is rebuilt after a change of the world, however long this takes.
 
-        Call it where time is simulated. Without it, :meth:`options` answers from known plans until the graph is ready.
+        Call it if time is simulated. Otherwise :meth:`options` returns known plans until the graph is ready.
         """
         self._lay_out(now := self._now() if now is None else now)
         for deadline in (0.0, DEADLINE) if self.surroundings.moving else ():
@@ -119,19 +119,19 @@ class Execution(EventLog):
 
     @property
     def announced(self) -> Trajectory:
-        """The trajectory from the beginning of the drive to the goal, even where it is closed now."""
+        """The trajectory from the beginning of the drive to the goal, even if a part of it is closed now."""
         return self._progress.plan.announced
 
     @property
     def surroundings(self) -> DriveSurroundings:
-        """The world as it is now, with its closed areas."""
+        """The present world of the drive, with its closed areas."""
         return self._progress.surroundings
 
     def at(self, now: float, state: StateSpec | None = None) -> Moment:
-        """Return where the robot is, what the drive has cost so far, and the remaining plan.
+        """Return the position of the robot, the costs of the drive so far, and the remaining plan.
 
-        state  where the robot was measured; the robot is then taken to be where the plan passes nearest to it, and
-               later times shift with it. Measured states must come in order of time
+        state  measured state of the robot, if any; the robot is then taken to be where the plan passes nearest to it,
+               and later times shift accordingly. Measured states must come in order of time
         """
         progress = self._progress
         if state is None:
@@ -147,9 +147,9 @@ class Execution(EventLog):
         return progress.moment(now)
 
     def commit(self, now: float, deadline: float = DEADLINE) -> Commit:
-        """Return the first place, later than ``deadline`` s from now, at which the robot may change its plan.
+        """Return the first place of the plan, at least ``deadline`` s from now, where the robot may change its plan.
 
-        That is the end of a straight move or hold, since plans go straight on or stop to turn there. Where the robot
+        This is the end of a straight move or hold, since all plans go straight on or stop to turn there. If the robot
         stands (at the start, at the goal, or before a closed area), it is that place.
         """
         now, plan, lag = self._time(now), self._progress.plan, self._progress.lag
@@ -171,12 +171,12 @@ class Execution(EventLog):
     # Options
 
     def options(self, now: float, deadline: float = DEADLINE) -> Options:
-        """Return the front of remaining plans from the commit on; the present plan is one of them while it is open.
+        """Return the front of remaining plans from the commit on, which includes the present plan if that is open.
 
-        deadline  s of this thread's processor time for the search. Known plans need none, so a deadline of 0 returns
-                  them; a missing plan is at most a factor 1 + gap better. After a change of people, the same number of
-                  seconds by the clock is given to rebuilding the graph. If that is not enough, the options are the
-                  known plans that are open and clear of people, and the gap is infinite
+        deadline  s of processor time of this thread for the search. Known plans need no search, so a deadline of 0
+                  returns them; a missing plan is at most a factor 1 + gap better. After a change of people, the same
+                  number of seconds on the clock is used to rebuild the graph. If that is not enough, the options are
+                  the known plans that are open and clear of people, and the gap is infinite
         """
         deadline, now = deadline_of(deadline), self._told(now)
         options, result = self._options(now, deadline, None)
@@ -184,7 +184,7 @@ class Execution(EventLog):
         return options
 
     def options_again(self, now: float, deadline: float, answer: Mapping[str, Any] | None) -> Options:
-        """Return options again, as in an event log; ``answer`` is the result of a search that its deadline ended."""
+        """Repeat options from an event log; ``answer`` is the result of a search that its deadline had ended."""
         now = self._told(now)
         self._note("options", now, deadline=deadline, answer=answer)
         return self._options(now, deadline_of(deadline), answer, again=True)[0]
@@ -192,9 +192,9 @@ class Execution(EventLog):
     def _options(
         self, now: float, deadline: float, answer: Any, *, again: bool = False
     ) -> tuple[Options, ReplanResult]:
-        """Return options and the result behind them; with ``again`` as in an event log, without a deadline.
+        """Return options, and the search result behind them; ``again`` repeats an event log, without a deadline.
 
-        If people walk against the robot so that no path leads on, they are predicted to stop before it.
+        If people walk towards the robot so that no path leads on, they are predicted to stop before it.
         """
         commit, seconds = self.commit(now, deadline), None if again else deadline
         if answer is not None and answer.get("stopping"):
@@ -216,7 +216,7 @@ class Execution(EventLog):
     def _options_from(
         self, commit: Commit, now: float, deadline: float | None, answer: Any
     ) -> tuple[Options, ReplanResult]:
-        """Return options from a commit on, and the result behind them."""
+        """Return options from a commit on, and the search result behind them."""
         surroundings, plan = self.surroundings, self._progress.plan
         begins = float(plan.driven.times[commit.place])
         remaining = between(plan.announced, begins, plan.announced.duration)
@@ -242,19 +242,19 @@ class Execution(EventLog):
     # Changes
 
     def wish(self, wish: str | None = None, **shares: float) -> Wish:
-        """Return the option of the last options that meets a wish: "fewer turns", "hurry", ``duration=-0.2``.
+        """Return the option, among the last options, that meets a wish: "fewer turns", "hurry", ``duration=-0.2``.
 
-        See :func:`hpop.drive.wishes.wished`. The drive does not change until the option is taken.
+        See :func:`hpop.drive.wishes.wished`. The plan does not change until the option is taken.
         """
         answer = wished(self._options_at_hand(), wish, shares)
         self._note("wish", self._last, wish=wish, shares=dict(shares), words=answer.words)
         return answer
 
     def take(self, option: Option | Point | int, now: float | None = None) -> Trajectory:
-        """Drive one of the last options from their commit on, and return the new plan.
+        """Take one of the last options, which is driven from the commit on; return the new plan.
 
-        A change on request needs neither patience nor notice. Raises DriveError where the commit is past, or where the
-        option has been closed meanwhile.
+        A change on request needs neither patience nor notice. Raises DriveError if the robot has passed the commit, or
+        if the option has been closed meanwhile.
         """
         options = self._options_at_hand()
         now = self._in_order(self._now() if now is None else now)
@@ -273,7 +273,7 @@ class Execution(EventLog):
         return self.plan
 
     def take_again(self, event: Mapping[str, Any], trajectory: Trajectory | None) -> None:
-        """Take an option again, as in an event log; None keeps the plan."""
+        """Repeat the choice of an option from an event log; with ``trajectory`` None the robot keeps its plan."""
         now, most = self._told(event["now"]), len(self._progress.plan.driven)
         place = whole("place", event["place"], 0, most, "the number of a state of the plan", error=DriveError)
         stands = real("stands", event["stands"], 0, MOST, "a time in s", error=DriveError)
@@ -281,25 +281,25 @@ class Execution(EventLog):
         self.record.append(dict(event))
 
     def _drive(self, now: float, place: int, stands: float, trajectory: Trajectory | None) -> None:
-        """Follow a trajectory from a state of the plan on, after a stop there; None keeps the plan."""
+        """Follow a trajectory from a state of the plan on, after a stop of ``stands`` s; None keeps the plan."""
         if trajectory is not None:
             self._progress.plan = self._progress.plan.then(place, stands, trajectory)
             self._progress.cut(now)
         self._latest = None
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the drive and its event log to a JSON file; :func:`hpop.drive.load` makes the same drive from it.
+        """Write the drive and its event log to a JSON file, from which :func:`hpop.drive.load` repeats the drive.
 
-        Raises OSError where it cannot be written.
+        Raises OSError if it cannot be written.
         """
         storage.write(self, path)
 
     def adapt(self, options: Options) -> Option | None:
-        """Let the robot change its plan by itself; return the option that it takes, None where it keeps its plan.
+        """Let the robot change its plan by itself; return the option that it takes, None if it keeps its plan.
 
-        Where the plan is closed, it takes the knee. Otherwise it takes the option with the least costs, as shares
-        of the remaining plan's on average, if they are better by ``patience`` and no turn that was not announced
-        begins within ``notice``. A known preference of the person aboard replaces the average.
+        If the plan is closed, it takes the knee. Otherwise it takes the option with the least costs, on average over
+        the criteria relative to the remaining plan, if they are better by ``patience``, and if no turn that was not
+        announced begins within ``notice``. A known preference of the person aboard replaces the average.
         """
         if options is not self._options_at_hand():
             raise DriveError("adapt takes the last options only; call options(now) again")
@@ -319,33 +319,33 @@ class Execution(EventLog):
         name: str = "",
         groups: Iterable[Iterable[int]] = (),
     ) -> Change:
-        """Tell one change of the world, and return its effect on the plan.
+        """Change one thing in the world of the drive, and return the effect on the plan.
 
-        close   a zone of the map by its name, or a polygon, m; ``name`` gives the polygon a name to open it by
+        close   a zone of the map by its name, or a polygon, m; ``name`` names the polygon, to open it later
         open    a closed area by name, or the polygon that was closed. Zones of the map with a name are doors; keep-out
                 zones among them are closed at first
-        people  all people who are there now, as predicted from now on; ``groups`` of them talk with each other
+        people  all people present now, as predicted from now on; ``groups`` are indices of people who talk together
         stop    one person, by name or number, who stands from now on
-        now     s; left out, the time of the last event
+        now     s; by default the time of the last event
 
-        Where the plan is cut, the robot drives on to the last place where it may change its plan, or brakes.
+        If the plan is closed ahead, the robot drives on to the last place where it may change its plan, or brakes.
 
         A walking person up to half a metre within an obstacle is shifted out of it; one deeper within it is left out.
         Notes of the change say so. A standing person in contact with the robot is not a closed area: the robot may
-        leave as long as the gap does not shrink. If a person walks against the robot so that no path is open, that
+        leave as long as the gap does not shrink. If a person walks towards the robot so that no path is open, that
         person is predicted to stop before it.
 
         Raises DriveError for a door that is not on the map, for opening an area that is not closed, and for a closed
-        area that covers the robot; MapError where all walking people are deep within obstacles. The drive is then
-        unchanged.
+        area that covers the robot; MapError if all walking people are deep within obstacles. Then the drive does
+        not change.
         """
         given = {"close": close, "open": open, "people": people, "stop": stop}
-        told = [key for key, value in given.items() if value is not None]
-        if len(told) != 1:
-            got = ", ".join(told) or "none"
+        changes = [key for key, value in given.items() if value is not None]
+        if len(changes) != 1:
+            got = ", ".join(changes) or "none"
             raise DriveError(f"give exactly one of close, open, people and stop; got {got}")
         now = self._in_order(self._now() if now is None else now)
-        before, what = self.surroundings, told[0]
+        before, what = self.surroundings, changes[0]
         if isinstance(people, Iterable) and not isinstance(people, str):
             people = given["people"] = tuple(people)
         after = before.changed(now, what, given[what], name, groups)
@@ -356,7 +356,7 @@ class Execution(EventLog):
         return self._change(now, after, new)
 
     def _change(self, now: float, after: DriveSurroundings, new: Sequence[Closing]) -> Change:
-        """Continue in other surroundings with new closed areas."""
+        """Continue the drive in changed surroundings, with newly closed areas; return the effect on the plan."""
         progress = self._progress
         cut = progress.enter(after, now)
         self._lay_out(now)

@@ -1,4 +1,4 @@
-"""The progress of a drive: where the robot is, the costs so far, and the front of remaining plans."""
+"""Progress of a drive: the position of the robot, the costs so far, and the front of remaining plans."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ class Stretch(NamedTuple):
     """A part of a drive with the same surroundings and the same lag.
 
     begins  s, of the plan; a motion under way belongs to the surroundings in which it began
-    lag     s, of the drive, at which the plan began, by where the robot was measured last
-    driven  the plan before, and a time of it, s, if a motion under way was split then; else None
+    lag     s, of the drive, at which the plan began, as corrected by measured states
+    driven  the plan before, and a time of it, s, if the motion under way was split at that time; else None
     """
 
     surroundings: DriveSurroundings
@@ -60,9 +60,9 @@ class Past(NamedTuple):
 
 
 def past(plan: Plan, end: float, stretches: Sequence[Stretch], criteria: Sequence[Criterion]) -> Past:
-    """Return the costs of a plan up to a time of it, s; each stretch is costed in its own surroundings.
+    """Return the costs of a plan up to a time of it, s; each stretch is evaluated in its own surroundings.
 
-    Criteria with memory are costed along the whole way in the present world, and grow evenly within a motion.
+    Criteria with memory are evaluated along the whole path in the present world, and grow evenly within a motion.
     """
     totals, duration = dict.fromkeys((criterion.name for criterion in criteria), 0.0), 0.0
     plain = [criterion for criterion in criteria if criterion.aggregate != "trajectory"]
@@ -84,9 +84,10 @@ def past(plan: Plan, end: float, stretches: Sequence[Stretch], criteria: Sequenc
 
 
 def _costs(criteria: Sequence[Criterion], trajectory: Trajectory, stretch: Stretch, end: float) -> Iterator[FloatArray]:
-    """Yield costs (k,) of a stretch up to a time of the trajectory, s: of whole motions, then of the one under way.
+    """Yield the costs (k,) of a stretch up to a time of the trajectory, s: of whole motions, then of the one under way.
 
-    The part of a motion under way is costed in the timing of that motion: on its own, a part of a turn takes longer.
+    The part of a motion under way keeps the timing of the whole motion, as a part of a turn would take longer on its
+    own.
     """
     last = float(trajectory.times[max(0, int(np.searchsorted(trajectory.times, end + SAME, side="right")) - 1)])
     last = max(stretch.begins, last)
@@ -109,9 +110,9 @@ def _costs(criteria: Sequence[Criterion], trajectory: Trajectory, stretch: Stret
 def stopped(
     stretches: Sequence[Stretch], t: float, begins: float, lag: float, driven: Trajectory | None = None
 ) -> list[Stretch]:
-    """Return the stretches of a drive that stops at a time of its plan, s; a stretch after it begins at the stop.
+    """Return the stretches of a drive that stops at a time of its plan, s, with a new one that begins at the stop.
 
-    begins, lag  of that stretch, by the new plan
+    begins, lag  of the new stretch, by the new plan
     driven       the plan before, if the motion under way was split at the stop
     """
     last, begun = stretches[-1], [stretch for stretch in stretches if stretch.begins < t]
@@ -123,12 +124,12 @@ def stopped(
 
 
 class DriveProgress:
-    """The plan that a robot follows, the robot's place on it, and the surroundings on the way.
+    """The plan that a robot follows, its position on the plan, and the surroundings on the way.
 
-    plan       as it is now
-    lag        s, of the drive, at which the plan began, by where the robot was measured last
-    stretches  of the drive; the last one has the surroundings of now
-    margin     m, to people who move
+    plan       at present
+    lag        s, of the drive, at which the plan began, as corrected by measured states
+    stretches  of the drive; the last one has the present surroundings
+    margin     m, to moving people
     """
 
     def __init__(self, plan: Plan, surroundings: DriveSurroundings, begin: float, margin: float) -> None:
@@ -137,7 +138,7 @@ class DriveProgress:
 
     @property
     def surroundings(self) -> DriveSurroundings:
-        """The world as it is now, with its closed areas."""
+        """The present world of the drive, with its closed areas."""
         return self.stretches[-1].surroundings
 
     def planned(self, now: float) -> float:
@@ -149,14 +150,14 @@ class DriveProgress:
         return self.plan.driven.at(self.planned(now))
 
     def moment(self, now: float) -> Moment:
-        """Return where the robot is at a time of the drive, s."""
+        """Return the position of the robot at a time of the drive, s, with the costs so far."""
         planned, plan = self.planned(now), self.plan
         at_end = planned >= plan.end - SAME
         stands, arrived = plan.stops is not None and at_end, plan.stops is None and at_end
         return Moment(now, planned, self.state(now), stands, arrived, plan, tuple(self.stretches), self.lag)
 
     def shift(self, now: float) -> None:
-        """Begin a stretch with the present lag, at the end of the motion under way."""
+        """Begin a stretch with the present lag, after the motion under way."""
         begins, last = motion_ends(self.plan.announced, self.planned(now)), self.stretches[-1]
         if last.begins >= begins - SAME:
             self.stretches.pop()
@@ -164,7 +165,7 @@ class DriveProgress:
         self.stretches.append(Stretch(last.surroundings, begins, self.lag))
 
     def enter(self, surroundings: DriveSurroundings, now: float) -> Cut:
-        """Begin a stretch in other surroundings, and return the open part of the plan there."""
+        """Begin a stretch in changed surroundings, and return the part of the plan that is open there."""
         self._stand(now)
         if surroundings.people != self.surroundings.people:
             self.plan = self.plan.among_others()
@@ -173,7 +174,7 @@ class DriveProgress:
         return self.cut(now)
 
     def _stand(self, now: float) -> None:
-        """Add to the plan the time for which the robot has stood because the remaining plan is closed."""
+        """Extend the plan by the time for which the robot has stood because the remaining plan is closed."""
         plan = self.plan
         stood = now - self.lag - plan.end
         if plan.stops is not None and stood > SAME:
@@ -182,7 +183,7 @@ class DriveProgress:
             self.plan = Plan(joined(before, remaining), before.duration)
 
     def cut(self, now: float) -> Cut:
-        """Stop the plan before closed areas and people in the way, from now on; return its open part."""
+        """Stop the plan, from now on, before closed areas and people in the way; return the open part."""
         t, surroundings = self.planned(now), self.surroundings
         then = max(now, self.lag)  # people walk on before the robot leaves
         people = surroundings.at(self.plan.announced.at(t), then).world.content.people
@@ -205,10 +206,10 @@ class DriveProgress:
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """The robot's place on its plan at a time of a drive, and the costs so far.
+    """The position of the robot on its plan at a time of a drive, and the costs so far.
 
     now      s, of the drive
-    planned  s, of the plan: where the robot is on it
+    planned  s, of the plan, that the robot has reached
     state    (1,) of the robot
     stands   whether the robot stands because the remaining plan is closed
     arrived  whether it is at the goal
@@ -231,12 +232,12 @@ class Moment:
 
     @cached_property
     def rest(self) -> Trajectory:
-        """The remaining plan from here; the rest of a turn under way begins and ends at rest."""
+        """The remaining plan from here; the remaining part of a turn begins and ends at rest."""
         return between(self._plan.driven, self.planned, self._plan.driven.duration)
 
     @cached_property
     def past(self) -> dict[str, float]:
-        """The costs so far by criterion, each stretch in the surroundings of its time.
+        """The costs so far by criterion, each stretch in the surroundings at that time.
 
         They include the time for which the robot has stood because the remaining plan is closed.
         """
@@ -255,14 +256,14 @@ WHOLE = "worst moments and means are those of the whole drive"
 def front_of_rest(
     problem: Problem, candidates: Candidates, present: Trajectory | None, past: Callable[[], Past]
 ) -> tuple[Front, Point | None, int | None]:
-    """Return the front of remaining plans, the present plan if it is dominated, and its index among the options.
+    """Return the front of remaining plans, the present plan if it is dominated, and the index of the present plan.
 
     Sums are those of the remaining plan alone, as the past adds the same to all. Worst moments and means are those of
-    the whole drive, so plans that differ in nothing else are one point.
+    the whole drive, so plans with the same values are one point.
 
-    problem  from where and when the remaining plans begin
-    present  the present plan from there, None where it is closed
-    past     returns the costs of the drive up to there
+    problem  its start is the state, and its time the time, at which the remaining plans begin
+    present  the present plan from there, None if it is closed
+    past     function that returns the costs of the drive up to there
     """
     front = solving.front(problem, candidates)
     criteria = [claimable(problem)[name] for name in (*front.names, *front.reported_names)]
@@ -303,21 +304,21 @@ class _CostedPlans:
 
     @classmethod
     def alone(cls, present: Trajectory, values: FloatArray) -> _CostedPlans:
-        """Return the present plan alone."""
+        """Return only the present plan."""
         return cls((present,), values, ({"planner": "drive", "kept": True},))
 
     @classmethod
     def none(cls, front: Front) -> _CostedPlans:
-        """Return no plan, with the columns of a front."""
+        """Return an empty collection with the columns of a front."""
         return cls((), np.zeros((0, len(front.names) + len(front.reported_names))), ())
 
     def and_those_of(self, others: _CostedPlans) -> _CostedPlans:
-        """Return these plans and others."""
+        """Return these plans and those of another collection."""
         values = np.concatenate([self.values, others.values])
         return _CostedPlans(self.trajectories + others.trajectories, values, self.origins + others.origins)
 
     def whole(self, criteria: Sequence[Criterion], past: Past) -> _CostedPlans:
-        """Return the plans with worst moments and means of the whole drive."""
+        """Return the plans with worst moments and means over the whole drive."""
         values = self.values.copy()
         for j, criterion in enumerate(criteria):
             if criterion.aggregate == "max":
@@ -330,7 +331,7 @@ class _CostedPlans:
         return replace(self, values=values)
 
     def front(self, like: Front) -> Front:
-        """Return the front of these plans, with the names, certificate and problem of another."""
+        """Return the front of these plans, with names, certificate and problem of the front ``like``."""
         k = len(like.names)
         return Front.of(
             self.values[:, :k],
@@ -350,7 +351,7 @@ class _CostedPlans:
         )
 
     def point(self, front: Front) -> Point:
-        """Return the only plan as a point beside a front."""
+        """Return the only plan as a point that is listed after those of a front."""
         values, k = self.values[0].tolist(), len(front.names)
         return Point(
             index=len(front),
@@ -366,7 +367,7 @@ def _counts(front: Front, own: _CostedPlans) -> IntArray:
 
 
 def _place(front: Front, own: _CostedPlans) -> int | None:
-    """Return the index of the point with the costs of a plan; None where there is none."""
+    """Return the index of the point of a front that has the costs of a plan; None if there is none."""
     same = np.flatnonzero((front.integers == _counts(front, own)).all(axis=1))
     return int(same[0]) if same.size else None
 

@@ -1,4 +1,4 @@
-"""Options of a drive: the front of remaining plans, and how each of them differs from the present plan."""
+"""Options of a drive: the front of remaining plans, and how each differs from the present plan."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ STRAIGHT = "straight"
 
 
 class PerceivedMotion(NamedTuple):
-    """Motions that a person aboard perceives as one: straight moves in a row, or one other motion.
+    """Motions that a person aboard perceives as one: consecutive straight moves, or a single other motion.
 
     kind        of its law; "straight" for moves
-    change      of each state
+    change      of each state variable
     begin, end  s
     """
 
@@ -42,7 +42,7 @@ class PerceivedMotion(NamedTuple):
 
 
 def perceived_motions(trajectory: Trajectory) -> list[PerceivedMotion]:
-    """Return the perceived motions of a trajectory, in order."""
+    """Return the motions of a trajectory as a person aboard perceives them, in order."""
     steps = np.stack([np.diff(getattr(trajectory.states, name)) for name in trajectory.model.space.names], axis=1)
     motions, laws = list[PerceivedMotion](), laws_of(trajectory.model)
     for i, kind in enumerate(trajectory.kinds):
@@ -57,9 +57,9 @@ def perceived_motions(trajectory: Trajectory) -> list[PerceivedMotion]:
 
 
 def leaves(trajectory: Trajectory, announced: Trajectory) -> float | None:
-    """Return the time, s, at which a trajectory departs from the announced one; None where it never does.
+    """Return the time, s, at which a trajectory departs from the announced one; None if it never does.
 
-    Both begin at one place. Of two straight runs ahead, the shorter one is left at its end.
+    Both begin at the same place. If both go straight ahead, they part where the shorter one ends.
     """
     own, expected = perceived_motions(trajectory), perceived_motions(announced)
     for mine, theirs in zip(own, expected, strict=False):
@@ -73,7 +73,7 @@ def leaves(trajectory: Trajectory, announced: Trajectory) -> float | None:
 
 
 def next_turn(trajectory: Trajectory, t: float) -> float | None:
-    """Return the time, s, at which the first turn later than ``t`` begins; None where there is none."""
+    """Return the time, s, at which the first turn later than ``t`` begins; None if there is no such turn."""
     later = [
         time
         for time, kind in zip(trajectory.times.tolist(), trajectory.kinds, strict=False)
@@ -109,15 +109,15 @@ class LeavePoints(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Commit:
-    """The place where a drive may change its plan next; up to there the plan is fixed.
+    """The next place at which a drive may change its plan; up to there the plan is fixed.
 
     time     s, of the drive
     state    (1,) of the robot
     place    index of the state in the driven plan
-    stands   s, for which the robot stands there before
+    stands   s, for which the robot stands there first
     arrives  whether it is the goal
     before   the plan up to there
-    later    places soon after it at which the robot may change its plan as well
+    later    further places, soon after it, at which the robot may change its plan
     """
 
     time: float
@@ -130,7 +130,7 @@ class Commit:
 
     @property
     def places(self) -> LeavePoints:
-        """The commit's own place, and the places soon after it."""
+        """The place of the commit, and the further places soon after it."""
         here, later = self.state.__dict__, self.later.states
         states = States(**{name: np.append(column, getattr(later, name)) for name, column in here.items()})
         return LeavePoints(np.append(self.time, self.later.times), states)
@@ -141,10 +141,10 @@ class Option(Point):
     """A remaining plan from the commit on; see :class:`hpop.problems.front.Point`.
 
     leaves_at   s, of the drive, when it departs from the announced plan; None: never
-    next_turn   s from now on until the robot's next turn in place begins; None: there is none
+    next_turn   s from now until the next turn in place begins; None: there is none
     same_side   whether it passes all obstacles on the same sides as the announced plan; None: it ends elsewhere
     keeps_on    whether it is the present plan
-    dominated   whether another option is better; only the present plan is listed then
+    dominated   whether another option is better; only the present plan is listed in that case
     """
 
     leaves_at: float | None = None
@@ -157,16 +157,16 @@ class Option(Point):
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Options(Sequence[Option]):
-    """The front of the remaining plans of a drive, with the present plan among them.
+    """The front of the remaining plans of a drive, which includes the present plan.
 
     front     costs from the commit on; worst moments and means are those of the whole drive
     now       s, of the drive, of the query
     commit    where the remaining plans begin
-    keep_on   index of the present plan among the options, None where it is closed
+    keep_on   index of the present plan among the options, None if it is closed
     kept      the present plan if it is dominated; it is listed after the points of the front
     status    COMPLETE, NO_PATH, or the limit that stopped the search
-    gap       every missing vector is covered by one of the front within the factor 1 + gap
-    labels    count  partial paths that the search made
+    gap       for every missing cost vector, a vector of the front is at most a factor 1 + gap worse
+    labels    number of partial paths that the search generated
     compared  the announced plan, with which options are compared
     """
 
@@ -182,12 +182,12 @@ class Options(Sequence[Option]):
 
     @property
     def certificate(self) -> str:
-        """The claim for the front, in words."""
+        """The claim for the front, as text."""
         return self.front.certificate
 
     @property
     def ways(self) -> tuple[Trajectory, ...]:
-        """The trajectories of the options, in their order."""
+        """The trajectories of the options, in order."""
         return self.front.trajectories if self.kept is None else (*self.front.trajectories, self.kept.item)
 
     def __len__(self) -> int:
@@ -226,31 +226,31 @@ class Options(Sequence[Option]):
     # Choosing
 
     def knee(self) -> Option:
-        """Return the best compromise; see :meth:`hpop.Front.knee`."""
+        """Return the option that is the best compromise; see :meth:`hpop.Front.knee`."""
         return self._option(self.front.knee().index)
 
     def best(self, name: str) -> Option:
-        """Return the least in one criterion; see :meth:`hpop.Front.best`."""
+        """Return the option with the least cost in one criterion; see :meth:`hpop.Front.best`."""
         return self._option(self.front.best(name).index)
 
     def lexicographic(self, order: Sequence[str]) -> Option:
-        """Return the best by criteria in an order; see :meth:`hpop.Front.lexicographic`."""
+        """Return the best option by criteria in order of priority; see :meth:`hpop.Front.lexicographic`."""
         return self._option(self.front.lexicographic(order).index)
 
     def select(self, weights: Mapping[str, float] | None = None, *, preference: Preferring | None = None) -> Option:
-        """Return the least weighted sum, or the option that a person prefers; see :meth:`hpop.Front.select`."""
+        """Return the option with the least weighted sum, or the one that a person prefers; see `hpop.Front.select`."""
         return self._option(self.front.select(weights, preference=preference).index)
 
     def nearest(self, wishes: Mapping[str, float]) -> Option:
-        """Return the option nearest to some wished values; see :meth:`hpop.Front.nearest`."""
+        """Return the option nearest to wished values; see :meth:`hpop.Front.nearest`."""
         return self._option(self.front.nearest(wishes).index)
 
     def reference_point(self, aspirations: Mapping[str, float]) -> Option:
-        """Return the best against aspirations; see :meth:`hpop.Front.reference_point`."""
+        """Return the option that is best with respect to aspirations; see :meth:`hpop.Front.reference_point`."""
         return self._option(self.front.reference_point(aspirations).index)
 
     def place_of(self, chosen: Any) -> int:
-        """Return the number of an option, given as itself, as a point of :attr:`front`, or by its number."""
+        """Return the index of an option, given as the option, as a point of :attr:`front`, or as an index."""
         if is_whole(chosen) and -len(self) <= chosen < len(self):
             return int(chosen) % len(self)
         if isinstance(chosen, Point):
@@ -267,7 +267,7 @@ class PlanComparison:
     before      the plan up to the commit
     announced   the announced plan from there on
     query_time  s, of the plan
-    sides       returns whether a trajectory passes obstacles on the same sides as the announced plan
+    sides       function that returns whether a trajectory passes obstacles on the same sides as the announced plan
     """
 
     before: Trajectory
@@ -276,7 +276,7 @@ class PlanComparison:
     sides: Callable[[Trajectory], bool | None]
 
     def of(self, trajectory: Trajectory, options: Options, *, keeps_on: bool) -> dict[str, Any]:
-        """Return `leaves_at`, `next_turn` and `same_side` of a trajectory from the commit on."""
+        """Return the fields `leaves_at`, `next_turn` and `same_side` of an option."""
         at = None if keeps_on else leaves(trajectory, self.announced)
         sooner = next_turn(self.before, self.query_time)
         later = next_turn(trajectory, -1.0)

@@ -1,4 +1,4 @@
-"""A plan that is driven: trajectories cut and joined without a jump, places to leave it, and stops before obstacles."""
+"""A plan that is driven: trajectories cut and joined without jumps, places to leave it, and stops before obstacles."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ def part(trajectory: Trajectory, begin: int, end: int) -> Trajectory:
 
 
 def until(trajectory: Trajectory, t: float) -> Trajectory:
-    """Return the first ``t`` seconds of a trajectory; a motion under way is cut."""
+    """Return the first ``t`` seconds of a trajectory; a motion under way at ``t`` is cut."""
     return between(trajectory, 0.0, t)
 
 
 def between(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
-    """Return a trajectory from one time to another, s; motions under way are cut."""
+    """Return the part of a trajectory between two times, s; motions under way are cut."""
     times = trajectory.times
     first = int(np.searchsorted(times, begin + SAME, side="right")) - 1
     last = int(np.searchsorted(times, end - SAME, side="left"))
@@ -66,9 +66,9 @@ def motion_ends(trajectory: Trajectory, t: float) -> float:
 
 
 def joined(first: Trajectory, second: Trajectory) -> Trajectory:
-    """Join a trajectory with another that begins where it ends; angles may differ by whole turns.
+    """Join two trajectories; the second begins where the first ends, up to whole turns of angles.
 
-    Raises DriveError where the second begins elsewhere.
+    Raises DriveError if the second begins at another state.
     """
     model, space = first.model, first.model.space
     end, begin = first.states.take(slice(-1, None)), second.states.take(slice(0, 1))
@@ -88,7 +88,7 @@ def joined(first: Trajectory, second: Trajectory) -> Trajectory:
 
 
 def held(trajectory: Trajectory, seconds: float) -> Trajectory:
-    """Return a trajectory that ends with a hold of some seconds more."""
+    """Return a trajectory followed by a hold of ``seconds``."""
     if seconds <= SAME:
         return trajectory
     kinds = (*trajectory.kinds, HOLD.kind)
@@ -109,11 +109,11 @@ def _columns(states: States, names: tuple[str, ...]) -> States:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A trajectory that is being driven, and the time up to which it is open. Its times are planned times, s.
+    """A trajectory that is being driven, and the time up to which it is open. Times are planned times, s.
 
     announced  from the beginning of the drive to the goal
     stops      s, when the robot stops because the plan is closed beyond; None: it arrives
-    chosen     s, when the part begins that was chosen last; people near the robot then may be left, as at a start
+    chosen     s, at which the last chosen part begins; the robot may leave people near it then, as at a start
     """
 
     announced: Trajectory
@@ -140,9 +140,9 @@ class Plan:
 
     @cached_property
     def arrivals(self) -> IntArray:
-        """Indices (a,) of states of `driven` at which a straight move or hold ends, and of the first and last state.
+        """Indices (a,) of the first and last states of `driven`, and of states at which a straight move or hold ends.
 
-        The robot may change its plan there: it goes straight on, or stops to turn, as planned motions do.
+        The robot may change its plan there, since all plans go straight on or stop to turn.
         """
         kinds = self.driven.kinds
         after = [0] + [i + 1 for i, kind in enumerate(kinds) if "x" in laws_of(self.driven.model)[kind].varies]
@@ -157,16 +157,16 @@ class Plan:
 
     @property
     def stops_for(self) -> float:
-        """Least time, s, for which a robot that has stopped stands; on a clock, until the late robot stands as well."""
+        """Least time, s, for which a robot stands after a stop; on a clock, until the delayed robot stands as well."""
         return self.ramp if self.announced.punctual else 0.0
 
     def next_arrival(self, t: float) -> int:
-        """Return the first of `arrivals` later than ``t``, or the last of all."""
+        """Return the first index of `arrivals` with a time later than ``t``, else the last index."""
         times = self.driven.times[self.arrivals]
         return int(self.arrivals[min(int(np.searchsorted(times, t + SAME, side="right")), times.size - 1)])
 
     def braked(self, t: float) -> float:
-        """Return the time, s, at which a robot that brakes at ``t`` stands: v²/2a on, or after the present turn."""
+        """Return the time, s, at which a robot that brakes at ``t`` stands: after v²/2a, or at the end of a turn."""
         motions, laws = self.announced, laws_of(self.announced.model)
         if t >= self.end - SAME or not len(motions):
             return self.end
@@ -179,9 +179,9 @@ class Plan:
         return float(min(t + self.ramp, motions.times[last + 1]))  # v/2a at cruise speed makes v²/2a
 
     def nearest_time(self, state: States, t: float) -> float:
-        """Return the time, s, about ``t``, at which the plan passes nearest to a measured state (1,).
+        """Return the time, s, near ``t``, at which the plan passes nearest to a measured state (1,).
 
-        Raises DriveError where the robot has left its plan.
+        Raises DriveError if the robot has left its plan.
         """
         space = self.announced.model.space
         begin, end = max(0.0, t - AROUND), min(self.end, t + AROUND)
@@ -209,16 +209,16 @@ class Plan:
         )
 
     def then(self, i: int, stands: float, remaining: Trajectory) -> Plan:
-        """Return the plan up to a state of `driven`, with a stop there, s, and another trajectory from there on."""
+        """Return the plan up to state ``i`` of `driven`, with a stop of ``stands`` s, followed by a trajectory."""
         before = held(part(self.driven, 0, i), stands)
         return Plan(joined(before, remaining), chosen=before.duration)
 
     def closed_at(self, stops: float | None) -> Plan:
-        """Return the plan, driven only up to a time, s; None for all of it."""
+        """Return the plan with a stop at a time, s, or without a stop for None."""
         return replace(self, stops=stops)
 
     def among_others(self) -> Plan:
-        """Return the plan among other people, who were not near when it was chosen."""
+        """Return the plan among other people, without the exception for people near it when it was chosen."""
         return replace(self, chosen=0.0)
 
 
@@ -228,8 +228,8 @@ HALVINGS = 20  # of a motion that touches a closed area
 class Cut(NamedTuple):
     """The part of a plan that stays open, in times of the plan, s.
 
-    safe   up to which the plan is free, None for all of it
-    stops  at which the robot stands, None where it arrives
+    safe   time up to which the plan is free, None if it is free to its end
+    stops  time at which the robot stands, None if it arrives
     """
 
     safe: float | None
@@ -239,13 +239,13 @@ class Cut(NamedTuple):
 def cut_of(
     plan: Plan, t: float, closings: Iterable[Closing], people: Sequence[Person] = (), margin: float = 0.0
 ) -> Cut:
-    """Return the part of a plan, from a time on, that is free of closed areas and people.
+    """Return the part of a plan, from time ``t`` on, that is free of closed areas and people.
 
-    The robot must not come nearer than ``margin``, m, to ``people`` as predicted from then on, neither by the plan nor,
-    if that keeps the plan's clock, as executed. Standing does not protect it from people who walk: another plan must
-    then be taken in time.
+    The robot must not come nearer than ``margin``, m, to ``people`` as predicted from then on: neither by the plan nor,
+    if the plan is on a clock, as executed. Standing does not protect the robot from people who walk; then another plan
+    must be taken in time.
 
-    The robot stops at the last free place where it may change its plan, so that it goes on while other plans are
+    The robot stops at the last free place where it may change its plan, so that it drives on while other plans are
     searched. If it is too late for that place it brakes; if braking would touch a closed area it stops at once.
     """
     touches = [at for closing in closings if (at := _touches(plan.announced, t, closing)) is not None]
@@ -293,7 +293,7 @@ def _motion(trajectory: Trajectory, t: float) -> int:
 
 
 def _touches(trajectory: Trajectory, t: float, closing: Closing) -> float | None:
-    """Return the time, s, up to which a trajectory is free of a closed area from ``t`` on; None where it stays free."""
+    """Return the time, s, from which on a trajectory touches a closed area, after ``t``; None if it stays free."""
     collision = closing.collision(trajectory.model)
     free = _free(between(trajectory, t, trajectory.duration), collision, closing.world_of_area)
     if free.all():
@@ -310,7 +310,7 @@ def _touches(trajectory: Trajectory, t: float, closing: Closing) -> float | None
 
 
 def _free(trajectory: Trajectory, collision: Collision, world: World) -> BoolArray:
-    """Mark the motions (n,) of a trajectory that are free."""
+    """Mark the motions (n,) of a trajectory that do not collide."""
     free = np.ones(len(trajectory), dtype=np.bool_)
     for index, motions in trajectory.batches(world):
         free[index] = collision.motions_free(motions)

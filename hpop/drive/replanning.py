@@ -1,4 +1,4 @@
-"""Replanning during a drive: the graph and the paths found on it are kept from query to query."""
+"""Replanning during a drive: graphs, and paths found on them, are reused from query to query."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ T = TypeVar("T")
 
 
 class LatestOnlyWorker:
-    """A worker thread that keeps only its newest waiting task; an older one is cancelled.
+    """A worker thread that keeps only the newest waiting task; an older waiting task is cancelled.
 
-    The thread ends with its last task, or with the process.
+    The thread ends after its last task, or with the process.
     """
 
     def __init__(self) -> None:
@@ -46,7 +46,7 @@ class LatestOnlyWorker:
         self._next: tuple[Future[Any], Callable[[], Any]] | None = None
 
     def begin(self, task: Callable[[], T]) -> Future[T]:
-        """Run a task as soon as the present one is done."""
+        """Submit a task, to be run when the present one is done."""
         future: Future[T] = Future()
         with self._lock:
             if self._next is not None:
@@ -76,10 +76,10 @@ RECHECK = 0.05  # s of this thread's processor time to check known paths again, 
 
 
 class ReplanResult(NamedTuple):
-    """Result of a search from where a drive may change its plan.
+    """Result of a search from the place where a drive may change its plan.
 
-    gap     every missing vector is covered by a returned one within the factor 1 + gap
-    labels  count  partial paths that the search made
+    gap     for every missing cost vector, a returned one is at most a factor 1 + gap worse
+    labels  number of partial paths that the search generated
     answer  if a deadline ended the search, its result as JSON, so that it can be repeated; else None
     """
 
@@ -90,7 +90,7 @@ class ReplanResult(NamedTuple):
 
 
 class _PendingGraph(NamedTuple):
-    """A graph on a clock that is being built for some surroundings and a commit."""
+    """A graph on a clock that is being built in another thread, for surroundings and a commit."""
 
     surroundings: DriveSurroundings
     commit: Commit
@@ -98,12 +98,12 @@ class _PendingGraph(NamedTuple):
 
 
 class Replanner:
-    """The planner of a drive: its graphs, and the known paths on them."""
+    """The planner of a drive, with its graphs and the known paths on them."""
 
     def __init__(
         self, problem: Problem, planner: Planner, trajectories: Sequence[Trajectory], begin: float = 0.0
     ) -> None:
-        """Prepare for a robot that leaves at a time of the drive, s, with some known trajectories."""
+        """Create a planner for a robot that leaves at time ``begin`` of the drive, s, with known trajectories."""
         self.problem, self.planner = problem, planner
         self.objectives = edge_objectives(problem.criteria, planner.name)
         self._trajectories = tuple(trajectories)
@@ -130,10 +130,10 @@ class Replanner:
         deadline: float | None,
         answer: Mapping[str, Any] | None = None,
     ) -> ReplanResult:
-        """Search for remaining plans from a commit on, in the world as it is now.
+        """Search for remaining plans from a commit on, in the present world.
 
-        present   the present plan from there, None where it is closed
-        deadline  s of this thread's processor time, None for none
+        present   the present plan from there, None if it is closed
+        deadline  s of processor time of this thread, None for no deadline
         answer    the logged result of the same search, if its deadline ended it
         """
         problem = now.at(commit.state, commit.time)
@@ -150,7 +150,7 @@ class Replanner:
         deadline: float | None,
         answer: Mapping[str, Any] | None,
     ) -> ReplanResult:
-        """Search on a clock, among people who move, beginning with known paths."""
+        """Search on a clock, among moving people, beginning with known paths."""
         if answer is not None and "ways" in answer:
             logged = [Trajectory.from_description(problem.model, trajectory) for trajectory in answer["ways"]]
             return self._rechecked(problem, logged)
@@ -184,7 +184,7 @@ class Replanner:
         return ReplanResult(candidates, paths.gap, paths.stats.labels_generated, logged_result)
 
     def _clear(self, now: DriveSurroundings, problem: Problem, commit: Commit, seconds: float) -> list[Trajectory]:
-        """Return known plans from a commit on that are open and clear of people, found within some seconds."""
+        """Return known plans from a commit on that are open and clear of people, as far as ``seconds`` suffice."""
         until, least = time.perf_counter() + seconds, time.thread_time() + RECHECK
 
         def enough() -> bool:
@@ -198,7 +198,7 @@ class Replanner:
         return [*clear_trajectories(remaining, problem, commit.before, now.closed, options.margin, latest, enough)]
 
     def _rechecked(self, problem: Problem, trajectories: Sequence[Trajectory]) -> ReplanResult:
-        """Return known trajectories as the result, while the graph on the clock is being built."""
+        """Return known trajectories as the result, for queries while the graph on the clock is being built."""
         answer = {"ways": [trajectory.describe() for trajectory in trajectories]}
         candidates = rechecked(self.planner.name, problem, self.objectives, trajectories)
         return ReplanResult(candidates, math.inf, 0, answer)
@@ -206,7 +206,7 @@ class Replanner:
     # The graph on the clock, built in another thread
 
     def begin(self, now: DriveSurroundings, commit: Commit) -> None:
-        """Begin to build the graph on a clock for queries from a commit on."""
+        """Begin to build the graph on a clock for queries from a commit on, unless this is done or under way."""
         is_pending = self._pending is not None and self._pending.surroundings is now
         if not is_pending and self._serving(now, commit) is None:
             self._pending = _PendingGraph(now, commit, self._worker.begin(partial(self._built, now, commit)))
@@ -214,7 +214,7 @@ class Replanner:
     def timed_graph(
         self, now: DriveSurroundings, commit: Commit, seconds: float | None = None
     ) -> TimedDriveGraph | None:
-        """Return the graph on a clock for queries from a commit on; None if it is not built within some seconds."""
+        """Return the graph on a clock for queries from a commit on; None if it is not built within ``seconds``."""
         until = None if seconds is None else time.perf_counter() + seconds
         while (serving := self._serving(now, commit)) is None:
             self.begin(now, commit)
@@ -244,7 +244,7 @@ class Replanner:
         return serving
 
     def _serving(self, now: DriveSurroundings, commit: Commit) -> TimedDriveGraph | None:
-        """Return the built graph that can answer queries from a commit on, None where there is none."""
+        """Return the built graph on a clock that can answer queries from a commit on; None if there is none."""
         untimed = self._untimed
         if untimed is None:
             return None
@@ -256,23 +256,23 @@ class Replanner:
         return next((graph for graph in graphs if graph.serves(now, commit, untimed)), None)
 
     def stopping(self, now: DriveSurroundings, commit: Commit) -> DriveSurroundings | None:
-        """Return the surroundings in which people stop before a robot for which no path leads from a commit.
+        """Return the surroundings in which people stop who otherwise would walk into the robot; None if there are none.
 
-        None where no person walks against it.
+        They are used if no path leads on from the commit.
         """
         if self._timed is not None and self._timed.instead_of is now:
             return self._timed.stopping
         return now.with_people_who_stop(commit.places.states, commit.places.times)
 
     def ready(self, now: DriveSurroundings, commit: Commit) -> None:
-        """Wait until the graph on a clock for queries from a commit on is built, however long that takes."""
+        """Wait until the graph on a clock for queries from a commit on is built, however long this takes."""
         built = self.timed_graph(now, commit)
         assert built is not None
         if built.instead_of is not now:
             self._timed = self._passable(now, commit, built)
 
     def _built(self, now: DriveSurroundings, commit: Commit, *, is_far: bool = False) -> TimedDriveGraph:
-        """Build the graph on a clock for queries from a commit on; ``is_far``: for later ones with no person near."""
+        """Build the graph on a clock for queries from a commit on; ``is_far``: for later ones, with no person near."""
         base = untimed = self._without_time(now)
         node = int(untimed.nodes(commit.state)[0])
         if node < 0:
@@ -289,7 +289,7 @@ class Replanner:
         return built if is_far else self._passable(now, commit, built)
 
     def _passable(self, now: DriveSurroundings, commit: Commit, built: TimedDriveGraph) -> TimedDriveGraph:
-        """Return the graph; if no path leads from the commit, one among people who stop before the robot."""
+        """Return the graph or, if no path leads on from the commit, a graph among people who stop before the robot."""
         node = built.node(commit.state)
         node = built.start if node < 0 else node
         if built.prepared.paths(node, built.tick(commit.time), deadline=RECHECK).status is not Status.NO_PATH:
@@ -302,7 +302,7 @@ class Replanner:
         return replace(built, instead_of=now, stopping=stopping)
 
     def _without_time(self, now: DriveSurroundings) -> DriveGraph:
-        """Return the graph with the costs that do not depend on time, among the present people."""
+        """Return the graph with only the criteria that do not depend on time, among the present people."""
         world = now.problem.world
         if self._untimed is not None and self._untimed.world is world:
             return self._untimed
@@ -362,7 +362,7 @@ class Replanner:
         return ReplanResult(graph.candidates(node, paths), paths.gap, paths.stats.labels_generated, logged_result)
 
     def graph(self, now: DriveSurroundings) -> DriveGraph:
-        """Return the graph with the present costs and closed areas; lay it out at the first call."""
+        """Return the graph with the present costs and closed areas; it is laid out at the first call."""
         before = self._graph
         if self._graph is None:
             problem = now.problem.at(self.problem.start, 0.0)
@@ -378,7 +378,7 @@ class Replanner:
         return self._graph
 
     def _inner(self, now: DriveSurroundings) -> StateGraph:
-        """Return the planner's graph of states, in the bare world."""
+        """Return the graph of states of the planner, in the bare world."""
         family = self.planner.graph_of_drives
         states = None if family is None else family.states(self.problem)
         if states is None:

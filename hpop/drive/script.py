@@ -48,11 +48,11 @@ class Event:
     """An event of a drive: a change of the world, or a choice of the person aboard.
 
     at     s, of the drive
-    kind   "close", "open", "people" or "stop": the world changes (:meth:`hpop.drive.Execution.world`); "wish" or
-           "take": the person aboard chooses; "options": they are only listed
-    value  by kind: a polygon or a door's name; people; a person; words or shares of a wish; a number, "knee" or "least
-           NAME"; None
-    name   of a closed polygon, to open it by
+    kind   "close", "open", "people" or "stop": a change of the world (:meth:`hpop.drive.Execution.world`); "wish" or
+           "take": a choice of the person aboard; "options": options are only listed
+    value  by kind: a polygon or the name of a door; people; a person; words or shares of a wish; an index, "knee" or
+           "least NAME"; None
+    name   of a closed polygon, by which it can be opened
     """
 
     at: float
@@ -74,7 +74,7 @@ class Event:
             case "people", people:
                 words = f"{len(people)} there now"
             case "stop", Person():
-                words = self.value.name or "somebody"
+                words = self.value.name or "a person"
             case "wish", Mapping():
                 words = ", ".join(f"{name} {share:+.0%}" for name, share in self.value.items())
             case _, None:
@@ -90,13 +90,13 @@ class Happening:
 
     change   effect of a change of the world; None for other events, and for a change that was refused
     options  after the event
-    taken    the option that is driven from the commit on; None where the robot keeps its plan
-    asked    whether the person aboard chose it, rather than the robot
-    words    what was chosen, or why nothing could be done
+    taken    the option that is driven from the commit on; None if the robot keeps its plan
+    asked    whether the person aboard chose the option, rather than the robot
+    words    description of the choice, or the reason why there is none
     driven   the trajectory up to the event
     before   the plan before the event, from the beginning to the goal
     closed   closed areas after the event
-    people   who are there, with predictions from the event on
+    people   people present, with predictions from the event on
     """
 
     event: Event
@@ -113,11 +113,14 @@ class Happening:
 
 @checked_arguments
 def performed(drive: Execution, events: Iterable[Event], *, deadline: float = DEADLINE) -> Iterator[Happening]:
-    """Drive by a script of events, and yield the effect of each. The robot may change its plan by itself as well.
+    """Perform a script of events in a drive, and yield the effect of each.
 
-    deadline  s of this thread's processor time for options
+    The robot may also change its plan by itself.
 
-    Raises DriveError for events that are out of order or come after the arrival, and as the methods of the drive do.
+    ``deadline`` is the processor time of this thread for options, s.
+
+    Raises DriveError for events that are out of order or come after the arrival, and the errors of the methods of the
+    drive.
     """
     last = 0.0
     for event in events:
@@ -158,13 +161,13 @@ def _happened(drive: Execution, event: Event, deadline: float) -> Happening:
 
 
 def _chosen(drive: Execution, options: Options, event: Event) -> tuple[Option | None, str]:
-    """Return the option that the person aboard chooses, and words on it."""
+    """Return the option that the person aboard chooses, and a description of the choice."""
     if event.kind == "wish":
         value = event.value
         wish = drive.wish(**value) if isinstance(value, Mapping) else drive.wish(value)
         return wish.option, wish.words
     if not len(options):
-        return None, f"there is nothing to take: {options.certificate}"
+        return None, f"there is no option to take: {options.certificate}"
     try:
         (row,) = named_rows(options.front, [event.value])
     except OptionError:  # the number of options becomes known only now
@@ -181,7 +184,7 @@ def _chosen(drive: Execution, options: Options, event: Event) -> tuple[Option | 
 def load(path: str | os.PathLike[str]) -> Execution:
     """Read a drive that :meth:`hpop.drive.Execution.save` wrote, and repeat its events.
 
-    Raises DriveError for any other file, OSError where it cannot be read.
+    Raises DriveError for any other file, OSError if it cannot be read.
     """
     stored = read(path)
     try:
@@ -206,7 +209,7 @@ def load(path: str | os.PathLike[str]) -> Execution:
 
 
 def tell(drive: Execution, event: Mapping[str, Any]) -> None:
-    """Repeat an event of a log; raise DriveError for an invalid one."""
+    """Repeat one event of an event log in a drive; DriveError for an invalid event."""
     kind, now = event["event"], event["now"]
     if kind == "seen":
         drive.at(now, event["state"])
@@ -230,7 +233,7 @@ def tell(drive: Execution, event: Mapping[str, Any]) -> None:
         raise DriveError(f"a drive has no event {shown(kind)}")
 
 
-OF_TIME = ("clock", "hold", "arrive_by", "margin")  # options of time, in the provenance of a plan among people
+OF_TIME = ("clock", "hold", "arrive_by", "margin")  # planner options of time, in the provenance of a plan
 
 
 @checked_arguments
@@ -244,18 +247,18 @@ def follow(
     patience: float = PATIENCE,
     notice: float = NOTICE,
 ) -> Execution:
-    """Start a drive along one of a front's plans.
+    """Start a drive along one of the plans of a front.
 
     Parameters
     ----------
     problem : the problem of the front
     choice : a point of the front, its row, or its name, such as "knee" (:meth:`hpop.Front.named`); or a person's
         preference (:class:`hpop.study.Preference`), by which the robot then also chooses on the way
-    planner : with the graph to search on the way; left out, the planner that found the choice, with its options
-    begin : s, when the robot leaves, on the caller's clock
+    planner : with the graph to search on the way; default: the planner that found the choice, with its options
+    begin : s, when the robot leaves, on the clock of the caller
     patience, notice : see :class:`hpop.drive.Execution`
 
-    Raises QueryError where the front belongs to another problem; DriveError for a choice that is no point of the front,
+    Raises QueryError if the front belongs to another problem; DriveError for a choice that is no point of the front,
     for a plan with motions other than turns, straight moves and holds, and for a planner without a graph;
     UnsupportedModel for a planner with a graph that the robot cannot drive.
     """

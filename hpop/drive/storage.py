@@ -1,4 +1,4 @@
-"""The event log of a drive, its file, and the effect of a change on the plan."""
+"""The event log of a drive, its file, and the effect of a change of the world on the plan."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
 
 SCHEMA, VERSION = "hpop-drive", 1
 SIZE_LIMIT = 512 * 1024**2  # bytes
-LEFT_OUT = ("checkpoint",)  # options of a planner that are not stored: the file of another search
+LEFT_OUT = ("checkpoint",)  # options of a planner that are not stored, such as the file of another search
 KEYS = {"schema", "version", "problem", "planner", "begin", "patience", "notice", "ways", "events"}
 
 
 def write(drive: Execution, path: str | os.PathLike[str]) -> None:
-    """Write a drive to a JSON file, whole or not at all; raises OSError where it cannot be written."""
+    """Write a drive to a JSON file, as a whole or not at all; OSError if it cannot be written."""
     stored = {
         "schema": SCHEMA,
         "version": VERSION,
@@ -54,9 +54,9 @@ def write(drive: Execution, path: str | os.PathLike[str]) -> None:
 
 
 def read(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Read a file of :func:`write`; the problem's files are found relative to its folder.
+    """Read a file of :func:`write`; paths of map files in it are relative to its folder.
 
-    Raises DriveError for any other file, OSError where it cannot be read.
+    Raises DriveError for any other file, OSError if it cannot be read.
     """
     source = checked_path(path)
     try:
@@ -73,7 +73,7 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def _described(planner: Planner) -> dict[str, dict[str, Any]]:
-    """Return a planner as JSON, for :func:`hpop.planners.base.make_planner`."""
+    """Return a planner as JSON, from which :func:`hpop.planners.base.make_planner` builds it again."""
     stored = [field for field in fields(planner) if field.name not in LEFT_OUT]  # type: ignore[arg-type]
     options = {field.name: getattr(planner, field.name) for field in stored}
     changed = {field.name: options[field.name] for field in stored if options[field.name] != field.default}
@@ -81,14 +81,14 @@ def _described(planner: Planner) -> dict[str, dict[str, Any]]:
 
 
 class EventLog:
-    """The log of the events of a drive.
+    """Log of the events of a drive.
 
     begin   s, when the robot leaves
     record  the events, as JSON
     """
 
     def __init__(self, begin: float) -> None:
-        """Begin an empty log."""
+        """Create an empty log."""
         self.begin = real("begin", begin, -MOST, MOST, "a time in s", error=DriveError)
         self.record: list[dict[str, Any]] = []
         self._last = -np.inf  # s, of the last event
@@ -97,16 +97,16 @@ class EventLog:
         return float(real("now", now, -MOST, MOST, "a time in s", error=DriveError))
 
     def _in_order(self, now: float) -> float:
-        """Return the time of an event, no earlier than the last one; raise DriveError where it is earlier."""
+        """Return the time of an event, s; DriveError if it is earlier than the last event."""
         now = self._time(now)
         if now < self._last - SAME:
             raise DriveError(
-                f"the last event was at {self._last:.3f} s, this one is at {now:.3f} s: tell events in order of time"
+                f"the last event was at {self._last:.3f} s, this one is at {now:.3f} s: give events in order of time"
             )
         return max(now, self._last)
 
     def _told(self, now: float) -> float:
-        """Return the time of an event, and make it that of the last event."""
+        """Return the time of an event, s, and store it as the time of the last event."""
         self._last = self._in_order(now)
         return self._last
 
@@ -115,13 +115,13 @@ class EventLog:
         return max(self._last, self.begin)
 
     def _note(self, event: str, now: float, **values: Any) -> None:
-        """Append an event to the record."""
+        """Append an event to the record, with its values as JSON."""
         line = json.dumps({"event": event, "now": now, **values}, allow_nan=False, default=strict_json.of_numpy)
         self.record.append(json.loads(line))
 
 
 def deadline_of(seconds: float) -> float:
-    """Return a checked deadline, s; raise DriveError for an invalid one."""
+    """Return a checked deadline, s; DriveError for an invalid one."""
     return float(real("deadline", seconds, 0, MOST, "a time in s", error=DriveError))
 
 
@@ -135,8 +135,8 @@ class Change:
     safe_until  time until which the present plan is free; None if it is free to its end
     stops_at    time at which the robot comes to rest if it takes no option; None if it arrives at the goal
     brakes      whether the robot must brake before it reaches a place where it may change its plan
-    invalid     numbers of those options of the last call of ``options`` that are closed now, or that the plan no
-                longer reaches
+    invalid     indices of options of the last call of ``options`` that are closed now, or that the plan no longer
+                reaches
     notes       on people within obstacles, predictions that were cut, and people in contact with the robot
     """
 
@@ -156,7 +156,7 @@ def written(
     stop: Any,
     name: str,
 ) -> dict[str, Any]:
-    """Return the arguments of a change of the world, as JSON."""
+    """Return the arguments of a change of the world as JSON."""
     if close is not None or open_ is not None:
         area = open_ if close is None else close
         return {"area": area if isinstance(area, str) else mapping(polygon_of(area, "an area")), "name": name}

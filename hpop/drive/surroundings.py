@@ -1,4 +1,4 @@
-"""The changing world of a drive: doors that close and open, people who come, go and stop."""
+"""The changing world of a drive: doors that close and open, and people who come, go and stop."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ GONE = 1e5  # m: a person that far away has no effect
 
 @dataclass(frozen=True, eq=False)
 class DriveSurroundings:
-    """The world of a drive from some time on, and the drive's problem in it.
+    """The world of a drive from some time on, and the problem of the drive in it.
 
     problem   in this world; its time begins at `since`
     bare      the world without people and without named closed areas
-    closings  areas that were closed
+    closings  areas that have been closed
     areas     all areas with a name: zones of the map, and areas closed during the drive
-    since     s, of the drive, when the people were predicted
-    bodies    closed areas of the people who stand
-    margin    m, to them
-    stopping  notes on people who are predicted to stop before the robot, as no path would be open otherwise
+    since     s, of the drive, at which the predictions of people begin
+    bodies    closed areas of the standing people
+    margin    m, to these people
+    stopping  notes on people who are predicted to stop before the robot, since otherwise no path would be open
     """
 
     problem: Problem
@@ -53,7 +53,7 @@ class DriveSurroundings:
 
     @classmethod
     def of(cls, problem: Problem, since: float, margin: float = 0.0) -> DriveSurroundings:
-        """Return the surroundings of a problem; its named keep-out zones are the closed areas."""
+        """Return the surroundings at the start of a drive; named keep-out zones of the problem are the closed areas."""
         zones = problem.world.content.zones
         closings = tuple(Closing(z.area, z.name) for z in zones if z.kind == "keep-out" and z.name)
         people = problem.world.content.people
@@ -72,17 +72,17 @@ class DriveSurroundings:
 
     @property
     def closed(self) -> tuple[Closing, ...]:
-        """All closed areas: those that were closed, and bodies of standing people."""
+        """All closed areas: those that have been closed, and the bodies of standing people."""
         return (*self.closings, *self.bodies.values())
 
     def at(self, state: States, now: float) -> Problem:
-        """Return the problem with a state (1,) at a time of the drive, s, as its start."""
+        """Return the problem with a state (1,), at a time of the drive, s, as its start."""
         return self.problem.at(self.problem.model.space.values(state), max(0.0, now - self.since))
 
     # Changes
 
     def changed(self, now: float, what: str, value: Any, name: str, groups: Any) -> DriveSurroundings:
-        """Return the surroundings after one change: ``close`` (by a name as well), ``open``, ``people`` or ``stop``."""
+        """Return the surroundings after one change ``what``: "close" (with a name), "open", "people" or "stop"."""
         match what:
             case "close":
                 return self.close(now, value, name)
@@ -93,7 +93,7 @@ class DriveSurroundings:
         return self.stop(now, value)
 
     def close(self, now: float, area: Any, name: str) -> DriveSurroundings:
-        """Return the surroundings with an area closed, by its name or as a polygon; DriveError for anything else."""
+        """Return the surroundings with an area closed, given by name or as a polygon; DriveError otherwise."""
         closing = to_close(area, name, self.areas, self.closings)
         if not closing.area.intersects(self.bare.extent):
             x_min, y_min, x_max, y_max = self.bare.bounds
@@ -105,7 +105,7 @@ class DriveSurroundings:
         return self._changed(*self._as_predicted(now), closings=(*self.closings, closing), areas=areas)
 
     def open(self, now: float, area: Any) -> DriveSurroundings:
-        """Return the surroundings with a closed area opened, by name or polygon; DriveError where it is not closed."""
+        """Return the surroundings with a closed area opened, by name or polygon; DriveError if it is not closed."""
         opened = to_open(area, self.areas, self.closings)
         return self._changed(*self._as_predicted(now), closings=tuple(c for c in self.closings if c not in opened))
 
@@ -113,24 +113,24 @@ class DriveSurroundings:
         self, now: float, people: Iterable[Person], groups: Iterable[Iterable[int]] = ()
     ) -> DriveSurroundings:
         """Return the surroundings with other people, predicted from now on; groups are indices of people who talk."""
-        told = tuple(people) if isinstance(people, Iterable) and not isinstance(people, str) else None
-        if told is None or not all(isinstance(person, Person) for person in told):
+        given = tuple(people) if isinstance(people, Iterable) and not isinstance(people, str) else None
+        if given is None or not all(isinstance(person, Person) for person in given):
             raise DriveError(f"people must be a list of all hpop.world.Person who are there now, got {shown(people)}")
-        if not told and any(OF_PEOPLE & {*criterion.requires} for criterion in self.problem.criteria):
-            told, groups = tuple(_gone(person) for person in self.people), self.problem.world.content.groups
-        return self._changed(now, told, groups=groups)
+        if not given and any(OF_PEOPLE & {*criterion.requires} for criterion in self.problem.criteria):
+            given, groups = tuple(_gone(person) for person in self.people), self.problem.world.content.groups
+        return self._changed(now, given, groups=groups)
 
     def stop(self, now: float, person: Any) -> DriveSurroundings:
-        """Return the surroundings in which one person, by name or number, stands from now on."""
+        """Return the surroundings in which one person, given by name or index, stands from now on."""
         place = self._place_of(person)
         people = list(self._people_at(now))
         people[place] = _standing(people[place])
         return self._changed(now, tuple(people))
 
     def with_people_who_stop(self, states: States, times: FloatArray) -> DriveSurroundings | None:
-        """Return the surroundings in which people stop before a robot in each of some states (n,).
+        """Return the surroundings in which people stop before a robot that comes to some states (n,).
 
-        None where no person comes there soon. Predictions keep their beginning.
+        None if no person comes there soon. Predictions begin at the same time as before.
 
         Parameters
         ----------
@@ -158,7 +158,7 @@ class DriveSurroundings:
             return names.index(name)
         if not names:
             raise DriveError(
-                f"there are no people, so {shown(name)} cannot stop; tell all people who are there first, with people="
+                f"there are no people, so {shown(name)} cannot stop; first give all people who are there, with people="
             )
         listed = ", ".join(f"{i}: {shown(name)}" if name else str(i) for i, name in enumerate(names))
         raise DriveError(
@@ -167,15 +167,15 @@ class DriveSurroundings:
         )
 
     def _as_predicted(self, now: float) -> tuple[float, tuple[Person, ...]]:
-        """Return the beginning of the predictions, s, and the people; both unchanged while any person moves.
+        """Return the time, s, at which predictions begin, and the people; both are unchanged while any person moves.
 
-        Where no person moves any more, they are the people who are still there now.
+        If no person moves any more, these are the present time and the people who are still there.
         """
         people = self._people_at(now)
         return (self.since, self.people) if any(person.moves for person in people) else (now, people)
 
     def _people_at(self, now: float) -> tuple[Person, ...]:
-        """Return the people as predicted for now; those who have left stay away."""
+        """Return the people as predicted for now; people who have left stay away."""
         people = (person.later(max(0.0, now - self.since)) for person in self.people)
         return tuple(_gone(person) if _has_gone(person) else person for person in people)
 
@@ -188,7 +188,7 @@ class DriveSurroundings:
         groups: Iterable[Iterable[int]] | None = None,
         areas: dict[str, BaseGeometry] | None = None,
     ) -> DriveSurroundings:
-        """Return surroundings with other people, predicted at some time, and other closed areas."""
+        """Return surroundings with other people, predicted from ``since`` on, and other closed areas."""
         closings = self.closings if closings is None else closings
         content = self.problem.world.content
         zones = [zone for zone in content.zones if not (zone.kind == "keep-out" and zone.name)]
@@ -208,7 +208,7 @@ class DriveSurroundings:
 
 
 def _bodies(people: Iterable[Person], before: Mapping[Person, Closing], margin: float) -> dict[Person, Closing]:
-    """Return the closed areas of standing people, with a margin; those of people who stood before are reused."""
+    """Return the closed areas of standing people, enlarged by a margin, m; areas in ``before`` are reused."""
     bodies, content = {}, Content(people=tuple(people), kept=margin)
     for i, body in content.bodies.items():
         person = content.people[i]
@@ -218,7 +218,7 @@ def _bodies(people: Iterable[Person], before: Mapping[Person, Closing], margin: 
 
 
 def _standing(person: Person) -> Person:
-    """Return a person who stands where they are, and stays."""
+    """Return the person as one who stands at the present position from now on."""
     yaw = person.yaw
     if person.moves and not person.futures:
         x, y = person.ahead_at(0.0)
@@ -227,10 +227,10 @@ def _standing(person: Person) -> Person:
 
 
 def _has_gone(person: Person) -> bool:
-    """Return whether a person has left by every prediction."""
+    """Return whether a person has left according to all hypotheses."""
     return all(likely.until == 0.0 and likely.afterwards == "gone" for _, likely in person.hypotheses)
 
 
 def _gone(person: Person) -> Person:
-    """Return a person far away, so that criteria that need people still have one, at no cost."""
+    """Return the person far away: criteria that need people still have one, at no cost."""
     return replace(_standing(person), x=person.x + GONE)

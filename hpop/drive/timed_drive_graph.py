@@ -1,8 +1,8 @@
-"""The graph of a drive on a clock, while people move; it is reused as long as they move as predicted.
+"""The graph of a drive on a clock, among moving people; it is reused as long as they move as predicted.
 
-Most of a query's time goes into tables of costs near people and into bounds on the remaining cost. Both do not depend
-on the robot's position: a later query begins at a later tick of the same clock. When people change, only tables that
-depend on them are computed again.
+Most of the time of a query goes into tables of costs near people, and into bounds on the remaining cost. Both do not
+depend on the position of the robot: a later query begins at a later tick of the same clock. When people change, only
+tables that depend on them are computed again.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class ScheduledPath(NamedTuple):
 class TimedDriveGraph:
     """The graph of a drive on a clock, among people as predicted.
 
-    untimed     the graph with those costs that do not depend on time, and with its closed arcs
+    untimed     the graph with only the costs that do not depend on time, and with its closed arcs
     timed       the graph on the clock; tick 0 is `since`, s of the drive
     objectives, options
     people      as predicted from `since` on
@@ -66,9 +66,9 @@ class TimedDriveGraph:
     start       node from which it was laid out; `begin` is the earliest tick of a query from it
     state       (1,) of the robot at the start
     places      nodes of the commit and of the places soon after it
-    near        nodes within a person's margin, with times, s on the clock; the robot may leave there, though it must
-                not come so near elsewhere; empty where no person is near
-    instead_of  surroundings in which no path leads on, as people walk against the robot
+    near        nodes within the margin of a person, with times, s on the clock: the robot may begin there, although it
+                must not come so near elsewhere; empty if no person is near
+    instead_of  surroundings in which no path leads on, as people walk towards the robot
     stopping    these surroundings with people who stop before the robot, for which this graph was built
     """
 
@@ -103,8 +103,8 @@ class TimedDriveGraph:
     ) -> TimedDriveGraph:
         """Return the graph on a clock from the node of a commit.
 
-        before  such a graph for other people or closed areas, to reuse its parts; None for none
-        is_far  whether it is for later places only, where no person is near
+        before  graph on a clock for other people or closed areas, to reuse parts of it; None for none
+        is_far  whether it is only for later places, with no person near
         """
         space = cast("StateGraph | JoinedEnds", untimed.query.space.costed_in(now.problem.world))
         arcs = before.timed.arcs if before is not None and before.untimed.query.space is untimed.query.space else None
@@ -127,7 +127,7 @@ class TimedDriveGraph:
         )
 
     def refuses(self, now: DriveSurroundings, commit: Commit, untimed: DriveGraph) -> bool:
-        """Return whether no path leads from a commit in some surroundings, as people walk against the robot."""
+        """Return whether no path leads on from a commit in these surroundings, as people walk towards the robot."""
         return self.instead_of is now and self.base is untimed and self.node(commit.state) in self.places
 
     def serves(self, now: DriveSurroundings, commit: Commit, untimed: DriveGraph) -> bool:
@@ -145,11 +145,11 @@ class TimedDriveGraph:
         return is_there and {*about} <= {*self.timed.safety.about_start}
 
     def is_other_part_of(self, made: TimedDriveGraph) -> bool:
-        """Return whether another graph has the same people and closed areas, and only one of both has a person near."""
+        """Return whether a graph has equal people and closed areas, and exactly one of the two has a person near."""
         return self.base is made.base and self.people == made.people and bool(self.near) != bool(made.near)
 
     def node(self, state: States) -> int:
-        """Return the node at a state (1,), -1 where there is none."""
+        """Return the node at a state (1,); -1 if there is none."""
         space = self.untimed.inner.model.space
         if all(abs(off[0]) <= SAME for off in space.differences(state, self.state).values()):
             return self.start
@@ -165,7 +165,7 @@ class TimedDriveGraph:
         return PreparedTimed(self.timed.graph, self.start, self.untimed.query.goals, begin=self.begin)
 
     def scheduled(self, trajectories: Sequence[Trajectory], at: float) -> list[ScheduledPath]:
-        """Return the last part along the graph of each trajectory; they begin at a time of the drive, s."""
+        """Return the last part of each trajectory that follows the graph; all begin at a time of the drive, s."""
         parts = self.untimed.arcs_and_places(trajectories)
         paths = [
             ScheduledPath(arcs, at + trajectory.times[leaving])
@@ -174,7 +174,7 @@ class TimedDriveGraph:
         return [path for path in paths if path.arcs.size]
 
     def on_clock(self, node: int, at: float, paths: Iterable[ScheduledPath]) -> list[TimedPath]:
-        """Return remaining parts, in ticks, of known paths from a node at a time, s of the drive, holds included."""
+        """Return the remaining parts, in ticks, of known paths from a node at a time, s of the drive, with holds."""
         begin, graph, remaining = self.tick(at), self.timed.graph, list[TimedPath]()
         least = graph.hold or 0
         waits = 0.5 * max(1, least) * self.options.tick  # s: a shorter stop is no hold
@@ -196,7 +196,7 @@ class TimedDriveGraph:
         """Return all non-dominated paths from a node at a time, s of the drive, or those found until a deadline.
 
         known     known paths from any node
-        deadline  s of this thread's processor time, None for none
+        deadline  s of processor time of this thread, None for no deadline
         """
         return self.prepared.paths(node, self.tick(at), deadline=deadline, known=self.on_clock(node, at, known))
 
@@ -249,7 +249,7 @@ CLAIM = (
 
 
 def remaining_from(trajectories: Iterable[Trajectory], state: States) -> Iterator[Trajectory]:
-    """Yield the remaining part of each trajectory after it was in a state (1,) last."""
+    """Yield the part of each trajectory after its last visit of a state (1,), if it visits the state."""
     for trajectory in trajectories:
         at_state = np.ones(len(trajectory) + 1, dtype=np.bool_)
         rows = np.zeros(len(trajectory) + 1, np.int64)
@@ -269,13 +269,13 @@ def clear_trajectories(
     latest: float | None,
     enough: Callable[[], bool],
 ) -> Iterator[Trajectory]:
-    """Yield the trajectories that are clear of closed areas and people, as plans and as executed.
+    """Yield the trajectories that are clear of closed areas and people, as planned and as executed.
 
-    problem  from where and when they begin
+    problem  its start and time are those at which the trajectories begin
     before   the trajectory up to there, as the robot need not be at rest there
-    margin   m, to people who move
-    latest   s, duration within which they must arrive; None for any
-    enough   returns whether to stop
+    margin   m, to moving people
+    latest   s, longest duration, None for any
+    enough   function that returns whether to stop
     """
     parts, people = problem.model.platform, problem.world.content.people
     for trajectory in trajectories:
@@ -290,7 +290,7 @@ def clear_trajectories(
 
 
 def rechecked(name: str, problem: Problem, objectives: Objectives, trajectories: Sequence[Trajectory]) -> Candidates:
-    """Return open and clear trajectories as candidates of the planner ``name``, without a claim of optimality."""
+    """Return trajectories as candidates of the planner ``name``, without a claim of optimality."""
     criteria = objectives.optimised
     costs = trajectory_costs(criteria, trajectories, problem.world) if trajectories else np.zeros((0, len(criteria)))
     origin: dict[str, Any] = {"planner": name, "known": True}

@@ -1,4 +1,4 @@
-"""Wishes of the person aboard: which option meets a wish, and which option the robot takes by itself."""
+"""Wishes of the person aboard: the option that meets a wish, and the option that the robot takes by itself."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hpop.drive.plan import SAME
 from hpop.errors import DriveError, did_you_mean
 
 SHARE = 0.2
-"""Share by which other costs may grow in a hurry, if the wish names none."""
+"""Default share by which other costs may grow in a hurry."""
 HURRY = "hurry"
 LESS = re.compile(r"(?:fewer|less)\s+(.+)")
 
@@ -26,8 +26,8 @@ LESS = re.compile(r"(?:fewer|less)\s+(.+)")
 class Wish:
     """Answer to a wish.
 
-    option  that meets it, None where none does
-    words   what was chosen, or why no option was
+    option  that meets the wish, None if none does
+    words   description of the choice, or the reason why there is none
     """
 
     option: Option | None
@@ -37,7 +37,7 @@ class Wish:
 def wished(options: Options, wish: str | None, shares: Mapping[str, Any]) -> Wish:
     """Return the option that meets a wish with the least loss in the other costs.
 
-    - "fewer turns", "less exposure": less of that cost than the remaining plan, at the least loss in the others.
+    - "fewer turns", "less exposure": less of that cost than the remaining plan, with the least loss in other costs.
     - "hurry": the least duration among options in which no other cost grows by more than a fifth, or by the share
       that ``shares`` names for it.
     - no words, ``duration=-0.2``: each named cost changes by at least that share (here: a fifth less), at the least
@@ -57,8 +57,8 @@ def wished(options: Options, wish: str | None, shares: Mapping[str, Any]) -> Wis
 class _CheckedWish(NamedTuple):
     """A valid wish.
 
-    name    of the cost to reduce, None where none is named
-    shares  by which costs may grow at most
+    name    of the cost to reduce, None if the wish names none
+    shares  largest growth of each named cost, as a share
     """
 
     name: str | None
@@ -66,7 +66,7 @@ class _CheckedWish(NamedTuple):
 
 
 def checked_wish(wish: Any, shares: Mapping[str, Any], names: Sequence[str]) -> _CheckedWish:
-    """Return a wish of :func:`wished`, checked against the names of the costs; raise DriveError for an invalid one."""
+    """Check a wish of :func:`wished` against the names of the costs, and return it; DriveError if it is invalid."""
     limits = {name: real(f"the wish for {name}", share, -1, 100, "a share") for name, share in shares.items()}
     for name in limits:
         _check(name, names)
@@ -137,7 +137,7 @@ def _hurry(options: Options, limits: Mapping[str, float]) -> Wish:
 
 
 def _least_loss(options: Options, able: BoolArray, words: str) -> Wish:
-    """Return the option of a mask (n,) with the least growth of costs, each as a part of its range."""
+    """Return the option, among those marked (n,), with the least growth of costs, each relative to its range."""
     if not able.any():
         return Wish(None, f"there is no option {words}")
     counts, plan = _counts(options)
@@ -172,7 +172,7 @@ def _plan_of(options: Options) -> Mapping[str, float]:
 
 
 def _counts(options: Options) -> tuple[Any, Any]:
-    """Return costs (n, k) of the front's points and (k,) of the remaining plan, in quanta."""
+    """Return the costs (n, k) of the points of the front, and (k,) of the remaining plan, in quanta."""
     front = options.front
     plan = np.array([_plan_of(options)[name] for name in front.names])
     return front.integers.astype(np.float64), np.rint(plan / front.quanta)
@@ -185,11 +185,11 @@ NOTICE = 2.0
 
 
 def adapted(options: Options, patience: float, notice: float) -> Option | None:
-    """Return the option that a robot takes by itself; None where it keeps its plan or has no option.
+    """Return the option that a robot takes by itself; None if it keeps its plan or has no option.
 
-    Where the plan is closed, that is the knee. Otherwise it is the option with the least costs, as shares of the
-    remaining plan's on average, if they are better by ``patience`` and no turn that was not announced begins within
-    ``notice``, s.
+    If the plan is closed, this is the knee. Otherwise it is the option with the least costs, on average over the
+    criteria relative to the remaining plan, if they are better by ``patience``, and if no turn that was not announced
+    begins within ``notice``, s.
     """
     if not len(options.front):
         return None

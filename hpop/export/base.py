@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
 Content = bytes | Mapping[str, bytes]
-"""Of a file, or of the files of a folder by name."""
+"""Type for the content of a file, or of the files of a folder by name."""
 PROGRAM = f"hpop {__version__}"
 LONGEST = 200  # characters of a frame's name
 
@@ -57,7 +57,7 @@ class Format(Protocol):
 def export_format(
     name: str, *, suffix: str, axes: str, world: bool = False
 ) -> Callable[[Callable[[Exported], Content]], Format]:
-    """Register a function as an export format under a name."""
+    """Return a decorator that registers a function as an export format under a name."""
 
     def declare(function: Callable[[Exported], Content]) -> Format:
         made = cast(Any, checked_arguments(function))
@@ -71,24 +71,24 @@ def export_format(
 @checked_arguments
 @dataclass(frozen=True)
 class Frames:
-    """Names of frames, for formats that name them: the world's, and those of moving bodies."""
+    """Names of the frames of the world, the base and the camera, for formats that contain such names."""
 
     world: str = "map"
     base: str = "base_link"
     camera: str = "camera_link"
 
     def __post_init__(self) -> None:
-        names = [getattr(self, one.name) for one in fields(self)]
+        names = [getattr(self, frame.name) for frame in fields(self)]
         for name in names:
             if not isinstance(name, str) or not 0 < len(name) <= LONGEST or HARMFUL.search(name) or " " in name:
                 raise OptionError(f"a frame is a name without blanks, such as map or base_link; got {shown(name)}")
             if name.startswith("/"):
-                raise OptionError(f"a frame's name begins without a slash, as tf2 asks; got {shown(name)}")
+                raise OptionError(f"the name of a frame must not begin with a slash (tf2); got {shown(name)}")
         if len(set(names)) < len(names):
-            raise OptionError(f"the frames of world, base and camera are three; got {', '.join(names)}")
+            raise OptionError(f"the frames of world, base and camera must have different names; got {', '.join(names)}")
 
     def of(self, body: str) -> str:
-        """Return the frame of a body; by default the body's own name."""
+        """Return the name of the frame of a body; other bodies are frames under their own name."""
         return {"base": self.base, "camera": self.camera}.get(body, body)
 
 
@@ -102,9 +102,9 @@ class Exported:
     body        body with the exported poses
     planned     whether poses are those of the plan; else of the execution
     frames      names of frames
-    row         of a front, or None
-    name        of the row, such as "knee", or ""
-    costs       value by criterion, reported ones too, and their ``units`` by name
+    row         row in the front, or None
+    name        name of the row, such as "knee", or ""
+    costs       value by name, of criteria and reported values; ``units`` by name
     claim       certificate of the front
     problem     problem with the world to write, or None
     """
@@ -127,12 +127,12 @@ class Exported:
         return self.of(self.body)
 
     def of(self, body: str) -> Poses:
-        """Return the poses of a body at the same times."""
+        """Return the poses of any body, at the times of the exported poses."""
         return poses(self.trajectory, rate=self.rate, body=body, planned=self.planned)
 
     @cached_property
     def run(self) -> Trajectory:
-        """Return the trajectory to write: as planned, or as executed."""
+        """Return the trajectory to write: the plan, or its execution."""
         return self.trajectory if self.planned else self.trajectory.execution()
 
     @property
@@ -149,14 +149,14 @@ class Exported:
 
     @property
     def values(self) -> dict[str, str]:
-        """Return the costs as text by printable name with the unit: {"length (m)": "33.5"}."""
+        """Return the costs as text by printable name with unit, such as {"length (m)": "33.5"}."""
         headings = {
             name: name if (unit := self.units.get(name, "1")) == "1" else f"{name} ({unit})" for name in self.costs
         }
         return {printable(headings[name]): repr(float(value)) for name, value in self.costs.items()}
 
     def statement(self, axes: str, what: str = "") -> list[str]:
-        """Return the comment lines of a file; ``what`` names its contents, if not poses at the rate."""
+        """Return comment lines for a file; ``what`` describes its contents, by default poses at the rate."""
         how = "as planned" if self.planned else "as executed"
         what = what or f"the {self.body} {how}, {self.rate:g} poses a second and the end"
         lines = [f"{self.title}: {what}; by {PROGRAM}", axes]
@@ -166,12 +166,12 @@ class Exported:
 
 
 def rows_of_text(table: FloatArray, separator: str) -> str:
-    """Return a table (N, k) as lines, each number in the shortest form that reads back equal."""
+    """Return a table (N, k) as lines of text; each number has the shortest form that reads back equal."""
     return "".join(separator.join(map(repr, row)) + "\n" for row in table.tolist())
 
 
 def matrices(quaternions: FloatArray) -> FloatArray:
-    """Return rotation matrices (N, 3, 3) of unit quaternions (N, 4); their columns are the axes of the body."""
+    """Return rotation matrices (N, 3, 3) of unit quaternions (N, 4); columns are the axes of the body."""
     x, y, z, w = quaternions.T
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -182,19 +182,19 @@ def matrices(quaternions: FloatArray) -> FloatArray:
 
 
 def pitch_of(quaternions: FloatArray) -> FloatArray:
-    """Return the pitch (N,) of the body's x axis, rad, up positive."""
+    """Return the pitch (N,) of the x axis of a body, rad, positive upwards."""
     ahead = matrices(quaternions)[:, :, 0]
     return np.arctan2(ahead[:, 2], np.hypot(ahead[:, 0], ahead[:, 1]))
 
 
 def roll_of(quaternions: FloatArray) -> FloatArray:
-    """Return the roll (N,), rad, to the right positive."""
+    """Return the roll (N,) of a body, rad, positive to the right."""
     turned = matrices(quaternions)
     return np.arctan2(turned[:, 2, 1], turned[:, 2, 2])
 
 
 def product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return rotations (N, 4): b first, then a (Hamilton)."""
+    """Return the products of quaternions (N, 4): rotations by b, followed by rotations by a (Hamilton)."""
     ax, ay, az, aw = a.T
     bx, by, bz, bw = b.T
     return np.column_stack(

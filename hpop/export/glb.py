@@ -1,8 +1,8 @@
 """Binary glTF of a scene with an animated camera.
 
-The scene is made of triangles: prisms with their holes, cells, people, landmarks, zones and the floor. Metres in the
-world's frame, z up. Corners are not shared between faces, so that each face has its normal; triangles are
-counter-clockwise seen from outside.
+The scene consists of triangles: prisms with their holes, cells, people, landmarks, zones and the floor. They are in
+metres in the frame of the world, z up. Faces do not share corners, so that each face has its own normal; triangles are
+counter-clockwise as seen from outside.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def meshes_of(scene: ViewScene) -> Iterator[TriangleMesh]:
 
 
 def extruded(rings: Sequence[FloatArray], low: float, high: float) -> FloatArray:
-    """Return triangles (T, 3, 3) of an upright prism: outer ring counter-clockwise, holes clockwise, none closed."""
+    """Return triangles (T, 3, 3) of an upright prism over open rings: outer counter-clockwise, holes clockwise."""
     top = _flat(rings, high)
     bottom = _flat(rings, low)[:, ::-1]
     sides = [_walls(ring[None], low, high) for ring in rings]
@@ -97,7 +97,7 @@ def _walls(rings: FloatArray, low: float, high: float) -> FloatArray:
 
 
 def _boxes(cells: Cells) -> FloatArray:
-    """Return triangles of boxes: walls, tops and bottoms."""
+    """Return the triangles of boxes over cells: sides, tops and bottoms."""
     rings = cells.corners
     level = [np.dstack([rings, np.full(rings.shape[:2], z)]) for z in (cells.low, cells.high)]
     bottom, top = level[0][:, ::-1], level[1]
@@ -124,7 +124,7 @@ def _round(part: BodyPart, x: float, y: float) -> FloatArray:
 
 
 def _plate(plate: Plate) -> FloatArray:
-    """Return triangles of both sides of an upright plate; without a facing, of two crossed plates."""
+    """Return the triangles of both sides of an upright plate; of two crossed plates without a facing."""
     mark = plate.landmark
     facings = [mark.facing] if mark.facing is not None else [0.0, 0.5 * np.pi]
     several = []
@@ -132,13 +132,13 @@ def _plate(plate: Plate) -> FloatArray:
         aside = 0.5 * plate.width * np.array([-np.sin(facing), np.cos(facing)])
         place = np.array([mark.x, mark.y])
         line = np.array([place - aside, place + aside])
-        one = _walls(line[None], mark.z - 0.5 * plate.height, mark.z + 0.5 * plate.height)  # there and back
-        several.append(one)
+        sides = _walls(line[None], mark.z - 0.5 * plate.height, mark.z + 0.5 * plate.height)  # there and back
+        several.append(sides)
     return np.concatenate(several)
 
 
 def _mesh(name: str, parts: Sequence[FloatArray], colour: Colour) -> Iterator[TriangleMesh]:
-    """Yield a mesh of triangles that have an area."""
+    """Yield one mesh of all triangles with an area; nothing if there are none."""
     corners = np.concatenate(parts) if parts else np.zeros((0, 3, 3))
     areas = _areas(corners)
     corners = corners[areas > 0.0]
@@ -204,27 +204,32 @@ def glb(given: Exported) -> bytes:
         notes = list(scene.notes)
         _add(file, list(meshes_of(scene)), float(times[-1]))
     file.document["animations"][0]["name"] = given.title
-    told = {"statement": given.statement(AXES), "costs": dict(given.costs), "units": dict(given.units), "notes": notes}
-    file.document["asset"] = {"version": "2.0", "generator": PROGRAM, "extras": told}
+    extras = {
+        "statement": given.statement(AXES),
+        "costs": dict(given.costs),
+        "units": dict(given.units),
+        "notes": notes,
+    }
+    file.document["asset"] = {"version": "2.0", "generator": PROGRAM, "extras": extras}
     file.document["scenes"] = [{"name": given.title, "nodes": list(range(len(file.document["nodes"])))}]
     return file.written()
 
 
 def y_up(vectors: FloatArray) -> FloatArray:
-    """Convert points and directions (..., 3) from the world's frame to glTF's."""
+    """Convert points and directions (..., 3) from the frame of the world, z up, to that of glTF, y up."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     return np.stack([x, z, -y], axis=-1) + 0.0  # no -0.0
 
 
 def linear(colour: tuple[int, int, int]) -> list[float]:
-    """Convert a colour to linear light from 0 to 1, as glTF stores it."""
+    """Convert an sRGB colour, 0 to 255, to linear light from 0 to 1, as glTF stores it."""
     stored = np.array(colour) / 255.0
     light = np.where(stored <= 0.04045, stored / 12.92, ((stored + 0.055) / 1.055) ** 2.4)
     return [*np.round(light, 6).tolist(), 1.0]
 
 
 def _camera(given: Exported) -> dict[str, Any]:
-    """Return the glTF camera."""
+    """Return the glTF description of the camera."""
     across, upwards = given.trajectory.model.field_of_view or SEEN
     across, upwards = (min(angle, math.radians(170.0)) for angle in (across, upwards))
     ratio = math.tan(0.5 * across) / math.tan(0.5 * upwards)
@@ -233,7 +238,7 @@ def _camera(given: Exported) -> dict[str, Any]:
 
 
 def _add(file: _File, meshes: list[TriangleMesh], lasts: float) -> None:
-    """Add the meshes of a world, each as a node."""
+    """Add meshes to a file, each as a node; people who move are animated for ``lasts`` s."""
     document, colours = file.document, dict[tuple[int, int, int], int]()
     document["meshes"], document["materials"] = [], []
     for mesh in meshes:
@@ -256,7 +261,7 @@ def _add(file: _File, meshes: list[TriangleMesh], lasts: float) -> None:
 
 
 def _walk(file: _File, node: int, person: Person, lasts: float) -> None:
-    """Animate a node along a person's path; it has size 0 while the person is absent."""
+    """Animate a node along the path of a person; it has size 0 while the person is absent."""
     times = [0.0, lasts, *([] if person.until is None else [person.until])]
     if person.track is not None:
         times += person.track.times.tolist()
@@ -291,7 +296,7 @@ class _File:
         self._buffer = bytearray()
 
     def accessor(self, values: NDArray[Any], kind: str, *, target: int | None = None, bounds: bool = False) -> int:
-        """Add rows (N, k) as float32, and return the number of their accessor."""
+        """Add rows (N, k) to the buffer as float32, and return the number of their glTF accessor."""
         numbers = np.ascontiguousarray(values, dtype="<f4")
         view: dict[str, Any] = {"buffer": 0, "byteOffset": len(self._buffer), "byteLength": numbers.nbytes}
         if target is not None:
@@ -310,13 +315,13 @@ class _File:
         return len(self.document["accessors"]) - 1
 
     def animate(self, node: int, times: int, path: str, values: int, *, interpolation: str = "LINEAR") -> None:
-        """Animate a property of a node by values at times."""
+        """Animate a property (``path``) of a node; ``times`` and ``values`` are numbers of accessors."""
         (animation,) = self.document["animations"]
         animation["channels"].append({"sampler": len(animation["samplers"]), "target": {"node": node, "path": path}})
         animation["samplers"].append({"input": times, "output": values, "interpolation": interpolation})
 
     def written(self) -> bytes:
-        """Return the file: header, chunk of JSON, chunk of numbers, each a multiple of four bytes."""
+        """Return the bytes of the file: header, JSON chunk and binary chunk, each padded to four bytes."""
         self.document["buffers"] = [{"byteLength": len(self._buffer)}]
         text = json.dumps(self.document, allow_nan=False, ensure_ascii=False, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)

@@ -27,7 +27,7 @@ AXES = (
 
 
 class Sent(NamedTuple):
-    """Message with its topic and time."""
+    """Message with its topic, type and time."""
 
     topic: str
     type: str
@@ -36,7 +36,7 @@ class Sent(NamedTuple):
 
 
 def bag_files(given: Exported) -> dict[str, bytes]:
-    """Return the files of a bag (version 9, storage MCAP, messages of Jazzy) by name: metadata.yaml and poses.mcap."""
+    """Return the files of a ROS 2 bag (version 9, MCAP, messages of Jazzy) by name: metadata.yaml and poses.mcap."""
     rosbag2: Any = library("rosbags.rosbag2", "a bag", "bags")
     stores: Any = library("rosbags.typesys", "a bag", "bags")
     store = stores.get_typestore(stores.Stores.ROS2_JAZZY)
@@ -59,7 +59,7 @@ LATCHED = ("/plan", "/tf_static", "/costs")
 
 
 def topics(given: Exported) -> list[tuple[str, str]]:
-    """Return the topics and the types of their messages, equal for all trajectories."""
+    """Return each topic with the type of its messages; they are equal for all trajectories."""
     return [
         ("/costs", DIAGNOSTICS),
         ("/plan", PATH),
@@ -89,7 +89,7 @@ def messages(given: Exported) -> Iterator[Sent]:
 
 
 class _Edge(NamedTuple):
-    """Pose of a child frame in a frame: positions (N, 3) and quaternions (N, 4)."""
+    """Poses of a child frame in a parent frame: positions (N, 3) and quaternions (N, 4)."""
 
     frame: str
     child: str
@@ -97,12 +97,12 @@ class _Edge(NamedTuple):
     quaternions: FloatArray
 
     def first(self) -> tuple[list[float], list[float]]:
-        """Return the pose at the start, which for a fixed frame is constant."""
+        """Return the first pose, which for a fixed frame is constant."""
         return self.positions[0].tolist(), self.quaternions[0].tolist()
 
 
 def _transforms(given: Exported) -> tuple[list[_Edge], list[_Edge]]:
-    """Return the moving transforms, and those fixed to the base; without a base the body is in the world's frame."""
+    """Return the moving transforms, and those fixed to the base; without a base, that of the body in the world."""
     frames, seen = given.frames, given.poses
     child = frames.of(given.body)
     if not given.has_base:
@@ -124,14 +124,14 @@ def _relative(base: Poses, body: Poses) -> tuple[FloatArray, FloatArray]:
 
 
 def _diagnostics(given: Exported) -> Message:
-    """Return the costs as keys and values."""
+    """Return the costs as a DiagnosticArray of keys and values."""
     values = [{"key": name, "value": value} for name, value in given.values.items()]
     status = {"level": 0, "name": given.title, "message": printable(given.claim), "hardware_id": "hpop"}
     return {"header": header(0, ""), "status": [{**status, "values": values}]}
 
 
 def _qos() -> list[Any]:
-    """Return the quality of service of latched topics: late subscribers receive messages sent once, such as maps."""
+    """Return the quality of service of latched topics: late subscribers also receive messages sent once."""
     kinds: Any = library("rosbags.interfaces", "a bag", "bags")
     for_ever = kinds.QosTime(*divmod(2**63 - 1, 10**9))
     return [
@@ -206,7 +206,7 @@ def nav2_yaml(given: Exported) -> bytes:
 
 
 def _components(names: str, values: Sequence[float], always: str) -> str:
-    """Return components by name; zeros are left out, except those of ``always``."""
+    """Return components as YAML by name; zeros are left out, except components in ``always``."""
     rounded = {name: round(value, DIGITS) + 0.0 for name, value in zip(names, values, strict=True)}  # no -0.0
     told = [f"{name}: {value:.{DIGITS}f}" for name, value in rounded.items() if value or name in always]
     return f"{{{', '.join(told)}}}"

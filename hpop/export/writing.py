@@ -1,4 +1,4 @@
-"""Write trajectories for other programs: one by a file's ending, or rows of a front in several formats."""
+"""Write trajectories for other programs: one by the ending of its file, or rows of a front in several formats."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def save(
         for other in others:
             first.add_note(str(other))
         if written:
-            first.add_note(f"written all the same to {target}: {', '.join(path.name for path in written)}")
+            first.add_note(f"other formats are written to {target}: {', '.join(path.name for path in written)}")
         raise first
     return written
 
@@ -133,7 +133,7 @@ def named_format(name: str) -> Format:
 
 
 def format_of(path: Path) -> Format:
-    """Return the export format of a file's name: the one with the longest matching ending."""
+    """Return the export format for a file name: the one with the longest matching ending."""
     known = {each.suffix: each for each in map(named_format, registered)}
     fitting = [suffix for suffix in known if path.name.lower().endswith(suffix)]
     if not fitting:
@@ -164,7 +164,7 @@ def _given(
 
 
 def _content(chosen: Format, given: Exported) -> Content:
-    """Return the content of the file that a format makes of a trajectory."""
+    """Return the content that a format makes of a trajectory; OwnCodeError if it is neither bytes nor files."""
     try:
         made: Any = chosen(given)
     except ImportError as error:  # the extra is missing; the error tells how to install it
@@ -178,7 +178,7 @@ def _content(chosen: Format, given: Exported) -> Content:
 
 
 def _about(front: Front, given: Exported, files: Sequence[tuple[Path, Format]]) -> bytes:
-    """Return the description of a row's files, as JSON."""
+    """Return the JSON description of the files of a row."""
     told: dict[str, Any] = {
         "schema": "hpop-export",
         "version": 1,
@@ -232,9 +232,9 @@ def _put(path: Path, content: Content) -> None:
 
 
 def _put_folder(path: Path, files: Mapping[str, bytes]) -> None:
-    """Write a folder, replacing an existing folder of the same kind."""
+    """Write a folder of files, and replace an existing folder only if it is a bag too."""
     if os.path.lexists(path) and not (path / MARK).is_file():
-        raise OutputError(f"{shown(str(path), 400)} is there, and no bag; remove it, or choose another name")
+        raise OutputError(f"{shown(str(path), 400)} exists and is no bag; remove it, or choose another name")
     half = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")
     old = half.with_suffix(".old")
     try:

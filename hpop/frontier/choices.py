@@ -17,17 +17,17 @@ T = TypeVar("T")
 
 @runtime_checkable
 class Preferring(Protocol):
-    """Preferences of a person over the rows of a front, such as :class:`hpop.study.Preference`."""
+    """Preference of a person over the rows of a front, such as :class:`hpop.study.Preference`."""
 
     def row(self, front: Any, /) -> int:
-        """Return the preferred row."""
+        """Return the row of a front that the person prefers."""
 
     def expected(self, front: Any, costs: FloatArray, /) -> FloatArray:
-        """Return how much this person dislikes costs (m, k), in a front's columns: (m,), at least 0, less is better."""
+        """Return the expected dislike (m,), at least 0, of costs (m, k) in the columns of a front; less is better."""
 
 
 class Choices(Generic[T]):
-    """Base class of fronts: one method for each way to choose a point.
+    """Base class of fronts, with a method for each way to choose a point.
 
     All methods raise FrontError for a front without points.
     """
@@ -69,7 +69,7 @@ class Choices(Generic[T]):
     def lexicographic(self, order: Sequence[str]) -> Point[T]:
         """Return the best point in the first criterion of ``order``; the second criterion breaks ties, and so on.
 
-        Criteria that are not named follow in the front's order. ``front.lexicographic(["turns", "length"])``.
+        Further criteria follow in the order of the front. Example: ``front.lexicographic(["turns", "length"])``.
         """
         named = isinstance(order, Sequence) and bool(order) and all(isinstance(name, str) for name in order)
         if isinstance(order, str) or not named or len(set(order)) != len(order):
@@ -80,9 +80,9 @@ class Choices(Generic[T]):
     def select(self, weights: Mapping[str, float] | None = None, *, preference: Preferring | None = None) -> Point[T]:
         """Return the point with the least weighted sum of normalised costs, or the point that a person prefers.
 
-        Weights are finite, not negative, not all zero; criteria without a weight do not count:
-        ``front.select(weights={"turns": 2, "length": 1})``. The weights of a preference are by unit, so that they mean
-        the same on each front: ``front.select(preference=person)``, see :class:`hpop.study.Preference`.
+        Weights are finite, not negative, and not all zero; criteria without a weight do not count:
+        ``front.select(weights={"turns": 2, "length": 1})``. The weights of a preference are per unit of a cost, so that
+        they mean the same on each front: ``front.select(preference=person)``, see :class:`hpop.study.Preference`.
         """
         if (weights is None) == (preference is None):
             raise FrontError(
@@ -99,10 +99,10 @@ class Choices(Generic[T]):
         return self._point(choosing.weighted_sum(self._counts(), vector))
 
     def nearest(self, wishes: Mapping[str, float]) -> Point[T]:
-        """Return the point nearest to some wished values, of criteria or of reported values.
+        """Return the point nearest to wished values of criteria or of reported values.
 
         Only named values count, each scaled by its range over the front. Ties go to the point with the least sum of the
-        other criteria. ``front.nearest({"turns": 3})``.
+        other criteria. Example: ``front.nearest({"turns": 3})``.
         """
         values = choosing.named_numbers("wishes", wishes)
         columns = [choosing.column_index(name, self.names + self.reported_names) for name in wishes]
@@ -113,21 +113,21 @@ class Choices(Generic[T]):
         return self._point(choosing.nearest(table[:, columns], values / steps[columns], counts[:, unnamed]))
 
     def reference_point(self, aspirations: Mapping[str, float]) -> Point[T]:
-        """Return the point that does best against aspiration levels, improving on them where it can.
+        """Return the point that is best with respect to aspiration levels; it exceeds them where it can.
 
-        Augmented Chebyshev achievement function (Wierzbicki 1980), as in
-        :func:`hpop.frontier.choosing.achievement`. ``front.reference_point({"turns": 3, "length": 20.0})``.
+        Augmented Chebyshev achievement function (Wierzbicki 1980), as in :func:`hpop.frontier.choosing.achievement`.
+        Example: ``front.reference_point({"turns": 3, "length": 20.0})``.
         """
         values = choosing.named_numbers("aspirations", aspirations)
         columns = self._columns(aspirations)
         return self._point(choosing.achievement(self._counts(), columns, values / self.quanta[columns]))
 
     def _columns(self, names: Iterable[str]) -> list[int]:
-        """Return the columns of some criteria."""
+        """Return the column indices of criteria given by name."""
         return [choosing.column_index(name, self.names, self.reported_names) for name in names]
 
     def _counts(self) -> FloatArray:
-        """Return the costs as float64 counts of quanta, for choosing."""
+        """Return the costs (n, k) in quanta, as float64."""
         self._require_points()
         return self.integers.astype(np.float64)
 

@@ -1,11 +1,11 @@
-"""Choice of one point of a front: pure functions on cost arrays that return a row number, and the knee.
+"""Choice of one point of a front, such as the knee: functions of cost arrays that return a row index.
 
 Each criterion is scaled by its range over the front, from the ideal (the best of each column) to the nadir (the worst
 of each column over the non-dominated rows), so units do not matter. A column that is constant over the front cannot
-distinguish points and is left out. Scaled values that differ by rounding alone are tied; every function states how it
-breaks ties, and the last resort is the first row.
+distinguish points and is left out. Scaled values that differ only by rounding are ties; every function states how it
+breaks ties, and finally the first row is taken.
 
-Methods of :class:`hpop.frontier.Front` of the same names call these with costs counted in whole quanta.
+Methods of :class:`hpop.frontier.Front` with the same names call these functions with costs in whole quanta.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ ZERO = 1e-12  # in a tableau with entries of order one
 
 
 def column_index(name: str, names: Sequence[str], reported: Sequence[str] = ()) -> int:
-    """Return the column of a name; raise UnknownColumnError for an unknown name, with the names and the nearest one.
+    """Return the column of a name; UnknownColumnError for an unknown name, with all names and the nearest one.
 
-    Names in ``reported`` are values that a front reports but cannot be chosen by; the error says so.
+    Names in ``reported`` are values that a front reports, but by which no point can be chosen; the error says so.
 
     >>> column_index("length", ["turns", "length"])
     1
@@ -58,9 +58,9 @@ def column_index(name: str, names: Sequence[str], reported: Sequence[str] = ()) 
 
 
 def named_numbers(what: str, values: Mapping[str, float]) -> FloatArray:
-    """Return the values of a mapping; raise FrontError if it is empty or has a value that is no finite number.
+    """Return the values of a mapping; FrontError if it is empty or has a value that is no finite number.
 
-    what  name of the argument, for the error
+    ``what`` names the argument in the error.
     """
     if not isinstance(values, Mapping) or not values:
         raise FrontError(f"expected {what} by criterion, such as {{'length': 1.0}}, got {shown(values)}")
@@ -71,7 +71,7 @@ def named_numbers(what: str, values: Mapping[str, float]) -> FloatArray:
 
 
 def normalised(Y: FloatArray, ideal: FloatArray, nadir: FloatArray) -> FloatArray:
-    """Scale costs so that the ideal becomes 0 and the nadir 1; columns where the two agree become 0.
+    """Scale costs so that the ideal becomes 0 and the nadir 1; columns in which both are equal become 0.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def weighted_sum(Y: FloatArray, weights: FloatArray) -> int:
 
 
 def lexicographic(Y: FloatArray, order: Sequence[int]) -> int:
-    """Return the row that is best in the first column of ``order``, among ties in the second, and so on.
+    """Return the best row in the first column of ``order``; the second column breaks ties, and so on.
 
     Columns that ``order`` leaves out follow in their own order. Values are compared exactly.
 
@@ -150,7 +150,7 @@ def nearest(named: FloatArray, wishes: FloatArray, rest: FloatArray) -> int:
 
 
 def achievement(Y: FloatArray, columns: Sequence[int], aspirations: FloatArray) -> int:
-    """Return the row that does best against a reference point: augmented Chebyshev achievement function.
+    """Return the best row with respect to a reference point, by the augmented Chebyshev achievement function.
 
     Minimises ``max_j (y_j - r_j) / range_j + rho * sum_i z_i`` with ``rho = 1e-4``, the maximum over the
     columns that have an aspiration, the sum over all normalised costs (Wierzbicki 1980, "The use of reference
@@ -172,7 +172,7 @@ def achievement(Y: FloatArray, columns: Sequence[int], aspirations: FloatArray) 
 
 
 def differing(Y: FloatArray, count: int, *, always: Sequence[int] = ()) -> list[int]:
-    """Return rows that differ most in their costs, scaled by their ranges over the front: farthest-point selection.
+    """Return the rows that differ most in their costs, scaled by their ranges: farthest-point selection.
 
     Parameters
     ----------
@@ -216,12 +216,12 @@ def farthest(distances: Callable[[int], FloatArray], size: int, count: int, *, a
 
 
 def scaled(Y: FloatArray) -> FloatArray:
-    """Return costs (n, k) normalised by their own ideal and nadir."""
+    """Return costs (n, k), normalised by their own ideal and nadir."""
     return normalised(Y, Y.min(axis=0), Y.max(axis=0))
 
 
 def _scaled_differences(Y: FloatArray, wishes: FloatArray) -> FloatArray:
-    """Return the signed differences of costs from the wishes, scaled by ranges, without columns that do not vary."""
+    """Return the differences of costs and wishes, scaled by ranges, without columns that do not vary."""
     low, high = Y.min(axis=0), Y.max(axis=0)
     varies = normalised(Y, low, high).any(axis=0)
     gaps: FloatArray = (Y[:, varies] - wishes[varies]) / (high - low)[varies]
@@ -229,7 +229,7 @@ def _scaled_differences(Y: FloatArray, wishes: FloatArray) -> FloatArray:
 
 
 def least(*keys: FloatArray, tie: float = TIE) -> int:
-    """Return the first row with the least first key; the next key breaks ties, also of values within ``tie``."""
+    """Return the first row with the least first key; the second key breaks ties, which are values within ``tie``."""
     rows = np.arange(len(keys[0]))
     for key in keys:
         lowest = key[rows].min()
@@ -297,10 +297,11 @@ def _knee(Y: FloatArray) -> int:
 
 
 def _deepest(z: FloatArray, candidates: BoolArray, extremes: FloatArray) -> tuple[int, float]:
-    """Return the row with the greatest depth among candidates, and that depth.
+    """Return the candidate row with the greatest depth, and this depth.
 
-    The dual solution ``w`` of one row's linear program bounds the depth of every row: ``depth(z) <= max(E w) - w z``.
-    So the row with the greatest bound is solved until its bound is its depth; a few programs settle thousands of rows.
+    The dual solution ``w`` of the linear program of one row bounds the depth of every row: ``depth(z) <= max(E w) - w
+    z``. So the row with the greatest bound is solved repeatedly, until its bound is its depth; a few programs suffice
+    for thousands of rows.
     """
     rows = np.flatnonzero(candidates)
     bound = extremes.mean(axis=1).max() - z[rows].mean(axis=1)
@@ -314,13 +315,13 @@ def _deepest(z: FloatArray, candidates: BoolArray, extremes: FloatArray) -> tupl
 
 
 def _depth(point: FloatArray, extremes: FloatArray) -> tuple[float, FloatArray]:
-    """Return the depth of a point, and weights (m,) of the criteria that prove it, not negative, with the sum 1.
+    """Return the depth of a point, and weights (m,) of the criteria that prove it; they are not negative and sum to 1.
 
     The depth is the value of a game: one player mixes extreme points, the other weighs criteria. With all payoffs above
-    zero its linear program is max sum(u) such that payoffs u <= 1, u >= 0, and the optimum has the weights u / sum(u)
-    and the value 1 / sum(u) (Dantzig 1951, "A proof of the equivalence of the programming problem and the game
-    problem"). Its first tableau is feasible; steps are Bland's (1977), which never cycle. SciPy's solver would do as
-    well, after an import that takes longer than a search.
+    zero its linear program is max sum(u) such that payoffs u <= 1, u >= 0; the optimum has the weights u / sum(u) and
+    the value 1 / sum(u) (Dantzig 1951, "A proof of the equivalence of the programming problem and the game problem").
+    Its first tableau is feasible; pivots follow Bland (1977), so they never cycle. The solver of SciPy would do as
+    well, but its import takes longer than a search.
     """
     payoffs = extremes - point
     shift = 1.0 - payoffs.min()

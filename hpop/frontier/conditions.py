@@ -1,8 +1,7 @@
-"""Selection of points of a front by conditions such as turns <= 5, by slices and by masks.
+"""Selection of points of a front by conditions such as turns <= 5, by slices, and by masks.
 
-Costs are compared as whole quanta, so a length of 30.000000000000004 m is no longer than 30 m. Reported values have no
-quanta and count as equal where they differ by rounding alone. If no point meets the conditions, the nearest one is
-named.
+Costs are compared in whole quanta, so a length of 30.000000000000004 m is not longer than 30 m. Reported values have no
+quanta and count as equal if they differ only by rounding. If no point meets the conditions, the nearest one is named.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ INDEX_FORMS = "index a front by a row, a slice such as [:5], or a boolean mask (
 
 
 class ColumnCondition(NamedTuple):
-    """Condition on one column: its name, a comparison, and the bound in the column's unit."""
+    """Condition on one column: its name, a comparison, and the bound in the unit of the column."""
 
     name: str
     comparison: str
@@ -69,7 +68,7 @@ class ColumnCondition(NamedTuple):
         return f"{self.name} {self.comparison} {self.bound:.12g}"
 
     def met(self, values: FloatArray, quantum: float) -> BoolArray:
-        """Return which values (n,) meet the condition, compared in whole quanta; quantum 0: compared as they are."""
+        """Mark the values (n,) that meet the condition, compared in whole quanta; quantum 0 compares them exactly."""
         bound, slack = self.bound, choosing.ROUNDING * abs(self.bound)
         if quantum:
             values, bound = np.rint(values / quantum), self.bound / quantum
@@ -96,7 +95,7 @@ def conditions(given: Mapping[str, Any] | None, named: Mapping[str, Any]) -> tup
 
 
 def met(front: Front[Any], wanted: Sequence[ColumnCondition]) -> BoolArray:
-    """Return which points (n,) of a front meet all conditions; raise UnknownColumnError for an unknown name."""
+    """Mark the points (n,) of a front that meet all conditions; UnknownColumnError for an unknown name."""
     kept = np.ones(len(front), dtype=np.bool_)
     for condition in wanted:
         kept &= condition.met(*_column(front, condition.name))
@@ -104,7 +103,7 @@ def met(front: Front[Any], wanted: Sequence[ColumnCondition]) -> BoolArray:
 
 
 def nearest(front: Front[Any], wanted: Sequence[ColumnCondition]) -> int:
-    """Return the row nearest to the conditions: least Euclidean distance, columns scaled by their ranges."""
+    """Return the row nearest to the conditions: least Euclidean distance, with columns scaled by their ranges."""
     gaps = []
     for condition in wanted:
         values, quantum = _column(front, condition.name)
@@ -137,14 +136,14 @@ def _read(name: str, text: str) -> tuple[str, float]:
 
 
 def _column(front: Front[Any], name: str) -> tuple[FloatArray, float]:
-    """Return the values (n,) of a criterion or a reported value, and its quantum, 0 for none."""
+    """Return the values (n,) of a criterion or reported value, and its quantum; 0 for a reported value."""
     column = choosing.column_index(name, front.names + front.reported_names)
     k = len(front.names)
     return (front.costs[:, column], float(front.quanta[column])) if column < k else (front.reported[:, column - k], 0.0)
 
 
 def kept(index: Any, size: int) -> tuple[BoolArray, str]:
-    """Return which of ``size`` rows an index (slice or mask) selects, (n,), and the selection as text.
+    """Return a mask (n,) of the rows that an index (slice or mask) selects, and the selection as text.
 
     Raises TypeError for an invalid index, IndexError for a mask of another length or a slice that goes backwards.
 

@@ -1,11 +1,11 @@
-"""Pareto dominance of cost vectors, all costs minimised.
+"""Pareto dominance of cost vectors; all costs are minimised.
 
-``a`` dominates ``b`` when it is nowhere worse and somewhere better: ``a <= b`` in every criterion and
-``a != b``. Equal vectors do not dominate each other; a front keeps one of them.
+``a`` dominates ``b`` if it is nowhere worse and somewhere better: ``a <= b`` in every criterion and ``a != b``. Equal
+vectors do not dominate each other; a front keeps one of them.
 
-Floating-point sums make equal costs unequal (0.1 + 0.2 against 0.3). A tolerance does not help, because
-"equal within a tolerance" is not transitive. So fronts compare integers: every cost is rounded once
-to a multiple of its quantum (:func:`quantised`), and from then on comparison is exact.
+Floating-point sums make equal costs unequal (0.1 + 0.2 and 0.3). A tolerance does not help, because "equal within a
+tolerance" is not transitive. So fronts compare integers: every cost is rounded once to a multiple of its quantum
+(:func:`quantised`), and from then on comparison is exact.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-# Above this many quanta neighbouring float64 numbers are more than one quantum apart.
+# Beyond this number of quanta, neighbouring float64 numbers are more than one quantum apart.
 MAX_QUANTA = 2.0**53
 DIGITS = 9  # of a column's largest value that the default quantum resolves
 
@@ -47,12 +47,12 @@ def dominates(a: ArrayLike, b: ArrayLike) -> bool:
 
 @checked_arguments
 def is_nondominated(Y: ArrayLike) -> BoolArray:
-    """Mark the rows of ``Y`` that no other row dominates, the first of each group of equal rows.
+    """Mark the rows of ``Y`` that no other row dominates; of equal rows the first.
 
-    Every row left out is matched or dominated by a marked one; no marked row dominates another. The order of
-    the numbers is all that counts, so each column is replaced by its dense ranks before the sweep of moocore
-    (Kung, Luccio and Preparata 1975). That keeps int64 costs above 2**53 exact, and infinite costs legal:
-    moocore itself misjudges +inf, crashes on -inf, and lets a NaN row dominate all others.
+    Every row that is not marked is equal to a marked row or dominated by one. Only the order of the numbers matters, so
+    each column is replaced by its dense ranks before the sweep of moocore (Kung, Luccio and Preparata 1975). Thus int64
+    costs above 2**53 stay exact, and infinite costs are legal: moocore itself misjudges +inf, crashes on -inf, and lets
+    a NaN row dominate all others.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def is_nondominated(Y: ArrayLike) -> BoolArray:
 
 
 def _swept(ranks: FloatArray) -> BoolArray:
-    """Mark the non-dominated rows of a finite matrix, the first of equal ones, by a pass over the rows for each."""
+    """Mark the non-dominated rows of a finite matrix, of equal ones the first, with one pass per marked row."""
     is_marked = np.zeros(len(ranks), np.bool_)
     waiting = np.lexsort(ranks.T[::-1])  # no row is dominated by a later one
     while len(waiting):
@@ -97,7 +97,7 @@ def _swept(ranks: FloatArray) -> BoolArray:
 
 @checked_arguments
 def filter(Y: ArrayLike) -> NDArray[np.float64] | NDArray[np.int64]:
-    """Return the rows of ``Y`` that no other row dominates, one of each group of equal rows, in their order.
+    """Return the rows of ``Y`` that no other row dominates, one of each group of equal rows, in the order of ``Y``.
 
     ``Y[is_nondominated(Y)]``; raises as :func:`is_nondominated`.
 
@@ -113,10 +113,10 @@ def filter(Y: ArrayLike) -> NDArray[np.float64] | NDArray[np.int64]:
 
 @checked_arguments
 def default_quanta(Y: ArrayLike) -> FloatArray:
-    """Return quanta (k,) derived from the values of costs.
+    """Return quanta (k,) derived from the values of costs (n, k).
 
-    1 for a column of whole numbers, else a billionth of its largest absolute value, as a power of ten: fine enough to
-    distinguish measured values, coarse enough that sums in another order are equal.
+    A column of whole numbers gets 1. Others get a billionth of their largest absolute value, as a power of ten: fine
+    enough to distinguish measured values, coarse enough that sums in another order are equal.
 
     Examples
     --------
@@ -181,7 +181,7 @@ def quantised(Y: ArrayLike, quanta: ArrayLike) -> IntArray:
 
 
 def finite_costs(Y: ArrayLike) -> FloatArray:
-    """Return ``Y`` as a matrix of finite float64 numbers; raise ValueError if it is none."""
+    """Return ``Y`` as a matrix of finite float64 numbers; ValueError if this is impossible."""
     matrix = cost_matrix(Y).astype(np.float64)
     if not np.isfinite(matrix).all():
         row, column = np.argwhere(~np.isfinite(matrix))[0]
@@ -192,7 +192,7 @@ def finite_costs(Y: ArrayLike) -> FloatArray:
 
 
 def cost_matrix(Y: ArrayLike) -> NDArray[np.float64] | NDArray[np.int64]:
-    """Return ``Y`` as a matrix of real numbers; raise ValueError if it is none."""
+    """Return ``Y`` as a matrix of real numbers; ValueError if this is impossible."""
     matrix = np.asarray(Y)
     if matrix.ndim != 2 or matrix.shape[1] == 0:
         raise ValueError(f"expected a cost matrix of shape (n, k) with k >= 1, got shape {matrix.shape}")

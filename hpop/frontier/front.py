@@ -41,9 +41,9 @@ class Front(Choices[T], Generic[T]):
     """Mutually non-dominated cost vectors, each with the item that has these costs. All costs are minimised.
 
     Costs are compared as whole numbers of a quantum per criterion (:func:`hpop.frontier.quantised`), so equal
-    costs are equal whatever the order of the sums they came from; the costs kept are the exact ones. Rows are
+    costs are equal whatever the order of the sums from which they came; the front stores the exact costs. Rows are
     in the lexicographic order of those integers. Build a front with :meth:`of`, which filters and sorts; the
-    constructor takes rows that already are a front, and checks that. A front without points is legal.
+    constructor takes rows that already are a front, and checks this. A front without points is legal.
 
     costs           (n, k)    read-only, one row for each point
     items           n         objects that have the costs
@@ -143,32 +143,31 @@ class Front(Choices[T], Generic[T]):
         problem: Mapping[str, Any] | None = None,
         runs: Sequence[Mapping[str, Any]] = (),
     ) -> Self:
-        """Build the front of any candidates: drop dominated ones, keep one for each cost vector, sort.
+        """Build the front of any candidates: drop dominated ones, keep one for each cost vector, and sort.
 
-        Of candidates equal in whole quanta the one with the lexicographically smallest exact costs is kept,
-        then the smallest reported values (in the order of their names), then the smallest provenance text. So
-        the front does not depend on the order of the candidates, except between those alike in all of these.
+        Of candidates with equal costs in whole quanta, the one with the lexicographically smallest exact costs is kept,
+        then the smallest reported values (in the order of their names), then the smallest provenance text. So the front
+        does not depend on the order of the candidates, unless they are equal in all of these.
 
         Parameters
         ----------
         costs : (n, k) array
             Finite costs of the candidates.
         items : sequence of n, optional
-            The candidates, or labels of them; else the numbers of their rows.
+            The candidates, or labels of them; default: their row numbers.
         names : sequence of k, optional
-            Else the columns of a table of pandas, or "f1", "f2", ...
+            Default: the columns of a pandas table, or "f1", "f2", ...
         units : sequence of k, optional
-            Else "1".
+            Default: "1".
         quanta : (k,) array, optional
-            Else 1 for a column of whole numbers, a billionth of the largest value, as a power of ten, for others.
+            Default: 1 for a column of whole numbers, else a billionth of its largest value, as a power of ten.
         certificate : str, optional
-            Else that these are the non-dominated ones of n candidates.
+            Default: a text saying that these are the non-dominated ones of n candidates.
         maximise : names, or k bools, optional
-            Columns where more is better. A front minimises, so it has minus their values, under "-name".
+            Columns in which more is better. A front minimises, so it has the negative values, under "-name".
         status, groups, reported, reported_names, reported_units, provenance, problem, runs
-            As the fields of the front, with a row or an entry for each candidate in place of each point.
-            Groups default to "", reported values to none, their names to those of a table of pandas or "r1", "r2",
-            ..., their units to "1", provenance to {}.
+            As the fields of the front, with a row or an entry per candidate. Defaults: groups "", no reported values,
+            their names from a pandas table or "r1", "r2", ..., their units "1", provenance {}.
 
         >>> Front.of([[3, 0.5], [1, 0.2], [4, 0.1]], "abc", names=["cost", "yield"], maximise=["yield"])
         <Front: 2 points of cost [1], -yield [1]; complete; the non-dominated ones of 3 candidates>
@@ -264,11 +263,11 @@ class Front(Choices[T], Generic[T]):
         return printable(f"<Front: {len(self)} points of {criteria}; {self.status}; {claimed}>")
 
     def where(self, conditions_by_name: Mapping[str, Any] | None = None, /, **named: Any) -> Self:
-        """Return the points that meet all conditions on criteria and reported values, as a front of their own.
+        """Return the front of the points that meet all conditions on criteria and reported values.
 
         ``front.where(turns="<=5", length="<= 30")``, or a dict for names that are no Python names. A condition is one
-        of <=, <, >=, >, ==, != and a number in the column's unit; a number alone must be equal to the value. Costs are
-        compared as whole quanta. If no point meets the conditions, the new front is empty, and its certificate names
+        of <=, <, >=, >, ==, != followed by a number in the unit of the column; a number alone means equality. Costs are
+        compared in whole quanta. If no point meets the conditions, the new front is empty, and its certificate names
         the nearest point of this one.
 
         Raises UnknownColumnError for a name that the front does not have, FrontError for an invalid condition.
@@ -277,7 +276,7 @@ class Front(Choices[T], Generic[T]):
         return self._selected(conditions.met(self, wanted), conditions.in_words(self, wanted))
 
     def _selected(self, kept: BoolArray, by: str) -> Self:
-        """Return the points of a mask (n,), with a certificate that says how they were selected."""
+        """Return the front of the points in a mask (n,), with a certificate that says how they were selected."""
         rows = np.flatnonzero(kept)
         return replace(
             self,
@@ -289,19 +288,19 @@ class Front(Choices[T], Generic[T]):
         )
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Return the front as a table of pandas, a row for each point: costs, reported values, provenance.
+        """Return the front as a pandas table with a row per point: costs, reported values, provenance.
 
-        Its ``attrs`` have the units by column, the status and the certificate. Needs the extra ``tables``.
+        Its ``attrs`` hold the units by column, the status and the certificate. Needs the extra ``tables``.
         """
         return storage.dataframe(self)
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return the front as a dataset of xarray along the dimension "point", with the unit of each variable."""
+        """Return the front as an xarray dataset along the dimension "point", with the unit of each variable."""
         return storage.dataset(self)
 
     @property
     def question(self) -> dict[str, Any] | None:
-        """Part of the problem that must be equal in two fronts to be joined."""
+        """The part of the problem that must be equal in two fronts so that they can be joined."""
         return self.problem
 
     def __or__(self, other: Self) -> Self:
@@ -334,7 +333,7 @@ class Front(Choices[T], Generic[T]):
     def _save(
         self, path: str | os.PathLike[str], items: list[Any] | dict[str, Any], problem: Mapping[str, Any] | None
     ) -> None:
-        """Write the front with its encoded items: a list of them, or an object that holds all together."""
+        """Write the front with its encoded items, as a list or as an object that holds all of them together."""
         fields: dict[str, Any] = {name: getattr(self, name) for name in storage.StoredFront.__annotations__}
         question = self.problem if problem is None else as_json("problem", problem)
         storage.write(path, cast(storage.StoredFront, fields | {"items": items, "problem": question}))
@@ -372,7 +371,7 @@ class Front(Choices[T], Generic[T]):
         items: Sequence[Any],
         decode: Callable[[Any], T] | None,
     ) -> Self:
-        """Return the front in a file, its items decoded one by one."""
+        """Return the front of a file, after decoding its items one by one."""
         decoded: list[Any] = []
         for row, item in enumerate(items):
             try:

@@ -1,4 +1,4 @@
-"""Points of a front, checks of values, names and origins, and the errors of the package."""
+"""Points of a front, checks of values, names and provenance, and the errors of the package."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class FrontFileError(FrontError):
 
 
 def names_of(costs: ArrayLike, names: Sequence[str] | None, *, letter: str = "f") -> tuple[str, ...]:
-    """Return the names of the columns: the given ones, those of a table of pandas, or "f1", "f2", ...
+    """Return the names of the columns: the given ones, those of a pandas table, or "f1", "f2", ...
 
     >>> names_of([[1.0, 2.0]], None)
     ('f1', 'f2')
@@ -47,7 +47,7 @@ def names_of(costs: ArrayLike, names: Sequence[str] | None, *, letter: str = "f"
 def minimised(
     matrix: FloatArray, names: tuple[str, ...], maximise: Sequence[str] | Sequence[bool]
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return costs and names with the columns to maximise negated, also in their names.
+    """Return costs and names in which columns to maximise are negated, and named "-name".
 
     >>> minimised(np.array([[1.0, 2.0]]), ("length", "view"), ["view"])
     (array([[ 1., -2.]]), ('length', '-view'))
@@ -75,13 +75,13 @@ def minimised(
 
 
 def floats(values: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
-    """Return a copy as float64, with 0.0 for -0.0; an empty array takes the expected shape."""
+    """Return a copy as float64, with 0.0 for -0.0; an empty array gets the expected shape."""
     array = np.array(values, dtype=np.float64) + 0.0
     return array.reshape(shape) if array.size == 0 and 0 in shape else array
 
 
 def origins(provenance: Sequence[Mapping[str, Any]]) -> tuple[list[dict[str, Any]], list[str]]:
-    """Return copies of provenance entries as plain JSON values, and their texts; equal entries become one object."""
+    """Return provenance entries as plain JSON values, with their texts; equal entries become the same object."""
     copies: dict[str, dict[str, Any]] = {}
     texts: list[str] = []
     text_of: dict[int, str] = {}
@@ -108,9 +108,9 @@ class Point(Generic[T]):
     """Point of a front, with all its values.
 
     index       row in the front
-    costs       value by criterion, in the front's units
+    costs       value by criterion, in the units of the front
     reported    further values by name, not optimised
-    item        the object that has the costs
+    item        the object that has these costs
     provenance  origin of the point
     """
 

@@ -1,9 +1,9 @@
-"""Saved fronts and tables: strict JSON files, tables of pandas and datasets of xarray.
+"""Saved fronts and tables: strict JSON files, pandas tables, and xarray datasets.
 
-A file holds the schema's name and version, the criteria, and tables of columns by name, so that people and programs in
-any language can read it: costs and reported values, the origin of each point, and the encoded items, one by one or all
-together. Writing is atomic: the file is complete or absent. Reading runs no code, checks every key, type and shape, and
-refuses unknown ones.
+A file holds the name and version of its schema, the criteria, and tables with named columns, so that people and
+programs in any language can read it: costs and reported values, the origin of each point, and the encoded items, one by
+one or all together. Writing is atomic: the file is complete or absent. Reading runs no code, checks every key, type and
+shape, and refuses unknown keys.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ ORIGIN = "provenance."
 
 
 class StoredFront(TypedDict):
-    """Contents of a file, named as the fields of a front; items are still encoded, one by one or all in one."""
+    """Contents of a file, named as the fields of a front. Items are encoded, one by one or all together."""
 
     costs: FloatArray
     items: list[Any] | dict[str, Any]
@@ -146,14 +146,14 @@ def read(path: str | os.PathLike[str]) -> StoredFront:
 
 
 def checked_path(path: object) -> Path:
-    """Return a path; raise FrontFileError for anything else."""
+    """Return a path as a Path; FrontFileError for anything else."""
     if not isinstance(path, str | os.PathLike):
         raise FrontFileError(f"expected the path of a front's file, such as 'front.json', got {shown(path)}")
     return Path(path)
 
 
 def _document(stored: StoredFront) -> dict[str, Any]:
-    """Return a front as the JSON object of a file."""
+    """Return the JSON object that a file of the front holds."""
     rows: dict[str, int] = {}
     origins = [rows.setdefault(text, len(rows)) for text in _texts(stored["provenance"])]
     criteria = zip(stored["names"], stored["units"], stored["groups"], stored["quanta"].tolist(), strict=True)
@@ -189,7 +189,7 @@ def _texts(provenance: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 
 def _stored(top: dict[str, Any]) -> StoredFront:
-    """Return the checked contents of a document; raise ValueError for a wrong one."""
+    """Return the checked contents of the JSON object of a file; ValueError if they are invalid."""
     parts(top, "the file", _TOP)
     criteria = [parts(entry, f"criteria[{i}]", _CRITERION) for i, entry in enumerate(top["criteria"])]
     reported = [parts(entry, f"reported[{i}]", _REPORTED) for i, entry in enumerate(top["reported"])]
@@ -215,7 +215,7 @@ def _stored(top: dict[str, Any]) -> StoredFront:
 
 
 def _points(top: dict[str, Any], names: list[str], reported_names: list[str]) -> dict[str, Any]:
-    """Return the fields of a front's points from a file: costs, reported values, provenance and items."""
+    """Return the costs, reported values, provenance and items of all points in the JSON object of a file."""
     count, *tables, origins, origin = parts(top["points"], "points", _POINTS)
     for key, column in (("origin", origin), ("items", top["items"])):
         if isinstance(column, list) and len(column) != count:
@@ -238,12 +238,12 @@ def _points(top: dict[str, Any], names: list[str], reported_names: list[str]) ->
 
 
 def _refuse(source: Path, expected: str, found: str, advice: str) -> NoReturn:
-    """Raise FrontFileError with what was expected, what was found, and what to do."""
+    """Raise FrontFileError with the expected content, the actual one, and advice."""
     raise FrontFileError(f"{source}: expected {expected}, found {found:.200}; {advice}") from None
 
 
 def dataframe(front: Front[Any]) -> pandas.DataFrame:
-    """Return a row for each point: its costs, its reported values, and a column for each key of the provenances."""
+    """Return a pandas table with a row per point: costs, reported values, and a column per key of the provenance."""
     frame = library("pandas", "to_dataframe()").DataFrame(_columns(front), index=_index(front))
     frame.index.name = "point"
     frame.attrs.update(units=_units(front), **_claims(front))
@@ -251,7 +251,7 @@ def dataframe(front: Front[Any]) -> pandas.DataFrame:
 
 
 def dataset(front: Front[Any]) -> xarray.Dataset:
-    """Return a variable for each column along "point", with its unit if it has one."""
+    """Return an xarray dataset with a variable per column along "point", and units where columns have them."""
     units = _units(front)
     variables = {
         name: ("point", values, {"units": units[name]} if name in units else {})

@@ -1,8 +1,8 @@
-"""Strict JSON, read without running code, checked column by column, and written for people to read.
+"""Strict JSON, which is read without running code, checked column by column, and written readably.
 
 UTF-8, no key twice in an object, no NaN, no infinity. Numbers are written in the shortest decimal form that reads back
-as an equal float64. A list or object of numbers and words is one line, so a table has one line for each column. A wrong
-table is a ValueError that says what was expected and what was found.
+as an equal float64. A list or object without nested ones is one line, so a table has one line per column. An invalid
+table raises a ValueError that states the expected and the actual content.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ import numpy as np
 from hpop.base.scalars import python_value
 from hpop.frontier.dominance import FloatArray, IntArray
 
-SLICE = 2**16  # values of a long list in one piece
-SLICE_OF_ROWS = 2**9  # lists of whole numbers in one piece
+SLICE = 2**16  # values of a long list that are written in one piece
+SLICE_OF_ROWS = 2**9  # lists of whole numbers that are written in one piece
 Kinds = dict[str, type | tuple[type, ...]]
-"""Keys of an object, each with the types that its value may have."""
+"""Type for the keys of an object, each with the types that its value may have."""
 
 
 def of_numpy(value: Any) -> Any:
-    """Return the Python value of a NumPy scalar, for encoders of JSON; raise TypeError for anything else."""
+    """Return the Python value of a NumPy scalar, for JSON encoders; TypeError for anything else."""
     number = python_value(value)
     if number is value:
         raise TypeError(f"a {type(value).__name__} is not a JSON value")
@@ -37,7 +37,7 @@ _dense = json.JSONEncoder(allow_nan=False, ensure_ascii=False, separators=(",", 
 
 
 def pieces(value: Any, indent: int = 0) -> Iterator[str]:
-    """Yield the text of a value, piece by piece.
+    """Yield the JSON text of a value, piece by piece.
 
     Raises ValueError or TypeError for values that are not JSON, RecursionError for deep nesting.
 
@@ -79,7 +79,7 @@ def _is_table(rows: Any) -> bool:
 
 
 def _rows(rows: Any, indent: int) -> Iterator[str]:
-    """Yield the text of a list of lists of whole numbers, without the last bracket, many lines in one piece."""
+    """Yield the text of a list of lists of whole numbers, many lines in one piece, without the last bracket."""
     line = f"\n{' ' * indent}"
     for begin in range(0, len(rows), SLICE_OF_ROWS):
         lines = _dense(rows[begin : begin + SLICE_OF_ROWS])[1:-1].replace("],[", f"],{line}[")
@@ -87,7 +87,7 @@ def _rows(rows: Any, indent: int) -> Iterator[str]:
 
 
 def _line(values: Any) -> Iterator[str]:
-    """Yield the text of a list, or of an object, without nested lists and objects, on one line."""
+    """Yield the text of a list without nested lists or objects, on one line."""
     yield "["
     for begin in range(0, len(values), SLICE):
         yield ("," if begin else "") + _dense(values[begin : begin + SLICE])[1:-1]
@@ -105,7 +105,7 @@ def parse(data: bytes) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """Return a copy as plain JSON values, equal after writing and reading; raise ValueError or TypeError."""
+    """Return a copy of a value as plain JSON values, equal after saving; ValueError or TypeError if impossible."""
     text = json.dumps(value, allow_nan=False, sort_keys=True, default=of_numpy)
     return json.loads(text, parse_int=_bounded_int, parse_float=_finite_float)
 
@@ -140,7 +140,7 @@ def _no_constant(text: str) -> NoReturn:
 
 
 def parts(table: Any, name: str, kinds: Kinds) -> list[Any]:
-    """Return the values of an object that has exactly the given keys, each of its type.
+    """Return the values of an object that must have exactly the given keys, each of a given type.
 
     >>> parts({"a": [1], "b": {}}, "the file", {"a": list, "b": dict})
     [[1], {}]
@@ -160,7 +160,7 @@ def parts(table: Any, name: str, kinds: Kinds) -> list[Any]:
 
 
 def numbers(values: list[Any], name: str, size: int, *, gaps: bool = False) -> FloatArray:
-    """Return a column of ``size`` finite numbers; null, where gaps are allowed, becomes NaN.
+    """Return a column (size,) of finite numbers; with ``gaps`` null is allowed and becomes NaN.
 
     >>> numbers([1, 0.5, None], "clock", 3, gaps=True)
     array([1. , 0.5, nan])
@@ -176,7 +176,7 @@ def numbers(values: list[Any], name: str, size: int, *, gaps: bool = False) -> F
 
 
 def row_numbers(values: list[Any], name: str, size: int, rows: int) -> IntArray:
-    """Return a column of ``size`` row numbers of a table, counted from 0."""
+    """Return a column (size,) of row numbers, counted from 0, of a table with ``rows`` rows."""
     _check(values, name, size, {int}, "whole numbers")
     try:
         column = np.array(values, dtype=np.int64)

@@ -1,7 +1,7 @@
-"""Union of two fronts of one problem, and indicators that compare fronts.
+"""Union of two fronts of the same problem, and indicators that compare fronts.
 
-The indicators are in the units of the costs, so criteria of different units should be scaled first, both fronts by the
-same ideal and nadir (:func:`hpop.frontier.choosing.normalised`).
+The indicators are in the units of the costs. So criteria of different units should be scaled first, with the same ideal
+and nadir for both fronts (:func:`hpop.frontier.choosing.normalised`).
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ BEYOND = 0.1  # share of the range by which the default reference lies beyond th
 def join(first: F, second: F) -> F:
     """Join two fronts of the same problem: the non-dominated points of both together.
 
-    In costs the union is commutative, associative and idempotent. The status is "complete" if both are,
-    else it lists the distinct ones. The certificate lists the distinct ones of its sources, joined by
-    " | ": each still holds for the search space it speaks of, because every cost vector of a source is
-    matched or dominated by a point of the union, but none speaks of the points of the other front.
+    In costs the union is commutative, associative and idempotent. The status is "complete" if both are, else it lists
+    the distinct ones. The certificate lists the distinct certificates of both fronts, joined by " | ". Each still holds
+    for the search space that it names, because every cost vector of its front is matched or dominated by a point of the
+    union; none says anything about the points of the other front.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def join(first: F, second: F) -> F:
 
 
 def each_claim(certificate: str, words: str) -> str:
-    """Return a certificate in which ``words``, with braces as a place for it, surround each of its statements.
+    """Return a certificate with ``words`` around each of its statements, which replaces the braces in ``words``.
 
     >>> each_claim("exact | supported", "of 9 points: {}")
     'of 9 points: exact | of 9 points: supported'
@@ -101,8 +101,8 @@ def hypervolume(Y: ArrayLike, reference: ArrayLike | None = None) -> float:
     Y : (n, k) array
         Finite costs; dominated rows are harmless.
     reference : (k,) array, optional
-        A cost vector worse than all that should count. Without it :func:`default_reference` of ``Y`` itself: enough to
-        watch one set, not to compare two, which need the same reference.
+        A cost vector worse than all that should count. Default: :func:`default_reference` of ``Y``, which is enough to
+        watch one front; to compare two fronts, give the same reference for both.
 
     Examples
     --------
@@ -125,8 +125,8 @@ def hypervolume(Y: ArrayLike, reference: ArrayLike | None = None) -> float:
 def default_reference(Y: ArrayLike) -> FloatArray:
     """Return a reference point (k,) for hypervolumes: a tenth of the range beyond the nadir of the front.
 
-    So the ends of the front count as well. A constant column is shifted by 1, so that it is a factor of 1. Without rows
-    the reference is zero.
+    So the end points of the front count as well. In a constant column it is 1 beyond, so that the column is a factor of
+    1. Without rows the reference is zero.
 
     Examples
     --------
@@ -144,7 +144,7 @@ def default_reference(Y: ArrayLike) -> FloatArray:
 
 @checked_arguments
 def additive_epsilon(Y: ArrayLike, reference: ArrayLike) -> float:
-    """Return the least shift that lets one front cover another: smaller is better, 0 or less is never worse.
+    """Return the least shift with which one front covers another: smaller is better; at most 0 is never worse.
 
     The smallest ``e`` such that every row ``r`` of ``reference`` has a row ``y`` of ``Y`` with
     ``y <= r + e`` in every criterion (Zitzler et al. 2003). An empty ``Y`` covers nothing: infinity.

@@ -1,7 +1,7 @@
-"""Connection to rosbridge's websocket, which reconnects whenever it breaks.
+"""Connection to the websocket of rosbridge, which reconnects whenever it breaks.
 
-Incoming messages are bounded in size, in number and in rate; further ones wait at the sender. A bridge that accepts no
-data is disconnected after a while.
+Incoming messages are limited in size, number and rate; further ones wait at the sender. A bridge that accepts no data
+is disconnected after a while.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ QUIET = logging.Logger("hpop.ros.websockets", logging.CRITICAL + 1)  # this modu
 
 
 class Pace:
-    """Limit of messages per second: further messages, and those behind them, wait."""
+    """Limit of messages per second; the caller waits when it is reached."""
 
     def __init__(self, most: int, clock: Callable[[], float], wait: Callable[[float], Any]) -> None:
         self.most, self.clock, self.wait = most, clock, wait
@@ -59,7 +59,7 @@ class Bridge:
     ----------
     url : such as ws://localhost:9090, or wss://
     say : receives a line of text for each event
-    delays : s, before the first attempt after a failed one, and at most
+    delays : s, before the first new attempt, and the longest; each delay is twice the one before
 
     Raises OptionError for an invalid url, ImportError without the extra ``ros``.
     """
@@ -117,7 +117,7 @@ class Bridge:
         )
 
     def _serve(self, connection: Any) -> str:
-        """Receive messages until the connection is closed, and return the reason."""
+        """Receive messages until the connection is closed, and return the reason of the end."""
         # With a time-out, sending to a bridge that reads nothing fails instead of blocking for ever.
         seconds, rest = divmod(SENDING, 1.0)
         connection.socket.setsockopt(SOL_SOCKET, SO_SNDTIMEO, struct.pack("ll", int(seconds), int(1e6 * rest)))
@@ -145,7 +145,7 @@ class Bridge:
             self.server.disconnected()
 
     def _leave(self) -> None:
-        """Withdraw the action, and close the connection, once, from whichever thread is first."""
+        """Withdraw the action and close the connection, once, by whichever thread is first."""
         with self._leaving:
             connection, self._connection = self._connection, None
             if connection is None:
@@ -157,7 +157,7 @@ class Bridge:
 
 
 def checked_url(url: Any) -> str:
-    """Return the address of a websocket; OptionError if it is none.
+    """Return the address of a websocket; OptionError for anything else.
 
     >>> checked_url("ws://localhost:9090")
     'ws://localhost:9090'

@@ -1,4 +1,4 @@
-"""Messages of ROS 2 as dictionaries, as rosbridge sends them, and as instances of rosbags' types.
+"""Messages of ROS 2 as dictionaries, as rosbridge sends them, and as instances of the types of rosbags.
 
 Incoming messages are not trusted: every field that is used is checked, and a :class:`RosError` names a wrong field.
 """
@@ -29,7 +29,7 @@ MOST_SECONDS = 2**31 - 1  # of a stamp, an int32
 
 
 class PlanarPose(NamedTuple):
-    """Pose on the floor, and its frame, "" if none is given."""
+    """Pose on the floor, with the name of its frame; "" if none is given."""
 
     x: float  # m
     y: float  # m
@@ -38,7 +38,7 @@ class PlanarPose(NamedTuple):
 
 
 def stamp(time: int) -> Message:
-    """Return a time or duration, given in ns, as builtin_interfaces/Time."""
+    """Return a time or duration in ns as a builtin_interfaces/Time."""
     seconds, rest = divmod(time, SECOND)
     return {"sec": seconds, "nanosec": rest}
 
@@ -59,19 +59,19 @@ def quaternion(values: Sequence[float]) -> Message:
 
 
 def pose_stamped(time: int, frame: str, place: Sequence[float], turned: Sequence[float]) -> Message:
-    """Return a geometry_msgs/PoseStamped; time in ns, place in m, quaternion x, y, z, w."""
+    """Return a geometry_msgs/PoseStamped; time in ns, position in m, quaternion x, y, z, w."""
     return {"header": header(time, frame), "pose": {"position": vector(place), "orientation": quaternion(turned)}}
 
 
 def transform(time: int, frame: str, child: str, place: Sequence[float], turned: Sequence[float]) -> Message:
-    """Return a geometry_msgs/TransformStamped: the pose of the child frame in the frame."""
+    """Return a geometry_msgs/TransformStamped: the pose of the frame ``child`` in ``frame``."""
     moved = {"translation": vector(place), "rotation": quaternion(turned)}
     return {"header": header(time, frame), "child_frame_id": child, "transform": moved}
 
 
 @checked_arguments
 def pose_message(x: float, y: float, yaw: float, *, frame_id: str = "map") -> Message:
-    """Return a geometry_msgs/PoseStamped of a pose on the floor, without a stamp: m, rad.
+    """Return a geometry_msgs/PoseStamped of a pose on the floor, m and rad, without a time stamp.
 
     >>> pose_message(1.0, 2.0, 0.0)["pose"]["orientation"]
     {'x': 0.0, 'y': 0.0, 'z': 0.0, 'w': 1.0}
@@ -89,9 +89,9 @@ def planar_pose(message: Any, where: str = "the pose") -> PlanarPose:
     >>> planar_pose(pose_message(1.0, 2.0, 0.5, frame_id="odom"))
     PlanarPose(x=1.0, y=2.0, yaw=0.5, frame='odom')
     """
-    told = mapping(message, where)
-    frame = text(mapping(told.get("header", {}), f"header of {where}").get("frame_id", ""), f"frame_id of {where}")
-    pose = mapping(told.get("pose"), f"pose of {where}")
+    fields_of = mapping(message, where)
+    frame = text(mapping(fields_of.get("header", {}), f"header of {where}").get("frame_id", ""), f"frame_id of {where}")
+    pose = mapping(fields_of.get("pose"), f"pose of {where}")
     if "pose" in pose:  # with its covariance
         pose = mapping(pose["pose"], f"pose of {where}")
     position = mapping(pose.get("position"), f"position of {where}")
@@ -100,7 +100,7 @@ def planar_pose(message: Any, where: str = "the pose") -> PlanarPose:
 
 
 def _yaw(orientation: Any, where: str) -> float:
-    """Return the yaw of the direction ahead, rad."""
+    """Return the yaw, rad, of the direction ahead; RosError if the orientation is no rotation or looks straight up."""
     told = mapping(orientation, f"orientation of {where}")
     x, y, z, w = (number(told.get(axis), f"orientation.{axis} of {where}", 2.0) for axis in "xyzw")
     length = math.sqrt(x * x + y * y + z * z + w * w)
@@ -116,7 +116,7 @@ def _yaw(orientation: Any, where: str) -> float:
 
 
 def time_of(message: Any, where: str) -> int:
-    """Return the stamp of a message with a header, ns; 0 without a stamp."""
+    """Return the time stamp of a message with a header, ns; 0 without a stamp."""
     told = mapping(mapping(message, where).get("header", {}), f"header of {where}").get("stamp", {})
     given = mapping(told, f"stamp of {where}")
     seconds, rest = (given.get(name, 0) for name in ("sec", "nanosec"))
@@ -129,7 +129,7 @@ def time_of(message: Any, where: str) -> int:
 
 
 def mapping(value: Any, where: str) -> Mapping[str, Any]:
-    """Return a message, or raise RosError for another value."""
+    """Return a value that is a message with fields; RosError for anything else."""
     if not isinstance(value, Mapping):
         raise RosError(f"{where} must be a message with fields, got {shown(value)}")
     return value
@@ -143,7 +143,7 @@ def number(value: Any, where: str, most: float) -> float:
 
 
 def text(value: Any, where: str) -> str:
-    """Return a short text, or raise RosError."""
+    """Return a short text; RosError for anything else."""
     if not isinstance(value, str) or len(value) > LONGEST_NAME:
         raise RosError(f"{where} must be text of at most {LONGEST_NAME} characters, got {shown(value)}")
     return value
@@ -178,13 +178,13 @@ def typed(message: Mapping[str, Any], kind: str, store: Any) -> Any:
 
 @checked_arguments
 def plain(message: Any) -> Message:
-    """Convert a message of rosbags to dictionaries and lists, as the bridge sends it.
+    """Convert a message of rosbags to dictionaries and lists, as rosbridge sends it.
 
     >>> from rosbags.typesys import Stores, get_typestore
     >>> plain(get_typestore(Stores.ROS2_JAZZY).types["builtin_interfaces/msg/Time"](1, 2))
     {'sec': 1, 'nanosec': 2}
     """
-    names = [one.name for one in fields(message) if not one.name.startswith("_")]
+    names = [field.name for field in fields(message) if not field.name.startswith("_")]
     return {name: _plain(getattr(message, name)) for name in names}
 
 
@@ -193,11 +193,11 @@ def _plain(value: Any) -> Any:
         return plain(value)
     if isinstance(value, np.ndarray):
         return value.tolist()
-    return [_plain(one) for one in value] if isinstance(value, list | tuple) else value
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def _value(value: Any, declared: Any, where: str, store: Any) -> Any:
-    """Convert the value of a field declared as (kind of node, type)."""
+    """Convert a value to the declared type of a field: (kind of node, type) of rosbags."""
     node, of = declared
     if node.name == "NAME":
         return typed(value, of, store)
@@ -205,7 +205,7 @@ def _value(value: Any, declared: Any, where: str, store: Any) -> Any:
         inner = of[0]
         if not isinstance(value, list | tuple | np.ndarray):
             raise RosError(f"{where} is a list, got {shown(value)}")
-        made = [_value(one, inner, where, store) for one in value]
+        made = [_value(item, inner, where, store) for item in value]
         is_number = inner[0].name == "BASE" and inner[1][0] not in KINDS
         return np.array(made, inner[1][0]) if is_number else made
     value, kind = python_value(value), KINDS.get(of[0], float if of[0].startswith("float") else int)

@@ -1,4 +1,4 @@
-"""Action server: goals are accepted at once and planned in a thread, one at a time, the newest first.
+"""Action server: goals are accepted at once, and planned in a thread, one at a time; a new goal replaces older ones.
 
 It only handles messages; :mod:`hpop.ros.bridge` does the networking.
 """
@@ -27,15 +27,15 @@ FAREWELL = 10.0  # s to wait until planning stops
 
 
 class _GivenUp(Exception):
-    """Planning that was aborted, since no client waits for it."""
+    """Signal that planning was aborted, since no client waits for the result."""
 
 
 @dataclass(eq=False)
 class _Goal:
-    """Goal that was accepted.
+    """Accepted goal.
 
-    id    of the protocol
-    args  its fields, as received
+    id    in the protocol
+    args  fields of the goal, as received
     open  whether its result is still to be sent
     """
 
@@ -46,10 +46,10 @@ class _Goal:
 
 @checked_arguments
 class PathServer:
-    """Action server for a bridge; ``connected``, ``received`` and ``disconnected`` are called by one thread.
+    """Action server for a bridge. ``connected``, ``received`` and ``disconnected`` are called by the same thread.
 
-    A new goal aborts the goal being planned, because Nav2 sends a new goal every second. Invalid messages are reported
-    once each, and ignored.
+    A new goal aborts the goal that is being planned, because Nav2 sends a new goal every second. Invalid messages are
+    reported, each kind once, and ignored.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ class PathServer:
             self._remark(f"ignored {error}")
 
     def disconnected(self) -> None:
-        """Drop all goals when the connection is lost, since the bridge has aborted them."""
+        """Drop all goals after the connection is lost, since the bridge has aborted them."""
         with self._changed:
             self._send = None
             for goal in (self._next, self._now):
@@ -113,12 +113,12 @@ class PathServer:
         self._check_action(message)
         goal = _Goal(protocol.goal_id(message), message.get("args"))
         with self._changed:
-            replaced = [one for one in (self._now, self._next) if one is not None and one.open]
+            replaced = [old for old in (self._now, self._next) if old is not None and old.open]
             self._next = goal
             self._changed.notify_all()
         why = Failure(ErrorCode.UNKNOWN, "a newer goal took its place")
-        for one in replaced:
-            self._end(one, failed(self.known, why, 0.0))
+        for old in replaced:
+            self._end(old, failed(self.known, why, 0.0))
         self._tell(protocol.feedback(self.known, goal.id))
 
     def _cancel(self, message: Mapping[str, Any]) -> None:
@@ -163,7 +163,7 @@ class PathServer:
                 self._now = None
 
     def _answer(self, goal: _Goal, robot: PlanarPose | None) -> GoalResult | None:
-        """Return the result of planning a goal, None if no client waits for it; any error is caught."""
+        """Return the result of planning a goal, None if no client waits for it. No error leaves this method."""
         told = monotonic()
 
         def follow(progress: Progress) -> None:
@@ -195,7 +195,7 @@ class PathServer:
         self.say(_line(goal, answer))
 
     def _tell(self, message: Message) -> None:
-        """Send a message, if connected."""
+        """Send a message, if there is a connection."""
         with self._changed:
             send = self._send
         if send is not None:
@@ -210,7 +210,7 @@ class PathServer:
 
 
 def _line(goal: _Goal, answer: GoalResult) -> str:
-    """Describe the end of a goal in a line of text."""
+    """Return a line of text on the end of a goal."""
     poses = len(answer.values["path"]["poses"])
     seconds = answer.values["planning_time"]["sec"] + 1e-9 * answer.values["planning_time"]["nanosec"]
     if answer.options is not None:

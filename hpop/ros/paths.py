@@ -1,4 +1,4 @@
-"""Convert a trajectory to a nav_msgs/Path, and a path to a trajectory."""
+"""Convert a trajectory to a nav_msgs/Path, and such a path to a trajectory."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ SAME = 1e-9  # distance of poses below which nothing has moved
 
 
 def spaced(run: Trajectory, body: str, *, planned: bool, timed: bool = False) -> Poses:
-    """Return poses of a body at the ends of each motion, and between these every 5 cm or 45 degrees.
+    """Return poses of a body at the ends of all motions, and between these every 5 cm or 45 degrees.
 
     A turn in place has several poses at exactly one position. A hold has no pose of its own, unless poses are
     ``timed``: then its pose occurs twice, at the begin and the end of the hold.
 
     Parameters
     ----------
-    run : a plan if ``planned``, else an execution
+    run : the plan if ``planned``, else its execution
     """
     durations = run.durations
     pieces = np.maximum(STEPS, np.ceil(durations / FINE)).astype(np.int64)
@@ -89,7 +89,7 @@ def path_message(
 
 
 def message_of(poses: Poses, frame_id: str, *, stamped: bool) -> Message:
-    """Return poses as a nav_msgs/Path, with their times or with stamps of 0."""
+    """Return poses as a nav_msgs/Path, with their times as stamps or with stamps of 0."""
     times = nanoseconds(poses.times).tolist() if stamped else [0] * len(poses)
     rows = zip(times, poses.positions.tolist(), poses.quaternions.tolist(), strict=True)
     return {"header": header(0, frame_id), "poses": [pose_stamped(time, frame_id, *row) for time, *row in rows]}
@@ -97,7 +97,7 @@ def message_of(poses: Poses, frame_id: str, *, stamped: bool) -> Message:
 
 @checked_arguments
 def trajectory_of(path: Mapping[str, Any], model: Model) -> Trajectory:
-    """Return the turns and moves of a model through the poses of a nav_msgs/Path, as a planner would plan them.
+    """Return the trajectory of a model through the poses of a nav_msgs/Path: turns, moves and holds.
 
     Poses on one line become one move, and successive turns in one direction one turn. Between different positions the
     robot turns towards the next, moves there, and turns to its heading. A repeated pose with a later stamp is a hold. A
@@ -147,14 +147,14 @@ class _MotionSequence:
         return self._states[-1][2]
 
     def turn(self, change: float) -> None:
-        """Turn in place, rad."""
+        """Append a turn in place by an angle, rad."""
         x, y, yaw, clock = self._states[-1]
         if abs(change) > STRAIGHT:
             goes_on = self._last() == "turn" and change * (yaw - self._states[-2][2]) > 0.0
             self._put("turn", (x, y, yaw + change, clock), goes_on)
 
     def move(self, to_x: float, to_y: float) -> None:
-        """Turn to a position, m, and move there."""
+        """Append a turn towards a position, m, and a move to it."""
         if self._last() == "move":
             from_x, from_y, yaw, clock = self._states[-2]
             along = (to_x - from_x) * np.cos(yaw) + (to_y - from_y) * np.sin(yaw)
@@ -166,7 +166,7 @@ class _MotionSequence:
         self._put("move", (to_x, to_y, *self._states[-1][2:]), False)
 
     def hold(self, seconds: float) -> None:
-        """Stand still."""
+        """Append a hold."""
         x, y, yaw, clock = self._states[-1]
         self._put("hold", (x, y, yaw, clock + seconds), self._last() == "hold")
 
@@ -188,13 +188,13 @@ class _MotionSequence:
 
 
 def _read(path: Any) -> tuple[FloatArray, list[int]]:
-    """Return the poses (N, 3), x, y and continuous yaw, of a path, and their stamps in ns."""
+    """Return the poses of a path as rows (N, 3), x, y and continuous yaw, and their stamps, ns."""
     given = mapping(path, "the path").get("poses")
     if not isinstance(given, list | tuple) or not 0 < len(given) <= MOST_POSES:
         size = f"{len(given):,}" if isinstance(given, list | tuple) else "none"
         raise RosError(f"a path has a list of 1 to {MOST_POSES:,} poses, got {size}")
-    poses = [planar_pose(one, f"pose {i}") for i, one in enumerate(given)]
-    times = [time_of(one, f"pose {i}") for i, one in enumerate(given)]
+    poses = [planar_pose(pose, f"pose {i}") for i, pose in enumerate(given)]
+    times = [time_of(pose, f"pose {i}") for i, pose in enumerate(given)]
     rows = np.array([pose[:3] for pose in poses], float)
     rows[:, 2] = np.unwrap(rows[:, 2])
     return rows, times

@@ -1,4 +1,4 @@
-"""Plan the goals of ComputePathToPose: from a goal message to the path of the chosen trajectory."""
+"""Plan the goals of the action ComputePathToPose: from a goal message to the path of the chosen trajectory."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ CODES = {Status.NO_PATH: ErrorCode.NO_VALID_PATH, Status.TIME_LIMIT: ErrorCode.T
 
 @checked_arguments
 class GoalPlanner:
-    """Planner of goals: a problem with start and goal from ROS.
+    """Planner of ROS goals: a problem in which start and goal are replaced by those of each goal.
 
-    problem   world, model and criteria; start and goal also give the states that no pose has, such as a head's angles
-    planners  that make one front together
+    problem   world, model and criteria; start and goal also give the states that no pose has, such as angles of a head
+    planners  their fronts are joined
     known     names in ROS
 
     Raises OptionError for a robot without a base with position and heading.
@@ -51,9 +51,9 @@ class GoalPlanner:
         self.names: tuple[str, ...] = ()
 
     def rehearsed(self, progress: ProgressCallback | None = None) -> Front:
-        """Solve the problem itself, so that kernels are compiled and errors raised before the first goal.
+        """Solve the problem with its own start and goal, so that kernels are compiled and errors found before a goal.
 
-        Raises UnknownName if the default choice is no point of its front.
+        Raises UnknownName if the default choice is no point of this front.
         """
         front = self.problem.solve(self.planners, progress=progress)
         self.names = front.names
@@ -62,10 +62,11 @@ class GoalPlanner:
         return front
 
     def answer(self, goal: Any, robot: PlanarPose | None, progress: ProgressCallback | None = None) -> GoalResult:
-        """Return the result for the fields of a goal: a path, or the reason why there is none.
+        """Return the result for a goal: a path, or the reason why there is none.
 
         Parameters
         ----------
+        goal : fields of the goal, as received
         robot : pose of the robot, if known, for goals without a start
         progress : called regularly; an exception that it raises ends planning
         """
@@ -85,7 +86,7 @@ class GoalPlanner:
         return GoalResult(GoalStatus.SUCCEEDED, values, options_of(front, row))
 
     def _choice(self, planner_id: Any) -> str:
-        """Return the choice of a goal; an impossible one is refused before planning."""
+        """Return the choice that a goal names; an impossible one is refused before planning."""
         if not isinstance(planner_id, str) or len(planner_id) > LONGEST_CHOICE:
             raise Failure(ErrorCode.INVALID_PLANNER, f"planner_id is a short text, got {shown(planner_id)}")
         choice = choice_of(planner_id or self.known.choice)
@@ -110,7 +111,7 @@ class GoalPlanner:
         return robot
 
     def _pose(self, message: Any, where: str) -> PlanarPose:
-        """Return a pose in the frame of the map."""
+        """Return a pose in the frame of the map; Failure for another frame."""
         try:
             pose = planar_pose(message, where)
         except RosError as error:
@@ -148,12 +149,12 @@ class GoalPlanner:
         return front
 
     def _state(self, whole: Values, pose: PlanarPose) -> Values:
-        """Return a state of the robot with the pose of its base; other values are those of ``whole``."""
+        """Return a state of the robot with the given pose of its base; other values are those of ``whole``."""
         told: dict[str, float] = dict(zip(OF, pose[:3], strict=True))
         return tuple(told.get(name, value) for name, value in zip(self.problem.model.space.names, whole, strict=True))
 
     def _check_free(self, values: Values, what: str, outside: ErrorCode, occupied: ErrorCode) -> None:
-        """Raise Failure for a state off the map or in an obstacle; a free angle takes the start's value."""
+        """Raise Failure for a state off the map or in an obstacle; a free angle is that of the start."""
         own = self.problem
         space = own.model.space
         full = [own.start[i] if value is None else value for i, value in enumerate(values)]
@@ -165,7 +166,7 @@ class GoalPlanner:
 
 
 def choice_of(planner_id: str) -> str:
-    """Return the point of a front that a planner_id names: "knee", the name of a criterion, or a row's number.
+    """Return the point of a front that a planner_id names: "knee", the name of a criterion, or a row number.
 
     >>> choice_of("fewest turns"), choice_of("least_personal_space"), choice_of("knee")
     ('turns', 'personal_space', 'knee')
@@ -175,7 +176,7 @@ def choice_of(planner_id: str) -> str:
 
 
 def options_of(front: Front, chosen: NamedRow) -> Message:
-    """Describe a front: the costs of its points, named points, the chosen point, and the claim.
+    """Return a description of a front: costs of its points, named points, the chosen point, and the claim.
 
     A front of more than 500 points is reduced to 500 evenly spaced ones and the named ones.
     """

@@ -1,8 +1,8 @@
-"""Messages of the rosbridge v2 protocol and of ComputePathToPose that an action server needs.
+"""Messages that an action server for ComputePathToPose exchanges by the protocol rosbridge v2.
 
 Written from ROSBRIDGE_PROTOCOL.md of RobotWebTools/rosbridge_suite, commit 01cc6a1, sections 3.2.1 to 3.2.5 (topics)
-and 3.2.10 to 3.2.15 (actions). An incoming message is bounded in size before it is parsed, and is ignored unless it is
-an object with an ``op``.
+and 3.2.10 to 3.2.15 (actions). An incoming message is limited in size before it is parsed, and refused unless it is an
+object with an ``op``.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ FIELDS = {
     "kilted": ("path", "planning_time", "error_code", "error_msg"),
     "rolling": ("path", "planning_time", "error_code", "error_msg"),
 }
-"""Of the result of nav2_msgs/action/ComputePathToPose by distribution: a bridge drops a result with others."""
+"""Fields of the result of ComputePathToPose, by distribution: a bridge drops a result with other fields."""
 
 
 @checked_arguments
@@ -64,12 +64,12 @@ class Interface:
     choice: str = "knee"
 
     def __post_init__(self) -> None:
-        for one in fields(self):
-            value = getattr(self, one.name)
-            if one.name in ("action", "pose_topic", "options_topic") and (
+        for option in fields(self):
+            value = getattr(self, option.name)
+            if option.name in ("action", "pose_topic", "options_topic") and (
                 not isinstance(value, str) or not NAME.fullmatch(value) or "//" in value or value.endswith("/")
             ):
-                raise OptionError(f"{one.name} must be a name of ROS, such as {one.default}, got {shown(value)}")
+                raise OptionError(f"{option.name} must be a name of ROS, such as {option.default}, got {shown(value)}")
         one_of("distribution", self.distribution, FIELDS)
         one_of("pose_type", self.pose_type, POSES)
         frame = self.frame_id
@@ -87,7 +87,7 @@ THROTTLE = 100  # ms between two poses of the robot, at least
 
 
 class GoalStatus(IntEnum):
-    """Ends of a goal, as in action_msgs/msg/GoalStatus."""
+    """End of a goal, as in action_msgs/msg/GoalStatus."""
 
     SUCCEEDED = 4
     CANCELED = 5
@@ -95,7 +95,7 @@ class GoalStatus(IntEnum):
 
 
 def parsed(data: str | bytes) -> Mapping[str, Any]:
-    """Parse an incoming message, an object with an ``op`` that is text; RosError for anything else."""
+    """Parse an incoming message, which must be an object with a text ``op``; RosError for anything else."""
     if isinstance(data, bytes):
         raise RosError("a binary message, which was not requested")
     if len(data) > MOST_BYTES:
@@ -112,7 +112,7 @@ def parsed(data: str | bytes) -> Mapping[str, Any]:
 
 
 def goal_id(message: Mapping[str, Any]) -> str:
-    """Return the id of a goal, which may be text or a whole number in the protocol; RosError otherwise."""
+    """Return the id of a goal as text; in the protocol it may also be a whole number. RosError otherwise."""
     identifier = message.get("id")
     if isinstance(identifier, int) and not isinstance(identifier, bool):
         identifier = str(identifier)
@@ -127,7 +127,7 @@ def encoded(message: Message) -> str:
 
 
 def greetings(known: Interface) -> list[Message]:
-    """Return the messages that open a connection: the action offered, the topics subscribed."""
+    """Return the messages that open a connection: they offer the action and subscribe to the pose of the robot."""
     return [
         {"op": "advertise", "topic": known.options_topic, "type": TEXT},
         {
@@ -142,7 +142,7 @@ def greetings(known: Interface) -> list[Message]:
 
 
 def farewells(known: Interface) -> list[Message]:
-    """Return the messages before a connection is closed."""
+    """Return the messages that withdraw the action and the topics before a connection is closed."""
     return [
         {"op": "unadvertise_action", "action": known.action},
         {"op": "unsubscribe", "topic": known.pose_topic},
@@ -151,7 +151,7 @@ def farewells(known: Interface) -> list[Message]:
 
 
 def feedback(known: Interface, goal: str) -> Message:
-    """Return the feedback that a goal is being planned; ComputePathToPose's has no fields."""
+    """Return the feedback that a goal is being planned; feedback of ComputePathToPose has no fields."""
     return {"op": "action_feedback", "id": goal, "action": known.action, "values": {}}
 
 
@@ -161,13 +161,13 @@ def result(known: Interface, goal: str, status: GoalStatus, values: Message) -> 
     ``result`` is always true, because for false the bridge drops the values with the error code, and aborts the goal
     (rosbridge_library/capabilities/action_result.py, commit 1101795). The bridge takes the status from ``status``.
     """
-    told = {"op": "action_result", "id": goal, "action": known.action, "values": values}
-    return {**told, "status": int(status), "result": True}
+    message = {"op": "action_result", "id": goal, "action": known.action, "values": values}
+    return {**message, "status": int(status), "result": True}
 
 
-def publication(known: Interface, told: Message) -> Message:
-    """Return a message on the topic of options."""
-    return {"op": "publish", "topic": known.options_topic, "msg": {"data": encoded(told)}}
+def publication(known: Interface, options: Message) -> Message:
+    """Return a message that publishes a front on the topic of options."""
+    return {"op": "publish", "topic": known.options_topic, "msg": {"data": encoded(options)}}
 
 
 LONGEST = 1000  # characters of an error's message
@@ -189,7 +189,7 @@ class ErrorCode(IntEnum):
 
 
 class Failure(Exception):
-    """Goal without a path: the error code, and the reason in words."""
+    """Goal without a path: the error code, and the reason as text."""
 
     def __init__(self, code: ErrorCode, why: str) -> None:
         super().__init__(why)
@@ -197,7 +197,7 @@ class Failure(Exception):
 
 
 class GoalResult(NamedTuple):
-    """Result of a goal: its status, the fields of the result, and the front sent with it, if any."""
+    """Result of a goal: status, fields of the result message, and the front sent with it, if any."""
 
     status: GoalStatus
     values: Message
@@ -207,7 +207,7 @@ class GoalResult(NamedTuple):
 def values_of(
     known: Interface, path: Message | None, seconds: float, code: ErrorCode = ErrorCode.NONE, why: str = ""
 ) -> Message:
-    """Return the fields of a result that the distribution has; without a path, an empty path."""
+    """Return the fields of a result that the distribution has; without a path, they hold an empty path."""
     whole: Message = {
         "path": path or {"header": header(0, known.frame_id), "poses": []},
         "planning_time": stamp(round(seconds * SECOND)),

@@ -80,7 +80,7 @@ def test_streams_need_no_map(run: Run, folder: Path, tmp_path: Path) -> None:
         (["--format", "tumm"], 7, "unknown format 'tumm'. Did you mean 'tum'"),
         (["--rate", "0"], 10, "rate must be a number of poses a second, in Hz"),
         (["--body", "tool"], 10, "this robot has no body 'tool'"),
-        (["--frame-id", "/map"], 10, "a frame's name begins without a slash"),
+        (["--frame-id", "/map"], 10, "the name of a frame must not begin with a slash"),
     ],
 )
 def test_mistakes_are_told(run: Run, refused, folder: Path, tmp_path: Path, options, code: int, said: str) -> None:

@@ -106,7 +106,7 @@ def test_what_cannot_be_done_is_said_in_words_and_the_drive_goes_on() -> None:
     assert "covers the robot" in on_robot.words
     assert on_robot.change is None
     assert "which is closed" in fewer.words
-    assert "nothing to take" in none.words
+    assert "no option to take" in none.words
     assert [h.taken for h in (hurry, row, on_robot, fewer, none)] == [None] * 5
     assert opened.change is not None
 

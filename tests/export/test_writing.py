@@ -103,7 +103,7 @@ def test_where_one_of_several_formats_fails_the_others_are_written(tmp_path):
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == files
     assert raised.value.__notes__[0] == "a fault"
     assert raised.value.__notes__[1].startswith(
-        f"written all the same to {tmp_path / 'out'}: row_0.csv, row_0.tum, row_0"
+        f"other formats are written to {tmp_path / 'out'}: row_0.csv, row_0.tum, row_0"
     )
     about = json.loads((tmp_path / "out/row_0.about.json").read_text())
     assert [file["format"] for file in about["files"]] == ["csv", "tum"]
@@ -114,7 +114,7 @@ def test_where_one_of_several_formats_fails_the_others_are_written(tmp_path):
 
 def test_a_bag_that_may_not_take_its_place_keeps_no_other_format_from_being_written(tmp_path):
     (tmp_path / "row_0_bag").mkdir()
-    with pytest.raises(OutputError, match="is there, and no bag"):
+    with pytest.raises(OutputError, match="exists and is no bag"):
         save(None, front(), tmp_path, rows=[0], formats=["bag", "tum"])
     assert (tmp_path / "row_0.tum").is_file()
 
@@ -127,7 +127,7 @@ def test_an_earlier_file_or_bag_gives_way_and_nothing_else_does(tmp_path):
         assert sizes(first) > before
     (tmp_path / "mine_bag").mkdir()
     (tmp_path / "mine_bag/thesis.txt").write_text("years of work")
-    with pytest.raises(OutputError, match="is there, and no bag; remove it, or choose another name"):
+    with pytest.raises(OutputError, match="exists and is no bag; remove it, or choose another name"):
         write(GOES, tmp_path / "mine_bag")
     assert (tmp_path / "mine_bag/thesis.txt").read_text() == "years of work"
     assert {path.name for path in tmp_path.iterdir()} == {"cam.tum", "cam_bag", "mine_bag"}

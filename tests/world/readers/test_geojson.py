@@ -14,20 +14,9 @@ from hpop.errors import MapError
 from hpop.scenario import load_scenario
 from hpop.world import World
 from hpop.world.readers import geojson_content
+from tests.worlds import feature, square
 
 MUSEUM = {"scale": 0.7447, "origin": (-9753627.0, 5140874.0)}  # metres from EPSG:3857, see SOURCE.txt
-
-
-def square(x0, y0, x1, y1):
-    return [[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]]
-
-
-def feature(*rings, kind="Polygon", **properties):
-    return {
-        "type": "Feature",
-        "properties": properties,
-        "geometry": {"type": kind, "coordinates": list(rings)},
-    }
 
 
 def write(folder, *features, text=None):
