@@ -1,4 +1,4 @@
-"""Run the cases of a batch in this process, in processes of this machine, or on Dask or Ray; write each result at once.
+"""Run the cases of a batch in this process, in processes of this machine, or on Dask or Ray; save each result at once.
 
 A setting (world, robot, criteria) is sent to each worker only once. If a worker dies, the case that killed it gets a
 row with the error; other cases that were being solved are solved again.
@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
-from itertools import chain, islice
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
@@ -44,7 +43,7 @@ except ImportError:  # not on every system
 
 SLOTS = 32  # number of cases sent at once to an executor that does not report its number of workers
 POLL = 0.1  # s between two checks for Ctrl-C
-LOST = "the workers are out of reach; what is finished is saved, and running it again goes on from there"
+LOST = "the workers are out of reach; finished cases are saved, and running the batch again continues from there"
 DIED = "the worker that solved it died: it was killed, ran out of memory or crashed"
 VERSIONS = f"hpop {__version__}; numpy {np.__version__}; python {platform.python_version()}"
 
@@ -62,7 +61,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class CaseTask:
-    """Start, goal and planners of a case: everything that its setting lacks."""
+    """Start, goal and planners of a case: everything that is not part of its setting."""
 
     start: tuple[float, ...]
     goal: Any
@@ -89,7 +88,7 @@ class BatchProgress:
 def solve(shared: Setting, task: CaseTask) -> list[dict[str, Any]]:
     """Solve a case and return its rows: one per trajectory, or a single row that explains why there is none.
 
-    An error of the problem, the planner or the user's own code is stored in ``error``. No row comes after Ctrl-C.
+    An error of the problem, the planner or the user's own code is stored in ``error``. After Ctrl-C there are no rows.
     """
     wall, processor = time.perf_counter(), time.process_time()
     front: Front | None = None
@@ -243,8 +242,9 @@ class Job:
 
 
 def _jobs(cases: Cases, listed: Iterable[Case]) -> Iterator[Job]:
-    """Yield the jobs of cases; consecutive cases with the same world share their setting."""
-    known: tuple[str, Setting] | None = None
+    """Yield the jobs of cases; successive cases in the same world share a setting."""
+    common: Setting | None = None
+    name = None
     for case in listed:
         try:
             problem, planners = cases.build(case)
@@ -252,16 +252,12 @@ def _jobs(cases: Cases, listed: Iterable[Case]) -> Iterator[Job]:
             yield Job(case, row=_error_row(f"{type(error).__name__}: {error}"))
             continue
         world = problem.world
-        if known is not None and known[0] == case.world:
-            common = known[1].world
-            shared = known[1]
-            if world.ground is not common.ground or world.content != common.content:
-                shared = replace(
-                    shared, world=world
-                )  # a world without persons who touch the robot at its start differs
-        else:
-            shared = Setting(world, problem.model, problem.criteria, problem.quanta, problem.horizon)
-            known = case.world, shared
+        if common is None or name != case.world:
+            common = Setting(world, problem.model, problem.criteria, problem.quanta, problem.horizon)
+            name = case.world
+        # In a world of the same name, the people who touch the robot at its start may differ.
+        is_same = world.ground is common.world.ground and world.content == common.world.content
+        shared = common if is_same else replace(common, world=world)
         yield Job(case, shared, CaseTask(problem.start, problem.goal, planners))
 
 
@@ -307,22 +303,18 @@ class Workers:
                     raise KeyboardInterrupt
                 yield job.case, rows
             return
-        while True:
-            for job in islice(jobs, self._slots - len(self._pending)):
-                if job.row is not None:
-                    yield job.case, [dict(job.row)]
-                else:
-                    self._send(job)
-            if not self._pending:
-                following = next(jobs, None)
-                if following is None:
-                    return
-                jobs = chain([following], jobs)
+        for job in jobs:
+            if job.row is not None:
+                yield job.case, [dict(job.row)]
                 continue
+            self._send(job)
+            while len(self._pending) >= self._slots:
+                yield from self._ended_cases()
+        while self._pending:
             yield from self._ended_cases()
 
     def _ended_cases(self) -> Iterator[tuple[Case, Rows]]:
-        """Yield the cases that have ended. After the death of a process, solve each of its cases alone."""
+        """Yield the cases that have ended. After the death of a worker process, solve each of its cases alone."""
         try:
             future = self._ended.get(timeout=POLL)
         except Empty:
@@ -338,14 +330,14 @@ class Workers:
             at_work = [job, *self._pending.values()]
             self._pending.clear()
             self._renew()
-            for each in at_work:
-                yield each.case, self._solve_alone(each)
+            for lost in at_work:
+                yield lost.case, self._solve_alone(lost)
             return
         if rows is not None:
             yield job.case, rows
 
     def _solve_alone(self, job: Job) -> Rows:
-        """Solve a case while no other is being solved, so that the death of its process can only be its own doing."""
+        """Solve a case while no other is being solved, so that only this case can be the cause if its worker dies."""
         self._send(job)
         while True:
             (future,) = self._pending
@@ -371,10 +363,7 @@ class Workers:
             self._executor = processes(self._count)
 
     def _result_rows(self, future: Future[Any], job: Job) -> Rows | None:
-        """Return the rows of a case.
-
-        None if its worker lacks the setting, whereupon the case is sent again with the setting.
-        """
+        """Return the rows of a case; None if its worker lacked the setting, so that both have been sent again."""
         try:
             with interrupts_held():
                 _, results = future.result()
@@ -393,7 +382,7 @@ class Workers:
         return rows
 
     def _send(self, job: Job, *, with_shared: bool = False) -> None:
-        """Submit a case to the executor."""
+        """Submit a case to the executor; with ``with_shared`` including its setting."""
         shared, task = job.parts
         if self._sweep is None or self._sweep[0] is not shared:
             sweep = self._sweeps.enter_context(Sweep(solve, shared, self._executor))
