@@ -165,7 +165,7 @@ class DriveProgress:
         self.stretches.append(Stretch(last.surroundings, begins, self.lag))
 
     def enter(self, surroundings: DriveSurroundings, now: float) -> Cut:
-        """Begin a stretch in changed surroundings, and return the part of the plan that is open there."""
+        """Continue the drive in changed surroundings; return the part of the plan that is open there."""
         self._stand(now)
         if surroundings.people != self.surroundings.people:
             self.plan = self.plan.among_others()
@@ -183,7 +183,7 @@ class DriveProgress:
             self.plan = Plan(joined(before, remaining), before.duration)
 
     def cut(self, now: float) -> Cut:
-        """Stop the plan, from now on, before closed areas and people in the way; return the open part."""
+        """Stop the plan before closed areas and people in the way; return its open part."""
         t, surroundings = self.planned(now), self.surroundings
         then = max(now, self.lag)  # people walk on before the robot leaves
         people = surroundings.at(self.plan.announced.at(t), then).world.content.people

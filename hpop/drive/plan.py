@@ -310,7 +310,7 @@ def _touches(trajectory: Trajectory, t: float, closing: Closing) -> float | None
 
 
 def _free(trajectory: Trajectory, collision: Collision, world: World) -> BoolArray:
-    """Mark the motions (n,) of a trajectory that do not collide."""
+    """Return the mask (n,) of the motions of a trajectory that do not collide."""
     free = np.ones(len(trajectory), dtype=np.bool_)
     for index, motions in trajectory.batches(world):
         free[index] = collision.motions_free(motions)

@@ -90,7 +90,7 @@ class ReplanResult(NamedTuple):
 
 
 class _PendingGraph(NamedTuple):
-    """A graph on a clock that is being built in another thread, for surroundings and a commit."""
+    """A graph on a clock that another thread is building, with the surroundings and the commit that it is for."""
 
     surroundings: DriveSurroundings
     commit: Commit
@@ -130,7 +130,7 @@ class Replanner:
         deadline: float | None,
         answer: Mapping[str, Any] | None = None,
     ) -> ReplanResult:
-        """Search for remaining plans from a commit on, in the present world.
+        """Search for remaining plans in the present world, from the next place where the plan may change (`Commit`).
 
         present   the present plan from there, None if it is closed
         deadline  s of processor time of this thread, None for no deadline
@@ -184,7 +184,7 @@ class Replanner:
         return ReplanResult(candidates, paths.gap, paths.stats.labels_generated, logged_result)
 
     def _clear(self, now: DriveSurroundings, problem: Problem, commit: Commit, seconds: float) -> list[Trajectory]:
-        """Return known plans from a commit on that are open and clear of people, as far as ``seconds`` suffice."""
+        """Return the parts of known plans after the commit that are open and clear of people, found in ``seconds``."""
         until, least = time.perf_counter() + seconds, time.thread_time() + RECHECK
 
         def enough() -> bool:
@@ -244,7 +244,7 @@ class Replanner:
         return serving
 
     def _serving(self, now: DriveSurroundings, commit: Commit) -> TimedDriveGraph | None:
-        """Return the built graph on a clock that can answer queries from a commit on; None if there is none."""
+        """Return the built graph on a clock that can answer queries from the commit, None if there is none."""
         untimed = self._untimed
         if untimed is None:
             return None

@@ -254,7 +254,7 @@ def follow(
     problem : the problem of the front
     choice : a point of the front, its row, or its name, such as "knee" (:meth:`hpop.Front.named`); or a person's
         preference (:class:`hpop.study.Preference`), by which the robot then also chooses on the way
-    planner : with the graph to search on the way; default: the planner that found the choice, with its options
+    planner : provides the graph to search on the way; default: the planner that found the choice, with its options
     begin : s, when the robot leaves, on the clock of the caller
     patience, notice : see :class:`hpop.drive.Execution`
 

@@ -101,7 +101,7 @@ class TimedDriveGraph:
         *,
         is_far: bool = False,
     ) -> TimedDriveGraph:
-        """Return the graph on a clock from the node of a commit.
+        """Return the graph on a clock that begins at the node of a commit, where the plan may change next.
 
         before  graph on a clock for other people or closed areas, to reuse parts of it; None for none
         is_far  whether it is only for later places, with no person near
@@ -127,11 +127,11 @@ class TimedDriveGraph:
         )
 
     def refuses(self, now: DriveSurroundings, commit: Commit, untimed: DriveGraph) -> bool:
-        """Return whether no path leads on from a commit in these surroundings, as people walk towards the robot."""
+        """Return whether it is known that no path leads on from the commit, as people walk towards the robot."""
         return self.instead_of is now and self.base is untimed and self.node(commit.state) in self.places
 
     def serves(self, now: DriveSurroundings, commit: Commit, untimed: DriveGraph) -> bool:
-        """Return whether this graph can answer a query from a commit."""
+        """Return whether this graph can answer a query from the commit: same people and time, node in reach."""
         node = self.node(commit.state)
         if self.base is not untimed or self.people != now.people or self.since != now.since or node < 0:
             return False

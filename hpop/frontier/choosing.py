@@ -133,7 +133,7 @@ def lexicographic(Y: FloatArray, order: Sequence[int]) -> int:
 def nearest(named: FloatArray, wishes: FloatArray, rest: FloatArray) -> int:
     """Return the row nearest to the wishes: least Euclidean distance, each column scaled by its range over the front.
 
-    Being better than a wish is as far away as being worse; :func:`achievement` rewards it. Ties go to the
+    A value better than its wish counts as distance too; :func:`achievement` rewards it instead. Ties go to the
     least sum of the other normalised costs.
 
     Parameters

@@ -95,7 +95,7 @@ def conditions(given: Mapping[str, Any] | None, named: Mapping[str, Any]) -> tup
 
 
 def met(front: Front[Any], wanted: Sequence[ColumnCondition]) -> BoolArray:
-    """Mark the points (n,) of a front that meet all conditions; UnknownColumnError for an unknown name."""
+    """Return the mask (n,) of the points that meet all conditions; UnknownColumnError for an unknown name."""
     kept = np.ones(len(front), dtype=np.bool_)
     for condition in wanted:
         kept &= condition.met(*_column(front, condition.name))

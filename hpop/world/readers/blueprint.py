@@ -224,7 +224,10 @@ def numbered(cells: BoolArray, structure: BoolArray | None) -> tuple[NDArray[np.
 
 
 def areas_of(labels: NDArray[np.int32], count: int) -> IntArray:
-    """Return the number of cells (count + 1,) with each number, counted in blocks of rows to bound memory."""
+    """Return the number of cells with each label (count + 1,).
+
+    Labels are counted in blocks of rows, to bound memory.
+    """
     step = max(1, ROWS // labels.shape[1])
     area = np.zeros(count + 1, dtype=np.int64)
     for top in range(0, labels.shape[0], step):

@@ -215,7 +215,7 @@ def _unseen_on_symbols(
 def _unseen_in_view(
     world: World, pose: Pose, z: float, near: float, far: float, fov: float, vertical: float
 ) -> FloatArray:
-    """Return `landmarks_unseen` (M,) on numbers; the spline weights of a point serve all landmarks."""
+    """Return `landmarks_unseen` (M,) for poses given as numbers. All landmarks share the spline weights of a pose."""
     from hpop.world.sight._kernels import unseen  # numba is slow to import
 
     ground, landmarks = world.ground, world.content.landmarks
