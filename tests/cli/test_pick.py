@@ -125,7 +125,7 @@ def test_what_cannot_be_picked_ends_in_one_message(
             ["--wish", "turns=1", "--knee"],
             "give one of --least, --wish, --row, --knee, --preference, got --wish and --knee",
         ),
-        (["--row", "1", "--at-most", "turns=5"], "--row says which one"),
+        (["--row", "1", "--at-most", "turns=5"], "--row names one trajectory"),
         (["--row", "-1"], "--row"),
         (["--at-most", "turns=5", "--at-most", "turns=6"], "give each name once"),
         (["--least", ","], "expected NAME or NAME,NAME"),

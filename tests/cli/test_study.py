@@ -132,7 +132,7 @@ def test_a_study_with_faults_ends_with_its_exit_code(study: Study, planned: Path
         (["--order", "latn"], 17, "Did you mean 'latin'"),
         (["--consent", "empty.txt"], 17, "the consent text is empty"),
         (["--consent", "nowhere.txt"], 17, "cannot read the consent text nowhere.txt: No such file"),
-        (["--consent", "latin1.txt"], 17, "expected the consent text as UTF-8"),
+        (["--consent", "latin1.txt"], 17, "the consent text must be UTF-8"),
         (["--consent", "steers.txt"], 17, r"control character, '\x1b'"),
         (["--forms", "sqq"], 17, "Did you mean 'ssq'"),
         (["--strata", "sex=f"], 17, "two levels or more"),

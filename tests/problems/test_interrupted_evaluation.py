@@ -107,7 +107,7 @@ def test_in_the_end_the_file_holds_all(once: Stopped, problem: Problem) -> None:
 def test_a_second_ctrl_c_ends_and_leaves_a_file_that_holds_what_it_claims(twice: Stopped, problem: Problem) -> None:
     front = Front.load(twice.folder / "front.json")
     assert twice.result.exit_code == 130
-    assert "what was found before is saved in" in twice.result.stderr
+    assert "the front found before is saved in" in twice.result.stderr
     assert len(twice.saved) == 1
     assert np.array_equal(front.costs, twice.saved[0].costs)
     assert "before the others are re-evaluated" in front.certificate
