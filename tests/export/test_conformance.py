@@ -139,7 +139,7 @@ def test_times_grow_at_any_rate(name, rate, tmp_path):
         ({"world": ""}, "a frame is a name without blanks"),
         ({"base": "base link"}, "got 'base link'"),
         ({"camera": "a\nb"}, "without blanks"),
-        ({"world": "/map"}, "must not begin with a slash (tf2); got '/map'"),
+        ({"world": "/map"}, r"must not begin with a slash \(tf2\); got '/map'"),
         ({"world": "base_link"}, "the frames of world, base and camera must have different names"),
         ({"world": 3}, "got 3"),
     ],
