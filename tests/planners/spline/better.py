@@ -35,6 +35,7 @@ NEAR = 0.08  # m: bodies that are farther apart bound no step
 APART = 1.6e-3  # m between bodies; the certificate needs 1 mm
 FRACTIONS = np.linspace(1 / 12, 1, 12)  # of a piece, at which distances are bounded
 SLACK = 1e-9
+ATTEMPTS = 1000  # joints drawn among the same posts; beyond it the posts may enclose the arm
 
 
 def box(place, size):
@@ -57,6 +58,13 @@ def posts(rng):
 def random_question(seed, folder):
     """Return a problem, a path through random joints, and the cost to minimise."""
     rng = np.random.default_rng(seed)
+    while (question := question_in_a_world(seed, rng, folder)) is None:
+        pass
+    return question
+
+
+def question_in_a_world(seed, rng, folder):
+    """Return a question in a random world, or None if no free path is drawn there."""
     if seed % 3 == 1:
         model, world = crane(folder), posts(rng)
     else:
@@ -66,13 +74,17 @@ def random_question(seed, folder):
     low = np.maximum(np.where(np.isfinite(model.space.low), model.space.low, -2.2), -2.2)
     high = np.minimum(np.where(np.isfinite(model.space.high), model.space.high, 2.2), 2.2)
     count, rows = int(rng.integers(2, 4)), []
-    while len(rows) < count:
+    for _ in range(ATTEMPTS):
+        if len(rows) == count:
+            break
         rows.append(rng.uniform(low, high))
         path = Trajectory.through(model, States(**dict(zip(names, np.array(rows[-2:]).T, strict=True))))
         free = collision.states_free(path.states).all()
         free = free and all(collision.motions_free(m).all() for _, m in path.batches(world))
         if not free or (len(rows) > 1 and np.abs(rows[-1] - rows[-2]).max() < 0.8):
             rows.pop()
+    if len(rows) < count:
+        return None
     path = Trajectory.through(model, States(**dict(zip(names, np.array(rows).T, strict=True))))
     criteria, minimise = QUESTIONS[seed // 3 % len(QUESTIONS)]
     return hpop.Problem(world, model, tuple(rows[0]), tuple(rows[-1]), criteria), path, minimise

@@ -22,6 +22,13 @@ def splines_and_gains(seeds, folder):
     return settled.astype(bool), gains
 
 
+def test_a_question_is_drawn_anew_if_posts_enclose_the_arm(tmp_path):
+    problem, path, _ = random_question(11, tmp_path)  # in its first world no motion from the first joints is free
+    collision = problem.model.collision(problem.world)
+    assert path.states.size >= 2
+    assert all(collision.motions_free(m).all() for _, m in path.batches(problem.world))
+
+
 def test_a_settled_spline_cannot_be_improved(tmp_path):
     settled, gains = splines_and_gains([3], tmp_path)
     assert settled.all()

@@ -176,6 +176,7 @@ def hermite(fraction: Column, width: FloatArray) -> tuple[FloatArray, ...]:
 
 
 PANELS = 3  # of a piece, for the integrals of criteria
+COARSE = 1  # panels of a piece for the curvature of costs, which need not be exact
 
 
 class Slopes(NamedTuple):
@@ -224,6 +225,10 @@ class PieceCosts:
     @cached_property
     def _symbols(self) -> tuple[list[Any], Motions]:
         """Symbols of the variables of a piece and of its share, and their motion."""
+        return self._piece(PANELS)
+
+    def _piece(self, panels: int) -> tuple[list[Any], Motions]:
+        """Return symbols of the variables of a piece and of its share, and their motion with panels for integrals."""
         import casadi
 
         n = len(self.law.names)
@@ -237,7 +242,7 @@ class PieceCosts:
             return self.law.knots(values, rates, lift(clock, 1))
 
         start, end = knot(0, 0.0 * duration), knot(2 * n, share * duration)
-        return [columns, share], Motions(self.world, self.model, self.law, start, end, panels=PANELS)
+        return [columns, share], Motions(self.world, self.model, self.law, start, end, panels=panels)
 
     @cached_property
     def _formulas(self) -> list[Any]:
@@ -245,13 +250,39 @@ class PieceCosts:
         return [on_symbols(criterion, self._symbols[1]) for criterion in self.criteria]
 
     @cached_property
-    def _functions(self) -> tuple[Any, Any]:
-        """CasADi functions from the variables and share of a piece to its costs, and to costs and Jacobian."""
+    def _functions(self) -> dict[str, Any]:
+        """CasADi functions of the variables and share of a piece.
+
+        costs     costs (k,)
+        slopes    costs (k,) and Jacobian (k, 4 n + 1)
+        coarse    as ``slopes``, with coarse panels
+        """
         import casadi
 
+        def with_jacobian(name: str, symbols: list[Any], costs: Any) -> Any:
+            jacobian = casadi.densify(casadi.jacobian(costs, symbols[0]))
+            return casadi.Function(name, symbols, [costs, jacobian])
+
         symbols, costs = self._symbols[0], casadi.vertcat(*self._formulas)
-        jacobian = casadi.densify(casadi.jacobian(costs, symbols[0]))
-        return casadi.Function("costs", symbols, [costs]), casadi.Function("slopes", symbols, [costs, jacobian])
+        coarse, motions = self._piece(COARSE)
+        return {
+            "costs": casadi.Function("costs", symbols, [costs]),
+            "slopes": with_jacobian("slopes", symbols, costs),
+            "coarse": with_jacobian(
+                "coarse", coarse, casadi.vertcat(*(on_symbols(criterion, motions) for criterion in self.criteria))
+            ),
+        }
+
+    @cached_property
+    def _mapped(self) -> dict[tuple[str, int], Any]:
+        """Functions of several pieces by name and count, stored as CasADi would build them at each call."""
+        return {}
+
+    def _at_pieces(self, name: str, count: int, *columns: FloatArray) -> Any:
+        """Evaluate a function at columns (., count) of several pieces."""
+        if (name, count) not in self._mapped:
+            self._mapped[name, count] = self._functions[name].map(count)
+        return self._mapped[name, count](*columns)
 
     def build(self) -> PieceCosts:
         """Build the functions now."""
@@ -260,12 +291,12 @@ class PieceCosts:
 
     def costs(self, knots: Knots) -> FloatArray:
         """Return the costs (k,) of a spline."""
-        return self._total(self._functions[0].map(knots.shares.size)(knots.columns(), knots.shares[None]).full())
+        return self._total(self._at_pieces("costs", knots.shares.size, knots.columns(), knots.shares[None]).full())
 
     def slopes(self, knots: Knots) -> Slopes:
         """Return the costs of a spline and their gradients."""
         count, width = knots.shares.size, 4 * len(self.law.names) + 1
-        costs, gradients = self._functions[1].map(count)(knots.columns(), knots.shares[None])
+        costs, gradients = self._at_pieces("slopes", count, knots.columns(), knots.shares[None])
         each = costs.full()
         # The norm of a velocity has no gradient at 0; 0 is a subgradient.
         change = np.nan_to_num(gradients.full().reshape(-1, count, width))
@@ -286,7 +317,7 @@ class PieceCosts:
         units = np.concatenate([np.ones(n), slopes, np.ones(n), slopes, [knots.duration]])
         moved = columns[:, None] + rounded * np.hstack([np.zeros((width, 1)), np.diag(units)])[:, :, None]
         many = count * (width + 1)
-        result = self._functions[1].map(many)(moved.reshape(width, many), np.tile(knots.shares, width + 1)[None])
+        result = self._at_pieces("coarse", many, moved.reshape(width, many), np.tile(knots.shares, width + 1)[None])
         each = result[0].full().reshape(-1, width + 1, count)
         gradients = np.nan_to_num(result[1].full().reshape(-1, width + 1, count, width))
         for j, criterion in enumerate(self.criteria):

@@ -6,6 +6,7 @@ curvature. So a step is limited to a trust region (Nocedal and Wright, Numerical
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
@@ -43,10 +44,31 @@ class Aim(NamedTuple):
 
 
 class Constraints(NamedTuple):
-    """Linear constraints of a program, A x <= b: a sparse matrix and bounds."""
+    """Linear constraints of a program, A x <= b, with at most m entries in a row.
 
-    matrix: Any
+    entries  (R, m)
+    indices  (R, m)  of the variable of each entry; -1 for none
+    bounds   (R,)
+    """
+
+    entries: FloatArray
+    indices: IntArray
     bounds: FloatArray
+
+    def times(self, values: FloatArray) -> FloatArray:
+        """Return A x (R,) for the variables (V,)."""
+        return np.asarray(np.einsum("rm,rm->r", self.entries, np.append(values, 0.0)[self.indices]))
+
+    @property
+    def sizes(self) -> Constraints:
+        """The constraints with absolute entries."""
+        return self._replace(entries=np.abs(self.entries))
+
+    def some(self, rows: BoolArray) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return row, column and value of the entries of some rows (R,), which are counted from 0."""
+        entries, indices = self.entries[rows], self.indices[rows]
+        row, place = np.nonzero((indices >= 0) & (entries != 0.0))
+        return row, indices[row, place], entries[row, place]
 
 
 class Step(NamedTuple):
@@ -105,7 +127,6 @@ class StepPrograms:
         apart : separations at fractions of the pieces, fraction by fraction
         margin : m, least distance of bodies, or their present distance if that is less
         """
-        rows = [*self._limits(knots), self._apart(apart, margin, fractions)]
         from scipy import sparse  # on first use
 
         gradients = np.zeros((slopes.costs.size, self.size))
@@ -113,13 +134,19 @@ class StepPrograms:
             moves = self.indices >= 0
             np.add.at(gradients[j], self.indices[moves], slopes.gradients[j][moves])
         row, column = (np.broadcast_to(side, bends.shape) for side in (self.indices[:, :, None], self.indices[:, None]))
-        free = (row >= 0) & (column >= 0)
-        curvature = sparse.csr_array((bends[free], (row[free], column[free])), shape=(self.size, self.size))
-        matrix = sparse.vstack([row.matrix for row in rows]).tocsr()
-        bounds = np.concatenate([row.bounds for row in rows])
-        return StepProgram(self, knots, aim, slopes.costs, gradients, curvature, matrix, bounds)
+        free = (row >= 0) & (column >= row)
+        curvature = sparse.csc_matrix((bends[free], (row[free], column[free])), shape=(self.size, self.size))
+        constraints = self._limits(knots), self._apart(apart, margin, fractions)
+        return StepProgram(self, knots, aim, slopes.costs, gradients, curvature, constraints)
 
-    def _limits(self, knots: Knots) -> list[Constraints]:
+    @cached_property
+    def _limited(self) -> IntArray:
+        """Index (N, n, 5) of the variables that limit a joint in a piece: its four columns, and the total time."""
+        n = self.joints
+        columns = np.append(np.arange(4 * n).reshape(4, n).T, np.full((n, 1), 4 * n), axis=1)
+        return self.indices[:, columns]
+
+    def _limits(self, knots: Knots) -> Constraints:
         """Return the limits of speeds, accelerations and joints at control points, which contain each piece.
 
         For its speeds a piece is split where they are extreme, so that the control points touch them there.
@@ -143,26 +170,21 @@ class StepPrograms:
             ((-6.0 / width**2, -4.0 / width, 6.0 / width**2, -2.0 / width), begin, accelerations),
             ((6.0 / width**2, 2.0 / width, -6.0 / width**2, 4.0 / width), end, accelerations),
         ]
-        rows = list[Constraints]()
-        for weights, values, (growth, limit) in rates:
-            for sign in (1.0, -1.0):
-                room = np.maximum(0.0, limit - sign * values)
-                rows.append(self._rows([sign * weight for weight in weights], -growth, room))
-        for weights, values in (((ones, reach, zero, zero), first), ((zero, zero, ones, -reach), last)):
-            rows.append(self._rows(weights, np.zeros(n), np.maximum(0.0, self.high - values)))
-            rows.append(self._rows([-weight for weight in weights], np.zeros(n), np.maximum(0.0, values - self.low)))
-        return rows
+        entries, bounds = list[FloatArray](), list[FloatArray]()
 
-    def _rows(self, weights: Any, growth: FloatArray, room: FloatArray) -> Constraints:
-        """Return a row per piece and joint: weights of its four columns in a piece, and growth (n,) with T."""
-        count, n = room.shape
-        entries = np.zeros((count, n, 4 * n + 1))
-        each = np.arange(n)
-        for part, weight in enumerate(weights):
-            entries[:, each, part * n + each] = weight
-        entries[:, each, 4 * n] = growth
-        indices = np.broadcast_to(self.indices[:, None], entries.shape)
-        return Constraints(self._sparse(entries.reshape(count * n, -1), indices.reshape(count * n, -1)), room.ravel())
+        def limit(weights: Sequence[FloatArray], sign: float, growth: FloatArray, room: FloatArray) -> None:
+            columns = [*(sign * weight for weight in weights), growth]
+            entries.append(np.stack([np.broadcast_to(column, (count, n)) for column in columns], axis=2))
+            bounds.append(np.maximum(0.0, room))
+
+        for weights, values, (growth, most) in rates:
+            limit(weights, 1.0, -growth, most - values)
+            limit(weights, -1.0, -growth, most + values)
+        for weights, values in (((ones, reach, zero, zero), first), ((zero, zero, ones, -reach), last)):
+            limit(weights, 1.0, np.zeros(n), self.high - values)
+            limit(weights, -1.0, np.zeros(n), values - self.low)
+        indices = np.tile(self._limited.reshape(-1, 5), (len(bounds), 1))
+        return Constraints(np.concatenate(entries).reshape(-1, 5), indices, np.concatenate(bounds).ravel())
 
     def _apart(self, apart: Separations, margin: float, fractions: FloatArray) -> Constraints:
         """Return a row per pair of bodies near each other, which keeps their distance above the margin."""
@@ -170,26 +192,17 @@ class StepPrograms:
         piece, fraction = apart.owner % count, fractions[apart.owner // count]
         weights = hermite(fraction[:, None], self.shares[piece, None])
         entries = np.concatenate([-weight * apart.gradient for weight in weights], axis=1)
-        indices = self.indices[piece, :-1]
-        room = apart.distance - np.minimum(margin, apart.distance)
-        return Constraints(self._sparse(entries, indices), room)
-
-    def _sparse(self, entries: FloatArray, indices: IntArray) -> Any:
-        from scipy import sparse
-
-        row, column = np.nonzero((indices >= 0) & (entries != 0.0))
-        return sparse.csr_array((entries[row, column], (row, indices[row, column])), shape=(len(entries), self.size))
+        return Constraints(entries, self.indices[piece, :-1], apart.distance - np.minimum(margin, apart.distance))
 
 
 @dataclass(frozen=True, eq=False)
 class StepProgram:
     """Quadratic programs at one spline, for trust regions of any size.
 
-    costs      (k,)
-    gradients  (k, V)  by the variables
-    curvature  (V, V)  of the merit, sparse, positive semidefinite
-    matrix     (R, V)  of the constraints
-    bounds     (R,)    of the constraints, none negative, so that a step of 0 is feasible
+    costs        (k,)
+    gradients    (k, V)  by the variables
+    curvature    (V, V)  of the merit, positive semidefinite; the upper triangle, sparse by columns
+    constraints  of the limits and of the distances; no bound is negative, so that a step of 0 is feasible
 
     Few constraints bind. So a program begins with those that a step is likely to violate, and adds those that its
     solution violates until there are none.
@@ -201,12 +214,13 @@ class StepProgram:
     costs: FloatArray
     gradients: FloatArray
     curvature: Any
-    matrix: Any
-    bounds: FloatArray
+    constraints: tuple[Constraints, ...]
 
     @cached_property
-    def _sizes(self) -> Any:
-        return abs(self.matrix)
+    def _bends(self) -> tuple[IntArray, IntArray]:
+        """Row and column of the entries of the curvature."""
+        curvature = self.curvature
+        return curvature.indices, np.repeat(np.arange(curvature.shape[1]), np.diff(curvature.indptr))
 
     def within(self, distance: float, longest: float, drift: FloatArray | float = 0.0) -> Step | None:
         """Return the best step, or None if the solver fails.
@@ -222,25 +236,26 @@ class StepProgram:
         sloped = FASTER * distance * steps.speeds * knots.duration
         reach = np.append(np.tile(np.concatenate([np.full(n, distance), sloped]), inner), distance * knots.duration)
         later = min(reach[-1], max(0.0, longest - knots.duration))
-        added = self._sizes @ reach * LIKELY > self.bounds
+        added = [rows.sizes.times(reach) * LIKELY > rows.bounds for rows in self.constraints]
         while True:
             solved = self._solved(reach, later / reach[-1], added, drift)
             if solved is None:
                 return None
             move, multipliers = solved
-            more = ~added & (self.matrix @ move > self.bounds + BROKEN)
-            if not more.any():
+            broken = [rows.times(move) > rows.bounds + BROKEN for rows in self.constraints]
+            more = [new & ~old for new, old in zip(broken, added, strict=True)]
+            if not any(new.any() for new in more):
                 break
-            added |= more
-        predicted = self.aim.merit(self.costs + self.gradients @ move) + 0.5 * move @ self.curvature @ move
+            added = [new | old for new, old in zip(more, added, strict=True)]
+        costs, (row, column) = self.costs + self.gradients @ move, self._bends
+        twice = np.where(row == column, 1.0, 2.0)
+        bent = float((twice * self.curvature.data * move[row] * move[column]).sum())
+        gain = self.aim.merit(self.costs) - self.aim.merit(costs) - 0.5 * bent
         joints = move[:-1].reshape(inner, 2 * n)
-        gain = self.aim.merit(self.costs) - float(predicted)
-        return Step(
-            joints[:, :n], joints[:, n:], float(move[-1]), gain, multipliers, self.costs + self.gradients @ move
-        )
+        return Step(joints[:, :n], joints[:, n:], float(move[-1]), gain, multipliers, costs)
 
     def _solved(
-        self, reach: FloatArray, later: float, added: BoolArray, drift: FloatArray | float
+        self, reach: FloatArray, later: float, added: Sequence[BoolArray], drift: FloatArray | float
     ) -> tuple[FloatArray, FloatArray] | None:
         """Return the solution (V,) and the multipliers (k,) of the costs' bounds; None if the solver fails.
 
@@ -250,31 +265,36 @@ class StepProgram:
 
         clarabel: Any = import_module("clarabel")  # on first use
         aim, size, count = self.aim, reach.size, len(self.gradients)
-        some, every, each = self.matrix[added].tocoo(), np.arange(size), np.arange(count)
-        first = np.cumsum([0, count, some.shape[0], size, size])  # row of each group
+        some, every, each = [], np.arange(size), np.arange(count)
+        last = count
+        for rows, use in zip(self.constraints, added, strict=True):
+            row, column, data = rows.some(use)
+            some.append((last + row, column, data * reach[column]))
+            last += np.count_nonzero(use)
+        first = np.cumsum([last, size, size])  # row of each group that follows
         parts = [
             (np.repeat(each, size), np.tile(every, count), (self.gradients / aim.scale[:, None] * reach).ravel()),
             (each, size + each, -np.ones(count)),
-            (first[1] + some.row, some.col, some.data * reach[some.col]),
-            (first[2] + every, every, np.ones(size)),
-            (first[3] + every, every, -np.ones(size)),
-            (first[4] + each, size + each, -np.ones(count)),
+            *some,
+            (first[0] + every, every, np.ones(size)),
+            (first[1] + every, every, -np.ones(size)),
+            (first[2] + each, size + each, -np.ones(count)),
         ]
         row, column, data = (np.concatenate(column) for column in zip(*parts, strict=True))
-        total = int(first[4]) + count
-        rows = sparse.csc_matrix((data, (row, column)), shape=(total, size + count))
+        total = int(first[2]) + count
+        matrix = sparse.csc_matrix((data, (row, column)), shape=(total, size + count))
+        room = [rows.bounds[use] for rows, use in zip(self.constraints, added, strict=True)]
         above = np.append(np.ones(size - 1), later)
-        bounds = [(aim.bounds - drift - self.costs) / aim.scale, self.bounds[added], above, np.ones(size), 0.0 * each]
-        bends = self.curvature.tocoo()
-        upper = bends.row <= bends.col
-        row, column = bends.row[upper], bends.col[upper]
-        shape = (size + count, size + count)
-        curvature = sparse.csc_matrix((bends.data[upper] * reach[row] * reach[column], (row, column)), shape=shape)
+        bounds = [(aim.bounds - drift - self.costs) / aim.scale, *room, above, np.ones(size), 0.0 * each]
+        row, column = self._bends
+        entries = self.curvature.data * reach[row] * reach[column]
+        ends = np.append(self.curvature.indptr, np.full(count, row.size))  # an excess has no curvature
+        curvature = sparse.csc_matrix((entries, row, ends), shape=(size + count, size + count))
         slope = np.append((aim.weights / aim.scale) @ self.gradients * reach, np.full(count, PENALTY))
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         cones = [clarabel.NonnegativeConeT(total)]
-        problem = (curvature, slope, rows, np.concatenate(bounds), cones, settings)
+        problem = (curvature, slope, matrix, np.concatenate(bounds), cones, settings)
         solution = clarabel.DefaultSolver(*problem).solve()
         if str(solution.status) not in SOLVED:
             return None
