@@ -176,7 +176,6 @@ def hermite(fraction: Column, width: FloatArray) -> tuple[FloatArray, ...]:
 
 
 PANELS = 3  # of a piece, for the integrals of criteria
-COARSE = 1  # panels of a piece for the curvature of costs, which need not be exact
 
 
 class Slopes(NamedTuple):
@@ -225,10 +224,6 @@ class PieceCosts:
     @cached_property
     def _symbols(self) -> tuple[list[Any], Motions]:
         """Symbols of the variables of a piece and of its share, and their motion."""
-        return self._piece(PANELS)
-
-    def _piece(self, panels: int) -> tuple[list[Any], Motions]:
-        """Return symbols of the variables of a piece and of its share, and their motion with panels for integrals."""
         import casadi
 
         n = len(self.law.names)
@@ -242,7 +237,7 @@ class PieceCosts:
             return self.law.knots(values, rates, lift(clock, 1))
 
         start, end = knot(0, 0.0 * duration), knot(2 * n, share * duration)
-        return [columns, share], Motions(self.world, self.model, self.law, start, end, panels=panels)
+        return [columns, share], Motions(self.world, self.model, self.law, start, end, panels=PANELS)
 
     @cached_property
     def _formulas(self) -> list[Any]:
@@ -253,24 +248,16 @@ class PieceCosts:
     def _functions(self) -> dict[str, Any]:
         """CasADi functions of the variables and share of a piece.
 
-        costs     costs (k,)
-        slopes    costs (k,) and Jacobian (k, 4 n + 1)
-        coarse    as ``slopes``, with coarse panels
+        costs   costs (k,)
+        slopes  costs (k,) and Jacobian (k, 4 n + 1)
         """
         import casadi
 
-        def with_jacobian(name: str, symbols: list[Any], costs: Any) -> Any:
-            jacobian = casadi.densify(casadi.jacobian(costs, symbols[0]))
-            return casadi.Function(name, symbols, [costs, jacobian])
-
-        symbols, costs = self._symbols[0], casadi.vertcat(*self._formulas)
-        coarse, motions = self._piece(COARSE)
+        symbols, costs = self._symbols[0], casadi.cse(casadi.vertcat(*self._formulas))
+        jacobian = casadi.densify(casadi.jacobian(costs, symbols[0]))
         return {
             "costs": casadi.Function("costs", symbols, [costs]),
-            "slopes": with_jacobian("slopes", symbols, costs),
-            "coarse": with_jacobian(
-                "coarse", coarse, casadi.vertcat(*(on_symbols(criterion, motions) for criterion in self.criteria))
-            ),
+            "slopes": casadi.Function("slopes", symbols, [costs, jacobian]),
         }
 
     @cached_property
@@ -317,7 +304,7 @@ class PieceCosts:
         units = np.concatenate([np.ones(n), slopes, np.ones(n), slopes, [knots.duration]])
         moved = columns[:, None] + rounded * np.hstack([np.zeros((width, 1)), np.diag(units)])[:, :, None]
         many = count * (width + 1)
-        result = self._at_pieces("coarse", many, moved.reshape(width, many), np.tile(knots.shares, width + 1)[None])
+        result = self._at_pieces("slopes", many, moved.reshape(width, many), np.tile(knots.shares, width + 1)[None])
         each = result[0].full().reshape(-1, width + 1, count)
         gradients = np.nan_to_num(result[1].full().reshape(-1, width + 1, count, width))
         for j, criterion in enumerate(self.criteria):
