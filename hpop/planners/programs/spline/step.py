@@ -265,12 +265,13 @@ class StepProgram:
 
         clarabel: Any = import_module("clarabel")  # on first use
         aim, size, count = self.aim, reach.size, len(self.gradients)
-        some, every, each = [], np.arange(size), np.arange(count)
+        every, each = np.arange(size), np.arange(count)
+        some = list[tuple[IntArray, IntArray, FloatArray]]()
         last = count
         for rows, use in zip(self.constraints, added, strict=True):
             row, column, data = rows.some(use)
             some.append((last + row, column, data * reach[column]))
-            last += np.count_nonzero(use)
+            last += int(np.count_nonzero(use))
         first = np.cumsum([last, size, size])  # row of each group that follows
         parts = [
             (np.repeat(each, size), np.tile(every, count), (self.gradients / aim.scale[:, None] * reach).ravel()),
