@@ -359,6 +359,8 @@ class Ledger:
         data = documents.parse_json(self.path, documents.read_bytes(self.path, MOST_BYTES), WHAT)
         session = Session.of(documents.validated(self.path, data, AnswersFile, WHAT), self.design)
         if session.person.id != self.participant:
-            raise StudyError(f"{self.path} holds answers of {session.person.id}; give it that name")
+            raise StudyError(
+                f"{self.path} holds the answers of {session.person.id}; rename it to {session.person.id}.json"
+            )
         found: dict[str, Any] = data
         return found
