@@ -338,20 +338,16 @@ class Safety:
             in_contact = np.hypot(x[:, 0], y[:, 0]) < self._axis(person, touch) + self.stray
         else:
             parts = pieces.moves | pieces.stands
-            in_contact = self._to_outline(pieces, (x[:, 0], y[:, 0]), person) < touch.gap + self.stray
+            in_contact = to_parts(self.parts, pieces.yaw, [(x[:, 0], y[:, 0])]) - person.radius < touch.gap + self.stray
         for (x0, x1), (y0, y1), (since, until) in zip(*(pairwise(c.T) for c in (x, y, times)), strict=True):
             dx, dy = x1 - x0, y1 - y0
             if self._round:
                 grows = x0 * dx + y0 * dy >= -TOUCH
             else:
-                gap, then = (self._to_outline(pieces, (x0 + s * dx, y0 + s * dy), person) for s in (0.0, EARLY))
+                gap, then = (to_parts(self.parts, pieces.yaw, [(x0 + s * dx, y0 + s * dy)]) for s in (0.0, EARLY))
                 grows = then >= gap - TOUCH
             parts &= grows | (until <= since) | ~(np.asarray(person.there(0.5 * (since + until))) > 0)
         return np.asarray(in_contact & parts)
-
-    def _to_outline(self, pieces: MotionPieces, at: Place, person: Person) -> FloatArray:
-        """Return the gaps (N,), m, of a person at positions relative to the robot that begins some pieces."""
-        return to_parts(self.parts, pieces.yaw, [at]) - person.radius
 
     def _needed_on(self, person: Person, tick: IntArray, lasts: IntArray, margin: float) -> Separation:
         """Return the largest distances for a margin, m, needed at the ends and in the middle of some ticks."""
