@@ -107,7 +107,7 @@ def parse(data: bytes) -> Any:
 def plain(value: Any) -> Any:
     """Return a copy of a value as plain JSON values, equal after saving; ValueError or TypeError if impossible."""
     text = json.dumps(value, allow_nan=False, sort_keys=True, default=of_numpy)
-    return json.loads(text, parse_int=_bounded_int, parse_float=_finite_float)
+    return json.loads(text, parse_int=_bounded_int)  # all floats of this text are finite
 
 
 def _object_without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

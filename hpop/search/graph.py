@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.arrays import BoolArray, IntArray, inserted
+from hpop.base.arrays import BoolArray, IntArray, copied, inserted
 from hpop.base.options import whole
 from hpop.base.text import shown
 from hpop.errors import GraphError
@@ -279,16 +279,20 @@ class Graph:
         ([0, 2, 3, 4], [1, 2, 0, 1], [5, 7, 6, 8])
         """
         nodes = whole("nodes", nodes, self.nodes, MOST_NODES, "a number of nodes", error=GraphError)
-        tails, heads = np.asarray(tails, np.int64), np.asarray(heads, np.int32)
+        added = type(self).from_arcs(nodes, tails, heads, costs, aggregates=self.aggregates)  # these alone are checked
         rows = np.append(self.indptr, np.full(nodes - self.nodes, self.arcs))
-        more = np.append(0, np.cumsum(np.bincount(tails, minlength=nodes)))
-        before = rows[tails + 1]
-        all_heads = cast("NDArray[np.int32]", inserted(self.heads, before, heads))
-        all_costs: IntArray = inserted(self.costs, before, np.asarray(costs))
-        arcs = np.arange(self.arcs + tails.size, dtype=np.int32)
-        _make_read_only(all_heads, all_costs, arcs)
-        graph = type(self)(rows + more, all_heads, all_costs, arcs, self.aggregates)
-        object.__setattr__(graph, "base", self if is_reused else None)
+        before = np.repeat(rows[1:], np.diff(added.indptr))
+        arrays = {
+            "indptr": rows + added.indptr,
+            "heads": inserted(self.heads, before, added.heads),
+            "costs": inserted(self.costs, before, added.costs),
+            "arc": np.arange(self.arcs + added.arcs, dtype=np.int32),
+        }
+        _make_read_only(*arrays.values())
+        largest = np.maximum(self.largest, added.largest)
+        fields = {**arrays, "largest": largest, "base": self if is_reused else None, "labels": None, "edges": None}
+        graph = copied(self, without=("cache", "_numbers"), **fields)
+        _check_sums(graph)
         return graph
 
     @cached_property

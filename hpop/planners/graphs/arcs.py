@@ -147,7 +147,7 @@ def summed_columns(graph: Graph) -> list[int]:
 
 def _charges_every_turn(graph: Graph, column: int, turned: NDArray[np.int8]) -> bool:
     """Return whether a cost charges for every arc that turns."""
-    return all((graph.costs[part, column][turned[part] > 0] > 0).all() for part in blocks(graph.arcs))
+    return not any(((graph.costs[part, column] == 0) & (turned[part] > 0)).any() for part in blocks(graph.arcs))
 
 
 # Each motion of a chain is costed and checked for collisions; costs are added up, or the worst is taken, and rounded

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,10 @@ import shapely
 import hpop
 from hpop.planners.graphs.lattice.family import LatticeGraph
 from hpop.planners.objectives import edge_objectives
+from hpop.runtime.status import Budget
+from hpop.search import Graph
+from hpop.search.machinery.slices import Clock
+from hpop.search.machinery.turns import Groups
 from hpop.world import Person, World
 from hpop.world.content.content import Zone
 
@@ -93,6 +97,13 @@ def grid(rng: np.random.Generator) -> Any:
     return cells
 
 
+def groups_of_turns(graph: Graph) -> Groups:
+    """Return the groups of turns of a graph to which queries add their ends."""
+    nothing = np.zeros(0, np.int64)
+    extended = graph.extended(graph.nodes, nothing, nothing, np.zeros((0, graph.criteria), np.int64), is_reused=True)
+    return Groups.of(extended, Clock(Budget(), None))
+
+
 @pytest.mark.seeds(4, of=100)
 def test_a_lattice_on_changing_cells_equals_one_that_is_built_anew(seed: int) -> None:
     """Boxes come and go, doors close and open, cells far outside change, and people stand in some of the worlds."""
@@ -110,7 +121,7 @@ def test_a_lattice_on_changing_cells_equals_one_that_is_built_anew(seed: int) ->
         made = LatticeGraph(anchor="world", **options)._lattice(robot, world, world.bounds[:2])
         return made, made.graph(asked)
 
-    graph(world)
+    groups_of_turns(graph(world)[1])
     for _ in range(4):
         row, column, height, width = (
             (20, 60, 14, 2),
@@ -131,6 +142,9 @@ def test_a_lattice_on_changing_cells_equals_one_that_is_built_anew(seed: int) ->
         np.testing.assert_array_equal(own, new)
         assert own.dtype == new.dtype
     np.testing.assert_array_equal(costs.costs, expected.costs)
+    groups, new_groups = groups_of_turns(costs), groups_of_turns(expected)
+    for field in fields(groups):
+        np.testing.assert_array_equal(getattr(groups, field.name), getattr(new_groups, field.name), field.name)
 
 
 def test_fronts_on_changing_cells_are_those_of_a_fresh_plan() -> None:

@@ -17,6 +17,7 @@ from hpop.motions import lacking
 from hpop.planners.graphs.arcs import MOVE, Arcs
 from hpop.planners.graphs.lattice.graph import StateLattice
 from hpop.planners.objectives import quantised
+from hpop.search import Graph
 from hpop.world import World
 from hpop.world.geometry.cells import changed_boxes
 from hpop.world.occupancy import take_over
@@ -52,16 +53,43 @@ def update(before: StateLattice, after: World, criteria: Sequence[Criterion]) ->
     lattice.cache_part("arcs", arcs)
     is_new = origin < 0
     lattice.cache_part("rechecked", int(is_new.sum()))
+    changed = is_new.copy()  # arcs that are new, or have new costs
     for criterion in criteria:
         name = lattice.cache_name(criterion)
         counts = None if name is None else before.cached_part(name)
         affected = None if counts is None else _affected_arcs(criterion, lattice, before.world)
         if counts is not None and affected is not None:
-            column = counts[np.maximum(origin, 0)].astype(np.int64)
+            changed |= affected
+            column = counts.take(origin, mode="clip")  # arcs without an origin are among those that follow
             for rows, motions in lattice.motions_of(np.flatnonzero(is_new | affected)):
-                column[rows] = quantised(motion_costs(criterion, motions), criterion)
-            lattice.cache_part(name, _as_read_only(column.astype(np.min_scalar_type(int(column.max(initial=0))))))
+                costs = quantised(motion_costs(criterion, motions), criterion)
+                needed = np.min_scalar_type(int(costs.max(initial=0)))
+                column = column.astype(np.promote_types(column.dtype, needed), copy=False)
+                column[rows] = costs
+            lattice.cache_part(name, _as_read_only(column))
+    _take_over_graph(before, lattice, criteria, near, changed)
     return lattice
+
+
+def _take_over_graph(
+    before: StateLattice, lattice: StateLattice, criteria: Sequence[Criterion], near: BoolArray, changed: BoolArray
+) -> None:
+    """Cache the search graph of a changed lattice with its groups of turns, if those before the change are cached.
+
+    near     (rows, columns)  mask of the positions near the change
+    changed  (m,)  mask of the arcs that are new, or have new costs
+    """
+    from hpop.search.machinery.changed_turns import take_over_groups  # numba: on first use
+
+    names = tuple(before.cache_name(criterion) for criterion in criteria)
+    graph: Graph | None = None if None in names else before.cached_part(("graph", names))
+    if graph is None or not lattice.costed(criteria):
+        return
+    count = np.append(0, np.cumsum(changed))
+    is_same = ~near[lattice.cells] & (np.diff(count[lattice.arcs.start[:: lattice.width]]) == 0)
+    place = np.where(is_same, before.number[lattice.cells], -1)[:, None]
+    nodes = np.where(place < 0, -1, place * lattice.width + np.arange(lattice.width))
+    take_over_groups(graph, lattice.graph(criteria), nodes.ravel())
 
 
 def _longest_step(lattice: StateLattice) -> float:

@@ -1,0 +1,146 @@
+"""Groups of turns after a local change of a graph: only those of nodes with changed arcs are computed again."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from hpop.base.arrays import IntArray
+from hpop.runtime.compiled import lean
+from hpop.runtime.status import Budget
+from hpop.search.graph import Graph
+from hpop.search.machinery.slices import Clock
+from hpop.search.machinery.turns import (
+    GROUP_COLUMNS,
+    OFFSET,
+    SIZE,
+    SPARE,
+    TURNS,
+    Groups,
+    no_dearer_than_two,
+    number_groups,
+    separate_turns,
+    write_turn_costs,
+)
+
+
+def take_over_groups(before: Graph, graph: Graph, nodes: IntArray) -> None:
+    """Cache the groups of turns of a graph that differs from the graph ``before`` in the arcs of some nodes.
+
+    The groups equal those that are computed from scratch. Nothing is cached where a change splits a group.
+
+    nodes  (n,)  node of ``before`` with the same arcs, apart from the numbers of their heads; -1 for changed arcs
+    """
+    for key, groups in list(before.cache.items()):
+        if isinstance(groups, Groups) and key == ("groups", groups.column):
+            changed = _updated(groups, before, graph, nodes)
+            if changed is not None:
+                graph.cache[key] = changed
+
+
+def _updated(groups: Groups, before: Graph, graph: Graph, nodes: IntArray) -> Groups | None:
+    """Return the groups of the changed graph; None if they must be computed from scratch."""
+    clock, n = Clock(Budget(), None), graph.nodes
+    whole, new_sizes = _whole_groups(groups, nodes), _sizes_of_changed_groups(groups, graph, nodes, clock)
+    if whole is None or new_sizes is None:
+        return None
+    kept, changed, old_sizes = np.flatnonzero(nodes >= 0), np.flatnonzero(nodes < 0), groups.rows[whole, SIZE]
+    first = [of[np.cumsum(sizes) - sizes] for of, sizes in ((kept, old_sizes), (changed, new_sizes))]
+    order = np.argsort(np.concatenate(first))
+    is_new = order >= whole.size
+    rows = np.zeros((order.size, GROUP_COLUMNS), np.int64)
+    rows[:, OFFSET], rows[:, SIZE] = np.concatenate(first)[order], np.concatenate([old_sizes, new_sizes])[order]
+    rows[1:, TURNS] = np.cumsum(rows[:-1, SIZE] ** 2)
+
+    # Arcs of the changed nodes are separated into turns and plain arcs; the others keep their plain arcs.
+    tables = (graph.indptr, graph.heads, graph.costs, groups.column, np.arange(n), np.arange(n), rows[is_new])
+    most = int((graph.indptr[changed + 1] - graph.indptr[changed]).sum())
+    start, heads, plain = np.empty(n + 1, np.int64), np.empty(most, np.int32), np.empty(most, np.int32)
+    new_dearest, alike = np.zeros((new_sizes.size, graph.criteria), np.int64), np.ones(graph.criteria, np.bool_)
+    m = clock.call(separate_turns, *tables, start, heads, plain, new_dearest, alike)
+    dearest = np.empty((order.size, graph.criteria), np.int64)
+    dearest[is_new], dearest[~is_new] = new_dearest, groups.dearest[whole]
+    degrees = np.empty(n, np.int64)
+    degrees[kept], degrees[changed] = np.diff(groups.start)[nodes[kept]], np.diff(np.append(start[changed], m))
+    stays = np.zeros(before.nodes, np.bool_)
+    stays[nodes[kept]] = True
+    shift = np.repeat(graph.indptr[kept] - before.indptr[nodes[kept]], degrees[kept])
+    is_kept = np.repeat(nodes >= 0, degrees)
+    origin = np.empty(is_kept.size, np.int32)
+    origin[is_kept], origin[~is_kept] = groups.origin[np.repeat(stays, np.diff(groups.start))] + shift, plain[:m]
+    if graph.costs[origin, groups.column].any():  # whether such an arc is a turn may depend on other arcs
+        return None
+
+    turns = np.zeros((graph.criteria, 0), np.int64)
+    if groups.turns.size:
+        turns = np.zeros((graph.criteria, int((rows[:, SIZE] ** 2).sum()) + SPARE), np.int64)
+        _copy_runs(groups.turns, groups.rows[whole], turns, rows[~is_new])
+        clock.call(write_turn_costs, *tables, turns)
+        differ = [clock.call(turns_differ, rows, dearest, turns, j) for j in range(alike.size)]
+        alike &= groups.alike | ~np.array(differ)
+    elif not alike.all():
+        return None
+    worst = np.array([aggregate == "max" for aggregate in graph.aggregates])
+    if turns.size and not clock.call(no_dearer_than_two, rows[is_new], turns, alike, worst):
+        return None
+    turns = turns[:, :0].copy() if alike.all() else turns
+    numbers, ends = np.arange(n), np.append(0, np.cumsum(degrees))
+    return Groups(
+        groups.column, groups.step, numbers, numbers, rows, dearest, alike, turns, ends, graph.heads[origin], origin
+    )
+
+
+def _whole_groups(groups: Groups, nodes: IntArray) -> IntArray | None:
+    """Return the groups whose nodes all stay, in order; None if some stay in part, or nodes change their order."""
+    kept = np.flatnonzero(nodes >= 0)
+    old = nodes[kept]
+    number = np.repeat(np.arange(len(groups.rows)), groups.rows[:, SIZE])[old]
+    is_first = groups.rows[number, OFFSET] == old
+    whole: IntArray = number[is_first]
+    sizes = groups.rows[whole, SIZE]
+    if int(sizes.sum()) != old.size or (np.diff(groups.nodes) != 1).any() or (np.diff(old) <= 0).any():
+        return None
+    together = np.array_equal(np.repeat(whole, sizes), number)
+    return whole if together and np.array_equal(np.repeat((kept - old)[is_first], sizes), kept - old) else None
+
+
+def _sizes_of_changed_groups(groups: Groups, graph: Graph, nodes: IntArray, clock: Clock) -> IntArray | None:
+    """Return the numbers of nodes of the groups of changed nodes, in order; None if their turns do not fit."""
+    changed, group = np.flatnonzero(nodes < 0), np.full(graph.nodes, -1)
+    entered = np.zeros(graph.nodes, np.bool_)
+    entered[graph.heads] = True
+    entered[nodes >= 0] = False  # so that only turns of changed nodes are followed
+    tables = (graph.indptr, graph.heads, graph.costs, groups.column, entered)
+    count, step, _ = clock.call(number_groups, *tables, group, np.zeros_like(group), group.copy())
+    if count == 0 or step not in (0, groups.step):
+        return None
+    begins = np.flatnonzero(np.append(True, np.diff(group[changed]) != 0)[: changed.size])
+    sizes: IntArray = np.diff(np.append(begins, changed.size))
+    offset = changed - np.arange(changed.size)  # constant within a range of nodes
+    are_ranges = np.unique(group[changed]).size == sizes.size and np.array_equal(
+        np.repeat(offset[begins], sizes), offset
+    )
+    return sizes if are_ranges else None
+
+
+def _copy_runs(before: IntArray, old: IntArray, turns: IntArray, new: IntArray) -> None:
+    """Copy the turns of groups, with old and new rows (g, 3), between two tables (k, t), many groups at once."""
+    pairs = old[:, SIZE] ** 2
+    ends = [table[:, TURNS] + pairs for table in (old, new)]
+    parted = (old[1:, TURNS] != ends[0][:-1]) | (new[1:, TURNS] != ends[1][:-1])
+    begins = np.flatnonzero(np.append(True, parted)[: len(old)])
+    for begin, end in pairwise([*begins.tolist(), len(old)]):
+        turns[:, new[begin, TURNS] : ends[1][end - 1]] = before[:, old[begin, TURNS] : ends[0][end - 1]]
+
+
+@lean
+def turns_differ(rows: IntArray, dearest: IntArray, turns: IntArray, column: int) -> bool:
+    """Return whether the turns of some group have different costs in a column."""
+    for g in range(len(rows)):
+        size = rows[g, SIZE]
+        for u in range(size):
+            for v in range(size):
+                if u != v and turns[column, rows[g, TURNS] + u * size + v] != dearest[g, column]:
+                    return True
+    return False
