@@ -5,25 +5,29 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Self, cast, overload
 
 import numpy as np
 
 from hpop import frontier
 from hpop.base.arguments import checked_arguments
-from hpop.base.arrays import BoolArray, FloatArray
+from hpop.base.arrays import BoolArray, FloatArray, copied
 from hpop.base.registry import GROUPS, make_model
 from hpop.base.table import facts_html, picture_html, table_html
 from hpop.errors import ModelError
 from hpop.frontier import FrontError, FrontFileError, storage
 from hpop.frontier.choices import Preferring
+from hpop.frontier.points import as_json
 from hpop.frontier.storage import checked_path
 from hpop.models import files
 from hpop.motions import Model
 from hpop.trajectories.motion_table import MotionTable
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world.description import found_from, seen_from, without_places
+
+if TYPE_CHECKING:
+    from hpop.world import World
 
 FOR_YOU = "for you"
 """Name of the point that a person prefers."""
@@ -46,6 +50,21 @@ class Front(frontier.Front[Trajectory]):
 
     def _point(self, row: int) -> Point:
         return Point(**self._fields_of(row))
+
+    @cached_property
+    def problem(self) -> dict[str, Any] | None:  # type: ignore[override]  # set by the constructor, or by `in_world`
+        """Description of the problem, as JSON, or None."""
+        described: dict[str, Any] = {**vars(self)["_query"], "world": vars(self)["_world"].describe()}
+        return as_json("problem", described)
+
+    def in_world(self, world: World) -> Self:
+        """Return the front with a world in the description of its problem, which is written on first use."""
+        return copied(self, without={"problem"}, _query=self.problem, _world=world.uncached())
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the fields, with the whole description of the problem."""
+        _ = self.problem
+        return {name: value for name, value in vars(self).items() if name not in ("_query", "_world")}
 
     if TYPE_CHECKING:  # points have trajectories
 

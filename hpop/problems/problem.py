@@ -234,8 +234,11 @@ class Problem:
 
     def describe(self) -> dict[str, Any]:
         """Return a JSON-able description from which :meth:`from_description` builds the same problem."""
+        return {"world": self.world.describe(), **self.describe_query()}
+
+    def describe_query(self) -> dict[str, Any]:
+        """Return the description without the world."""
         return {
-            "world": self.world.describe(),
             "model": self.model.describe(),
             "start": list(self.start),
             "goal": self.target.describe(),

@@ -219,7 +219,9 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
         *problem.notes,
         *notes_on_targets(problem.world, problem.model, problem.target, trajectories),
     ]
-    return Front.of(
+    world = problem.world
+    is_bare = world.source is None and not (world.content.present or world.content.zones)  # geometry alone is large
+    result = Front.of(
         costs,
         trajectories,
         names=[c.name for c in objectives],
@@ -232,7 +234,7 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
         status=str(candidates.status),
         certificate=certificate,
         provenance=candidates.provenance,
-        problem=problem.describe(),
+        problem=problem.describe_query() if is_bare else problem.describe(),
         runs=[
             {
                 "notes": [by_names(note) for note in notes],
@@ -241,6 +243,7 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
             }
         ],
     )
+    return result.in_world(world) if is_bare else result
 
 
 def _spending(problem: Problem, planner: Planner) -> Spending:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Self, cast
 
 import numpy as np
@@ -17,7 +17,7 @@ from hpop.errors import MapError
 from hpop.world.fields.field import TiledField
 from hpop.world.geometry.cells import CellSpace, changed_blocks, on_one_grid
 from hpop.world.geometry.shapes import Raster, check_heights
-from hpop.world.ground import WHOLE, Cache, Ground, Heights
+from hpop.world.ground import WHOLE, Ground, Heights
 
 if TYPE_CHECKING:
     from hpop.world.world import World
@@ -132,16 +132,10 @@ class FromCells:
             )
         cells = raster.cells.copy()
         cells[row : row + part.shape[0], column : column + part.shape[1]] = part
-        changed = _with_raster(world, replace(raster, cells=cells))
+        changed = world.uncached(raster=replace(raster, cells=cells), path=None)
+        changed = copied(changed, source=None)
         take_over(world, changed)
         return cast(Self, changed)
-
-
-def _with_raster(world: World, raster: Raster) -> World:
-    """Return the world with other cells on the same grid; its geometries were checked before, so they are not again."""
-    ground = copied(world.ground, raster=raster, path=None, cache=Cache())
-    derived = vars(world).keys() - {field.name for field in fields(world)}
-    return copied(world, without=derived, ground=ground, source=None, cache=Cache(beside=ground.cache))
 
 
 def occupied_cells(data: Any, thresholds: tuple[float, float], *, unknown_is_free: bool) -> BoolArray:

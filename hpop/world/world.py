@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -103,6 +103,12 @@ class World(FromCells, FromFiles):
         view = object.__new__(kind)  # nothing is checked or computed again
         view.__dict__.update(self.__dict__)
         return view
+
+    def uncached(self, **of_ground: Any) -> World:
+        """Return this world without derived values, and with other fields of its ground; they are not checked."""
+        ground = copied(self.ground, cache=Cache(), **of_ground)
+        derived = vars(self).keys() - {each.name for each in fields(self)}
+        return copied(self, without=derived, ground=ground, cache=Cache(beside=ground.cache))
 
     # Constructors
 
