@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, FloatArray, copied
+from hpop.base.arrays import BoolArray, copied
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
 from hpop.motions import lacking
@@ -44,8 +44,8 @@ def update(before: StateLattice, after: World, criteria: Sequence[Criterion]) ->
         return lattice
     take_over(before.world, after)
     within = TURNED * max(part.reach for part in before.model.platform) + _longest_step(before) + SLACK
-    near = _near_changes(before, lattice, within)
-    part = replace(lattice, kept=_near_changes(before, lattice, within + _longest_step(before) + SLACK))
+    kept = _near_changes(before, lattice, within + _longest_step(before) + SLACK)
+    part, near = replace(lattice, kept=kept), _near_changes(before, lattice, within, among=kept)
     lattice.cache_part("clear", _as_read_only(np.where(near, part.clear, before.clear)))
     if cached["free"] is not None:
         lattice.cache_part("free", _as_read_only(np.where(near[:, :, None], part.free, before.free)))
@@ -97,16 +97,17 @@ def _longest_step(lattice: StateLattice) -> float:
     return lattice.step * max(math.hypot(*step) for step in lattice.headings.steps)
 
 
-def _near_changes(before: StateLattice, after: StateLattice, within: float) -> BoolArray:
-    """Mark the positions (rows, columns) that have a difference between both worlds within a distance, m."""
-    x, y = _positions(before)
-    return after.collision.differs(before.collision, x, y, within).reshape(before.shape)
+def _near_changes(
+    before: StateLattice, after: StateLattice, within: float, among: BoolArray | None = None
+) -> BoolArray:
+    """Mark the positions (rows, columns) with a difference between both worlds within a distance, m.
 
-
-def _positions(lattice: StateLattice) -> tuple[FloatArray, FloatArray]:
-    """Return x and y (rows * columns,), m, of all grid positions."""
-    rows, columns = (index.ravel() for index in np.indices(lattice.shape))
-    return lattice.position(rows, columns)
+    among  (rows, columns)  mask of the positions to test; None for all
+    """
+    near = np.ones(before.shape, dtype=np.bool_) if among is None else among.copy()
+    rows, columns = np.nonzero(near)
+    near[rows, columns] = after.collision.differs(before.collision, *before.position(rows, columns), within)
+    return near
 
 
 def _arcs_after_change(
