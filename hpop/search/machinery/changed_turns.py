@@ -92,7 +92,7 @@ def _updated(groups: Groups, before: Graph, graph: Graph, nodes: IntArray) -> Gr
 
 
 def _whole_groups(groups: Groups, nodes: IntArray) -> IntArray | None:
-    """Return the groups that stay with all their nodes, in order; None if only a part of one stays, or if nodes move."""
+    """Return the groups that stay with all their nodes, in order; None if only a part of one stays, or nodes move."""
     kept = np.flatnonzero(nodes >= 0)
     old = nodes[kept]
     number = np.repeat(np.arange(len(groups.rows)), groups.rows[:, SIZE])[old]
