@@ -282,7 +282,7 @@ class Graph:
         added = type(self).from_arcs(nodes, tails, heads, costs, aggregates=self.aggregates)  # these alone are checked
         rows = np.append(self.indptr, np.full(nodes - self.nodes, self.arcs))
         before = np.repeat(rows[1:], np.diff(added.indptr))
-        arrays = {
+        arrays: dict[str, NDArray[Any]] = {
             "indptr": rows + added.indptr,
             "heads": inserted(self.heads, before, added.heads),
             "costs": inserted(self.costs, before, added.costs),
