@@ -51,8 +51,8 @@ class Front(frontier.Front[Trajectory]):
     def _point(self, row: int) -> Point:
         return Point(**self._fields_of(row))
 
-    @cached_property
-    def problem(self) -> dict[str, Any] | None:  # type: ignore[override]  # set by the constructor, or by `in_world`
+    @cached_property  # type: ignore[misc]  # set by the constructor, or made after `in_world`
+    def problem(self) -> dict[str, Any] | None:
         """Description of the problem, as JSON, or None."""
         described: dict[str, Any] = {**vars(self)["_query"], "world": vars(self)["_world"].describe()}
         return as_json("problem", described)
