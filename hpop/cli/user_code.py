@@ -163,7 +163,7 @@ def _placed(file: Path) -> str:
         raise OwnCodeError(f"cannot import {str(file)!r}: there is no such file; {FORM}")
     name = file.stem
     if file.suffix != ".py" or "." in name:
-        raise OwnCodeError(f"cannot import {str(file)!r}: a file of Python is called NAME.py, without further points")
+        raise OwnCodeError(f"cannot import {str(file)!r}: rename it to NAME.py, with no other dot in its name")
     _only(name, file)
     _look_in(file.absolute().parent)
     _only(name, file)

@@ -275,9 +275,10 @@ class DriveGraph:
         return arcs if begins and not self.closed[arcs].any() else None
 
     def _arcs_along(self, nodes: IntArray) -> tuple[IntArray, IntArray]:
-        """Return the arcs between the last of some nodes, up to a goal, and the indices of their tails among the nodes.
+        """Return the arcs of the last part of a path that ends at a goal, and the indices in ``nodes`` of their tails.
 
-        A node of -1 interrupts the path.
+        The part begins after the last node of -1, which is a state off the graph. Both are empty if no arc leads on to
+        the goal.
         """
         places = np.flatnonzero(np.append(nodes[1:] != nodes[:-1], True))  # a hold repeats its node
         nodes = nodes[places]

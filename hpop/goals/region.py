@@ -55,7 +55,7 @@ class Miss(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class InverseKinematics:
-    """Inverse kinematics: search for states of a model, in a space, with a body in a region."""
+    """Search for states in a model's state space that put one of its bodies into a region."""
 
     model: Model
     space: StateSpace

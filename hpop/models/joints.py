@@ -259,9 +259,10 @@ class Stations(NamedTuple):
 
 
 def grid_of_stations(yaw: FloatArray, joints: Mapping[str, FloatArray]) -> tuple[Stations, IntArray]:
-    """Return all combinations of headings (H,), rad, and joint values, and the index of each combination.
+    """Return all combinations of headings (H,), rad, and joint values, and the station number of each.
 
-    A "turn" leads from any heading to any other, and a joint's law from any value of the joint to any other.
+    The numbers have one axis for the headings and one for each joint. A "turn" leads from any heading to any other, and
+    a joint's law from any value of the joint to any other.
     """
     shape = (yaw.size, *(values.size for values in joints.values()))
     heading, *at = (index.ravel() for index in np.indices(shape))

@@ -130,8 +130,8 @@ class Instants:
         self.read.add("t")
         if self._t is None:
             raise UnsupportedCriterion(
-                "it depends on the time, which motions of a planner without a clock do not have; where people move, "
-                "plan by 'exact', 'lattice', 'roadmap' or 'any-angle', which have a clock"
+                "it depends on the time, but this planner has no clock; among people who move, plan by 'exact', "
+                "'lattice', 'roadmap' or 'any-angle', which have one"
             )
         return self._t
 

@@ -115,13 +115,14 @@ class CostScale:
                 raise StudyError(
                     f"the preference weighs {shown(name)}, which the front does not have"
                     f"{' but reported' * (name in front.reported_names)}.{did_you_mean(name, front.names)} Its costs "
-                    f"are {', '.join(front.names)}; plan with {shown(name)} as a criterion, or ask about this front"
+                    f"are {', '.join(front.names)}; plan with {shown(name)} as a criterion, or answer the questions "
+                    "for this front again"
                 )
             j = front.names.index(name)
             if front.units[j] != unit:
                 raise StudyError(
-                    f"the preference has {shown(name)} in {shown(unit)}, the front in {shown(front.units[j])}; ask "
-                    "about this front, or give its costs in the same unit"
+                    f"the preference has {shown(name)} in {shown(unit)}, the front in {shown(front.units[j])}; "
+                    "convert the front's costs to the same unit, or answer the questions for this front again"
                 )
             places.append(j)
         return places

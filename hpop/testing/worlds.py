@@ -157,7 +157,10 @@ def prediction_checks(criterion: Criterion, world: World, batches: list[Motions]
 
 
 def predicted_batches(criterion: Criterion, world: World, batches: list[Motions]) -> list[Motions]:
-    """Return moves and holds among people who walk, and among people with hypotheses if accepted."""
+    """Return the moves and holds of some batches in worlds of people who walk, and of people with several futures.
+
+    Worlds that the criterion refuses are left out.
+    """
     worlds = [one for one in (sure_world(world), open_world(world)) if not refuses(criterion, one, batches)]
     asked = [motions for motions in batches if motions.kind in ASKED and len(motions) > 1]
     return [replace(motions, world=one) for one in worlds for motions in asked]

@@ -158,9 +158,9 @@ def test_the_example_is_planned_as_it_says(hpop: Hpop, tmp_path: Path) -> None:
         (WAY.replace('"C"', '"X"'), "own.py", 8, "own.py, line 4: criterion 'my_way' (Way): group must be one of"),
         (WAY, "queue.py", 14, "its name is taken by the module 'queue'"),
         (WAY, "moocore.py", 14, "its name is taken by the module 'moocore'"),
-        (WAY, "own.v2.py", 14, "NAME.py, without further points"),
+        (WAY, "own.v2.py", 14, "NAME.py, with no other dot"),
         (WAY, "own.py:Way", 14, "it is imported as a whole; give own.py"),
-        (WAY, "own.txt", 14, "a file of Python is called NAME.py"),
+        (WAY, "own.txt", 14, "rename it to NAME.py"),
         (WAY, ".", 14, "it is a folder; give a file in it, such as NAME.py"),
     ],
 )

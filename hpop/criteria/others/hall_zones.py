@@ -25,15 +25,15 @@ class HallZones:
     """Time in people's zones, each zone with its weight: ∫ Σ_people E[w(gap)] dt; two people disturbed count twice.
 
     The zones end at .45 m (intimate), 1.2 m (personal) and 3.6 m (social); beyond, the weight w is 0. The gap is the
-    distance from the person's body to the robot, which is taken as round about its axis with ``robot_radius``, by
-    default as far as the model reaches. Unit s; a sum over motions.
+    distance from the person's body to the robot, which is taken as a disc about its axis. The radius of the disc is
+    ``robot_radius``, by default the reach of the model. Unit s; a sum over motions.
 
     Source: the zones of Hall 1966 (The Hidden Dimension). The weights are this library's choice. Deviation: at a zone's
     border the weight changes over ``softness`` metres (a polynomial of degree 5, half the change at the border itself),
     so that the cost has a gradient. :func:`hpop.criteria.others.metrics.zone_fractions` has sharp zones.
 
-    E is the mean over the person's hypotheses (by weight) and over the uncertain position. Tables of the blurred weight
-    are within 1e-4 of the integral with the default softness, 3e-3 with .05 m, .01 with .01 m. The mean of the cost is
+    E is the mean over the person's hypotheses (by weight) and over the uncertain position. It is read from tables,
+    which are off by at most 1e-4 with the default softness, 3e-3 with .05 m, .01 with .01 m. The mean of the cost is
     right whether or not a person's deviations at different times are correlated.
     """
 

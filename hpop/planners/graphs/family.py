@@ -103,15 +103,16 @@ class NotBuilt(Exception):
 class GraphFamily:
     """Kind of graph that can be built for a problem; a subclass is a frozen dataclass with the options as fields.
 
-    Every search runs on every family. A planner with the options of both is a class that inherits from both, as
-    ``class Lattice(ExactSearch, LatticeGraph)`` does.
+    Every search runs on every family. A planner that has the options of a search and of a family inherits from both
+    classes, as ``class Lattice(ExactSearch, LatticeGraph)`` does.
 
     needs             capabilities that a model must have, from :attr:`hpop.motions.Model.provides`
     goal_sets         whether the goal may be a list of states
     any_goal          whether the goal may be of any kind (:class:`hpop.goals.Goal`)
-    is_remade         whether the options in a front's provenance build the same graph again, as a drive needs
+    is_remade         whether the options in a front's provenance build the same graph again; replanning during a drive
+                      needs this
     is_judged         whether every candidate is checked on the exact geometry before it is returned
-    answers_by_parts  whether :meth:`graphs` yields parts first even if only the final result is requested
+    answers_by_parts  whether :meth:`graphs` yields parts of the graph first even if only the final result is requested
     """
 
     name: ClassVar[str]

@@ -208,8 +208,8 @@ def _refuse_endless(query: Query, bounded: Sequence[int]) -> None:
     if ((costs[:, DURATION] > 0) & (costs[:, bounded] == 0).all(axis=1)).any():
         names = " and ".join(query.objectives.optimised[j].name for j in bounded)
         raise OptionError(
-            f"motions that take time but cost no {names} could go on for ever where the mean is low; cap the duration "
-            "in the place of the length, such as max_detour=1.3"
+            f"motions that take time but cost no {names} could go on for ever where the mean is low; give "
+            "max_detour as a number, such as 1.3, which caps the duration"
         )
 
 

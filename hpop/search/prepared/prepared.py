@@ -310,9 +310,10 @@ class Prepared:
         progress: ProgressCallback | None = None,
         known: Sequence[IntArray] = (),
     ) -> ParetoPaths:
-        """Find every non-dominated cost vector of the open paths from a source to the targets, each with one path.
+        """Find every non-dominated cost vector of the paths from a source to the targets, each with one path.
 
-        A `deadline`, in seconds of this thread's processor time, a limit of `budget`, or Ctrl-C may end the search.
+        Paths with closed arcs do not count. The search ends after `deadline` seconds of this thread's processor time,
+        at a limit of `budget`, or at Ctrl-C.
         Then the paths found so far are returned, and `gap` bounds how much better missing ones may be. The deadline
         includes the computation of the result and the gap, but not the first compilation of kernels.
 
