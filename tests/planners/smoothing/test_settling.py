@@ -32,5 +32,5 @@ def test_the_shortest_drive_round_a_block_is_a_taut_string(height):
     warm = hpop.Trajectory.from_poses(problem.model, above)
     found = Smoothing(minimise="length", warm_start=[warm]).solve(problem)
     (length,) = found.planned[:, 0]
-    assert taut(1.8, 2.4, height, 4.0, 0.25) - 1e-6 < length < taut(1.8, 2.4, height, 4.0, 0.25) * (1 + 2.5e-3)
+    assert taut(1.8, 2.4, height, 4.0, 0.25) - 1e-6 < length < taut(1.8, 2.4, height, 4.0, 0.25) * (1 + 1e-3)
     assert found.provenance[0]["settled"]

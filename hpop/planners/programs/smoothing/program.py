@@ -42,7 +42,7 @@ LONGEST = 600.0  # s: largest duration of a phase
 STILL = 1e-6  # rad/s: a smaller yaw rate is 0
 SAMPLES = 240  # least number of points at which the clearance is bounded
 TURNING = 0.003  # rad/s: least yaw rate inside turns, as a turn could else become two
-REFINED = 0.01  # share of EFFORT and HASTE when a solution is refined
+REFINED = 0.003  # share of EFFORT and HASTE when a solution is refined
 EFFORT = 0.02  # weight of the squared accelerations against the costs, which are scaled to 1
 HASTE = 0.2  # weight of the duration
 
