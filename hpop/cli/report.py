@@ -22,6 +22,7 @@ from hpop.criteria.costs import trajectory_costs
 from hpop.frontier import hypervolume
 from hpop.frontier.choices import Preferring
 from hpop.frontier.choosing import differing
+from hpop.goals import Tour
 from hpop.problems.evaluation import criteria_of
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
@@ -79,6 +80,9 @@ def print_front(
         console.print()
         say("The front: no trajectory is better than another one in one cost and no worse in the others")
         print_wide(console, _front_table(front, rows, names))
+        if problem.tour is not None:
+            stops = ", ".join(f"{i} {name}" for i, name in enumerate(problem.tour.names, 1))
+            say(f"stops, in the order of visits: {stops}")
         if len(rows) < len(front):
             say(f"{len(rows)} of {len(front):,} trajectories shown, those that differ most; all are in {saved}")
         console.print()
@@ -252,14 +256,31 @@ def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence
         table.add_column(header(name, unit), justify="right", no_wrap=True)
     for name, unit in zip(front.reported_names, front.reported_units, strict=True):
         table.add_column(Text("reported\n") + header(name, unit), justify="right", style="dim", no_wrap=True)
+    if is_tour := any("visits" in front.provenance[row] for row in rows):
+        table.add_column("stops", no_wrap=True)
     table.add_column("marked", no_wrap=True)
     costs, reported = front.costs[rows].T, front.reported[rows].T
     columns = [numbers(column, quantum) for column, quantum in zip(costs, front.quanta, strict=True)]
     columns += [[number(value, 1e-6) for value in column] for column in reported.tolist()]
     for row, *cells in zip(rows, *columns, strict=True):
         label = _labels(names.get(row, []))
-        table.add_row(str(row), *cells, label, style="bold" if row in names else None)
+        order = [visit_order(front, row)] if is_tour else []
+        table.add_row(str(row), *cells, *order, label, style="bold" if row in names else None)
     return table
+
+
+def visit_order(front: Front, row: int) -> str:
+    """Return the numbers of the stops that a trajectory visits, counted from 1, in the order of its visits."""
+    visits = front.provenance[row].get("visits")
+    numbers = {name: i for i, name in enumerate(_stop_names(front), 1)}
+    listed = [visit for visit in visits if isinstance(visit, dict)] if isinstance(visits, list) else []
+    return " ".join(str(numbers.get(str(visit.get("stop")), "?")) for visit in listed) or "-"
+
+
+def _stop_names(front: Front) -> tuple[str, ...]:
+    """Return the names of the stops of a front's tour; () without a tour."""
+    tour = (front.problem or {}).get("tour")
+    return () if tour is None else Tour.of(tour).names
 
 
 def shown_rows(front: Front, most: int, marked: Iterable[int] = ()) -> list[int]:

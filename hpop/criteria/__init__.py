@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from hpop.criteria.performance.openness import Openness as Openness
     from hpop.criteria.performance.orientation_retention import NetMisalignment as NetMisalignment
     from hpop.criteria.performance.orientation_retention import OrientationRetention as OrientationRetention
+    from hpop.criteria.performance.stops_missed import StopsMissed as StopsMissed
     from hpop.criteria.performance.unseen_landmarks import UnseenLandmarks as UnseenLandmarks
     from hpop.criteria.performance.view_distance import ViewDistance as ViewDistance
     from hpop.criteria.robot.bending_energy import BendingEnergy as BendingEnergy

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 Group = Literal["P", "C", "R", "O"]
 Aggregate = Literal["sum", "time-mean", "max", "trajectory"]
-Role = Literal["duration", "length", "turns"]
+Role = Literal["duration", "length", "turns", "stops_missed"]
 DEFAULT_QUANTUM = 1e-6
 T = TypeVar("T", bound=type)
 
@@ -57,7 +57,7 @@ class Criterion(Protocol):
 
     These may be left out, and have defaults:
 
-    role         "duration", "length" or "turns", if planners may use the cost as this quantity; None
+    role         "duration", "length", "turns" or "stops_missed", if planners may use the cost as it; None
     world_frame  whether the cost has directions or positions of its own, so that turning the world changes it; False
     instead      names of criteria for models that lack a requirement; ()
     integral     of a time-mean: the sum that searches minimise in its place; None for the time integral of ``cost``

@@ -1,8 +1,9 @@
-"""Goals of a trajectory: a state, any of several states, or any state in which a body is at a wanted pose."""
+"""Goals of a trajectory, states or wanted poses of a body; and tours, stops to visit on the way."""
 
 from hpop.goals.base import REACHED, AnyOf, Goal, GoalSet, GoalSpec, checked_goal, goal, is_named
 from hpop.goals.bodies import CameraAt, LookAt, ToolAt
 from hpop.goals.region import Region
+from hpop.goals.tour import Tour, TourStop
 
 __all__ = [
     "REACHED",
@@ -14,6 +15,8 @@ __all__ = [
     "LookAt",
     "Region",
     "ToolAt",
+    "Tour",
+    "TourStop",
     "checked_goal",
     "goal",
     "is_named",

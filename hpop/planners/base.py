@@ -136,6 +136,7 @@ class Planner(Protocol):
                        any model (:mod:`hpop.planners.needs`)
     goal_sets          whether the goal may be a list of states, to reach any of them
     any_goal           whether the goal may be of any kind (:class:`hpop.goals.Goal`)
+    tours              whether the problem may have a tour (:class:`hpop.Tour`), all stops of which it visits
     margin             m  of distance kept from people
     max_detour         not None if it minimises a time-mean itself; its front then cannot be merged with others
     time_limit         s  after which it returns the candidates found so far, or None
@@ -179,6 +180,9 @@ class Planner(Protocol):
 
         @property
         def any_goal(self) -> bool: ...
+
+        @property
+        def tours(self) -> bool: ...
 
         @property
         def margin(self) -> float: ...
@@ -245,6 +249,7 @@ _DEFAULTS: dict[str, Any] = {
     "needs": UNDECLARED,
     "goal_sets": False,
     "any_goal": False,
+    "tours": False,
     "margin": 0.0,
     "max_detour": None,
     "checkpoint": None,

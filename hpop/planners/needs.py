@@ -52,6 +52,15 @@ def people_move(problem: Problem) -> bool:
     return any(person.moves for person in problem.world.content.people)
 
 
+def refuse_tour(problem: Problem, what: str) -> None:
+    """Raise QueryError for a problem with a tour; ``what`` says what does not take one."""
+    if problem.tour is not None:
+        raise QueryError(
+            f"{what} takes no tour, so the stops {', '.join(problem.tour.names)} would be left out; leave the tour out "
+            "of the problem"
+        )
+
+
 def refuse_moving(problem: Problem, what: str) -> None:
     """Raise QueryError if people move; ``what`` names the planner, which has no clock."""
     people = problem.world.content.people
@@ -120,7 +129,12 @@ def one_goal(problem: Problem, what: str) -> End:
 
 
 def check_goal(problem: Problem, planner: Planner) -> None:
-    """Raise QueryError if a planner does not take the problem's kind of goal; the error names suitable planners."""
+    """Raise QueryError if a planner does not take the problem's goal or tour; the error names suitable planners."""
+    if problem.tour is not None and not planner.tours:
+        raise QueryError(
+            f"{planner.name} does not plan tours, so it would leave out the stops {', '.join(problem.tour.names)}; "
+            f"planners that visit stops are {_capable_planners(problem, 'tours')}"
+        )
     if problem.target.listed and not planner.goal_sets:
         one_goal(problem, planner.name)
     if not problem.target.listed and not planner.any_goal:
@@ -130,8 +144,8 @@ def check_goal(problem: Problem, planner: Planner) -> None:
         )
 
 
-def _capable_planners(problem: Problem, kind: Literal["goal_sets", "any_goal"]) -> str:
-    """Return the names of the planners that take this kind of goal and the problem's model, as text."""
+def _capable_planners(problem: Problem, kind: Literal["goal_sets", "any_goal", "tours"]) -> str:
+    """Return the names of the planners that have this capability and take the problem's model, as text."""
     provided = problem.model.provides
     able = [name for name, planner in planners.items() if planner.needs <= provided]
     return ", ".join(name for name in able if getattr(planners[name], kind))

@@ -125,12 +125,14 @@ class Objectives:
 def edge_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objectives:
     """Split criteria into costs that add up along edges, time-means, and criteria with memory.
 
+    Missed stops add up along the edges of the layers of a tour.
+
     Raises UnsupportedCriterion when nothing is left to optimise, or one cost would be minimised twice.
     """
     optimised: list[Criterion] = []
     means, filters, notes = [], [], []
     for criterion in criteria:
-        if criterion.aggregate == "trajectory":
+        if criterion.aggregate == "trajectory" and criterion.role != "stops_missed":
             filters.append(criterion)
             notes.append(
                 f"{criterion.name} has memory and does not add up: it is evaluated on the trajectories that are "

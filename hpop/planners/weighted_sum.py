@@ -85,6 +85,7 @@ class WeightedSum:
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move"})
     goal_sets: ClassVar[bool] = True
     any_goal: ClassVar[bool] = False
+    tours: ClassVar[bool] = True
 
     step: float = 0.25
     headings: int = 8
@@ -144,7 +145,7 @@ class WeightedSum:
         began = time.perf_counter()
         try:
             in_stages = spending.limits.time_limit is not None
-            for built in family.graphs(problem, objectives, spending, in_stages=in_stages):
+            for built in family.toured_graphs(problem, objectives, spending, in_stages=in_stages):
                 if in_stages and not built.part and (first is None or not first.trajectories):
                     first = family.first_answer("weighted-sum", built, objectives)
                 query = built_query(built, objectives, began)

@@ -12,10 +12,18 @@ from hpop.base.options import LEAST, MOST, real
 from hpop.base.registry import make_model, with_optional_members
 from hpop.base.table import facts_html, picture_html
 from hpop.base.text import shown
-from hpop.criteria.base import Criterion, CriterionSpec, check_usable, describe_criterion, make_criterion
+from hpop.criteria.base import (
+    Criterion,
+    CriterionSpec,
+    check_usable,
+    describe_criterion,
+    index_of_role,
+    make_criterion,
+)
 from hpop.criteria.costs import trajectory_costs, with_quanta
+from hpop.criteria.performance.stops_missed import StopsMissed
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError
-from hpop.goals import Goal, GoalSet, GoalSpec, checked_goal
+from hpop.goals import Goal, GoalSet, GoalSpec, Tour, checked_goal
 from hpop.models.collision.leaving import world_with_leaving
 from hpop.motions import MODEL_DEFAULTS, Model, laws_of
 from hpop.motions.states import StateSpec, Values
@@ -28,6 +36,8 @@ from hpop.runtime.status import ProgressCallback, progress_callback
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 from hpop.world.content.predictions import bounded, with_people
+
+TourSpec = Tour | Mapping[str, Any] | None
 
 
 @checked_arguments
@@ -44,6 +54,7 @@ class Problem:
     criteria  names, instances, or ``{name: {parameter: value}}``, all minimised
     quanta    resolution at which costs are compared, in their units, by name, where it differs from the criteria's own
     horizon   s, up to which people are predicted; None: until they leave the map or come to an obstacle
+    tour      stops to visit on the way, a :class:`hpop.Tour` or a mapping with its parts; None: none
 
     The problem's world has people with predictions cut where they become impossible
     (:func:`hpop.world.content.predictions.bounded`); ``notes`` say how each ends. Planning, costs and pictures use that
@@ -62,6 +73,7 @@ class Problem:
     criteria: tuple[Criterion, ...]
     quanta: Mapping[str, float]
     horizon: float | None
+    tour: Tour | None
     notes: tuple[str, ...] = field(init=False)
     read_seconds: float = field(default=0.0, init=False)
     read_memory: int = field(default=0, init=False)
@@ -76,6 +88,7 @@ class Problem:
         *,
         quanta: Mapping[str, float] | None = None,
         horizon: float | None = None,
+        tour: TourSpec = None,
     ) -> None:
         if not isinstance(world, World):
             raise MapError(f"world must be a World, such as hpop.World.from_geojson(path), got {shown(world)}")
@@ -95,14 +108,18 @@ class Problem:
             horizon = float(real("horizon", horizon, LEAST, MOST, "a time in s", error=QueryError))
         people, notes = bounded(world, horizon)
         world = with_people(world, people)
+        stops = None if tour is None else Tour.of(tour).on(model, world)
+        checked = tuple(_of_tour(criterion, stops) for criterion in checked)
         for criterion in checked:
             check_usable(criterion, model, world)
+        _check_optional(stops, checked)
         _check_stand_ins(checked)
         checked = with_quanta(checked, quanta)
         begin = model.space.state(start, what="start")
         world, touching = world_with_leaving(world, model, begin)
         object.__setattr__(self, "world", world)
         object.__setattr__(self, "horizon", horizon)
+        object.__setattr__(self, "tour", stops)
         unseen = notes_on_landmarks(world, model, begin, checked)
         object.__setattr__(self, "notes", (*notes, *touching, *unseen))
         object.__setattr__(self, "model", model)
@@ -123,6 +140,7 @@ class Problem:
         criteria = (f"{c.name} ({c.unit})" if c.unit != "1" else c.name for c in self.criteria)
         facts = {"criteria": ", ".join(criteria), "robot": repr(self.model), "world": repr(self.world)}
         facts |= {"start": str(GoalSet((self.start,))), "goal": str(self.target)}
+        facts |= {} if self.tour is None else {"tour": self.tour.words}
         return facts_html(list(facts.items())) + picture_html(self)
 
     @property
@@ -245,6 +263,7 @@ class Problem:
             "criteria": [describe_criterion(criterion) for criterion in self.criteria],
             **({"quanta": dict(self.quanta)} if self.quanta else {}),
             **({} if self.horizon is None else {"horizon": self.horizon}),
+            **({} if self.tour is None else {"tour": self.tour.describe()}),
         }
 
     @classmethod
@@ -264,6 +283,7 @@ class Problem:
                 criteria,
                 quanta=description.get("quanta"),
                 horizon=description.get("horizon"),
+                tour=description.get("tour"),
             )
         except HpopError:
             raise
@@ -278,6 +298,23 @@ def _lacks(model: Any) -> str:
     if isinstance(model, type) or not 0 < len(absent) < len(members) - 1:
         return ""
     return f", which lacks {', '.join(absent)}; hpop.models.base.PlanarModel derives most of them from parts and laws"
+
+
+def _of_tour(criterion: Criterion, tour: Tour | None) -> Criterion:
+    """Return a criterion; one with the role "stops_missed" for the stops of a tour."""
+    return (
+        criterion if criterion.role != "stops_missed" else cast(Criterion, cast(StopsMissed, criterion).of_tour(tour))
+    )
+
+
+def _check_optional(tour: Tour | None, criteria: Sequence[Criterion]) -> None:
+    """Raise QueryError if stops are optional but no criterion counts those missed."""
+    if tour is not None and tour.optional and index_of_role("stops_missed", criteria) is None:
+        names = ", ".join(tour.names[i] for i in tour.optional)
+        raise QueryError(
+            f"optional stops would never be visited unless a criterion counts those missed: {names}. List stops_missed "
+            "among the criteria, or leave optional out"
+        )
 
 
 def _check_stand_ins(criteria: Sequence[Criterion]) -> None:
@@ -330,7 +367,7 @@ class Planning:
         Parameters
         ----------
         planner : name, ``{name: options}`` or object
-        question : ``quanta`` and ``horizon`` of every problem, as :class:`hpop.Problem` takes them
+        question : ``quanta``, ``horizon`` and ``tour`` of every problem, as :class:`hpop.Problem` takes them
         """
         self.world, self.model, self.criteria = world, model, tuple(criteria)
         self.planner: Planner = make_planner(planner).anchored()

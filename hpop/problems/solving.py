@@ -14,11 +14,11 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.arrays import BoolArray
 from hpop.base.registry import GROUPS
 from hpop.base.text import shown, some
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import quanta_statement, trajectory_costs
+from hpop.criteria.visits import all_visits, hidden_targets
 from hpop.errors import NOTE, CriterionError, OptionError, QueryError
 from hpop.frontier.dominance import MAX_QUANTA
 from hpop.frontier.union import JOINT
@@ -36,13 +36,10 @@ from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 from hpop.world.content.content import Landmark
 from hpop.world.files import by_names
-from hpop.world.geometry.rays_in_space import Surfaces, rows, surfaces_of, towards_ball
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-TARGET_RADIUS = 0.05  # m: radius of the ball about a target, part of which should be visible
-RAYS = 37
 StageCallback = Callable[[Front], None]
 SOME = 4_000  # points that are re-evaluated and saved within half a second
 SOME_WITH_MEMORY = 40  # points, with criteria of the whole trajectory, which take about 8 ms each
@@ -58,7 +55,7 @@ def notes_on_targets(world: World, model: Model, goal: Goal, trajectories: Seque
     notes = []
     for look, target in looks:
         there = look.reached(model, ends)
-        hidden = there & _hidden(world, model, ends, target)
+        hidden = there & hidden_targets(world, model, ends, target)
         if hidden.any():
             share = "" if hidden.sum() == there.sum() else f"{hidden.sum()} of {there.sum()} trajectories, by number "
             share += "" if not share else some([str(i) for i in np.flatnonzero(hidden).tolist()])
@@ -68,16 +65,6 @@ def notes_on_targets(world: World, model: Model, goal: Goal, trajectories: Seque
                 f"{share or 'all trajectories'} end: check its place and height, or list the criterion 'occlusion'"
             )
     return tuple(notes)
-
-
-def _hidden(world: World, model: Model, states: States, target: tuple[float, float, float]) -> BoolArray:
-    """Return whether solids hide all of a ball about a target from cameras in states (N,)."""
-    pose = model.pose("camera", states)
-    camera = rows((pose.x, pose.y, pose.z), states.size)
-    share = surfaces_of(world).blocked(
-        Surfaces.of([]), np.empty((0, states.size, 4, 4)), camera, *towards_ball(camera, target, TARGET_RADIUS, RAYS)
-    )
-    return np.asarray(share >= 1.0 - 1e-9)
 
 
 def notes_on_landmarks(world: World, model: Model, start: States, criteria: Iterable[Criterion]) -> tuple[str, ...]:
@@ -206,12 +193,20 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
                 f"{criterion.name} costs {most:.3g} {criterion.unit} on a trajectory, which is more quanta of "
                 f"{criterion.quantum:g} than float64 resolves; take a coarser quantum, or shorter motions"
             )
+    provenance, unvisited = candidates.provenance, False
+    if problem.tour is not None:
+        visits = all_visits(problem.tour, problem.world, trajectories)
+        visited = zip(provenance, visits, strict=True)
+        provenance = tuple(origin | {"visits": each.described(problem.tour)} for origin, each in visited)
+        unvisited = not all(each.complete for each in visits)
     optimised = costs[:, : len(candidates.objectives)]
     off = np.abs(optimised - candidates.planned) > candidates.tolerance + 1e-9 * np.abs(optimised)
     certificate = candidates.certificate + quanta_statement(objectives, problem.quanta)
     if off.any():
         names = [objectives[j].name for j in np.flatnonzero(off.any(axis=0))]
         certificate = f"NOT VALID: planned and re-evaluated {', '.join(names)} differ, please report ({certificate})"
+    if unvisited:
+        certificate = f"NOT VALID: a trajectory does not visit all stops, please report ({certificate})"
     notes = [
         *candidates.notes,
         *_empty_groups(problem.criteria),
@@ -233,7 +228,7 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
         reported_units=[c.unit for c in means],
         status=str(candidates.status),
         certificate=certificate,
-        provenance=candidates.provenance,
+        provenance=provenance,
         problem=problem.describe_query() if is_bare else problem.describe(),
         runs=[
             {

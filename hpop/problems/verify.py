@@ -13,6 +13,8 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.options import MOST
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import trajectory_costs
+from hpop.criteria.visits import Visit, in_stop
+from hpop.goals import Tour
 from hpop.models.execution import clearance_radius
 from hpop.motions import Motions, States, free_along
 from hpop.motions.states import Values
@@ -31,6 +33,7 @@ HEADING_CLOSE = 5e-3  # rad: rounding of a yaw of three decimals to the planner'
 PROGRESS_EVERY = 100  # trajectories between two progress reports
 TOGETHER = 2**10  # motions checked between two progress reports
 NUMBER = re.compile(r"^trajectory (\d+)")
+SAMPLED, MOST_SAMPLED = 0.1, 3600.0  # s between samples of a visit; s of a visit that are sampled
 MOST_TURNED = 1e4  # rad: larger yaws are invalid, and would take for ever to check
 
 
@@ -40,10 +43,10 @@ def verify(
     """Return the faults of a front of this problem, as texts; [] if its claims hold.
 
     Independent of the planner: costs come from the criteria, collisions from python-fcl at states no further apart than
-    5 cm or 3 degrees, the ends from the problem. People who move are checked every hundredth of a second
-    (:mod:`.contacts`), for the plan and for its execution. Motions that trajectories share are checked once. In fronts
-    of earlier versions the lattice put the goal on its nearest position, with a "goal_offset" in the provenance: up to
-    half a diagonal of a "step" is accepted.
+    5 cm or 3 degrees, the ends from the problem, visits of stops from samples of the trajectory. People who move are
+    checked every hundredth of a second (:mod:`.contacts`), for the plan and for its execution. Motions that
+    trajectories share are checked once. In fronts of earlier versions the lattice put the goal on its nearest position,
+    with a "goal_offset" in the provenance: up to half a diagonal of a "step" is accepted.
 
     Parameters
     ----------
@@ -67,6 +70,7 @@ def verify(
                 *problem.model.faults(trajectory),
             )
         ]
+    faults += _visit_faults(problem, front)
     faults += [f"trajectory {i} collides" for i in np.flatnonzero(~_free(problem, table, say))]
     return [*faults, *_contacts(problem, front, say)]
 
@@ -94,6 +98,69 @@ def _contacts(problem: Problem, front: Front, say: Callable[[str], None] | None)
         done = trajectory.execution()
         if done is not trajectory and (fault := contact(parts, people, done, kept, left)):
             yield f"trajectory {i}, as it is executed, {fault}"
+
+
+def _visit_faults(problem: Problem, front: Front) -> Iterator[str]:
+    """Yield faults of the visits that a front of a tour records: each is checked on samples of its trajectory."""
+    tour = problem.tour
+    if tour is None:
+        return
+    sampled: list[list[States]] = [[] for _ in tour.stops]
+    owners: list[list[IntArray]] = [[] for _ in tour.stops]
+    for i, (trajectory, origin) in enumerate(zip(front.trajectories, front.provenance, strict=True)):
+        visits = _recorded_visits(tour, origin.get("visits"))
+        if visits is None:
+            yield f"trajectory {i} has no record of its visits"
+            continue
+        for fault in _order_faults(tour, visits, trajectory.duration):
+            yield f"trajectory {i} {fault}"
+        for visit in visits:
+            lasts = visit.end - visit.begin
+            times = np.linspace(visit.begin, visit.end, 2 + int(min(max(lasts, 0.0), MOST_SAMPLED) / SAMPLED))
+            states = trajectory.at(times)
+            moved = problem.model.space.differences(states.take(np.zeros(times.size, np.int64)), states)
+            if any((np.abs(off) > CLOSE).any() for off in moved.values()):
+                yield f"trajectory {i} moves while it visits stop {tour.names[visit.stop]!r}"
+            sampled[visit.stop].append(states)
+            owners[visit.stop].append(np.full(times.size, i))
+    for stop, parts, own in zip(tour.stops, sampled, owners, strict=True):
+        if not parts:
+            continue
+        names = problem.model.space.names
+        rows = np.stack([np.concatenate([getattr(states, name) for states in parts]) for name in names], axis=1)
+        distinct, which = np.unique(rows, axis=0, return_inverse=True)
+        inside = in_stop(stop, problem.world, problem.model, States(**dict(zip(names, distinct.T, strict=True))))
+        for i in np.unique(np.concatenate(own)[~inside[which.ravel()]]).tolist():
+            yield f"trajectory {i} is not at stop {stop.name!r} when it says so"
+
+
+def _recorded_visits(tour: Tour, recorded: Any) -> list[Visit] | None:
+    """Return the visits that a provenance records; None where it holds something else."""
+    try:
+        visits = [Visit(tour.names.index(v["stop"]), float(v["begin"]), float(v["end"])) for v in recorded]
+    except (TypeError, KeyError, ValueError, OverflowError):
+        return None
+    return visits if all(math.isfinite(visit.begin + visit.end) for visit in visits) else None
+
+
+def _order_faults(tour: Tour, visits: Sequence[Visit], duration: float) -> Iterator[str]:
+    """Yield faults of visits apart from their places: missing ones, their order, times and dwells."""
+    at = {visit.stop: number for number, visit in enumerate(visits)}
+    for j, stop in enumerate(tour.stops):
+        if j not in at and not stop.optional:
+            yield f"does not visit stop {stop.name!r}"
+        for i in tour.before[j]:
+            if at.get(i, -1) > at.get(j, len(visits)):
+                yield f"visits stop {tour.names[i]!r} after {stop.name!r}, against the order"
+    if len(at) < len(visits):
+        yield "visits a stop twice"
+    now = -CLOSE
+    for visit in visits:
+        if visit.end - visit.begin < tour.stops[visit.stop].dwell - CLOSE:
+            yield f"stands at stop {tour.names[visit.stop]!r} for {visit.end - visit.begin:.6g} s only"
+        if visit.begin < now - CLOSE or visit.end > duration + CLOSE:
+            yield f"visits stop {tour.names[visit.stop]!r} during another visit, or when it is not on its way"
+        now = visit.end
 
 
 def _numbers(given: Any) -> list[int]:

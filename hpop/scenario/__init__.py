@@ -29,6 +29,12 @@
       - {kind: speed, area: [[3, 3], [6, 3], [6, 6]], limit: 0.5}
       - {kind: keep-out, area: [[9, 1], [10, 1], [10, 2]]}
       - {kind: one-way, area: [[3, 7], [9, 7], [9, 9], [3, 9]], path: [[3, 8], [9, 8]]}
+    tour:                                   # stops on the way to the goal
+      order: any                            # or given, the default; or some: [[0, door]], pairs that keep their order
+      stops:
+        - {at: [6, 8], within: 1.5, dwell: 10, name: hall}        # m, m, s
+        - {look_at: {target: [9, 6, 1.5], distance: [1, 2]}}      # any goal
+        - {landmark: door, dwell: 5, optional: true}              # seen by the camera; see the criterion stops_missed
     choose: {preference: p07.json}          # marks the best "for you"; from `hpop prefer`
 
 Every choice is one name with its parameters; paths are relative to the scenario file.
@@ -146,6 +152,7 @@ def read_scenario(document: Document, worlds: dict[str, World]) -> Scenario:
     space = None if robot is None else robot.space
     start: Any = faults.state(given["start"], ("start",), space) if "start" in given else None
     goal: Any = faults.goal(given["goal"], ("goal",), robot) if "goal" in given else None
+    tour = faults.tour(given.get("tour"), ("tour",), robot)
     entered = people_of(faults, given.get("people"))
     landmarks = faults.made(given.get("landmarks"), ("landmarks",), LandmarkEntry, partial(_landmark, faults))
     zones = faults.made(given.get("zones"), ("zones",), ZoneEntry, _zone)
@@ -180,9 +187,13 @@ def read_scenario(document: Document, worlds: dict[str, World]) -> Scenario:
     with faults.collected(("people",)):
         bounded(world, file.horizon)
     faults.raise_all()
+    with faults.collected(("tour",)):
+        tour = None if tour is None else tour.on(cast(Model, model), world)
+    faults.raise_all()
     with faults.collected(("criteria",)):
         listed = cast(list[Criterion], wanted)
-        problem = Problem(world, cast(Model, model), start, goal, listed, quanta=asked_quanta, horizon=file.horizon)
+        asked_for: dict[str, Any] = {"quanta": asked_quanta, "horizon": file.horizon, "tour": tour}
+        problem = Problem(world, cast(Model, model), start, goal, listed, **asked_for)
         problem = copied(problem, read_seconds=read_seconds, read_memory=spending.memory)
     faults.raise_all()
     return Scenario(problem, tuple(cast(list[Planner], chosen)), document.path, preference)

@@ -18,10 +18,10 @@ from hpop.base.options import Degrees
 from hpop.base.registry import Registry, goals, model_parameters, models, readers
 from hpop.base.text import article, shown
 from hpop.errors import MOST_LETTERS, OWN, HpopError, QueryError, ScenarioError
-from hpop.goals import is_named
+from hpop.goals import Tour, TourStop, is_named
 from hpop.motions import Model, StateSpace
 from hpop.runtime.status import LIMITS, NO_LIMIT
-from hpop.scenario.schema import WorldSection, parameters_of
+from hpop.scenario.schema import StopEntry, WorldSection, parameters_of
 from hpop.scenario.yaml_lines import Document, Place
 from hpop.world.readers.readers import ENDINGS
 
@@ -229,6 +229,32 @@ class Faults:
         if model is not None and made is not None and (absent := sorted(made.requires - model.provides)):
             self.add(inside, f"this goal requires {', '.join(absent)}, which the model does not have", QueryError)
         return made
+
+    def tour(self, given: Any, place: Place, model: Model | None) -> Tour | None:
+        """Return a tour; None without one, or after noting a fault."""
+        if not isinstance(given, dict):
+            return None  # the file's schema reports it
+        stops = [self._stop(entry, (*place, "stops", i), model) for i, entry in enumerate(entries(given.get("stops")))]
+        listed = [stop for stop in stops if stop is not None]
+        if len(listed) < len(stops) or not stops:
+            return None
+        with self.collected(place):
+            return Tour.of({**{key: given[key] for key in ("order", "some") if key in given}, "stops": listed})
+        return None
+
+    def _stop(self, given: Any, place: Place, model: Model | None) -> TourStop | None:
+        """Return a stop; None after noting a fault."""
+        named = [key for key in given if key in goals] if isinstance(given, dict) else []
+        own = {key: value for key, value in given.items() if key not in named} if isinstance(given, dict) else given
+        checked = self.validated(StopEntry, own, place)
+        made = [self._one_goal({key: given[key]}, place, model) for key in named]
+        if checked is None or None in made:
+            return None
+        with self.collected(place):
+            if len(made) > 1:
+                raise QueryError(f"a stop must have one goal, got {' and '.join(named)}")
+            return TourStop(goal=made[0] if made else None, **{key: getattr(checked, key) for key in own})
+        return None
 
     def angle(self, given: Any, place: Place, what: str, otherwise: str = "") -> Any:
         """Return an angle in rad from a number, or from text in degrees."""

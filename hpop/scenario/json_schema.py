@@ -29,6 +29,7 @@ from hpop.base.registry import (
     readers,
     required_parameters,
 )
+from hpop.goals import TourStop
 from hpop.scenario.schema import (
     DEFAULT_MODEL,
     DEFAULT_PLANNER,
@@ -42,6 +43,8 @@ from hpop.scenario.schema import (
     PrismEntry,
     ScenarioFile,
     SolidEntry,
+    StopEntry,
+    TourSection,
     TrackEntry,
     WaypointsEntry,
     WorldSection,
@@ -147,6 +150,7 @@ KEYS = {
     "groups": "people who talk with each other: names, or places in the list, counted from 0",
     "landmarks": "what is worth seeing: m",
     "zones": "areas with a rule: m",
+    "tour": "stops to visit on the way to the goal: positions, goals or landmarks",
     "choose": "whose choice is marked: a preference that `hpop prefer` wrote",
 }
 
@@ -177,6 +181,7 @@ def scenario_schema(*, at_home: bool = False) -> Schema:
     keys |= {
         "world": _of("world"),
         "choose": _described(_form(Choose), parameter_docs(Choose)),
+        "tour": _tour(at_home=at_home),
         "model": _of("model") | {"default": DEFAULT_MODEL},
         "start": _state(ANGLE),
         "goal": {"anyOf": [*goal, {"type": "array", "minItems": 1, "items": {"anyOf": goal}}]},
@@ -193,6 +198,16 @@ def scenario_schema(*, at_home: bool = False) -> Schema:
         "properties": {key: {**keys[key], "description": said} for key, said in KEYS.items()},
         "definitions": definitions,
     }
+
+
+def _tour(*, at_home: bool) -> Schema:
+    """Return the schema of a tour; a stop may have one goal by name besides its own keys."""
+    tour = _described(_form(TourSection), parameter_docs(TourSection))
+    stop = _described(_form(StopEntry), parameter_docs(StopEntry) | parameter_docs(TourStop))
+    named = {name: cls for name, cls in goals.items() if not at_home or cls.__module__.startswith("hpop.")}
+    stop["properties"] |= _named(named)["properties"]
+    tour["properties"]["stops"] |= {"items": stop}
+    return tour
 
 
 def written(schema: Schema) -> str:

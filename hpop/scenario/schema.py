@@ -308,6 +308,28 @@ class ZoneEntry(_Strict):
     name: str = ""  # in messages and pictures
 
 
+class StopEntry(_Strict):
+    """Stop of a tour: a disc of positions (``at`` and ``within``, m), a goal by name, or a landmark that is seen."""
+
+    at: Point | None = None  # m, [x, y]: any position within this distance, with any heading
+    within: float | None = None  # m, about `at`; or from camera to landmark at most, 3 by default
+    landmark: str | None = None  # name of a landmark that the camera must see
+    dwell: float = 0.0  # s, how long the robot stands there
+    name: str = ""  # in messages, tables and pictures
+    optional: bool = False  # whether it may be skipped, at a cost in stops_missed
+
+
+TwoStops = Annotated[list[int | str], Field(min_length=2, max_length=2)]
+
+
+class TourSection(_Strict):
+    """Stops to visit on the way to the goal."""
+
+    order: Literal["given", "any"] | None = None  # given: as listed, the default
+    some: list[TwoStops] | None = None  # pairs of stops, by index from 0 or name, that keep their order
+    stops: list[Entry] = Field(min_length=1)  # discs of positions, goals or landmarks
+
+
 class Choose(_Strict):
     """Preference that marks a trajectory "for you"."""
 
@@ -329,6 +351,7 @@ class ScenarioFile(_Strict):
     groups: list[Annotated[list[int | str], Field(min_length=2)]] = []
     landmarks: list[Entry] = []
     zones: list[Entry] = []
+    tour: TourSection | None = None
     choose: Choose | None = None
 
 

@@ -43,6 +43,7 @@ class Graph:
     aggregates  (k,)      "sum" or "max" for every cost
     labels      (n,)      the caller's names of the nodes, or None
     edges                 edges and exact costs of the networkx graph, if the graph was built from one, or None
+    turns                 the column of the cost that counts turns in place, if known, or None
     base                  the graph to which this graph adds nodes and arcs (:meth:`extended`), or None
 
     Read-only arrays of these types are used without a copy.
@@ -61,6 +62,7 @@ class Graph:
     aggregates: tuple[str, ...]
     labels: tuple[Hashable, ...] | None = None
     edges: Edges | None = None
+    turns: int | None = None
     base: Graph | None = field(default=None, init=False)  # not kept by `replace`
 
     def __post_init__(self) -> None:

@@ -172,6 +172,21 @@ class Trajectory:
         clock[place + 1 :] += lasts
         return self._changed(columns, kinds)
 
+    def with_holds(self, at: IntArray, seconds: FloatArray, *, punctual: bool = False) -> Trajectory:
+        """Return a trajectory without holds with some, in order of time; the shape of its motions does not change.
+
+        at       (h,)  states, as indices of this trajectory, rising; several holds may be at one state
+        seconds  (h,)  durations, s
+        """
+        if not at.size:
+            return Trajectory.of_checked(self.model, self.states, self.kinds, punctual)
+        columns = {name: np.insert(column, at + 1, column[at]) for name, column in self.states.__dict__.items()}
+        columns[CLOCK] = np.zeros(len(self) + 1 + at.size)
+        columns[CLOCK][at + 1 + np.arange(at.size)] = seconds
+        columns[CLOCK] = np.cumsum(columns[CLOCK])
+        kinds = np.insert(np.array(self.kinds, dtype=object), at, HOLD.kind)
+        return Trajectory(self.model, States(**columns), tuple(kinds.tolist()), punctual)
+
     def without_holds(self) -> Trajectory:
         """Return the trajectory without holds; the trajectory itself if it has none."""
         holds = np.array([kind == HOLD.kind for kind in self.kinds], dtype=bool)

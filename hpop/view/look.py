@@ -21,7 +21,7 @@ from hpop.problems.problem import Problem
 from hpop.view.content import draw_content
 from hpop.view.ground import View, outline, view_of
 from hpop.view.map import draw_frame, draw_headed_ends
-from hpop.view.marks import draw_targets, end_poses
+from hpop.view.marks import draw_stops, draw_targets, end_poses
 from hpop.view.page import WHOLE, Handle, lay_out, new_figure, paragraphs
 from hpop.view.robot import LOOK, from_above, outlines_at
 from hpop.view.silhouettes import draw_map_obstacles
@@ -66,6 +66,7 @@ def _map_figure(
         *draw_content(axes, problem.world, view),
         *_draw_robot(axes, problem, view),
         *draw_targets(axes, problem, from_above),
+        *draw_stops(axes, problem),
         *draw_headed_ends(axes, problem, end_poses(problem), view),
     ]
     for state in better:

@@ -34,6 +34,7 @@ from hpop.view.marks import (
     Ends,
     draw_ends,
     draw_holds,
+    draw_stops,
     draw_targets,
     end_poses,
     goal_words,
@@ -205,6 +206,7 @@ def draw_map(
         *draw_content(axes, problem.world, view),
         *draw_robot(axes, robot, named),
         *draw_targets(axes, problem, from_above),
+        *draw_stops(axes, problem),
     ]
     bars: list[Bar] = []
     if scale is not None:

@@ -9,10 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
 from matplotlib.path import Path
 from matplotlib.transforms import offset_copy
 
 from hpop.base.arrays import BoolArray, FloatArray
+from hpop.base.text import printable
 from hpop.motions import HOLD, States
 from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
@@ -112,6 +114,11 @@ def draw_ends(axes: Axes, start: Place, goals: Sequence[Place], words: tuple[str
     return handles
 
 
+STOP = "#7a0177"
+DISC: dict[str, Any] = {"facecolor": "none", "edgecolor": STOP, "linewidth": 0.9, "linestyle": ":"}
+DISC_ENTRY: dict[str, Any] = {
+    "linestyle": "none", "marker": "o", "markersize": 9, "markerfacecolor": "none", "markeredgecolor": STOP,
+}  # fmt: skip
 TARGET: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "markeredgecolor": "#d62728"}
 SIZE, WIDTH = 14.0, 2.0  # points: round the star of a landmark that is the target
 
@@ -144,6 +151,24 @@ def _named_targets(problem: Problem) -> list[tuple[str, tuple[float, float, floa
     """Return the criteria and goals that have a target, with the targets."""
     named = [(criterion.name, place) for criterion in problem.criteria for place in criterion.places]
     return [*named, *(("the goal", place) for place in problem.target.places)]
+
+
+def draw_stops(axes: Axes, problem: Problem) -> list[Line2D]:
+    """Draw the number of each stop of a tour, with the discs of positions, and return the legend entry."""
+    if problem.tour is None:
+        return []
+    for number, stop in enumerate(problem.tour.stops, 1):
+        place = stop.place(problem.world)
+        if place is None:
+            continue
+        if stop.at is not None and stop.within is not None:
+            axes.add_patch(Circle(place, stop.within, zorder=3.5, gid="stop disc", **DISC))
+        axes.annotate(
+            str(number), place, xytext=(-7, 7), textcoords="offset points", ha="center", va="center",
+            fontsize=SMALL, weight="bold", color=STOP, zorder=8.6, path_effects=HALO, gid="stop",
+        )  # fmt: skip
+    names = "\n".join(printable(f"{number} {name}") for number, name in enumerate(problem.tour.names, 1))
+    return [Line2D([], [], label=f"stops:\n{names}", **DISC_ENTRY)]
 
 
 HOLD_DIGITS = 6  # decimals of m to which the positions of holds are compared

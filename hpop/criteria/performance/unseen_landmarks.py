@@ -9,13 +9,10 @@ import numpy as np
 from hpop.base.arrays import BoolArray, Column
 from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
+from hpop.criteria.visits import landmark_seen
 from hpop.errors import CriterionError
-from hpop.models.camera import checked_fov, field_of_view, height_varies
+from hpop.models.camera import checked_fov
 from hpop.trajectories.history import History, SampledTrajectory
-from hpop.world.content.content import Landmark
-from hpop.world.sight import sight_in_space
-from hpop.world.sight.bearings import in_view
-from hpop.world.sight.visibility import sees
 
 STEP = 0.05  # s between samples of the view
 
@@ -56,19 +53,13 @@ class UnseenLandmarks:
         unseen = np.zeros(len(m))
         total = 0.0
         for landmark in m.world.content.landmarks:
-            seen_at = self._seen_at(track, self._sees(m, track, landmark))
+            seen_at = self._seen_at(
+                track,
+                landmark_seen(m.world, m.model, track.camera, track.times.size, landmark, far=self.far, fov=self.fov),
+            )
             unseen = unseen + landmark.weight * (m.passed[1:] < seen_at)
             total += landmark.weight
         return unseen / total
-
-    def _sees(self, m: History, track: SampledTrajectory, landmark: Landmark) -> BoolArray:
-        camera, size, view = track.camera, track.times.size, field_of_view(m.model, self.fov)
-        if height_varies(m.model):
-            visible = sight_in_space.sees(m.world, camera, landmark, size, far=self.far)
-            return np.asarray(visible * sight_in_space.in_view(camera, landmark, size, *view) > 0.0)
-        seen = sees(m.world, camera, landmark, far=self.far)
-        viewed = in_view(camera, landmark, *view)
-        return np.asarray(seen & (viewed > 0.0), dtype=bool)
 
     def _seen_at(self, track: SampledTrajectory, seen: BoolArray) -> float:
         """Return the time, s, by which a landmark has been in view for long enough; inf if it never is."""

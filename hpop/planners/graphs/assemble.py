@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray
+from hpop.criteria.base import index_of_role
 from hpop.planners.base import Candidates, Deferred
 from hpop.runtime.status import Status
 from hpop.search import ParetoPaths
@@ -104,18 +105,22 @@ def static_plans(
     space, edges = query.space, paths.lengths
 
     def trajectories(rows: IntArray) -> tuple[Trajectory, ...]:
-        return space.stretches(*paths.through(rows)).trajectories(space.model, space.kinds)
+        return space.trajectories_through(*paths.through(rows))
 
     # A sum is rounded at each edge, a maximum once.
     adds_up = np.array([criterion.aggregate != "max" for criterion in query.objectives.optimised])
     rounds = np.where(adds_up, np.maximum(edges, 1)[:, None], 1)
+    planned, tolerance = paths.costs * query.quanta, rounds * query.quanta
+    missed = index_of_role("stops_missed", query.objectives.optimised)
+    if missed is not None:  # a trajectory may pass a stop that its path skips
+        tolerance[:, missed] += planned[:, missed]
     counts: dict[str, int] = {}
     if not space.is_checked:
         counts = {"edges_checked": paths.stats.arcs_checked, "edges_blocked": paths.stats.arcs_blocked}
         counts |= {"rounds": paths.stats.rounds}
     return Plans(
-        planned=paths.costs * query.quanta,
-        tolerance=rounds * query.quanta,
+        planned=planned,
+        tolerance=tolerance,
         trajectories=trajectories,
         provenance=_path_provenance(common, edges.tolist(), own),
         notes=tuple(_rounding_notes(query, paths, rounds)),

@@ -14,6 +14,7 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.math import wrap
 from hpop.base.options import LEAST, set_wholes
 from hpop.base.scalars import set_python_values
+from hpop.criteria.visits import Visits, all_visits
 from hpop.goals import checked_goal
 from hpop.motions import HOLD, Motions, States
 from hpop.planners.base import Candidates, Planner, joined, make_planner
@@ -30,6 +31,8 @@ from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
+
+CLOCKED = 1e-9  # s: rounding of times
 
 
 @graph_family("corners")
@@ -177,15 +180,19 @@ def _with_lattice_headings(problem: Problem, trajectories: Sequence[Trajectory])
 
 
 def _corners(problem: Problem, trajectories: Sequence[Trajectory], ends: FloatArray) -> FloatArray:
-    """Return the positions (n, 2), m, at which paths turn, hold, end, or bend when pulled taut.
+    """Return the positions (n, 2), m, at which paths turn, hold, visit a stop, end, or bend when pulled taut.
 
     Positions shared by most paths come first; those at ``ends`` (E, 2), m, are left out.
     """
     points, marked = [], []
-    for t in trajectories:
+    tour = problem.tour
+    visits = [Visits()] * len(trajectories) if tour is None else all_visits(tour, problem.world, trajectories)
+    for t, visited in zip(trajectories, visits, strict=True):
+        stops = [int(np.searchsorted(t.times, visit.begin - CLOCKED)) for visit in visited.visits]
         at = [*(i for i, kind in enumerate(t.kinds) if kind == "move"), len(t)]
         points.append(np.stack([t.states.x, t.states.y], axis=1)[at])
-        marked.append([i == len(t) or (i > 0 and t.kinds[i - 1] in ("turn", HOLD.kind)) for i in at])
+        turned = ("turn", HOLD.kind)
+        marked.append([i in stops or i == len(t) or (i > 0 and t.kinds[i - 1] in turned) for i in at])
     path = np.repeat(np.arange(len(points)), [len(p) for p in points])
     along = np.concatenate(points)
     corner = np.concatenate(marked) | _bends(problem, along, path)

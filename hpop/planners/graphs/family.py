@@ -19,6 +19,7 @@ from hpop.planners.base import Candidates
 from hpop.planners.graphs.assemble import assemble
 from hpop.planners.graphs.joined_ends import Ends
 from hpop.planners.graphs.query import Query, built_query
+from hpop.planners.graphs.tour_stops import with_tour
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.needs import refuse_moving
 from hpop.planners.objectives import Objectives, edge_objectives
@@ -150,6 +151,19 @@ class GraphFamily:
         """Yield the whole graph; if ``in_stages``, first yield parts of it or smaller graphs."""
         yield self.build(problem, objectives, spending)
 
+    def toured_graphs(
+        self, problem: Problem, objectives: Objectives, spending: Spending, *, in_stages: bool = False
+    ) -> Iterator[BuiltGraph]:
+        """Yield the graphs of :meth:`graphs`; for a problem with a tour only the whole one, with the tour's layers.
+
+        Parts are left out, since they need not contain the stops.
+        """
+        if problem.tour is None:
+            yield from self.graphs(problem, objectives, spending, in_stages=in_stages)
+            return
+        for built in self.graphs(problem, objectives, spending):
+            yield replace(built, ends=with_tour(built.ends, built.problem, problem.tour))
+
     def has_clock(self, problem: Problem) -> bool:
         """Return whether the graph can be put on a clock, so that people may move."""
         return False
@@ -189,7 +203,8 @@ class GraphFamily:
     def _built_or_refused(self, problem: Problem, objectives: Objectives, spending: Spending) -> BuiltGraph:
         """Build the graph; raise QueryError if no graph, but candidates were found."""
         try:
-            return self.build(problem, objectives, spending)
+            *_, built = self.toured_graphs(problem, objectives, spending)
+            return built
         except NotBuilt as stop:
             if stop.candidates.status is Status.INTERRUPTED:
                 raise KeyboardInterrupt from None

@@ -108,6 +108,7 @@ class JoinedEnds(TrajectoryGraph):
     inner  graph of states; the additional nodes follow its states
     ends   name -> state (1,): "start" and goals, in this order; NaN in coordinates that may have any value
     reach  m, distance within which states are joined to an end by a free turn, straight move and turn
+    stops  names of those ends that are states of stops: joins lead to them and from them
     """
 
     has_clock = True
@@ -115,6 +116,7 @@ class JoinedEnds(TrajectoryGraph):
     inner: StateGraph
     ends: dict[str, States]
     reach: float
+    stops: tuple[str, ...] = ()
 
     @property
     def states_alone(self) -> StateGraph:
@@ -133,7 +135,9 @@ class JoinedEnds(TrajectoryGraph):
     @property
     def words(self) -> str:
         """Description of the inner graph and the joins, in words."""
-        joined = (f"the {what} joined to {count} positions" for what, count in self.options["joined"].items())
+        counts = self.options["joined"]
+        joined = [f"the {what} joined to {count} positions" for what, count in counts.items() if what not in self.stops]
+        joined += [f"{len(self.stops)} states of stops joined to positions"] if self.stops else []
         by = f"at most a {', a '.join(self.joins.kinds[:-1])} and a {self.joins.kinds[-1]}"
         return f"{self.inner.words}, {' and '.join(joined)} within {self.reach:g} m by {by}"
 
@@ -146,7 +150,8 @@ class JoinedEnds(TrajectoryGraph):
     @cached_property
     def joins(self) -> MotionChains:
         """Arcs that join the ends to states and to each other, sorted by tail."""
-        parts = [self._joins_of(what) for what in self.ends]
+        parts = [self._joins_of(what, leaving=what == START) for what in self.ends]
+        parts += [self._joins_of(what, leaving=True) for what in self.stops]
         parts += [self._direct_join(what) for what in self.ends if START in self.ends and what != START]
         joins = MotionChains.all_of(parts)
         return joins.take(np.argsort(joins.tails, kind="stable"))
@@ -158,13 +163,13 @@ class JoinedEnds(TrajectoryGraph):
         tails, heads = (np.full(near.size, self.node(what)) for what in (START, goal))
         return MotionChains.between(self.inner, tails, heads, *(end.take(near) for end in ends))
 
-    def _joins_of(self, what: str) -> MotionChains:
-        """Return the free joins between the named end and the states within reach."""
+    def _joins_of(self, what: str, *, leaving: bool) -> MotionChains:
+        """Return the free joins to the named end, or those leaving it, from or to the states within reach."""
         end = self.ends[what]
         ids = self.inner.near(float(end.x[0]), float(end.y[0]), self.reach)
         nodes = np.full(ids.size, self.node(what))
         states, end = self.inner.states(ids), end.take(np.zeros(ids.size, np.int64))
-        if what == START:
+        if leaving:
             return MotionChains.between(self.inner, nodes, ids, end, states)
         return MotionChains.between(self.inner, ids, nodes, states, end)
 
@@ -270,6 +275,17 @@ class JoinedEnds(TrajectoryGraph):
         """Number (m,) of turns in each arc of `graph`, joins included."""
         turns = self.joins.count(self.kinds[MOVE + 1 :]).astype(np.int8)
         return self.with_joins(self.inner.turned, turns)
+
+    @property
+    def rows(self) -> IntArray:
+        """Row pointers (n + 1,) of the arcs of `graph`, joins included."""
+        leaving = np.bincount(self.joins.tails, minlength=self.size)
+        return self._rows + np.append(np.zeros(1, np.int64), np.cumsum(leaving))
+
+    @property
+    def heads(self) -> NDArray[np.int32]:
+        """Heads (m,) of the arcs of `graph`, joins included."""
+        return self.with_joins(self.inner.arcs.heads, self.joins.heads.astype(np.int32))
 
     @property
     def _rows(self) -> IntArray:

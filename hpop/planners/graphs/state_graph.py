@@ -118,6 +118,16 @@ class StateGraph(TrajectoryGraph):
         """Arcs of all free motions."""
         return Arcs.sorted(self.size, [self.edges(kind) for kind in self.kinds])
 
+    @property
+    def rows(self) -> IntArray:
+        """Row pointers (n + 1,) of the arcs."""
+        return self.arcs.start
+
+    @property
+    def heads(self) -> NDArray[np.int32]:
+        """Heads (m,) of the arcs."""
+        return self.arcs.heads
+
     def batches(self) -> Iterator[tuple[IntArray, IntArray, Motions]]:
         """Yield tails, heads and motions of all arcs, in batches of bounded size."""
         for part in blocks(self.arcs.heads.size):

@@ -191,6 +191,16 @@ class TrajectoryGraph(ABC):
         """
 
     @property
+    @abstractmethod
+    def rows(self) -> IntArray:
+        """Row pointers (n + 1,) of `graph`: the arcs that leave state u are rows[u] : rows[u + 1]."""
+
+    @property
+    @abstractmethod
+    def heads(self) -> NDArray[np.int32]:
+        """Heads (m,) of the arcs of `graph`."""
+
+    @property
     def is_checked(self) -> bool:
         """True if all arcs of `graph` are known to be free; otherwise :meth:`arcs_free` checks them."""
         return True
@@ -269,7 +279,10 @@ class TrajectoryGraph(ABC):
     def trajectories(self, paths: Sequence[IntArray]) -> tuple[Trajectory, ...]:
         """Return the trajectories through the states (n+1,) of each path, with continuous angles."""
         sizes = np.array([path.size for path in paths], dtype=np.int64)
-        ids = np.concatenate([np.zeros(0, np.int64), *paths])
+        return self.trajectories_through(np.concatenate([np.zeros(0, np.int64), *paths]), sizes)
+
+    def trajectories_through(self, ids: IntArray, sizes: IntArray) -> tuple[Trajectory, ...]:
+        """Return n trajectories through states (N,); ``sizes`` (n,) are their numbers of states."""
         return self.stretches(ids, sizes).trajectories(self.model, self.kinds)
 
 

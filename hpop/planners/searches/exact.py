@@ -19,7 +19,7 @@ from hpop.planners.graphs.family import BuiltGraph, GraphFamily, NotBuilt, OnGra
 from hpop.planners.graphs.query import Query, built_query, refuse_too_many, tolerance_counts
 from hpop.planners.graphs.timed.clock import HOLD, TimeOptions, needless
 from hpop.planners.judgement import evaluable_in_time, trusted
-from hpop.planners.needs import people_move, refuse_moving
+from hpop.planners.needs import people_move, refuse_moving, refuse_tour
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.searches.mean import Detour, DetourSpec, exact_mean, mean_criteria, mean_objectives
 from hpop.planners.spending import Exhausted, Limits, Spending, stopped
@@ -58,6 +58,7 @@ class ExactSearch:
     """
 
     name: ClassVar[str]
+    tours: ClassVar[bool] = True
 
     max_detour: DetourSpec | None = None
     max_turns: int | None = None
@@ -154,6 +155,12 @@ class ExactSearch:
     def _answers(self, problem: Problem, progress: ProgressCallback | None, *, in_stages: bool) -> Iterator[Candidates]:
         """Yield answers on each part of the graph that the family builds, then on the whole graph."""
         moving, family = people_move(problem), self.family
+        if moving:
+            refuse_tour(problem, f"{self.name} among people who move")
+        if self.max_detour is not None and problem.tour is not None and problem.tour.optional:
+            raise OptionError(
+                "max_detour takes no optional stops: leave it out, or make every stop of the tour required"
+            )
         if moving and self.max_detour is not None and family.has_clock(problem):
             raise OptionError(
                 "max_detour needs a world without moving people; leave it out, a mean is then only reported"
@@ -167,7 +174,7 @@ class ExactSearch:
         if self.checkpoint is not None:
             Checkpoint.of(self.checkpoint).checked_path()
         spending = self.spending(problem, progress)
-        graphs = family.graphs(problem.keeping(self.margin), objectives, spending, in_stages=in_stages)
+        graphs = family.toured_graphs(problem.keeping(self.margin), objectives, spending, in_stages=in_stages)
         try:
             if moving:
                 yield from self._among_people(problem, objectives, graphs, spending, in_stages=in_stages)

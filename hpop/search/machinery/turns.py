@@ -83,13 +83,15 @@ class Groups:
 
     @classmethod
     def of(cls, graph: Graph, clock: Clock) -> Self:
-        """Return the groups of turns of the sum with the smallest largest arc cost; single nodes if there are none.
+        """Return the groups of turns; single nodes if there are none.
+
+        Turns are those of the graph's column of turns, or else of the sum with the smallest largest arc cost.
 
         Raises NoRoom, before memory is allocated, if the clock's budget does not suffice.
         """
         most = graph.largest.tolist()
         sums = [j for j, aggregate in enumerate(graph.aggregates) if aggregate == "sum" and 0 < most[j] < MOST]
-        column = min(sums, key=lambda j: most[j], default=-1)
+        column = graph.turns if graph.turns in sums else min(sums, key=lambda j: most[j], default=-1)
         return (cls.of_turns(graph, column, clock) if column >= 0 else None) or cls.single_nodes(graph, clock)
 
     @classmethod

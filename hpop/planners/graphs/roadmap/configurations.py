@@ -22,6 +22,7 @@ from hpop.planners.graphs.arcs import BLOCK, Arcs, MotionChains, blocks
 from hpop.planners.graphs.roadmap.guides import length
 from hpop.planners.graphs.roadmap.links import START, guided_samples, links_between, uniform_samples
 from hpop.planners.graphs.roadmap.survey import GOAL_STATES, Survey, concatenated_states, guide_links
+from hpop.planners.graphs.tour_stops import drawn_states
 from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph, aggregates
 from hpop.planners.spending import Spending
 from hpop.search import Graph
@@ -121,6 +122,16 @@ class ConfigurationRoadmap(TrajectoryGraph):
             free[part] = is_free
         tails, heads = self.links[free].T
         return Arcs.sorted(self.size, [(tails, heads)])
+
+    @property
+    def rows(self) -> IntArray:
+        """Row pointers (n + 1,) of the arcs."""
+        return self.arcs.start
+
+    @property
+    def heads(self) -> NDArray[np.int32]:
+        """Heads (m,) of the arcs."""
+        return self.arcs.heads
 
     def arcs_free(self, places: IntArray) -> BoolArray:
         """Mark the free ones of some arcs (N,), given by their indices."""
@@ -232,11 +243,15 @@ def configuration_roadmap(
         rows = guided_samples(connections, *ends_and_guides.ends, found, samples, of_samples, spending)
     else:
         rows = uniform_samples(connections, samples, of_samples, spending)
-    free = connections.states(np.concatenate([ends_and_guides.inner, rows]))
+    tour = problem.tour
+    at_stops = [connections.rows(drawn_states(problem, stop)) for stop in (() if tour is None else tour.stops)]
+    free = connections.states(np.concatenate([ends_and_guides.inner, *at_stops, rows]))
     nodes = concatenated_states(space, [start, free, goals])
     near = neighbours or (math.ceil(2 * math.e * math.log(nodes.size)) if in_plane else NEAREST)
     nearest_in_random_subsets = (0 if in_plane else FAR) if far is None else far
     name = f"the roadmap of {len(rows)} samples (seed {seed}) and {near} neighbours of each"
+    if at_stops:
+        name += f", {sum(map(len, at_stops))} states of stops"
     chosen: dict[str, Any] = {"samples": len(rows), "neighbours": near, "seed": seed}
     if nearest_in_random_subsets:
         name, chosen = f"{name}, {nearest_in_random_subsets} far links", {**chosen, "far": nearest_in_random_subsets}

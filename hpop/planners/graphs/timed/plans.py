@@ -16,8 +16,6 @@ import numpy as np
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.options import LEAST
 from hpop.models.execution import Ramps
-from hpop.motions import HOLD, States
-from hpop.motions.laws import CLOCK
 from hpop.planners.graphs.timed.clock import TickClock
 from hpop.planners.graphs.timed.legs import TimedArcs
 from hpop.planners.graphs.timed.notice import Attention, MovingPeople
@@ -184,17 +182,8 @@ class TimedPlans:
         if self.timed.arcs.stands[steps.arcs[first]].any():  # two holds at the start are one
             lasts[0] += self.timed.arcs.half
         held = np.flatnonzero(lasts >= LEAST)
-        lasts = lasts[held]
-        if not held.size:
-            return Trajectory.of_checked(trajectory.model, trajectory.states, trajectory.kinds, punctual=True)
         motions = np.append(0, np.cumsum(self._motions(steps.arcs)))  # before each step
-        at = motions[held]  # the states, of the trajectory, at which it holds
-        columns = {name: np.insert(column, at + 1, column[at]) for name, column in trajectory.states.__dict__.items()}
-        columns[CLOCK] = np.zeros(len(trajectory) + 1 + at.size)
-        columns[CLOCK][at + 1 + np.arange(at.size)] = lasts
-        columns[CLOCK] = np.cumsum(columns[CLOCK])
-        kinds = np.insert(np.array(trajectory.kinds, dtype=object), at, HOLD.kind)
-        return Trajectory(trajectory.model, States(**columns), tuple(kinds.tolist()), punctual=True)
+        return trajectory.with_holds(motions[held], lasts[held], punctual=True)
 
     def _motions(self, arcs: IntArray) -> IntArray:
         """Return the number (s,) of motions of each step, without holds."""

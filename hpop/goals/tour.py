@@ -1,0 +1,368 @@
+"""Tours: stops to visit between start and goal, in a given order, in any order, or in a partial order.
+
+The progress of a tour is the set of its decided stops, those visited or skipped. The sets that a partial order allows
+are its order ideals; here they are numbered and called layers, since a search has a copy of its graph for each of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+from hpop.base.arguments import checked_arguments
+from hpop.base.options import LEAST, MOST, real, truth
+from hpop.base.registry import goals
+from hpop.base.scalars import is_whole, python_value
+from hpop.base.text import counted, shown
+from hpop.errors import QueryError, did_you_mean
+from hpop.goals.base import Goal, GoalSet, checked_goal
+from hpop.goals.region import checked_numbers
+from hpop.motions.laws import LONGEST
+
+if TYPE_CHECKING:
+    from hpop.motions import Model
+    from hpop.world import World
+
+MOST_STOPS = 60
+MOST_LAYERS = 2**6  # of stops that are not all in one order: six in any order
+NEAR = 3.0  # m: default of the largest distance from which the camera sees a landmark
+FORMS = "at with within, a goal such as look_at, or landmark"
+Order = Literal["given", "any"] | Sequence[tuple[int | str, int | str]]
+
+
+@checked_arguments
+@dataclass(frozen=True)
+class TourStop:
+    """Stop of a tour: a set of states, in one of which the robot stands for a while.
+
+    Exactly one of ``at``, ``goal`` and ``landmark`` is given.
+
+    at        m  (x, y): the base is within ``within`` of this position, with any heading
+    goal      any goal of :mod:`hpop.goals`, in the forms that a problem takes; a target of ``look_at`` must be visible
+    landmark  name of a landmark of the world that the camera sees from at most ``within``, 3 m by default
+    within    m  radius of the disc about ``at``, or largest distance between camera and landmark
+    dwell     s  time for which the robot stands there; with 0, a motion begins or ends there
+    name      in messages, tables and pictures; by default that of the landmark, or "stop" with its number from 1
+    optional  whether the tour may skip it, which costs in the criterion ``stops_missed``
+    """
+
+    at: tuple[float, float] | None = None
+    goal: Any = None
+    landmark: str | None = None
+    within: float | None = None
+    dwell: float = 0.0
+    name: str = ""
+    optional: bool = False
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise QueryError(f"the name of a stop must be text, got {shown(self.name)}")
+        name = self.name or (self.landmark if isinstance(self.landmark, str) else "")
+        object.__setattr__(self, "name", name)
+        what = f"stop {name!r}" if name else "a stop"
+        given = [key for key in ("at", "goal", "landmark") if getattr(self, key) is not None]
+        if len(given) != 1:
+            raise QueryError(f"{what} must have exactly one of {FORMS}; got {' and '.join(given) or 'none'}")
+        if self.at is not None:
+            x, y = checked_numbers(f"at of {what}", self.at, 2, "(x, y) in m")
+            object.__setattr__(self, "at", (x, y))
+        if self.landmark is not None and not isinstance(self.landmark, str):
+            raise QueryError(f"landmark of {what} must be the name of a landmark, got {shown(self.landmark)}")
+        within = NEAR if self.within is None and self.landmark is not None else self.within
+        if self.goal is None:
+            kind = "a length in m"
+            within = float(real(f"within of {what}", within, LEAST, MOST, kind, error=QueryError))
+        elif within is not None:
+            raise QueryError(f"within of {what} is for at and landmark; a goal has bounds of its own. Leave it out")
+        object.__setattr__(self, "within", within)
+        dwell = real(f"dwell of {what}", self.dwell, 0, LONGEST, "a time in s", error=QueryError)
+        object.__setattr__(self, "dwell", float(dwell))
+        object.__setattr__(self, "optional", truth(f"optional of {what}", self.optional, error=QueryError))
+
+    @classmethod
+    def of(cls, spec: Any) -> TourStop:
+        """Return the stop of a mapping, in which the name of a goal may stand for the key ``goal``."""
+        if isinstance(spec, TourStop):
+            return spec
+        if not isinstance(spec, Mapping):
+            raise QueryError(f"a stop must be a mapping with {FORMS}, got {shown(spec)}")
+        known = [field.name for field in fields(cls)]
+        own = {str(key): value for key, value in spec.items() if key in known}
+        for key in spec:
+            if key in known:
+                continue
+            if key not in goals:
+                hint = did_you_mean(key, [*known, *goals])
+                raise QueryError(f"a stop has no key {shown(key)}.{hint} It takes {', '.join([*known, *goals])}")
+            if own.get("goal") is not None:
+                raise QueryError(f"a stop must have one goal, got {shown(key)} beside another")
+            own["goal"] = {key: spec[key]}
+        return cls(**own)
+
+    @property
+    def target(self) -> Goal | None:
+        """Goal as an object; None for a disc or a landmark. Call this on a stop of :meth:`Tour.on`."""
+        return GoalSet((self.goal,)) if isinstance(self.goal, tuple) else self.goal
+
+    def on(self, model: Model, world: World) -> TourStop:
+        """Return the stop with its goal as an object; raise QueryError if model and world cannot have such a stop."""
+        if self.at is not None and not ({"x", "y"} <= set(model.space.names) and "base" in model.provides):
+            raise QueryError(
+                f"stop {self.name!r} is a position of the base (at), but {model.name} has none; give a goal such as "
+                "tool_at or look_at"
+            )
+        if self.landmark is not None:
+            landmarks = world.content.landmarks
+            count = sum(mark.name == self.landmark for mark in landmarks)
+            if not count:
+                names = [mark.name for mark in landmarks if mark.name]
+                raise QueryError(
+                    f"stop {self.name!r}: no landmark is called {shown(self.landmark)}."
+                    f"{did_you_mean(self.landmark, names)} Landmarks with a name are {', '.join(names) or 'none'}"
+                )
+            if count > 1:
+                raise QueryError(
+                    f"stop {self.name!r}: {count} landmarks are called {shown(self.landmark)}; give each a name of its "
+                    "own"
+                )
+            if "camera" not in model.provides:
+                raise QueryError(f"stop {self.name!r} needs a camera, which {model.name} does not have")
+        if self.goal is None:
+            return self
+        stop = replace(self, goal=checked_goal(self.goal, model.space))
+        target = stop.target
+        if target is not None and (absent := sorted(target.requires - model.provides)):
+            raise QueryError(f"stop {self.name!r} requires {', '.join(absent)}, which the model does not have")
+        return stop
+
+    def place(self, world: World) -> tuple[float, float] | None:
+        """Return where pictures mark the stop, m: its position, its landmark, or a target or state of its goal."""
+        if self.at is not None:
+            return self.at
+        marks = [(mark.x, mark.y) for mark in world.content.landmarks if mark.name == self.landmark]
+        if self.landmark is not None:
+            return marks[0] if marks else None
+        target = self.target
+        places = [*target.places, *target.listed] if target is not None else []
+        first = places[0][:2] if places else ()
+        return (float(first[0]), float(first[1])) if len(first) == 2 and None not in first else None  # type: ignore[arg-type]
+
+    def describe(self) -> dict[str, Any]:
+        """Return the stop as JSON, without defaults; a stop of a checked tour, with its goal as an object."""
+        target = self.target
+        values: dict[str, Any] = {"at": None if self.at is None else list(self.at), "landmark": self.landmark}
+        values |= {"goal": None if target is None else target.describe(), "within": self.within, "name": self.name}
+        values |= {"dwell": self.dwell or None, "optional": self.optional or None}
+        return {key: value for key, value in values.items() if value is not None}
+
+
+class TourStep(NamedTuple):
+    """Visit of a stop, as a step from one layer of a tour to another.
+
+    stop     index of the visited stop
+    layer    layer after the visit
+    skipped  indices of the optional stops that the visit skips
+    """
+
+    stop: int
+    layer: int
+    skipped: tuple[int, ...]
+
+
+@checked_arguments
+@dataclass(frozen=True)
+class Tour:
+    """Stops to visit between start and goal.
+
+    stops  stops, or mappings with their parameters: ``{"at": (6, 16), "within": 1.5, "dwell": 10}``,
+           ``{"look_at": {"target": (22, 16, 1.5), "distance": (1, 2.5)}}``, ``{"landmark": "the vase"}``
+    order  "given": as listed; "any"; or pairs of stops, by index from 0 or by name, the first of which comes before the
+           second
+
+    Raises QueryError for invalid stops, equal names, an unknown stop in a pair, and pairs that contradict each other.
+
+    >>> Tour([{"at": (6, 16), "within": 1}, {"at": (9, 2), "within": 1, "name": "exit"}], order="any").words
+    'visiting stop 1 and exit in any order'
+    """
+
+    stops: tuple[TourStop, ...]
+    order: Order = "given"
+
+    def __post_init__(self) -> None:
+        if isinstance(self.stops, str | Mapping) or not isinstance(self.stops, Sequence):
+            raise QueryError(f"the stops of a tour must be a list of stops, got {shown(self.stops)}")
+        if not 1 <= len(self.stops) <= MOST_STOPS:
+            raise QueryError(
+                f"a tour must have 1 to {MOST_STOPS} stops, got {len(self.stops)}; without any, leave it out"
+            )
+        stops = [TourStop.of(stop) for stop in self.stops]
+        stops = [stop if stop.name else replace(stop, name=f"stop {i}") for i, stop in enumerate(stops, 1)]
+        names = [stop.name for stop in stops]
+        if repeated := sorted({name for name in names if names.count(name) > 1}):
+            raise QueryError(
+                f"each stop must have a name of its own, got {', '.join(map(repr, repeated))} more than once; give "
+                "these stops different names"
+            )
+        if (total := sum(stop.dwell for stop in stops)) > LONGEST:
+            raise QueryError(f"the dwells of a tour must be {LONGEST:,.0f} s at most in all, got {total:,.6g} s")
+        object.__setattr__(self, "stops", tuple(stops))
+        object.__setattr__(self, "order", self._checked_order())
+        _ = self.layers
+
+    @classmethod
+    def of(cls, spec: Any) -> Tour:
+        """Return the tour of a mapping with the keys of a scenario: ``stops``, and ``order`` or ``some``."""
+        if isinstance(spec, Tour):
+            return spec
+        if not isinstance(spec, Mapping) or not {"stops"} <= set(spec) <= {"stops", "order", "some"}:
+            raise QueryError(
+                "a tour must be an hpop.Tour, or a mapping with stops and optionally order (given or any) or some "
+                f"(pairs of stops), got {shown(spec)}"
+            )
+        if "order" in spec and "some" in spec:
+            raise QueryError("a tour must have order or some, got both; some is an order itself: leave order out")
+        return cls(spec["stops"], spec.get("some", spec.get("order", "given")))
+
+    def on(self, model: Model, world: World) -> Tour:
+        """Return the tour with the goals of its stops as objects; raise QueryError for stops that cannot be used."""
+        return replace(self, stops=tuple(stop.on(model, world) for stop in self.stops))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the stops."""
+        return tuple(stop.name for stop in self.stops)
+
+    @property
+    def optional(self) -> tuple[int, ...]:
+        """Indices of the optional stops."""
+        return tuple(i for i, stop in enumerate(self.stops) if stop.optional)
+
+    @property
+    def words(self) -> str:
+        """Stops and order in words, as part of a certificate."""
+        *most, last = (f"{stop.name} (optional)" if stop.optional else stop.name for stop in self.stops)
+        listed = f"{', '.join(most)} and {last}" if most else last
+        if self.order == "any":
+            return f"visiting {listed} in any order" if most else f"visiting {listed}"
+        if self.order == "given":
+            return f"visiting {listed} in this order" if most else f"visiting {listed}"
+        pairs = ", ".join(f"{self.names[i]} before {self.names[j]}" for i, j in self._pairs)
+        return f"visiting {listed} in any order with {pairs}"
+
+    def describe(self) -> dict[str, Any]:
+        """Return a JSON-able description, from which :meth:`of` makes an equal tour."""
+        listed = {"stops": [stop.describe() for stop in self.stops]}
+        if isinstance(self.order, str):
+            return listed if self.order == "given" else {"order": self.order, **listed}
+        return {"some": [list(pair) for pair in self.order], **listed}
+
+    # Order
+
+    def _checked_order(self) -> Order:
+        given = python_value(self.order)
+        if isinstance(given, str):
+            if given not in ("given", "any"):
+                hint = did_you_mean(given, ["given", "any"])
+                raise QueryError(f"order must be given, any, or a list of pairs of stops, got {shown(given)}.{hint}")
+            return "any" if given == "any" else "given"
+        if not isinstance(given, Sequence) or any(isinstance(pair, str) for pair in given):
+            raise QueryError(f"order must be given, any, or a list of pairs of stops, got {shown(given)}")
+        return tuple(self._checked_pair(pair) for pair in given)
+
+    def _checked_pair(self, pair: Any) -> tuple[int, int]:
+        if not isinstance(pair, Sequence) or len(pair) != 2:
+            raise QueryError(f"some must have pairs of stops, the first before the second, got {shown(pair)}")
+        first, second = (self._index(stop) for stop in pair)
+        return first, second
+
+    def _index(self, stop: Any) -> int:
+        """Return the index of a stop that is given by its index or name."""
+        if isinstance(stop, str) and stop in self.names:
+            return self.names.index(stop)
+        if is_whole(stop) and 0 <= int(stop) < len(self.stops):
+            return int(stop)
+        raise QueryError(
+            f"some must name stops by an index from 0 to {len(self.stops) - 1} or by name ({', '.join(self.names)}), "
+            f"got {shown(stop)}.{did_you_mean(stop, self.names)}"
+        )
+
+    @property
+    def _pairs(self) -> list[tuple[int, int]]:
+        """Pairs of stops (i, j) of which i comes before j."""
+        if isinstance(self.order, str):
+            return [(i, i + 1) for i in range(len(self.stops) - 1)] if self.order == "given" else []
+        return [(self._index(i), self._index(j)) for i, j in self.order]
+
+    @cached_property
+    def before(self) -> tuple[frozenset[int], ...]:
+        """Stops that come before each stop, directly or not; raise QueryError for a cycle."""
+        direct: list[set[int]] = [set() for _ in self.stops]
+        for i, j in self._pairs:
+            direct[j].add(i)
+        before: dict[int, frozenset[int]] = {}
+        while len(before) < len(self.stops):
+            ready = [j for j, own in enumerate(direct) if j not in before and own <= before.keys()]
+            if not ready:
+                cycle = self._cycle(direct)
+                raise QueryError(
+                    f"some must not contradict itself, but {' before '.join(self.names[i] for i in cycle)}; leave one "
+                    "of these pairs out"
+                )
+            before |= {j: frozenset(direct[j]).union(*(before[i] for i in direct[j])) for j in ready}
+        return tuple(before[j] for j in range(len(self.stops)))
+
+    @staticmethod
+    def _cycle(direct: Sequence[set[int]]) -> list[int]:
+        """Return the stops of a cycle, the first one again at the end; at least one stop has to be on a cycle."""
+        within = set(range(len(direct)))
+        while len(left := {j for j in within if direct[j] & within}) < len(within):
+            within = left
+        path = [min(within)]
+        while path[-1] not in path[:-1]:
+            path.append(min(direct[path[-1]] & within))
+        return path[path.index(path[-1]) :][::-1]
+
+    @cached_property
+    def layers(self) -> tuple[frozenset[int], ...]:
+        """Sets of decided stops that the order allows, by size; the first is empty, the last has all stops.
+
+        Raises QueryError if there are too many for an exact search.
+        """
+        found: dict[frozenset[int], None] = {frozenset(): None}
+        row = [frozenset[int]()]
+        while row:
+            more = dict.fromkeys(
+                done | {j} for done in row for j in range(len(self.stops)) if j not in done and self.before[j] <= done
+            )
+            found |= more
+            row = list(more)
+            if len(found) > max(MOST_LAYERS, len(self.stops) + 1):
+                raise QueryError(
+                    f"the exact search takes at most {MOST_LAYERS} sets of visited stops, which are six stops in any "
+                    f"order; these {counted(len(self.stops), 'stop')} have more. Keep some of them in order (order: "
+                    "given, or more pairs in some), or plan two tours"
+                )
+        return tuple(found)
+
+    @cached_property
+    def steps(self) -> tuple[tuple[TourStep, ...], ...]:
+        """Visits that are possible in each layer; a visit skips the undecided stops before it, which are optional."""
+        number = {done: i for i, done in enumerate(self.layers)}
+        return tuple(
+            tuple(
+                TourStep(j, number[done | before | {j}], tuple(sorted(before - done)))
+                for j, before in enumerate(self.before)
+                if j not in done and all(self.stops[i].optional for i in before - done)
+            )
+            for done in self.layers
+        )
+
+    @property
+    def endings(self) -> Iterator[tuple[int, tuple[int, ...]]]:
+        """Yield the layers in which a tour may end, and the optional stops that such an end skips."""
+        for i, done in enumerate(self.layers):
+            left = [j for j in range(len(self.stops)) if j not in done]
+            if all(self.stops[j].optional for j in left):
+                yield i, tuple(left)

@@ -1,0 +1,345 @@
+"""Tours on any graph of trajectories: a copy of the graph for each set of visited stops, joined by visits.
+
+A node is a state with a layer, the set of decided stops (:attr:`hpop.goals.Tour.layers`). An arc leads up to another
+layer at each state of a stop's set; its cost is that of the hold. Paths begin in the first layer and end in the last,
+or, if optional stops are left, in a node that skips these. So every search finds whole tours, and its claims hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.base.arrays import BoolArray, IntArray
+from hpop.criteria.base import Criterion, index_of_role
+from hpop.criteria.costs import motion_costs
+from hpop.criteria.performance.stops_missed import StopsMissed
+from hpop.criteria.visits import weight_of
+from hpop.goals.tour import Tour
+from hpop.motions import HOLD, Motions, States
+from hpop.motions.laws import CLOCK
+from hpop.planners.graphs.arcs import blocks
+from hpop.planners.graphs.state_graph import ARC
+from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph
+from hpop.planners.objectives import quantised
+from hpop.search import Graph
+from hpop.trajectories.trajectory import Trajectory
+
+NONE = -1
+
+
+@dataclass(frozen=True, eq=False)
+class TourGraph(TrajectoryGraph):
+    """Graph with a copy of its states for each layer of a tour, and a last node for each goal.
+
+    The state of number v in layer l has the number l * n + v, with n states of the inner graph.
+
+    inner    graph of states, with joined ends
+    tour     stops and their order
+    members  nodes (c,) of the inner graph in the set of each stop, rising
+    goals    nodes of the inner graph; the last nodes, in this order, are theirs
+    """
+
+    inner: TrajectoryGraph
+    tour: Tour
+    members: tuple[IntArray, ...]
+    goals: tuple[int, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of nodes."""
+        return len(self.tour.layers) * self.inner.size + len(self.goals)
+
+    @property
+    def words(self) -> str:
+        """Description of the inner graph, the stops and their order, in words."""
+        return f"{self.inner.words}, {self.tour.words}"
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options of the inner graph."""
+        return self.inner.options
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of motions of the inner graph."""
+        return self.inner.kinds
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Sizes of the inner graph, the number of layers, and of states in sets of stops."""
+        of_stops = sum(member.size for member in self.members)
+        return {**self.inner.counts, "tour_layers": len(self.tour.layers), "stop_states": of_stops}
+
+    @property
+    def targets(self) -> list[int]:
+        """Nodes at which paths may end."""
+        last = (len(self.tour.layers) - 1) * self.inner.size
+        first = len(self.tour.layers) * self.inner.size
+        ends = [last + goal for goal in self.goals]
+        return [*ends, *range(first, first + len(self.goals))] if self.tour.optional else ends
+
+    def inside(self, nodes: list[int]) -> list[int]:
+        """Return the states of nodes, with joined ends replaced by the states to which they are joined."""
+        return self.inner.inside(list(dict.fromkeys(self._states_of(np.array(nodes, np.int64)).tolist())))
+
+    def _states_of(self, nodes: IntArray) -> IntArray:
+        """Return the nodes (N,) of the inner graph at which nodes are."""
+        count, last = self.inner.size, len(self.tour.layers) * self.inner.size
+        return np.where(nodes < last, nodes % count, np.array(self.goals)[np.maximum(nodes - last, 0)])
+
+    def states(self, ids: IntArray) -> States:
+        """Return the states (N,) of nodes."""
+        return self.inner.states(self._states_of(ids))
+
+    # Arcs: those of the inner graph in each layer, then visits and ends at the same state
+
+    @cached_property
+    def _climbs(self) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+        """Tails and heads of arcs between layers, their stops (NONE for ends), and the rows of their skipped stops.
+
+        They are sorted by tail. The rows of skipped stops are those of ``_skips``.
+        """
+        count, parts = self.inner.size, []
+        goals = np.unique(self.goals)
+        of_goal = np.array([self.goals.index(goal) for goal in goals.tolist()], np.int64)
+        for (layer, stop, _, higher), row in self._skips.items():
+            if stop == NONE:
+                tails, heads = goals, len(self.tour.layers) * count + of_goal
+            else:
+                tails, heads = self.members[stop], self.members[stop] + higher * count
+            parts.append((tails + layer * count, heads, np.full(tails.size, stop), np.full(tails.size, row)))
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        order = np.argsort(columns[0], kind="stable")
+        tails, heads, stops, rows = (column[order].astype(np.int64) for column in columns)
+        return tails, heads, stops, rows
+
+    @cached_property
+    def _skips(self) -> dict[tuple[int, int, tuple[int, ...], int], int]:
+        """Row of each kind of arc between layers: layer, stop (NONE for an end), skipped stops, next layer."""
+        kinds = [(i, s.stop, s.skipped, s.layer) for i, steps in enumerate(self.tour.steps) for s in steps]
+        kinds += [(layer, NONE, skipped, NONE) for layer, skipped in self.tour.endings if skipped]
+        return {kind: row for row, kind in enumerate(kinds)}
+
+    @cached_property
+    def rows(self) -> IntArray:
+        """Row pointers (N + 1,) of the arcs."""
+        degrees = np.append(
+            np.tile(np.diff(self.inner.rows), len(self.tour.layers)), np.zeros(len(self.goals), np.int64)
+        )
+        degrees += np.bincount(self._climbs[0], minlength=self.size)
+        return np.append(np.zeros(1, np.int64), np.cumsum(degrees))
+
+    @property
+    def heads(self) -> NDArray[np.int32]:
+        """Heads (m,) of the arcs."""
+        count = self.inner.size
+        heads = self._with_climbs(self.inner.heads, np.zeros(self._before.size, np.int32))
+        for layer in range(1, len(self.tour.layers)):
+            heads[self.rows[layer * count] : self.rows[(layer + 1) * count]] += np.int32(layer * count)
+        heads[self._before + np.arange(self._before.size)] = self._climbs[1]
+        return cast(NDArray[np.int32], heads)
+
+    @cached_property
+    def _before(self) -> IntArray:
+        """Number (c,) of arcs within layers before each arc between layers."""
+        inner, count = self.inner.rows, self.inner.size
+        layers, states = np.divmod(self._climbs[0], count)
+        return np.asarray(layers * inner[-1] + inner[states + 1])
+
+    def _with_climbs(self, inner: NDArray[Any], climbs: NDArray[Any]) -> NDArray[Any]:
+        """Return values (m, ...) of the inner arcs in every layer, with those (c, ...) of the arcs between layers."""
+        size, climbed = self.inner.size, self._before + np.arange(self._before.size)
+        values = np.empty((int(self.rows[-1]), *inner.shape[1:]), inner.dtype)
+        is_inner = np.ones(len(values), dtype=np.bool_)
+        is_inner[climbed] = False
+        values[climbed] = climbs
+        for layer in range(len(self.tour.layers)):
+            part = slice(self.rows[layer * size], self.rows[(layer + 1) * size])
+            values[part][is_inner[part]] = inner
+        return values
+
+    def _origins(self, places: IntArray) -> IntArray:
+        """Return the arc of the inner graph for each arc (N,), NONE for arcs between layers."""
+        climbs = self._before + np.arange(self._before.size)
+        passed = np.searchsorted(climbs, places, side="right")
+        is_climb = (passed > 0) & (climbs[np.maximum(passed - 1, 0)] == places) if climbs.size else places < 0
+        return np.where(is_climb, NONE, (places - passed) % max(1, int(self.inner.rows[-1])))
+
+    def graph(self, criteria: Sequence[Criterion]) -> Graph:
+        """Return the search graph: arcs and costs of the inner graph in every layer, and the costs of dwells."""
+        inner = self.inner.graph(criteria)
+        layers, count = len(self.tour.layers), self.inner.size
+        bytes_ = layers * (inner.arcs * (8 * len(criteria) + ARC) + 8 * count)
+        doing = f"the {layers} layers of the tour ({self.size:,} nodes) were laid out"
+        self.spending.hold(bytes_, doing)
+        heads = self.heads
+        costs = self._with_climbs(inner.costs, self._climb_costs(criteria))
+        for array in (heads, costs, self.rows):
+            array.setflags(write=False)
+        graph = Graph.from_csr(self.rows, heads, costs, aggregates=inner.aggregates)
+        return replace(graph, turns=index_of_role("turns", criteria))
+
+    def _climb_costs(self, criteria: Sequence[Criterion]) -> IntArray:
+        """Return the costs (c, k) in quanta of the arcs between layers: of dwells, and of skipped stops."""
+        tails, _, stops, rows = self._climbs
+        costs = np.zeros((tails.size, len(criteria)), np.int64)
+        states = tails % self.inner.size
+        missed = index_of_role("stops_missed", criteria)
+        for stop, members in enumerate(self.members):
+            own = stops == stop
+            of_dwell = self._dwell_costs(self.tour.stops[stop].dwell, members, criteria)
+            costs[own] = of_dwell[np.searchsorted(members, states[own])]
+        if missed is not None:
+            criterion = criteria[missed]
+            weights = cast(StopsMissed, criterion).weights or {}
+            skipped = np.array([weight_of(self.tour, kind[2], weights) for kind in self._skips], float)
+            costs[:, missed] = quantised(skipped, criterion)[rows]
+        return costs
+
+    def _dwell_costs(self, dwell: float, members: IntArray, criteria: Sequence[Criterion]) -> IntArray:
+        """Return the costs (c, k) of holds in some states; 0 without dwell."""
+        costs = np.zeros((members.size, len(criteria)), np.int64)
+        if not dwell:
+            return costs
+        for part in blocks(members.size):
+            self.spending.check("the costs of dwells were computed")
+            columns = {name: np.nan_to_num(c) for name, c in self.inner.states(members[part]).__dict__.items()}
+            clock = np.zeros(members[part].size)
+            start, end = States(**columns, **{CLOCK: clock}), States(**columns, **{CLOCK: clock + dwell})
+            motions = Motions(self.world, self.model, HOLD, start, end)
+            for j, criterion in enumerate(criteria):
+                costs[part, j] = quantised(motion_costs(criterion, motions), criterion)
+        return costs
+
+    @property
+    def turned(self) -> NDArray[np.int8]:
+        """Number (m,) of turns in each arc; none in arcs between layers."""
+        return cast(NDArray[np.int8], self._with_climbs(self.inner.turned, np.zeros(self._before.size, np.int8)))
+
+    # Checks
+
+    @property
+    def is_checked(self) -> bool:
+        """True if all arcs of the inner graph are known to be free."""
+        return self.inner.is_checked
+
+    def with_checked_arcs(self) -> TourGraph:
+        """Return the layers of the inner graph with every arc checked."""
+        return self if self.is_checked else replace(self, inner=self.inner.with_checked_arcs())
+
+    def arcs_free(self, places: IntArray) -> BoolArray:
+        """Mark the free ones of some arcs (N,); copies of an inner arc are checked together."""
+        origins = self._origins(places)
+        own, which = np.unique(origins[origins != NONE], return_inverse=True)
+        free = np.ones(places.size, dtype=np.bool_)
+        free[origins != NONE] = self.inner.arcs_free(own)[which]
+        return free
+
+    def without(self, places: IntArray) -> TrajectoryGraph:
+        """Return the layers of the inner graph without some blocked arcs (N,)."""
+        origins = self._origins(places)
+        return replace(self, inner=self.inner.without(np.unique(origins[origins != NONE])))
+
+    def costed(self, criteria: Sequence[Criterion]) -> bool:
+        """Return whether the costs of all arcs of the inner graph are cached."""
+        return self.inner.costed(criteria)
+
+    # Trajectories
+
+    def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
+        """Return the motions of n paths through nodes (N,), without dwells; ``sizes`` (n,) count their nodes."""
+        return self._driven(ids, sizes)[0]
+
+    def trajectories_through(self, ids: IntArray, sizes: IntArray) -> tuple[Trajectory, ...]:
+        """Return n trajectories through nodes (N,), with a hold for each dwell."""
+        stretches, holds = self._driven(ids, sizes)
+        moving = stretches.trajectories(self.model, self.kinds)
+        return tuple(trajectory.with_holds(*held) for trajectory, held in zip(moving, holds, strict=True))
+
+    def _driven(self, ids: IntArray, sizes: IntArray) -> tuple[Stretches, list[tuple[IntArray, Any]]]:
+        """Return the motions of n paths through nodes (N,), and for each its holds: state and duration, s.
+
+        Paths are cut where they hold, and at joined states of stops; the motions of all first parts are made together,
+        then those of all second parts, and so on.
+        """
+        alone = self.inner.states_alone
+        joined = self.inner.size if alone is None else alone.size
+        parts: list[list[tuple[int, IntArray]]] = []  # for each part of paths: path, nodes
+        holds: list[list[tuple[int, float]]] = []  # for each path: number of parts before the hold, s
+        for path, nodes in enumerate(np.split(ids, np.cumsum(sizes)[:-1])):
+            kept, cuts, held = self._cut(nodes, joined)
+            holds.append(held)
+            bounds = [0, *cuts, kept.size - 1]
+            for part, (begin, end) in enumerate(pairwise(bounds)):
+                if part == len(parts):
+                    parts.append([])
+                parts[part].append((path, kept[begin : end + 1]))
+        made = [self._part(part, sizes.size) for part in parts]
+        stretches = Stretches.joined(self.model.space, made)
+        motions = np.cumsum([np.maximum(part.sizes - 1, 0) for part in made], axis=0)  # (p, n) up to the end of a part
+        motions = np.concatenate([np.zeros((1, sizes.size), np.int64), motions])
+        return stretches, [
+            (np.array([motions[part, i] for part, _ in held], np.int64), np.array([lasts for _, lasts in held]))
+            for i, held in enumerate(holds)
+        ]
+
+    def _cut(self, nodes: IntArray, joined: int) -> tuple[IntArray, list[int], list[tuple[int, float]]]:
+        """Return the states of a path, the places where it is cut, and its holds: number of parts before it, and s.
+
+        joined  number of states of the inner graph without joined ends
+        """
+        states = self._states_of(nodes)
+        layers = np.minimum(nodes // self.inner.size, len(self.tour.layers))
+        climbs = np.append(False, (layers[1:] != layers[:-1]) & (states[1:] == states[:-1]))
+        kept = states[~climbs]
+        at = np.cumsum(~climbs) - 1  # place of each node among the states
+        dwells: list[tuple[int, float]] = []
+        for i in np.flatnonzero(climbs).tolist():
+            steps = self.tour.steps[layers[i - 1]]
+            stop = next((step.stop for step in steps if step.layer == layers[i]), None)
+            if stop is not None and self.tour.stops[stop].dwell:
+                dwells.append((int(at[i]), self.tour.stops[stop].dwell))
+        last = kept.size - 1
+        inner_ends = [place for place in np.flatnonzero(kept >= joined).tolist() if 0 < place < last]
+        cuts = sorted({*inner_ends, *(place for place, _ in dwells if 0 < place < last)})
+        number = {0: 0, **{place: part for part, place in enumerate(cuts, 1)}}
+        number.setdefault(last, len(cuts) + 1)
+        return kept, cuts, [(number[place], lasts) for place, lasts in dwells]
+
+    def _part(self, part: list[tuple[int, IntArray]], paths: int) -> Stretches:
+        """Return the motions of one part of some paths as a part of all ``paths``."""
+        lengths = np.array([nodes.size for _, nodes in part], np.int64)
+        made = self.inner.stretches(np.concatenate([nodes for _, nodes in part]), lengths)
+        sizes = np.zeros(paths, np.int64)
+        sizes[[path for path, _ in part]] = made.sizes
+        return Stretches(made.states, made.kinds, sizes)
+
+    # Reasons
+
+    def what_separates(self, start: int, goals: list[int]) -> str:
+        """Return the reason why no path visits the stops on its way from start to goals, as text."""
+        from scipy.sparse import csr_array  # on first use: the import takes its time
+        from scipy.sparse.csgraph import breadth_first_order
+
+        (begin,), ends = self._states_of(np.array([start])).tolist(), list(dict.fromkeys(self.goals))
+        size, heads = self.inner.size, self.inner.heads
+        links = csr_array((np.ones(heads.size, np.int8), heads, self.inner.rows), shape=(size, size))
+        reached = np.zeros(size, dtype=bool)
+        reached[breadth_first_order(links, begin, return_predecessors=False)] = True
+        for stop, members in zip(self.tour.stops, self.members, strict=True):
+            if not stop.optional and not reached[members].any():
+                why = self.inner.what_separates(begin, self.inner.inside(members.tolist()))
+                return f"stop {stop.name!r} is out of reach: {why}"
+        if not reached[ends].any():
+            return self.inner.what_separates(begin, ends)
+        return (
+            "no path visits the stops in this order: each is reached from the start, but not one from another; change "
+            "the order, or make a stop optional"
+        )

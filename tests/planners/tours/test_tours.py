@@ -1,0 +1,334 @@
+"""Tours through files, graphs and searches: visits, certificates, round trips, and refusals that say what to do."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+import hpop
+from hpop.cli.report import print_front
+from hpop.criteria.performance.stops_missed import StopsMissed
+from hpop.errors import CriterionError, HpopError, OptionError, QueryError
+from hpop.goals import Tour, TourStop
+from hpop.planners.base import PlannerSpec
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
+from hpop.scenario import load_scenario
+from hpop.trajectories.trajectory import Trajectory
+from hpop.view import draw_map
+from hpop.world.content.content import Landmark
+
+ROOM = shapely.box(0, 0, 8, 6)
+WALL = shapely.box(3, 0, 4, 3)
+VASE = Landmark(6.5, 4.5, 1.2, name="vase")
+WORLD = hpop.World.from_polygons([WALL], extent=ROOM).with_content(landmarks=(VASE,))
+ROBOT = hpop.DifferentialDrive(radius=0.3, camera_height=1.2, field_of_view=(np.pi / 2, np.pi / 3))
+LATTICE = {"lattice": {"step": 0.5}}
+EAST = {"at": (6, 1), "within": 0.8, "dwell": 3, "name": "east"}
+NORTH = {"at": (1, 5), "within": 0.6, "name": "north"}
+SEEN = {"landmark": "vase", "dwell": 2}
+LOOK = {"look_at": {"target": (5.0, 5.0, 1.2), "distance": (0.5, 1.5)}, "dwell": 1.5, "name": "panel"}
+
+
+def problem(stops: list[Any], order: Any = "any", criteria: Any = ("turns", "length"), **more: Any) -> Problem:
+    given = {"world": WORLD, "model": ROBOT, "start": (1, 1, 0), "goal": (7, 3, None), **more}
+    return Problem(criteria=list(criteria), tour=Tour(stops, order), **given)
+
+
+def sampled_visits(front: Front, tour: Tour) -> None:
+    """Check each recorded visit on samples of its trajectory, for positions, landmarks and targets, by own geometry."""
+    for trajectory, origin in zip(front.trajectories, front.provenance, strict=True):
+        visits = {visit["stop"]: (visit["begin"], visit["end"]) for visit in origin["visits"]}
+        for stop in tour.stops:
+            if stop.name not in visits:
+                assert stop.optional
+                continue
+            begin, end = visits[stop.name]
+            assert end - begin >= stop.dwell - 1e-6
+            states = trajectory.at(np.linspace(begin, end, 20))
+            x, y, yaw = (float(getattr(states, name)[0]) for name in ("x", "y", "yaw"))
+            assert np.ptp(states.x) == np.ptp(states.y) == np.ptp(states.yaw) == 0.0
+            if stop.at is not None:
+                assert np.hypot(x - stop.at[0], y - stop.at[1]) <= float(stop.within or 0) + 1e-6
+                continue
+            aim = (VASE.x, VASE.y) if stop.landmark else (5.0, 5.0)
+            off = np.arctan2(aim[1] - y, aim[0] - x) - yaw
+            assert abs((off + np.pi) % (2 * np.pi) - np.pi) <= (np.pi / 4 if stop.landmark else np.radians(1.01))
+            assert np.hypot(aim[0] - x, aim[1] - y) <= (3.0 if stop.landmark else 1.5) + 1e-6
+            assert not WALL.crosses(shapely.LineString([(x, y), aim]))
+
+
+@pytest.mark.parametrize(
+    "planner",
+    [
+        LATTICE,
+        {"roadmap": {"samples": 60}},
+        {"any-angle": {"step": 1.0}},
+        {"weighted-sum": {"step": 1.0}},
+        {"exact": {"on": {"lattice": {"step": 1.0, "anchor": "world"}}, "eps": 0.1}},
+        {"lattice": {"step": 1.0, "max_turns": 9, "time_limit": 60, "max_memory": 2_000_000_000}},
+    ],
+    ids=lambda planner: next(iter(planner)),
+)
+def test_each_graph_and_search_visits_all_stops_for_their_dwells(planner: PlannerSpec) -> None:
+    asked = problem([EAST, NORTH, SEEN, LOOK])
+    front = asked.solve(planner)
+    assert len(front)
+    assert "visiting east, north, vase and panel in any order" in front.certificate
+    assert "NOT VALID" not in front.certificate
+    assert asked.tour is not None
+    sampled_visits(front, asked.tour)
+    assert verify(asked, front) == []
+
+
+def test_a_roadmap_of_configurations_visits_stops() -> None:
+    goal = {"look_at": {"target": (7.0, 1.0, 1.2), "distance": (0.5, 1.5)}}
+    asked = problem([EAST, LOOK], goal=goal)
+    front = asked.solve("roadmap", samples=80)
+    assert asked.tour is not None
+    sampled_visits(front, asked.tour)
+    assert len(front)
+    assert verify(asked, front) == []
+
+
+def test_a_skipped_stop_costs_its_weight() -> None:
+    criteria = ["length", {"stops_missed": {"weights": {"north": 3}}}]
+    asked = problem([EAST, {**NORTH, "optional": True}, {**SEEN, "optional": True}], "any", criteria)
+    front = asked.solve(LATTICE)
+    assert "north (optional)" in front.certificate
+    assert {0.0} < set(front.costs[:, 1].tolist()) <= {0.0, 1.0, 3.0, 4.0}
+    for point, origin in zip(front, front.provenance, strict=True):
+        missed = {"north": 3, "vase": 1}.items() - {
+            (v["stop"], {"north": 3, "vase": 1}.get(v["stop"])) for v in origin["visits"]
+        }
+        assert point.costs["stops_missed"] == sum(weight for _, weight in missed)
+    assert verify(asked, front) == []
+
+
+def test_a_given_order_skips_what_it_leaves_out() -> None:
+    asked = problem([{**NORTH, "optional": True}, EAST], "given", ["length", "stops_missed"])
+    front = asked.solve(LATTICE)
+    assert [[v["stop"] for v in origin["visits"]] for origin in front.provenance] == [["east"], ["north", "east"]]
+
+
+def test_a_front_with_a_tour_is_saved_loaded_verified_and_shown(tmp_path: Path, capsys: Any) -> None:
+    asked = problem([EAST, NORTH], [("north", "east")], ["turns", "length", "duration"])
+    front = asked.solve(LATTICE)
+    front.save(tmp_path / "front.json")
+    loaded = Front.load(tmp_path / "front.json")
+    assert loaded.problem is not None
+    again = Problem.from_description(loaded.problem)
+    assert again.tour == asked.tour
+    assert verify(again, loaded) == []
+    print_front(again, loaded)
+    printed = capsys.readouterr().out
+    assert "stops, in the order of visits: 1 east, 2 north" in printed
+    assert re.search(r"^ *0 .* 2 1 ", printed, re.MULTILINE)
+    numbers = [text.get_text() for text in draw_map(again, loaded).axes[0].texts if text.get_gid() == "stop"]
+    assert numbers == ["1", "2"]
+
+
+def test_verify_finds_visits_that_are_missing_short_or_elsewhere() -> None:
+    asked = problem([EAST, NORTH], [(1, 0)])
+    front = asked.solve(LATTICE)
+    first, *others = front.provenance
+
+    def faults(visits: Any) -> str:
+        return " ".join(verify(asked, replace(front, provenance=({**first, "visits": visits}, *others))))
+
+    north, east = first["visits"]
+    assert "has no record of its visits" in faults(None)
+    assert "does not visit stop 'east'" in faults([north])
+    assert "for 1 s only" in faults([north, {**east, "end": east["begin"] + 1}])
+    assert "is not at stop 'north'" in faults([{**north, "begin": 0.0, "end": 0.0}, east])
+    assert "moves while it visits" in faults([{**north, "begin": 0.0}, east])
+    assert "against the order" in faults([east, north])
+
+
+def test_a_dwell_costs_what_the_hold_costs_and_a_visit_without_dwell_costs_nothing() -> None:
+    lasting, passing = (
+        problem([{**EAST, "dwell": dwell}], "any", ["duration"]).solve(LATTICE).costs.min() for dwell in (3.0, 0.0)
+    )
+    assert lasting == pytest.approx(passing + 3.0)
+
+
+def test_a_checkpoint_of_a_tour_resumes(tmp_path: Path) -> None:
+    asked = problem([EAST, NORTH], "any", ["turns", "length", "duration"])
+    options = {"step": 0.5, "checkpoint": str(tmp_path / "search")}
+    asked.solve("lattice", max_labels=50, **options)
+    resumed = asked.solve("lattice", **options)
+    assert resumed.costs.tolist() == asked.solve(LATTICE).costs.tolist()
+
+
+def test_closed_arcs_are_closed_in_every_layer() -> None:
+    from hpop.planners.lattice import Lattice
+    from hpop.planners.spending import Limits
+
+    query = Lattice(step=0.5).query(problem([EAST]))
+    closed = np.zeros(query.graph.arcs, dtype=bool)
+    closed[query.graph.indptr[query.start] : query.graph.indptr[query.start + 1]] = True
+    part = query.graph.without(closed)
+    assert not len(replace(query, graph=part).paths(Limits()))
+
+
+# Scenario files
+
+
+SCENARIO = """
+world:
+  polygons: {{extent: [[0, 0], [8, 0], [8, 6], [0, 6]], obstacles: [{{corners: [[3, 0], [4, 0], [4, 3], [3, 3]]}}]}}
+model: {{differential_drive: {{radius: 0.3, camera_height: 1.2}}}}
+start: [1, 1, 0]
+goal: [7, 3, any]
+landmarks: [{{x: 6.5, y: 4.5, z: 1.2, name: vase}}]
+criteria: [turns, length, stops_missed]
+planner: {{lattice: {{step: 1.0}}}}
+tour:
+  {order}
+  stops:
+    - {{at: [6, 1], within: 0.8, dwell: 3, name: east}}
+    - {{look_at: {{target: [5, 5, 1.2], distance: [0.5, 1.5], angle_tolerance: 20 deg}}, dwell: 1.5}}
+    - {stop}
+"""
+OPTIONAL = "{landmark: vase, dwell: 2, optional: true}"
+
+
+def scenario(folder: Path, order: str = "order: any", stop: str = OPTIONAL) -> Path:
+    file = folder / "tour.yaml"
+    file.write_text(SCENARIO.format(order=order, stop=stop))
+    return file
+
+
+def test_a_scenario_has_the_tour_that_python_has(tmp_path: Path) -> None:
+    loaded = load_scenario(scenario(tmp_path, "some: [[0, vase]]"))
+    tour = loaded.problem.tour
+    assert tour is not None
+    assert tour.names == ("east", "stop 2", "vase")
+    assert tour.order == ((0, 2),)
+    assert tour.stops[0] == TourStop(at=(6, 1), within=0.8, dwell=3, name="east")
+    assert tour.stops[1].goal.angle_tolerance == pytest.approx(np.radians(20))
+    assert Problem.from_description(loaded.problem.describe()).tour == tour
+    front = loaded.problem.solve(loaded.planners)
+    assert verify(loaded.problem, front) == []
+
+
+@pytest.mark.parametrize(
+    ("order", "stop", "said"),
+    [
+        ("order: sometimes", OPTIONAL, "tour.order: expected 'given' or 'any', got 'sometimes'"),
+        ("some: [[0, 1], [1, 0]]", OPTIONAL, "tour: some must not contradict itself, but"),
+        (
+            "order: any",
+            "{at: [6, 1], within: 1, dwell: -2}",
+            "dwell of a stop must be a time in s from 0 to 3,600, got -2",
+        ),
+        ("order: any", "{at: [6, 1], name: x}", "within of stop 'x' must be a length in m"),
+        ("order: any", "{landmark: vaze}", "no landmark is called 'vaze'. Did you mean 'vase'?"),
+        ("order: any", "{at: [6, 1], within: 1, name: east}", "got 'east' more than once"),
+        ("order: any", "{look_up: {}}", "look_up"),
+    ],
+)
+def test_a_wrong_tour_is_refused_with_its_place(tmp_path: Path, order: str, stop: str, said: str) -> None:
+    with pytest.raises(HpopError, match=re.escape(said)) as refused:
+        load_scenario(scenario(tmp_path, order, stop))
+    assert "tour.yaml" in str(refused.value)
+
+
+# Refusals
+
+
+@pytest.mark.parametrize(
+    ("stops", "order", "said"),
+    [
+        ([], "given", "must have 1 to 60 stops, got 0; without any, leave it out"),
+        ([{**EAST, "dwell": -1}], "given", "dwell of stop 'east' must be a time in s from 0"),
+        ([EAST, EAST], "given", "got 'east' more than once; give these stops different names"),
+        ([{"at": (1, 1), "landmark": "vase"}], "given", "exactly one of at with within"),
+        ([{"landmark": "urn"}], "given", "no landmark is called 'urn'. Landmarks with a name are vase"),
+        ([EAST, NORTH], [(0, 1), (1, 0)], "but east before north before east; leave one of these pairs out"),
+        ([EAST, NORTH], [("east", "south")], "got 'south'"),
+        ([{**EAST, "name": str(i)} for i in range(7)], "any", "six stops in any order"),
+        ([EAST], "sometimes", "order must be given, any, or a list of pairs"),
+        ([{"look_up": 3}], "given", "a stop has no key 'look_up'. Did you mean 'look_at'?"),
+        ([{**EAST, "dwell": 3000}, {**NORTH, "dwell": 3000}], "given", "3,600 s at most in all"),
+    ],
+)
+def test_a_wrong_tour_says_what_was_expected_and_what_to_do(stops: Any, order: Any, said: str) -> None:
+    with pytest.raises(QueryError, match=re.escape(said)):
+        problem(stops, order)
+
+
+@pytest.mark.parametrize(
+    ("stop", "said"),
+    [
+        ({"at": (3.5, 1.5), "within": 0.4, "name": "in the wall"}, "the robot is free at no position within 0.4 m"),
+        ({"landmark": "vase", "within": 0.2, "name": "too near"}, "or give a larger within"),
+        ({"look_at": {"target": (3.5, 1.5, 1.2), "distance": (0.5, 1.0)}, "name": "hidden"}, "with its target in view"),
+    ],
+)
+def test_a_stop_that_cannot_be_visited_is_named(stop: Any, said: str) -> None:
+    world = WORLD.with_content(landmarks=(VASE, Landmark(3.5, 1.5, 1.2, name="walled in")))
+    if "landmark" in stop:
+        stop = {**stop, "landmark": "walled in"}
+    with pytest.raises(QueryError, match=re.escape(said)) as refused:
+        problem([stop], world=world).solve(LATTICE)
+    assert f"stop {stop['name']!r} cannot be visited" in str(refused.value)
+
+
+def test_a_stop_behind_walls_is_out_of_reach() -> None:
+    closed = shapely.box(5.0, 0.0, 8.0, 2.4).boundary.buffer(0.1)
+    world = hpop.World.from_polygons([*closed.geoms] if hasattr(closed, "geoms") else [closed], extent=ROOM)
+    front = problem([{"at": (6.5, 1.2), "within": 0.5, "name": "cell"}], world=world).solve(LATTICE)
+    assert not len(front)
+    assert any("stop 'cell' is out of reach" in note for note in front.notes)
+
+
+def test_planners_without_tours_refuse_them() -> None:
+    for planner in ("rrt", "epsilon-constraint", "smoothing"):
+        with pytest.raises(QueryError, match="does not plan tours, so it would leave out the stops east"):
+            problem([EAST]).solve(planner)
+    walker = hpop.Person(5.0, 5.0, velocity=(-0.5, 0.0))
+    with pytest.raises(QueryError, match="among people who move takes no tour"):
+        problem([EAST], world=WORLD.with_content(people=(walker,))).solve(LATTICE)
+    with pytest.raises(OptionError, match="max_detour takes no optional stops"):
+        problem([{**EAST, "optional": True}], "any", ["obstruction", "stops_missed"]).solve("lattice", max_detour=1.2)
+
+
+def test_a_drive_refuses_a_tour() -> None:
+    asked = problem([EAST])
+    front = asked.solve(LATTICE)
+    with pytest.raises(QueryError, match="a drive takes no tour"):
+        hpop.follow(asked, front, 0)
+
+
+def test_stops_missed_needs_optional_stops_and_they_need_it() -> None:
+    with pytest.raises(CriterionError, match="the problem has no tour"):
+        Problem(WORLD, ROBOT, (1, 1, 0), (7, 3, None), ["length", "stops_missed"])
+    with pytest.raises(CriterionError, match="set optional: true for a stop"):
+        problem([EAST], criteria=["length", "stops_missed"])
+    with pytest.raises(QueryError, match="List stops_missed among the criteria"):
+        problem([{**EAST, "optional": True}])
+    with pytest.raises(CriterionError, match="Did you mean 'east'"):
+        problem([{**EAST, "optional": True}], criteria=["length", StopsMissed({"eest": 2})])
+
+
+def test_missed_stops_of_any_trajectory_are_counted() -> None:
+    asked = problem([{**EAST, "optional": True}, {**NORTH, "optional": True}], "any", ["length", "stops_missed"])
+    way = Trajectory.from_poses(ROBOT, [(1, 1, 0), (1, 5, 0), (6, 5, 0), (6, 1, 0), (7, 3, 0)])
+    assert asked.evaluate(way)["stops_missed"] == 1.0  # it passes both, and holds at none
+    place = int(np.flatnonzero((way.states.x == 6) & (way.states.y == 1))[0])
+    assert asked.evaluate(way.with_hold(at=place, seconds=3.0))["stops_missed"] == 0.0
+    assert asked.evaluate(way.with_hold(at=place, seconds=2.9))["stops_missed"] == 1.0
+
+
+def test_the_example_has_two_exhibits_and_an_optional_stop() -> None:
+    loaded = load_scenario(Path(__file__).parents[3] / "examples" / "museum_tour.yaml")
+    assert loaded.problem.tour is not None
+    assert loaded.problem.tour.words == "visiting dinosaur, vitrine and east room (optional) in any order"
