@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import hpop
 from hpop.testing import check_model, check_planner
 from hpop.view import save_pictures
 from tests.own_criteria import LEARNT
@@ -244,8 +245,10 @@ def test_the_page_of_arms_says_of_each_criterion_whether_it_is_for_them():
         ]
         for row in rows
     )
+    can = {"look_at": {"target": (0.7, 0.25, 0.43), "distance": (0.1, 1.0)}, "optional": True}
     for criterion in (*improved, *rough, *remembering):
-        replace(shelf, world=world, criteria=(criterion,))
+        tour = hpop.Tour([can]) if criterion.role == "stops_missed" else None
+        replace(shelf, world=world, criteria=(criterion,), tour=tour)
     assert all(criterion.smooth for criterion in improved)
     assert all(PieceCosts.with_gradients(world, shelf.model, rough)[1].values())
     assert {criterion.aggregate for criterion in remembering} == {"trajectory"}

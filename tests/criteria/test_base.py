@@ -56,7 +56,11 @@ def test_a_declared_criterion_is_found_by_name_and_carries_what_it_declares():
         ("glare", {"group": "X"}, r"group must be one of \('P', 'C', 'R', 'O'\), got 'X'"),
         ("glare", {"unit": ""}, "unit must be given; use '1'"),
         ("glare", {"aggregate": "mean"}, "aggregate must be one of .*'time-mean'.*, got 'mean'"),
-        ("glare", {"role": "speed"}, r"role must be one of \('duration', 'length', 'turns'\) or None, got 'speed'"),
+        (
+            "glare",
+            {"role": "speed"},
+            r"role must be one of \('duration', 'length', 'turns', 'stops_missed'\) or None, got 'speed'",
+        ),
         ("glare", {"quantum": 0.0}, "quantum must be a positive number"),
         ("glare", {"quantum": float("nan")}, "quantum must be a positive number"),
         ("glare", {"quantum": float("inf")}, "quantum must be a positive number"),

@@ -289,7 +289,7 @@ def declaring(**declared):
 DECLARES = {
     "group is one of P, C, R, O, got 'X'": {"group": "X"},
     "aggregate is one of sum, time-mean, max, trajectory, got 'total'": {"aggregate": "total"},
-    "role is one of None, duration, length, turns, got 'way'": {"role": "way"},
+    "role is one of None, duration, length, turns, stops_missed, got 'way'": {"role": "way"},
     "smooth is one of True, False, got 'yes'": {"smooth": "yes"},
     "world_frame is one of True, False, got None": {"world_frame": None},
     "unit is a word, got ''": {"unit": ""},
@@ -326,7 +326,7 @@ WRONG = [
     (MoodyMemory(), AGAIN, "the second time"),
     (Unpicklable(lambda: 1.0), PICKLE, "pickle|lambda"),
     (Relative(), ALONE, "a move alone"),
-    (Timed(), EDGES, "without a clock"),
+    (Timed(), EDGES, "this planner has no clock"),
     (Northward(), FRAME, "in another frame"),
     (Crowded(), WALK, "along lattice edges"),
     (Boastful(), BOUND, "bound 2.2 for a trajectory that costs 2"),

@@ -267,4 +267,12 @@ def test_the_content_in_the_docs_is_what_it_says():
     (block,) = (block for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "with_content" in block)
     names = {"world": World.from_polygons([], extent=HALL)}
     exec(compile(block, "docs/content.md", "exec"), names)
-    assert names["world"].contents == {"people", "moving people", "groups", "landmarks", "speed zones"}
+    assert names["world"].contents == {
+        "people",
+        "moving people",
+        "groups",
+        "landmarks",
+        "speed zones",
+        "one-way zones",
+        "keep_out",
+    }
