@@ -71,6 +71,8 @@ class TourStop:
         if self.landmark is not None and not isinstance(self.landmark, str):
             raise QueryError(f"landmark of {what} must be the name of a landmark, got {shown(self.landmark)}")
         within = NEAR if self.within is None and self.landmark is not None else self.within
+        if self.at is not None and within is None:
+            raise QueryError(f"{what} at a position needs within, the radius in m of the disc in which it is visited")
         if self.goal is None:
             kind = "a length in m"
             within = float(real(f"within of {what}", within, LEAST, MOST, kind, error=QueryError))

@@ -251,6 +251,7 @@ def test_a_wrong_tour_is_refused_with_its_place(tmp_path: Path, order: str, stop
         ([{**EAST, "dwell": -1}], "given", "dwell of stop 'east' must be a time in s from 0"),
         ([EAST, EAST], "given", "got 'east' more than once; give these stops different names"),
         ([{"at": (1, 1), "landmark": "vase"}], "given", "exactly one of at with within"),
+        ([{"at": (1, 1)}], "given", "needs within, the radius in m"),
         ([{"landmark": "urn"}], "given", "no landmark is called 'urn'. Landmarks with a name are vase"),
         ([EAST, NORTH], [(0, 1), (1, 0)], "but east before north before east; leave one of these pairs out"),
         ([EAST, NORTH], [("east", "south")], "got 'south'"),
