@@ -229,7 +229,7 @@ def test_a_scenario_has_the_tour_that_python_has(tmp_path: Path) -> None:
             "{at: [6, 1], within: 1, dwell: -2}",
             "dwell of a stop must be a time in s from 0 to 3,600, got -2",
         ),
-        ("order: any", "{at: [6, 1], name: x}", "within of stop 'x' must be a length in m"),
+        ("order: any", "{at: [6, 1], name: x}", "stop 'x' at a position needs within"),
         ("order: any", "{landmark: vaze}", "no landmark is called 'vaze'. Did you mean 'vase'?"),
         ("order: any", "{at: [6, 1], within: 1, name: east}", "got 'east' more than once"),
         ("order: any", "{look_up: {}}", "look_up"),
