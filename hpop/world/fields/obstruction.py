@@ -110,7 +110,7 @@ def _transform_of_cell(
     cell = Obstacle(shapely.box(-half, -half, half, half), z_min, z_max)
     dx, dy = np.meshgrid(offsets, offsets)
     kernel = polygon_obstruction([cell], dx.ravel(), dy.ravel(), camera_z, radius).reshape(dx.shape)
-    tile = 1 << max(7, (6 * reach).bit_length())  # small, as a changed cell costs whole tiles
+    tile = 1 << max(7, (8 * reach).bit_length())
     return reach, tile, np.fft.rfft2(kernel, (tile, tile))
 
 
