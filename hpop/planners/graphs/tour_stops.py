@@ -65,19 +65,19 @@ def _with_states(space: TrajectoryGraph, problem: Problem, stops: Sequence[TourS
     alone = space.states_alone
     if alone is None:
         raise QueryError(" ".join(_reason(space, problem, stop) for stop in stops))
-    ends, added = dict(space.ends if isinstance(space, JoinedEnds) else {}), list[str]()
+    ends, added = dict(space.ends if isinstance(space, JoinedEnds) else {}), dict[str, list[str]]()
     for stop in stops:
         states = drawn_states(problem, stop)
         if not states.size:
             raise QueryError(_reason(space, problem, stop))
-        for i in range(states.size):
-            added.append(f"state {i} of stop {stop.name}")
-            ends[added[-1]] = states.take(slice(i, i + 1))
+        added[stop.name] = [f"state {i} of stop {stop.name}" for i in range(states.size)]
+        ends |= {what: states.take(slice(i, i + 1)) for i, what in enumerate(added[stop.name])}
     reach = alone.reach(problem)
-    joined = JoinedEnds(alone.model, alone.world, alone, ends, reach, tuple(added), spending=alone.spending)
+    names = tuple(what for each in added.values() for what in each)
+    joined = JoinedEnds(alone.model, alone.world, alone, ends, reach, names, spending=alone.spending)
     entered, left = set(joined.joins.heads.tolist()), set(joined.joins.tails.tolist())
     for stop in stops:
-        nodes = {joined.node(what) for what in added if what.endswith(f" of stop {stop.name}")}
+        nodes = {joined.node(what) for what in added[stop.name]}
         if not nodes & entered & left:
             raise QueryError(
                 f"stop {stop.name!r} cannot be visited: {len(nodes)} free states of it were found, but none of them is "
