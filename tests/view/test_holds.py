@@ -90,5 +90,8 @@ def test_where_each_cost_arises_a_clock_has_the_colour_of_what_standing_there_co
 
 def test_a_robot_that_only_stands_can_be_drawn(problem):
     stood = Trajectory.from_poses(problem.model, [(1, 1, 0)]).with_hold(at=0, seconds=3.0)
-    draw_trace(problem, stood).canvas.draw()
-    draw_where(problem, stood).canvas.draw()
+    traced, where = draw_trace(problem, stood), draw_where(problem, stood)
+    traced.canvas.draw()
+    where.canvas.draw()
+    assert max(axes.get_xlim()[1] for axes in traced.axes) >= 3.0
+    assert any(line.get_gid() == "hold" for axes in where.axes for line in axes.lines)
