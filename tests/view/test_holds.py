@@ -11,6 +11,7 @@ from hpop.view.trace import draw_trace
 from hpop.view.where import RATE_COLOURS, draw_where
 
 CLOCKS = "stands still, for this time"
+AWAY = np.array([0.05, 0.1, 0.15, 0.2])  # m from the upper border
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +50,22 @@ def test_maps_say_where_and_for_how_long(problem, trajectory, held):
     figure.canvas.draw()
     nobody = draw_map(problem, front, chosen={"quick": 1 - row})
     assert CLOCKS not in [text for legend in nobody.legends for text in texts(legend.get_texts())]
+
+
+def test_every_clock_lies_within_the_map(problem):
+    """Clocks of the last of several trajectories, at the upper border: they stand below the place."""
+    (_, _, _, top), model = problem.world.bounds, problem.model
+    ways = [Trajectory.from_poses(model, [(1, y, 0), (3, y, 0)]).with_hold(at=1, seconds=3.0) for y in top - AWAY]
+    declared = {"names": ["duration", "exposure"], "units": ["s", "s"], "quanta": [1e-6, 1e-6], "status": "complete"}
+    costs = np.stack([np.arange(4.0), 3.0 - np.arange(4.0)], axis=1)
+    front = Front.of(costs, ways, **declared, certificate="made by hand")
+    figure = draw_map(problem, front, chosen={name: row for row, name in enumerate("abcd")})
+    figure.canvas.draw()
+    axes = next(axes for axes in figure.axes if axes.get_label() == "map")
+    clocks = [line for line in axes.lines if str(line.get_gid()).startswith("holds of")]
+    drawn = [line.get_transform().transform(line.get_xydata())[0] for line in clocks]
+    assert len(drawn) == 4
+    assert all(axes.bbox.contains(*place) for place in drawn)
 
 
 @pytest.mark.parametrize("draw", ["map", "where"])
