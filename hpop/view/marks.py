@@ -237,8 +237,8 @@ def draw_holds(
     drawn = holds_of(trajectory)
     for number, held in enumerate(drawn):
         up = BESIDE + ROW * row
-        above = axes.transData.transform((held.x, held.y))[1] + (up + BESIDE) * figure.dpi / 72.0
-        up = -up if above > axes.bbox.ymax else up
+        above = offset_copy(axes.transData, figure, y=up + BESIDE, units="points").transform((held.x, held.y))
+        up = -up if above[1] > axes.bbox.ymax else up
         right = BESIDE + ASIDE * sum(_are_near(held, other, width) for other in drawn[:number])
         beside = offset_copy(axes.transData, figure, right, up, units="points")
         lead: dict[str, Any] = {"arrowstyle": "-", "color": colour, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 3}
