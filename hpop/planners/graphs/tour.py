@@ -1,8 +1,12 @@
-"""Tours on any graph of trajectories: a copy of the graph for each set of visited stops, joined by visits.
+"""Graph of a tour: one copy of the inner graph for each set of stops that may have been visited so far.
 
-A node is a state with a layer, the set of decided stops (:attr:`hpop.goals.Tour.layers`). An arc leads up to another
-layer at each state of a stop's set; its cost is that of the hold. Paths begin in the first layer and end in the last,
-or, if optional stops are left, in a node that skips these. So every search finds whole tours, and its claims hold.
+These copies are called layers. Each layer stands for a set of decided stops, those visited or skipped
+(:attr:`hpop.goals.Tour.layers`). A node is a state of the inner graph together with a layer.
+
+Motions stay within a layer. Where a state belongs to a stop, an additional arc leads to the same state in a later
+layer: it visits the stop, and its cost is the cost of standing there for the dwell time. Paths begin in the first
+layer, where no stop is decided. They end in the last layer, or in an extra node that skips the remaining optional
+stops. So any search on this graph finds complete tours, and its optimality claims hold for tours.
 """
 
 from __future__ import annotations
@@ -36,14 +40,15 @@ NONE = -1
 
 @dataclass(frozen=True, eq=False)
 class TourGraph(TrajectoryGraph):
-    """Graph with a copy of its states for each layer of a tour, and a last node for each goal.
+    """Graph of a tour: a copy of the inner graph for each layer, and one extra node for each goal.
 
-    The state of number v in layer l has the number l * n + v, with n states of the inner graph.
+    If the inner graph has n nodes, its node v has the number l * n + v in layer l. The extra nodes come last. A path
+    ends in one of them if it skips optional stops at its end.
 
-    inner    graph of states, with joined ends
+    inner    graph of one layer, with start and goals among its nodes
     tour     stops and their order
-    members  nodes (c,) of the inner graph in the set of each stop, rising
-    goals    nodes of the inner graph; the last nodes, in this order, are theirs
+    members  for each stop: the nodes (c,) of the inner graph at which it can be visited, in ascending order
+    goals    goal nodes of the inner graph; the extra nodes have the same order
     """
 
     inner: TrajectoryGraph
@@ -58,53 +63,56 @@ class TourGraph(TrajectoryGraph):
 
     @property
     def words(self) -> str:
-        """Description of the inner graph, the stops and their order, in words."""
+        """Description of the inner graph, the stops and their order, for certificates."""
         return f"{self.inner.words}, {self.tour.words}"
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options of the inner graph."""
+        """Options that identify the inner graph, JSON-able."""
         return self.inner.options
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of motions of the inner graph."""
+        """Names of the kinds of motions, such as "move" and "turn"; the same as in the inner graph."""
         return self.inner.kinds
 
     @property
     def counts(self) -> dict[str, int]:
-        """Sizes of the inner graph, the number of layers, and of states in sets of stops."""
+        """Statistics: sizes of the inner graph, number of layers, and number of states that belong to stops."""
         of_stops = sum(member.size for member in self.members)
         return {**self.inner.counts, "tour_layers": len(self.tour.layers), "stop_states": of_stops}
 
     @property
     def targets(self) -> list[int]:
-        """Nodes at which paths may end."""
+        """Nodes at which a path may end: the goals in the last layer and, with optional stops, the extra nodes."""
         last = (len(self.tour.layers) - 1) * self.inner.size
         first = len(self.tour.layers) * self.inner.size
         ends = [last + goal for goal in self.goals]
         return [*ends, *range(first, first + len(self.goals))] if self.tour.optional else ends
 
     def inside(self, nodes: list[int]) -> list[int]:
-        """Return the states of nodes, with joined ends replaced by the states to which they are joined."""
+        """Return the inner nodes of some nodes, where an added start or goal is replaced by its neighbours.
+
+        Neighbours are the states of the inner graph to which the start or goal is joined.
+        """
         return self.inner.inside(list(dict.fromkeys(self._states_of(np.array(nodes, np.int64)).tolist())))
 
     def _states_of(self, nodes: IntArray) -> IntArray:
-        """Return the nodes (N,) of the inner graph at which nodes are."""
+        """Return the node of the inner graph for each node (N,) of the tour graph."""
         count, last = self.inner.size, len(self.tour.layers) * self.inner.size
         return np.where(nodes < last, nodes % count, np.array(self.goals)[np.maximum(nodes - last, 0)])
 
     def states(self, ids: IntArray) -> States:
-        """Return the states (N,) of nodes."""
+        """Return the robot states (N,) at some nodes, given by number."""
         return self.inner.states(self._states_of(ids))
 
-    # Arcs: those of the inner graph in each layer, then visits and ends at the same state
+    # Arcs: at each node the arcs of the inner graph, then the arcs to other layers, which keep the state
 
     @cached_property
     def _climbs(self) -> tuple[IntArray, IntArray, IntArray, IntArray]:
-        """Tails and heads of arcs between layers, their stops (NONE for ends), and the rows of their skipped stops.
+        """Arcs between layers, sorted by tail, as four arrays (c,): tail, head, visited stop, and row in ``_skips``.
 
-        They are sorted by tail. The rows of skipped stops are those of ``_skips``.
+        The stop is NONE for an arc that ends the tour by skipping the remaining stops.
         """
         count, parts = self.inner.size, []
         goals = np.unique(self.goals)
@@ -122,14 +130,18 @@ class TourGraph(TrajectoryGraph):
 
     @cached_property
     def _skips(self) -> dict[tuple[int, int, tuple[int, ...], int], int]:
-        """Row of each kind of arc between layers: layer, stop (NONE for an end), skipped stops, next layer."""
+        """Number of each kind of arc between layers; ``_climbs`` refers to the kinds by these numbers.
+
+        A kind is (layer, visited stop, skipped stops, next layer). Stop and next layer are NONE for an arc that ends
+        the tour by skipping the remaining stops.
+        """
         kinds = [(i, s.stop, s.skipped, s.layer) for i, steps in enumerate(self.tour.steps) for s in steps]
         kinds += [(layer, NONE, skipped, NONE) for layer, skipped in self.tour.endings if skipped]
         return {kind: row for row, kind in enumerate(kinds)}
 
     @cached_property
     def rows(self) -> IntArray:
-        """Row pointers (N + 1,) of the arcs."""
+        """Row pointers (N + 1,): the arcs that leave node u have the indices rows[u] to rows[u + 1] - 1."""
         degrees = np.append(
             np.tile(np.diff(self.inner.rows), len(self.tour.layers)), np.zeros(len(self.goals), np.int64)
         )
@@ -138,7 +150,7 @@ class TourGraph(TrajectoryGraph):
 
     @property
     def heads(self) -> NDArray[np.int32]:
-        """Heads (m,) of the arcs."""
+        """Head node (m,) of each arc."""
         count = self.inner.size
         heads = self._with_climbs(self.inner.heads, np.zeros(self._before.size, np.int32))
         for layer in range(1, len(self.tour.layers)):
@@ -148,13 +160,17 @@ class TourGraph(TrajectoryGraph):
 
     @cached_property
     def _before(self) -> IntArray:
-        """Number (c,) of arcs within layers before each arc between layers."""
+        """For each arc between layers (c,): how many arcs within layers come before it in the list of all arcs."""
         inner, count = self.inner.rows, self.inner.size
         layers, states = np.divmod(self._climbs[0], count)
         return np.asarray(layers * inner[-1] + inner[states + 1])
 
     def _with_climbs(self, inner: NDArray[Any], climbs: NDArray[Any]) -> NDArray[Any]:
-        """Return values (m, ...) of the inner arcs in every layer, with those (c, ...) of the arcs between layers."""
+        """Merge the values of arcs into one array (m, ...), in the order of all arcs of the tour graph.
+
+        inner   values of the arcs of the inner graph, repeated in every layer
+        climbs  values (c, ...) of the arcs between layers
+        """
         size, climbed = self.inner.size, self._before + np.arange(self._before.size)
         values = np.empty((int(self.rows[-1]), *inner.shape[1:]), inner.dtype)
         is_inner = np.ones(len(values), dtype=np.bool_)
@@ -166,18 +182,21 @@ class TourGraph(TrajectoryGraph):
         return values
 
     def _origins(self, places: IntArray) -> IntArray:
-        """Return the arc of the inner graph for each arc (N,), NONE for arcs between layers."""
+        """Return the index of the inner graph's arc for each arc (N,) of the tour graph; NONE between layers."""
         climbs = self._before + np.arange(self._before.size)
         passed = np.searchsorted(climbs, places, side="right")
         is_climb = (passed > 0) & (climbs[np.maximum(passed - 1, 0)] == places) if climbs.size else places < 0
         return np.where(is_climb, NONE, (places - passed) % max(1, int(self.inner.rows[-1])))
 
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
-        """Return the search graph: arcs and costs of the inner graph in every layer, and the costs of dwells."""
+        """Return the search graph: the inner arcs and their costs in every layer, and the arcs between layers.
+
+        Arcs between layers cost what standing at a stop costs, and the weights of the stops that they skip.
+        """
         inner = self.inner.graph(criteria)
         layers, count = len(self.tour.layers), self.inner.size
         bytes_ = layers * (inner.arcs * (8 * len(criteria) + ARC) + 8 * count)
-        doing = f"the {layers} layers of the tour ({self.size:,} nodes) were laid out"
+        doing = f"the {layers} layers of the tour ({self.size:,} nodes) were built"
         self.spending.hold(bytes_, doing)
         heads = self.heads
         costs = self._with_climbs(inner.costs, self._climb_costs(criteria))
@@ -187,7 +206,7 @@ class TourGraph(TrajectoryGraph):
         return replace(graph, turns=index_of_role("turns", criteria))
 
     def _climb_costs(self, criteria: Sequence[Criterion]) -> IntArray:
-        """Return the costs (c, k) in quanta of the arcs between layers: of dwells, and of skipped stops."""
+        """Return the costs (c, k), in quanta, of the arcs between layers: standing at stops, and skipping stops."""
         tails, _, stops, rows = self._climbs
         costs = np.zeros((tails.size, len(criteria)), np.int64)
         states = tails % self.inner.size
@@ -204,12 +223,12 @@ class TourGraph(TrajectoryGraph):
         return costs
 
     def _dwell_costs(self, dwell: float, members: IntArray, criteria: Sequence[Criterion]) -> IntArray:
-        """Return the costs (c, k) of holds in some states; 0 without dwell."""
+        """Return the costs (c, k), in quanta, of standing for ``dwell`` s in each member state; 0 if dwell is 0."""
         costs = np.zeros((members.size, len(criteria)), np.int64)
         if not dwell:
             return costs
         for part in blocks(members.size):
-            self.spending.check("the costs of dwells were computed")
+            self.spending.check("the costs of standing at stops were computed")
             columns = {name: np.nan_to_num(c) for name, c in self.inner.states(members[part]).__dict__.items()}
             clock = np.zeros(members[part].size)
             start, end = States(**columns, **{CLOCK: clock}), States(**columns, **{CLOCK: clock + dwell})
@@ -220,22 +239,22 @@ class TourGraph(TrajectoryGraph):
 
     @property
     def turned(self) -> NDArray[np.int8]:
-        """Number (m,) of turns in each arc; none in arcs between layers."""
+        """Number (m,) of turns in each arc; 0 for arcs between layers."""
         return cast(NDArray[np.int8], self._with_climbs(self.inner.turned, np.zeros(self._before.size, np.int8)))
 
     # Checks
 
     @property
     def is_checked(self) -> bool:
-        """True if all arcs of the inner graph are known to be free."""
+        """True if all arcs of the inner graph are known to be free of collision."""
         return self.inner.is_checked
 
     def with_checked_arcs(self) -> TourGraph:
-        """Return the layers of the inner graph with every arc checked."""
+        """Return a tour graph of which every arc was checked for collision."""
         return self if self.is_checked else replace(self, inner=self.inner.with_checked_arcs())
 
     def arcs_free(self, places: IntArray) -> BoolArray:
-        """Mark the free ones of some arcs (N,); copies of an inner arc are checked together."""
+        """Return which of some arcs (N,) are free of collision; an inner arc is checked once for all layers."""
         origins = self._origins(places)
         own, which = np.unique(origins[origins != NONE], return_inverse=True)
         free = np.ones(places.size, dtype=np.bool_)
@@ -243,7 +262,7 @@ class TourGraph(TrajectoryGraph):
         return free
 
     def without(self, places: IntArray) -> TrajectoryGraph:
-        """Return the layers of the inner graph without some blocked arcs (N,)."""
+        """Return the tour graph without some blocked arcs (N,), which are removed from every layer."""
         origins = self._origins(places)
         return replace(self, inner=self.inner.without(np.unique(origins[origins != NONE])))
 
@@ -254,20 +273,29 @@ class TourGraph(TrajectoryGraph):
     # Trajectories
 
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
-        """Return the motions of n paths through nodes (N,), without dwells; ``sizes`` (n,) count their nodes."""
+        """Return the motions of n paths, without the holds at stops.
+
+        ids    (N,)  nodes of all paths, one path after another
+        sizes  (n,)  number of nodes of each path
+        """
         return self._driven(ids, sizes)[0]
 
     def trajectories_through(self, ids: IntArray, sizes: IntArray) -> tuple[Trajectory, ...]:
-        """Return n trajectories through nodes (N,), with a hold for each dwell."""
+        """Return n trajectories, with a hold at each stop that has a dwell time.
+
+        ids    (N,)  nodes of all paths, one path after another
+        sizes  (n,)  number of nodes of each path
+        """
         stretches, holds = self._driven(ids, sizes)
         moving = stretches.trajectories(self.model, self.kinds)
         return tuple(trajectory.with_holds(*held) for trajectory, held in zip(moving, holds, strict=True))
 
     def _driven(self, ids: IntArray, sizes: IntArray) -> tuple[Stretches, list[tuple[IntArray, Any]]]:
-        """Return the motions of n paths through nodes (N,), and for each its holds: state and duration, s.
+        """Return the motions of n paths, and the holds of each path: indices of its states, and durations in s.
 
-        Paths are cut where they hold, and at joined states of stops; the motions of all first parts are made together,
-        then those of all second parts, and so on.
+        Arguments as for :meth:`stretches`. Each path is cut into parts where the robot holds, and at states that were
+        added to the graph for a stop. The first parts of all paths are computed in one call, then all second parts,
+        and so on.
         """
         alone = self.inner.states_alone
         joined = self.inner.size if alone is None else alone.size
@@ -283,7 +311,7 @@ class TourGraph(TrajectoryGraph):
                 parts[part].append((path, kept[begin : end + 1]))
         made = [self._part(part, sizes.size) for part in parts]
         stretches = Stretches.joined(self.model.space, made)
-        motions = np.cumsum([np.maximum(part.sizes - 1, 0) for part in made], axis=0)  # (p, n) up to the end of a part
+        motions = np.cumsum([np.maximum(part.sizes - 1, 0) for part in made], axis=0)  # (p, n) up to each part's end
         motions = np.concatenate([np.zeros((1, sizes.size), np.int64), motions])
         return stretches, [
             (np.array([motions[part, i] for part, _ in held], np.int64), np.array([lasts for _, lasts in held]))
@@ -291,15 +319,17 @@ class TourGraph(TrajectoryGraph):
         ]
 
     def _cut(self, nodes: IntArray, joined: int) -> tuple[IntArray, list[int], list[tuple[int, float]]]:
-        """Return the states of a path, the places where it is cut, and its holds: number of parts before it, and s.
+        """Cut a path of the tour graph into parts; return its inner nodes, its cuts and its holds.
 
-        joined  number of states of the inner graph without joined ends
+        Cuts are indices into the inner nodes. A hold is the number of parts before it, and its duration in s.
+
+        joined  first number of the nodes that were added to the inner graph for ends and stops
         """
         states = self._states_of(nodes)
         layers = np.minimum(nodes // self.inner.size, len(self.tour.layers))
         climbs = np.append(False, (layers[1:] != layers[:-1]) & (states[1:] == states[:-1]))
         kept = states[~climbs]
-        at = np.cumsum(~climbs) - 1  # place of each node among the states
+        at = np.cumsum(~climbs) - 1  # index of each node's state in `kept`
         dwells: list[tuple[int, float]] = []
         for i in np.flatnonzero(climbs).tolist():
             steps = self.tour.steps[layers[i - 1]]
@@ -314,7 +344,11 @@ class TourGraph(TrajectoryGraph):
         return kept, cuts, [(number[place], lasts) for place, lasts in dwells]
 
     def _part(self, part: list[tuple[int, IntArray]], paths: int) -> Stretches:
-        """Return the motions of one part of some paths as a part of all ``paths``."""
+        """Return the motions of one part of some paths; the other paths get a part without states.
+
+        part   for each path that has this part: its index, and the inner nodes of the part
+        paths  number of all paths
+        """
         lengths = np.array([nodes.size for _, nodes in part], np.int64)
         made = self.inner.stretches(np.concatenate([nodes for _, nodes in part]), lengths)
         sizes = np.zeros(paths, np.int64)
@@ -324,7 +358,7 @@ class TourGraph(TrajectoryGraph):
     # Reasons
 
     def what_separates(self, start: int, goals: list[int]) -> str:
-        """Return the reason why no path visits the stops on its way from start to goals, as text."""
+        """Return the reason, as text for an error, why no path from the start visits the stops and ends at a goal."""
         from scipy.sparse import csr_array  # on first use: the import takes its time
         from scipy.sparse.csgraph import breadth_first_order
 
@@ -336,10 +370,10 @@ class TourGraph(TrajectoryGraph):
         for stop, members in zip(self.tour.stops, self.members, strict=True):
             if not stop.optional and not reached[members].any():
                 why = self.inner.what_separates(begin, self.inner.inside(members.tolist()))
-                return f"stop {stop.name!r} is out of reach: {why}"
+                return f"stop {stop.name!r} cannot be reached from the start: {why}"
         if not reached[ends].any():
             return self.inner.what_separates(begin, ends)
         return (
-            "no path visits the stops in this order: each is reached from the start, but not one from another; change "
-            "the order, or make a stop optional"
+            "each stop that is not optional can be reached from the start, but no path visits them in an order that "
+            "the tour allows; change the order, or make a stop optional"
         )

@@ -1,4 +1,4 @@
-"""Stops of a tour on a graph: its states in their sets, and further states for stops that have none."""
+"""Find the states of a graph at which each stop of a tour can be visited, and add states for stops without any."""
 
 from __future__ import annotations
 
@@ -22,14 +22,15 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
     from hpop.world import World
 
-DRAWN = 16  # states of a stop that are joined to a graph without a state in the stop's set
-TRIED = 64  # states that are drawn for them
+DRAWN = 16  # most states that are added to a graph for a stop at which it has no state
+TRIED = 64  # random states among which these are chosen
 
 
 def with_tour(ends: Ends, problem: Problem, tour: Tour) -> Ends:
-    """Return a graph with the layers of a tour; stops without a state of the graph get some, joined to near states.
+    """Extend a graph with start and goals to the graph of a tour (:class:`.tour.TourGraph`).
 
-    Raises QueryError for a stop that cannot be visited.
+    If the robot can visit a stop at no state of the graph, random states of the stop are added first and connected to
+    states nearby. Raises QueryError for a stop that cannot be visited.
     """
     space, start, goals = ends
     members = [_members(space, stop, problem.world) for stop in tour.stops]
@@ -43,14 +44,15 @@ def with_tour(ends: Ends, problem: Problem, tour: Tour) -> Ends:
 
 
 def _members(space: TrajectoryGraph, stop: TourStop, world: World) -> IntArray:
-    """Return the nodes of a graph that are free and in the set of a stop; with a dwell only those without free angles.
+    """Return the nodes of a graph at which the robot visits a stop, free of collision.
 
-    The cost of a hold may depend on the angle.
+    A node with an undetermined angle (NaN), such as a goal with any heading, counts only if the stop has no dwell
+    time: the cost of standing there may depend on the angle.
     """
     found = [np.zeros(0, np.int64)]
     for begin in range(0, space.size, BLOCK):
         ids = np.arange(begin, min(begin + BLOCK, space.size))
-        space.spending.check(f"states of stop {stop.name!r} were looked for")
+        space.spending.check(f"the graph was searched for states of stop {stop.name!r}")
         ids = ids[in_stop(stop, world, space.model, space.states(ids))]
         states = space.states(ids)
         known = ~np.any([np.isnan(column) for column in states.__dict__.values()], axis=0)
@@ -61,7 +63,10 @@ def _members(space: TrajectoryGraph, stop: TourStop, world: World) -> IntArray:
 
 
 def _with_states(space: TrajectoryGraph, problem: Problem, stops: Sequence[TourStop]) -> TrajectoryGraph:
-    """Return a graph with additional states for stops, joined to near states in both directions."""
+    """Return the graph with random states of the given stops added, connected to and from states nearby.
+
+    Raises QueryError for a stop without a free state, or whose states cannot be connected.
+    """
     alone = space.states_alone
     if alone is None:
         raise QueryError(" ".join(_reason(space, problem, stop) for stop in stops))
@@ -80,15 +85,18 @@ def _with_states(space: TrajectoryGraph, problem: Problem, stops: Sequence[TourS
         nodes = {joined.node(what) for what in added[stop.name]}
         if not nodes & entered & left:
             raise QueryError(
-                f"stop {stop.name!r} cannot be visited: {len(nodes)} free states of it were found, but none of them is "
-                f"joined to {space.words} within {reach:.3g} m by a free turn, straight move and turn; take a smaller "
-                "step or more samples, or a stop with more room"
+                f"stop {stop.name!r} cannot be visited: {len(nodes)} free robot states at this stop were tried, but "
+                f"none can be connected to {space.words} within {reach:.3g} m by a turn, a straight move and a turn "
+                "without a collision; take a smaller step or more samples, or a stop with more room"
             )
     return joined
 
 
 def drawn_states(problem: Problem, stop: TourStop) -> States:
-    """Return at most `DRAWN` free states of a stop, drawn at random with a fixed seed."""
+    """Return at most `DRAWN` random states, free of collision, in which the robot visits a stop.
+
+    The seed is fixed, so the states are equal in each run. Raises QueryError if the stop's goal gives no states.
+    """
     model, world, rng = problem.model, problem.world, np.random.default_rng(0)
     if stop.at is not None:
         states = _about(problem, stop, rng)
@@ -105,7 +113,11 @@ def drawn_states(problem: Problem, stop: TourStop) -> States:
 
 
 def _about(problem: Problem, stop: TourStop, rng: np.random.Generator) -> States:
-    """Return states at positions of a stop's disc, the centre first, with headings all round."""
+    """Return random states for a stop at a position, not yet checked for collision.
+
+    The first ones are at the centre of the stop's disc, the others anywhere in it. Headings are spread evenly over all
+    directions.
+    """
     assert stop.at is not None
     assert stop.within is not None
     states = problem.model.space.sample(rng, TRIED)
@@ -118,7 +130,10 @@ def _about(problem: Problem, stop: TourStop, rng: np.random.Generator) -> States
 
 
 def _looking(problem: Problem, stop: TourStop, rng: np.random.Generator) -> States:
-    """Return states near a landmark from which the camera may see it."""
+    """Return random states within a stop's distance of its landmark, not yet checked for collision or visibility.
+
+    A base with a heading faces the landmark.
+    """
     mark = next(mark for mark in problem.world.content.landmarks if mark.name == stop.landmark)
     assert stop.within is not None
     states = problem.model.space.sample(rng, 16 * TRIED)
@@ -130,7 +145,7 @@ def _looking(problem: Problem, stop: TourStop, rng: np.random.Generator) -> Stat
 
 
 def _reason(space: TrajectoryGraph, problem: Problem, stop: TourStop) -> str:
-    """Return why a stop has no free state, as text."""
+    """Return the error message for a stop at which the robot has no free state, with the reason."""
     said, model, world = f"stop {stop.name!r} cannot be visited", problem.model, problem.world
     if stop.at is not None:
         (x, y), columns = stop.at, dict.fromkeys(model.space.names, np.zeros(1))
@@ -138,11 +153,16 @@ def _reason(space: TrajectoryGraph, problem: Problem, stop: TourStop) -> str:
         blocked = model.collision(world).why_blocked(centre)
         why = f": at ({x:g}, {y:g}) {blocked}.{elsewhere(model, world, centre)}" if blocked else "."
         return (
-            f"{said}: the robot is free at no position within {stop.within:g} m{why} Move it, or give a larger within."
+            f"{said}: no robot state within {stop.within:g} m of its position is free{why} Move the stop, or give a "
+            "larger within."
         )
     if stop.landmark is not None:
         return (
-            f"{said}: the camera sees landmark {stop.landmark!r} from no free state within {stop.within:g} m. It may "
-            "be behind obstacles, or out of the camera's view. Move it, or give a larger within."
+            f"{said}: no free robot state within {stop.within:g} m of landmark {stop.landmark!r} was found from which "
+            "the camera sees it. The landmark may be behind obstacles, or outside the camera's field of view. Move the "
+            "landmark, or give a larger within."
         )
-    return f"{said}: no free state of the robot reaches {stop.target} with its target in view. Move or widen the goal."
+    return (
+        f"{said}: no free robot state was found that reaches {stop.target} with its target in view. Move the goal, or "
+        "make it larger."
+    )

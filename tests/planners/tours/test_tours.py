@@ -269,7 +269,10 @@ def test_a_wrong_tour_says_what_was_expected_and_what_to_do(stops: Any, order: A
 @pytest.mark.parametrize(
     ("stop", "said"),
     [
-        ({"at": (3.5, 1.5), "within": 0.4, "name": "in the wall"}, "the robot is free at no position within 0.4 m"),
+        (
+            {"at": (3.5, 1.5), "within": 0.4, "name": "in the wall"},
+            "no robot state within 0.4 m of its position is free",
+        ),
         ({"landmark": "vase", "within": 0.2, "name": "too near"}, "or give a larger within"),
         ({"look_at": {"target": (3.5, 1.5, 1.2), "distance": (0.5, 1.0)}, "name": "hidden"}, "with its target in view"),
     ],
@@ -288,7 +291,7 @@ def test_a_stop_behind_walls_is_out_of_reach() -> None:
     world = hpop.World.from_polygons([*closed.geoms] if hasattr(closed, "geoms") else [closed], extent=ROOM)
     front = problem([{"at": (6.5, 1.2), "within": 0.5, "name": "cell"}], world=world).solve(LATTICE)
     assert not len(front)
-    assert any("stop 'cell' is out of reach" in note for note in front.notes)
+    assert any("stop 'cell' cannot be reached from the start" in note for note in front.notes)
 
 
 def test_planners_without_tours_refuse_them() -> None:
