@@ -71,7 +71,7 @@ def test_what_it_cannot_do_it_refuses() -> None:
     with pytest.raises(UnsupportedCriterion, match="not clearance"):
         lexicographic().solve(problem(BASE, "length", "clearance"))
     among = WORLD.with_content(people=(Person(4.0, 2.8, velocity=(-0.4, 0.0), name="Ann"),))
-    with pytest.raises(QueryError, match=r"has no time, .*: Ann"):
+    with pytest.raises(QueryError, match=r"does not consider time, .*: Ann"):
         lexicographic().solve(problem(BASE, "length", world=among))
 
 

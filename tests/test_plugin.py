@@ -168,7 +168,7 @@ def test_its_robot_is_planned_for_by_planners_that_serve_any(hpop, fresh, tmp_pa
             {"holonomic": {}},
             9,
             "holonomic does not provide (it has base, camera, plane, rigid). "
-            "Planners that can: exact, lexicographic, roadmap",
+            "Planners that can use this model: exact, lexicographic, roadmap",
         ),
     ],
 )

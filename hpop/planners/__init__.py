@@ -1,6 +1,6 @@
-"""Planners: problem in, candidate trajectories out.
+"""Planners: each takes a problem and returns candidate trajectories with their costs.
 
-Each planner is imported and registered on first use, so that a plan does not import the other planners.
+A planner's module is imported when the planner is first used, so that planning does not import all other planners.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The contract of a planner, and the candidate trajectories that it returns."""
+"""Planner interface: the protocol that a planner class implements, its registration, and the candidates it returns."""
 
 from __future__ import annotations
 
@@ -29,10 +29,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Deferred(Sequence[Trajectory]):
-    """Sequence of trajectories that are built on first use: all at once, or only selected rows.
+    """Sequence of trajectories that are built when they are first read.
+
+    Reading one of them builds all; :meth:`take` builds only some.
 
     number  number of trajectories
-    make    function that builds the trajectories of given rows
+    make    function that builds the trajectories with the given indices
     """
 
     number: int
@@ -49,7 +51,7 @@ class Deferred(Sequence[Trajectory]):
         return self._all[index]
 
     def take(self, rows: IntArray) -> tuple[Trajectory, ...]:
-        """Return the trajectories of some rows without building the others."""
+        """Return the trajectories with the given indices without building the others."""
         if "_all" in vars(self):  # made already
             return tuple(self._all[i] for i in rows.tolist())
         return self.make(rows)
@@ -65,17 +67,19 @@ T = TypeVar("T", bound=type)
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Candidates:
-    """Candidate trajectories of a planner, with their planned costs and the planner's claim.
+    """Result of a planner: candidate trajectories, their planned costs, and a statement of what is guaranteed.
 
-    objectives    criteria that the planner optimised, in the order of the columns of ``planned``
-    filters       criteria that the planner could not optimise, but by which the front is filtered
+    A front is made from candidates: all costs are evaluated again, and dominated trajectories are dropped.
+
+    objectives    criteria that the planner minimised, in the order of the columns of ``planned``
+    filters       criteria that the planner could not minimise; like the objectives, they are costs of the front
     trajectories  n trajectories; the sequence may build them on first use
     planned       (n, k) costs as the planner added them up, in the units of the criteria
-    tolerance     (n, k) largest difference between a planned and a re-evaluated cost
-    status        how the planner ended
-    certificate   claim of the planner, as text
+    tolerance     (n, k) largest allowed difference between a planned and a re-evaluated cost
+    status        how planning ended: complete, at a limit, interrupted, or without a path
+    certificate   statement of what the planner guarantees for these candidates, as text
     provenance    one dict per trajectory: planner, options and stage; JSON-able
-    notes         remarks for the user: an objective that stands in for another, a door that blocks the path
+    notes         remarks to show to the user, such as that a criterion was replaced or that a door blocks the path
     stats         counts and seconds by name, JSON-able; `hpop plan` prints them
     """
 
@@ -91,14 +95,18 @@ class Candidates:
     filters: tuple[Criterion, ...] = ()
 
     def unfinished(self) -> Candidates:
-        """Return these candidates with the status UNFINISHED, or INTERRUPTED if they were interrupted."""
+        """Return these candidates marked as an early result, which a later exact search will replace.
+
+        The status becomes UNFINISHED; INTERRUPTED stays. The certificate says that the exact search is not done.
+        """
         status = self.status if self.status is Status.INTERRUPTED else Status.UNFINISHED
         return replace(self, status=status, certificate=f"{self.certificate}; the exact search is not done")
 
     def spread(self, number: int) -> Candidates:
-        """Return at most ``number`` candidates: the best of each planned cost, and others spread over the front.
+        """Return a sample of about ``number`` candidates that represents the front.
 
-        The others lie at equal intervals in the lexicographic order of the costs.
+        It contains the candidate with the smallest value of each planned cost. The others are taken at equal intervals
+        after sorting by the first cost, then the second, and so on.
         """
         order = np.lexsort(self.planned.T[::-1])
         count = min(max(0, number - self.planned.shape[1]), order.size)
@@ -106,7 +114,7 @@ class Candidates:
         return self.subset(np.unique(np.concatenate([self.planned.argmin(axis=0), spaced])))
 
     def subset(self, indices: Sequence[int] | IntArray) -> Candidates:
-        """Return the candidates of some rows, in that order, with the same claim, notes and stats."""
+        """Return the candidates with the given indices, in that order; certificate, notes and stats stay."""
         rows, trajectories = [int(i) for i in indices], self.trajectories
         return replace(
             self,
@@ -128,24 +136,27 @@ UNDECLARED = frozenset({"plane", "turn-move", "rigid", "wheels"})
 
 
 class Planner(Protocol):
-    """Planner: a frozen dataclass with options as fields, and a method ``solve`` that returns candidate trajectories.
+    """Interface of a planner: a frozen dataclass with its options as fields, and a method ``solve``.
 
-    Only ``solve`` is required. :func:`planner` sets ``name``; the other attributes have defaults.
+    Only ``solve`` is required. The decorator :func:`planner` sets ``name``; the other attributes have defaults.
 
     needs              capabilities that the model must provide (:attr:`hpop.motions.Model.provides`); an empty set for
                        any model (:mod:`hpop.planners.needs`)
     goal_sets          whether the goal may be a list of states, to reach any of them
     any_goal           whether the goal may be of any kind (:class:`hpop.goals.Goal`)
-    tours              whether the problem may have a tour (:class:`hpop.Tour`), all stops of which it visits
-    margin             m  of distance kept from people
-    max_detour         not None if it minimises a time-mean itself; its front then cannot be merged with others
-    time_limit         s  after which it returns the candidates found so far, or None
-    checkpoint         file that saves its search, or None
-    warm_start         planner that gives the trajectories it starts from, as ``{name: options}``, or None
-    answers_in_stages  whether ``stages`` may yield a first answer before the final one
-    needs_kernels      whether it uses the kernels of the exact search, which are compiled during a first answer
-    graph_options      options that define its graph, if its fronts can be driven on; () for a planner without a graph
-    graph_of_drives    graph family on which a drive looks for other paths, or None
+    tours              whether the planner can visit the stops of a tour (:class:`hpop.Tour`)
+    margin             m  distance that the robot keeps from people
+    max_detour         not None if the planner minimises a mean over time itself, rather than its integral; the front
+                       then cannot be merged with fronts of other planners
+    time_limit         s  after which the planner returns the candidates found so far; None for no limit
+    checkpoint         file in which the search saves its state, or None
+    warm_start         planner whose trajectories are the initial guesses, as ``{name: options}``, or None
+    answers_in_stages  whether ``stages`` may yield an early result before the final one
+    needs_kernels      whether the planner runs the compiled code (kernels) of the exact search, which is then compiled
+                       in the background during the first stage
+    graph_options      names of the options that define its graph, if a robot that follows a path of its front can
+                       replan on that graph; () for a planner without a graph
+    graph_of_drives    graph family on which a driving robot replans, or None
     time_options       options of planning among moving people, or None
     """
 
@@ -153,21 +164,27 @@ class Planner(Protocol):
     def name(self) -> str: ...
 
     def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
-        """Plan; raises QueryError, UnsupportedCriterion or OptionError for a problem that it cannot take."""
+        """Plan and return the candidates.
+
+        Raises QueryError, UnsupportedCriterion or OptionError for a problem that the planner cannot solve.
+        """
 
     def stages(
         self, problem: Problem, progress: ProgressCallback | None = None, **on_executor: Any
     ) -> Iterator[Candidates]:
-        """Yield a first answer soon and better ones later; by default only the result of ``solve``.
+        """Yield a quick early result, then better ones; by default only the result of ``solve``.
 
-        Answers before the last are UNFINISHED. The last one is the result of ``solve``; it may include earlier
-        candidates that ``solve`` did not find. After Ctrl-C in a stage its candidates are INTERRUPTED and no other
-        stage follows. A planner that sweeps takes its executor here as well.
+        All results before the last have the status UNFINISHED. The last one is the result of ``solve``; it may include
+        earlier candidates that ``solve`` did not find. After Ctrl-C in a stage, its candidates have the status
+        INTERRUPTED and no other stage follows. If ``solve`` accepts an executor, ``stages`` accepts it too.
         """
         return _only_stage(self, problem, progress, **on_executor)
 
     def anchored(self) -> Planner:
-        """Return a planner with these options on a graph that does not depend on the start; itself by default."""
+        """Return a copy of the planner with a graph that does not depend on the start, so that queries can share it.
+
+        By default this is the planner itself.
+        """
         return self
 
     if TYPE_CHECKING:  # the defaults are set by `_with_defaults`, so that a dataclass may have a field of each name
@@ -219,7 +236,10 @@ PlannerSpec = str | Planner | Mapping[str, Mapping[str, Any] | None]
 
 
 class SweepingPlanner(Planner, Protocol):
-    """Planner of independent jobs, with the same result on any executor; without one, jobs run in this process."""
+    """Planner that can distribute independent jobs over the workers of an executor.
+
+    The result does not depend on the executor. Without one, the jobs run one by one in this process.
+    """
 
     def solve(
         self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
@@ -229,7 +249,7 @@ class SweepingPlanner(Planner, Protocol):
 def stages_of(
     planner: Planner, problem: Problem, progress: ProgressCallback | None, executor: Executor | None
 ) -> Iterator[Candidates]:
-    """Yield the stages of a planner, on an executor if it takes one."""
+    """Yield the early results of a planner and its final result; pass it the executor if it accepts one."""
     parameters = inspect.signature(planner.stages).parameters.values()
     takes_executor = any(
         parameter.name == "executor" or parameter.kind is parameter.VAR_KEYWORD for parameter in parameters
@@ -267,10 +287,10 @@ _DEFAULTS: dict[str, Any] = {
 
 
 def joined(before: Candidates | None, now: Candidates) -> Candidates:
-    """Return the candidates of a stage, ``now``, together with those of earlier stages, ``before``.
+    """Add to the result ``now`` of a stage those candidates of earlier stages, ``before``, that it does not replace.
 
-    An exact final answer stands alone. If it is approximate, or if criteria filter the front, an earlier candidate may
-    be better in some cost, and the earlier candidates that the answer does not cover are added.
+    A later candidate with equal motions replaces an earlier one. In a final result without ``filters``, so does a later
+    candidate that is at least as good in every planned cost. So an exact final result usually stays as it is.
     """
     if before is None or not before.trajectories:
         return now
@@ -296,19 +316,22 @@ def joined(before: Candidates | None, now: Candidates) -> Candidates:
 
 
 def motions_key(trajectory: Trajectory) -> tuple[Any, ...]:
-    """Return a hashable key that is equal for trajectories with equal motions and states."""
+    """Return a key for sets and dicts that is equal for trajectories with equal motions and states."""
     states = trajectory.states
     return (trajectory.kinds, *(getattr(states, name).tobytes() for name in states.names))
 
 
 def sweeps(planner: Planner) -> TypeGuard[SweepingPlanner]:
-    """Return whether a planner takes an executor."""
+    """Return whether the ``solve`` of a planner accepts an executor, to distribute its jobs."""
     return "executor" in inspect.signature(planner.solve).parameters
 
 
 @checked_arguments
 def planner(name: str) -> Callable[[T], T]:
-    """Register a planner class: a frozen dataclass with a method ``solve(problem, progress)``."""
+    """Return a class decorator that registers a planner under a name.
+
+    The class must be a frozen dataclass with a method ``solve(problem, progress)``.
+    """
 
     def declare(cls: T) -> T:
         if not dataclasses.is_dataclass(cls) or not callable(getattr(cls, "solve", None)):
@@ -321,7 +344,7 @@ def planner(name: str) -> Callable[[T], T]:
 
 
 def _with_defaults(cls: Any) -> Any:
-    """Add the defaults of the contract to a planner class."""
+    """Set the attributes of :class:`Planner` that a planner class does not define to their defaults."""
     with_optional_members(cls, _DEFAULTS)
     if not isinstance(cls.needs, frozenset | property):
         cls.needs = frozenset(cls.needs)
@@ -330,20 +353,23 @@ def _with_defaults(cls: Any) -> Any:
 
 @checked_arguments
 def make_planner(spec: PlannerSpec, options: Mapping[str, Any] | None = None) -> Planner:
-    """Return the planner that a spec names: a name with options, ``{name: {option: value}}``, or a planner.
+    """Return a planner from its name with ``options``, from ``{name: {option: value}}``, or a planner as it is.
 
     Raises UnknownName for a name that is not registered and OptionError for unknown options.
     """
     if isinstance(spec, str):
         return cast(Planner, plugin_from_spec(planners, {spec: options}))
     if options:
-        raise OptionError(f"options {sorted(options)} go into the planner {shown(spec)} itself")
+        raise OptionError(
+            f"options can be given beside the name of a planner only, got options {sorted(options)} beside "
+            f"{shown(spec)}; set them in the planner itself"
+        )
     if isinstance(spec, Mapping):
         return cast(Planner, plugin_from_spec(planners, spec))
     if isinstance(spec, type) or not callable(getattr(spec, "solve", None)):
         raise OptionError(
-            f"a planner is a name, one name with its options such as {{'lattice': {{'step': 0.5}}}}, or an object with "
-            f"solve(problem), got {shown(spec)}"
+            f"a planner must be a name, a name with options such as {{'lattice': {{'step': 0.5}}}}, or an object with "
+            f"a method solve(problem), got {shown(spec)}"
         )
     if not all(hasattr(spec, attribute) for attribute in _DEFAULTS):
         _with_defaults(type(spec))

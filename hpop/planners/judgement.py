@@ -1,7 +1,10 @@
-"""Checks of the trajectories of a continuous solver: costs re-evaluated, ends exact, no collision between samples.
+"""Check candidate trajectories independently of the planner that found them, and reject invalid ones.
 
-A nonlinear program sees fields, samples and smoothed corners, so its feasible solutions need not be feasible. Every
-candidate is therefore judged by its trajectory alone: by the criteria that fronts report, on the exact geometry.
+A nonlinear program works with interpolated fields, sample points and smoothed corners, so a solution that it accepts
+may collide or cost more than it computed. Here each trajectory is checked on the exact geometry, for collisions and for
+its start and goal, and its costs are evaluated by the criteria that fronts report.
+
+This file also limits the number of candidates to those that can be evaluated before the time limit.
 """
 
 from __future__ import annotations
@@ -34,10 +37,10 @@ EPSILON_TOLERANCE = 1e-3  # relative: a re-evaluated cost may exceed its bound b
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """Result of judging n candidates.
+    """Result of checking n candidates: their re-evaluated costs, and why some are rejected.
 
-    costs    (n, k) re-evaluated costs; NaN for trajectories that miss an end or leave the map
-    reasons  for each candidate the reason of its rejection; "" if it is accepted
+    costs    (n, k) re-evaluated costs; NaN for trajectories that miss the start or the goal, or leave the map
+    reasons  for each candidate, why it is rejected; "" if it is accepted
     """
 
     costs: FloatArray
@@ -50,13 +53,13 @@ class Judgement:
 
     @property
     def kept(self) -> IntArray:
-        """Indices of the accepted candidates. Deprecated: :attr:`accepted_rows`."""
+        """Indices of the accepted candidates. Deprecated name of :attr:`accepted_rows`."""
         warnings.warn("Judgement.kept is Judgement.accepted_rows now", DeprecationWarning, stacklevel=2)
         return self.accepted_rows
 
     @property
     def rejection_counts(self) -> dict[str, int]:
-        """Numbers of rejected candidates, by reason."""
+        """For each reason of rejection, the number of candidates rejected for it."""
         return dict(Counter(reason for reason in self.reasons if reason))
 
     def notes(self, planner: str) -> tuple[str, ...]:
@@ -65,7 +68,7 @@ class Judgement:
             return ()
         why = ", ".join(f"{reason} ({count})" for reason, count in sorted(self.rejection_counts.items()))
         rejected = len(self.reasons) - self.accepted_rows.size
-        return (f"{planner}: {rejected} of {len(self.reasons)} candidates dropped: {why}",)
+        return (f"{planner}: {rejected} of {len(self.reasons)} candidates were rejected: {why}",)
 
 
 @checked_arguments
@@ -78,14 +81,15 @@ def judge(
     planned: FloatArray | None = None,
     tolerance: FloatArray | None = None,
 ) -> Judgement:
-    """Re-evaluate candidates and reject those with a fault; the gravest fault of each is reported.
+    """Re-evaluate the costs of candidate trajectories and decide which to reject; one reason is given for each.
 
-    Collisions are checked on the model's planning geometry, which never misses one.
+    A trajectory is rejected if it misses the start or goal, leaves the map, collides, exceeds a bound, or costs other
+    than planned. Collisions are checked on the geometry that the model uses for planning, which misses none.
 
     Parameters
     ----------
-    epsilon : (n, k) bounds that the costs had to keep, within EPSILON_TOLERANCE or half a quantum; inf bounds nothing
-    planned, tolerance : (n, k) costs as the planner added them up, and their tolerance
+    epsilon : (n, k) upper bounds on the costs, to be kept within EPSILON_TOLERANCE or half a quantum; inf for no bound
+    planned, tolerance : (n, k) costs as the planner added them up, and their largest allowed errors
     """
     count = len(trajectories)
     costs = np.full((count, len(objectives)), np.nan)
@@ -108,12 +112,12 @@ def judge(
             names = [
                 c.name for c, over in zip(objectives, exceeds(costs[i], epsilon[i], objectives), strict=True) if over
             ]
-            reasons[i] = f"exceeds its bound in {', '.join(names)}"
+            reasons[i] = f"exceeds the bound on {', '.join(names)}"
         elif planned is not None and tolerance is not None:
             off = ~(np.abs(costs[i] - planned[i]) <= tolerance[i] + 1e-9 * np.abs(costs[i]))
             if off.any():
                 names = [c.name for c, wrong in zip(objectives, off, strict=True) if wrong]
-                reasons[i] = f"was planned with too coarse a sum in {', '.join(names)}"
+                reasons[i] = f"planned and re-evaluated {', '.join(names)} differ too much"
     return Judgement(costs, tuple(reasons))
 
 
@@ -124,13 +128,15 @@ def trusted(
     *,
     epsilon: FloatArray | None = None,
 ) -> Candidates:
-    """Return the accepted candidates of a planner; a note and the stats give the rejected ones and the reasons.
+    """Return only those candidates that :func:`judge` accepts.
 
-    After a Ctrl-C here, judging begins again and the status becomes INTERRUPTED; a second Ctrl-C is raised.
+    A note and the stats give the number of rejected candidates and the reasons. After Ctrl-C, the check begins again
+    and the status becomes INTERRUPTED; a second Ctrl-C raises KeyboardInterrupt.
 
     Parameters
     ----------
-    epsilon : (n, k) bounds that the costs had to keep, as for :func:`judge`
+    planner : name of the planner, for the note
+    epsilon : (n, k) upper bounds on the costs, as for :func:`judge`
     """
     limits = {"epsilon": epsilon, "planned": candidates.planned, "tolerance": candidates.tolerance}
     try:
@@ -146,13 +152,16 @@ def trusted(
 
 
 def accepted(epsilon: FloatArray, objectives: Sequence[Criterion]) -> FloatArray:
-    """Return the largest accepted costs (k,) for bounds ``epsilon`` (k,): a tolerance or half a quantum more."""
+    """Return the largest costs (k,) that are accepted for the bounds ``epsilon`` (k,).
+
+    They exceed the bounds by the relative tolerance EPSILON_TOLERANCE or by half a quantum, whichever is larger.
+    """
     quanta = np.array([0.5 * criterion.quantum for criterion in objectives])
     return np.asarray(epsilon + np.maximum(EPSILON_TOLERANCE * np.abs(epsilon), quanta))
 
 
 def exceeds(costs: FloatArray, epsilon: FloatArray, objectives: Sequence[Criterion]) -> BoolArray:
-    """Return whether each cost (k,) exceeds its bound by more than the tolerance and half a quantum."""
+    """Return whether each cost (k,) exceeds its bound by more than :func:`accepted` allows."""
     return np.asarray(costs > accepted(epsilon, objectives))
 
 
@@ -172,7 +181,7 @@ def are_free(problem: Problem, trajectories: Sequence[Trajectory]) -> BoolArray:
 
 
 def _faults_of_ends(problem: Problem, table: MotionTable) -> list[str]:
-    """Return the fault of each trajectory that misses an end or leaves the map; "" for the others."""
+    """Return, for each trajectory, "misses the goal", "misses the start" or "leaves the map"; "" if none applies."""
     model = problem.model
     reasons = [""] * table.counts.size
     first, last = table.states.take(table.first), table.states.take(table.last)
@@ -189,10 +198,11 @@ def _faults_of_ends(problem: Problem, table: MotionTable) -> list[str]:
 def _free_trajectories(
     problem: Problem, table: MotionTable, trajectories: Sequence[Trajectory], selected: Sequence[int]
 ) -> BoolArray:
-    """Return whether each trajectory of a table is free, (n,).
+    """Return whether each trajectory (n,) of a table is free of collisions.
 
-    A motion that several trajectories share is checked once. Curves depend on their neighbours, so trajectories with
-    curves, and those without motions, are checked one by one, and only if ``selected`` lists them.
+    A motion that several trajectories share is checked once. A curve depends on the motions before and after it, so
+    trajectories with curves are checked one by one, as are trajectories without motions. This is done only for the
+    indices in ``selected``.
     """
     collision = problem.model.collision(problem.world)
     colliding = np.zeros(len(table), dtype=bool)
@@ -209,20 +219,23 @@ def _free_trajectories(
 
 
 def on_map(problem: Problem, states: States) -> BoolArray:
-    """Return whether the base is within the bounds of the world in each state (M,); True for a robot without a base."""
+    """Return, for each state (M,), whether the robot's base is within the bounds of the map.
+
+    A robot without a base is always within the bounds.
+    """
     if "base" not in problem.model.provides:
         return np.ones(states.size, dtype=bool)
     base, (x_min, y_min, x_max, y_max) = problem.model.pose("base", states), problem.world.bounds
     return np.asarray((base.x >= x_min) & (base.x <= x_max) & (base.y >= y_min) & (base.y <= y_max))
 
 
-# A search may find a hundred thousand trajectories, and building and evaluating one takes up to some milliseconds. So
-# a sample is evaluated first: it computes the fields and measures the time per point.
+# A search may find a hundred thousand trajectories, and building and evaluating one may take milliseconds. So a few are
+# evaluated first: this computes the fields that all need, and measures the time per trajectory.
 
 
-SHARES = (16, 4)  # the first sample has one of 16 points, the second one of 4
-MARGIN = 1.2  # factor on the time per point that the samples measure
-FEW, FEW_WITH_MEMORY = 60, 6  # points that are always evaluated; the second if criteria have memory
+SHARES = (16, 4)  # the first sample has 1 of 16 trajectories, the second 1 of 4
+MARGIN = 1.2  # safety factor on the measured time per trajectory
+FEW, FEW_WITH_MEMORY = 60, 6  # number of trajectories that are always evaluated, without and with criteria with memory
 
 
 def evaluable_in_time(
@@ -231,16 +244,17 @@ def evaluable_in_time(
     evaluate: Callable[[Candidates], object],
     clock: Callable[[], float] = perf_counter,
 ) -> Candidates:
-    """Return as many candidates, spread over the front, as can be evaluated in the remaining time; note the omission.
+    """Return as many candidates as can be evaluated before the time limit, spread over the front.
 
-    The best candidate of each cost is always returned, and a few candidates even if no time remains. Without a limit,
-    and after Ctrl-C, all candidates are returned.
+    The candidate with the smallest value of each cost is always among them, and a few candidates are returned even if
+    no time remains. If some are left out, a note and the certificate say so. Without a time limit, and after Ctrl-C,
+    all candidates are returned.
 
     Parameters
     ----------
-    left : returns the seconds until the limit, None without one
-    evaluate : the evaluation of candidates, which is timed
-    clock : s, times the evaluation
+    left : function that returns the seconds until the time limit, or None without a limit
+    evaluate : function that evaluates candidates; it is called on samples to measure its time
+    clock : function that returns the present time, s
     """
     few = FEW_WITH_MEMORY if any(c.aggregate == "trajectory" for c in candidates.filters) else FEW
     if left() is None or len(candidates.trajectories) <= few:
@@ -259,7 +273,7 @@ def evaluable_in_time(
         certificate=f"{spread.certificate}; only {only}, and the others are left out",
         notes=(
             *spread.notes,
-            f"only {only}; they are spread over all points found. Raise time_limit to have the others",
+            f"only {only}; they are spread over all points found. Raise time_limit to get the others",
         ),
     )
 
@@ -271,7 +285,11 @@ def _affordable_number(
     evaluate: Callable[[Candidates], object],
     clock: Callable[[], float],
 ) -> int:
-    """Return the number of candidates that can be evaluated in the remaining time, estimated from ``few`` and more."""
+    """Estimate how many candidates can be evaluated in the remaining time, by timing samples of growing size.
+
+    The first sample has at least ``few`` candidates. The estimate is never below ``few``. Other arguments as for
+    :func:`evaluable_in_time`.
+    """
     count = len(candidates.trajectories)
     evaluate(candidates.spread(1))  # computes the fields, a cost that occurs once
     size, took = 0, 0.0

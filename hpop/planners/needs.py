@@ -1,4 +1,7 @@
-"""Requirements of planners: capabilities of the model, kinds of starts and goals, and free states near an end."""
+"""Checks that a planner can solve a problem: its robot model, start, goal, tour and people.
+
+The checks raise errors that name suitable planners, or the nearest free position to a blocked start or goal.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,10 @@ if TYPE_CHECKING:
 
 
 def refuse_unsupported(planner: Planner, model: Model) -> None:
-    """Raise UnsupportedModel if a model lacks capabilities that a planner needs; the error names suitable planners."""
+    """Raise UnsupportedModel if the robot model lacks capabilities that a planner needs.
+
+    The error names planners that can use the model.
+    """
     lacking = planner.needs - model.provides
     if not lacking:
         return
@@ -31,46 +37,47 @@ def refuse_unsupported(planner: Planner, model: Model) -> None:
     undeclared = (
         ""
         if planner.needs is not UNDECLARED
-        else " It does not say what it needs; give it needs = frozenset() if it can."
+        else " This planner does not declare its needs, so these are assumed; if it works with any model, set needs = "
+        "frozenset() in its class."
     )
     families = [name for name, family in graphs.items() if family.needs <= model.provides]
-    on = f" On another graph it can: {{{planner.name}: {{on: {families[0]}}}}}." if families else ""
+    on = f" It can use this model on another graph: {{{planner.name}: {{on: {families[0]}}}}}." if families else ""
     hints = f"{undeclared}{on if takes_graphs(planner) else ''}"
     raise UnsupportedModel(
         f"{planner.name} needs a model with {', '.join(sorted(lacking))}, which {model.name} does not provide (it "
-        f"has {', '.join(sorted(model.provides))}).{hints} Planners that can: {', '.join(able)}."
+        f"has {', '.join(sorted(model.provides))}).{hints} Planners that can use this model: {', '.join(able)}."
     )
 
 
 def takes_graphs(planner: Planner) -> bool:
-    """Return whether a planner has an option ``on`` that takes any graph family."""
+    """Return whether a planner has the option ``on``, which selects the graph family that it searches."""
     return any(field.name == "on" for field in fields(planner)) if is_dataclass(planner) else False
 
 
 def people_move(problem: Problem) -> bool:
-    """Return whether any person moves, so that a planner needs a clock."""
+    """Return whether any person of the problem's world moves, so that a planner has to consider time."""
     return any(person.moves for person in problem.world.content.people)
 
 
 def refuse_tour(problem: Problem, what: str) -> None:
-    """Raise QueryError for a problem with a tour; ``what`` says what does not take one."""
+    """Raise QueryError if the problem has a tour; ``what`` names, for the error, the method that cannot visit stops."""
     if problem.tour is not None:
         raise QueryError(
-            f"{what} takes no tour, so the stops {', '.join(problem.tour.names)} would be left out; leave the tour out "
-            "of the problem"
+            f"{what} cannot plan a tour, so the stops {', '.join(problem.tour.names)} would not be visited; leave the "
+            "tour out of the problem"
         )
 
 
 def refuse_moving(problem: Problem, what: str) -> None:
-    """Raise QueryError if people move; ``what`` names the planner, which has no clock."""
+    """Raise QueryError if people move; ``what`` names, for the error, a planner that does not consider time."""
     people = problem.world.content.people
     moving = [person.name or f"number {i}" for i, person in enumerate(people) if person.moves]
     if moving:
         raise QueryError(
-            f"{what} has no time, so it cannot tell where people who move will be: {', '.join(moving)}. "
-            "The planners exact, lattice, roadmap and any-angle have a clock, for a robot that moves in the plane. Or "
-            "give people no velocity to plan round where they are now, or leave them out and evaluate the criteria on "
-            "the front's trajectories, in the world with them."
+            f"{what} does not consider time, so it cannot avoid people who move: {', '.join(moving)}. Use a planner "
+            "that does, for a robot that moves in the plane: exact, lattice, roadmap or any-angle. Or give people no "
+            "velocity, to plan around their present positions. Or plan without people, and evaluate the criteria on "
+            "the front's trajectories in the world with people."
         )
 
 
@@ -83,14 +90,18 @@ def on_wheels(model: Model) -> Wheeled:
     """Return the model as a Wheeled one; raise UnsupportedModel unless it provides "wheels" and the law of curves."""
     if "drive" not in _with_capability(model, "wheels").laws:
         raise UnsupportedModel(
-            f"curves are planned by the law 'drive', hpop.models.driven.Drive(), which {model.name} does not have: its "
-            f"laws are {', '.join(model.laws)}"
+            f"a path of curves needs a model with the kind of motion 'drive' (hpop.models.driven.Drive()), but "
+            f"{model.name} has only {', '.join(model.laws)}; add it to the model's laws, or use another planner"
         )
     return cast(Wheeled, model)
 
 
 def reaches(model: PlanarModel, world: World) -> tuple[tuple[Heights, float], ...]:
-    """Return the robot's height ranges, each with the largest distance, m, of its parts there from the robot's axis."""
+    """Return the height ranges (z_min, z_max) in m of the robot's parts, each with the radius in m of the robot there.
+
+    The radius is the largest distance of a part from the robot's vertical axis. Height ranges in which the map has the
+    same obstacles become one.
+    """
     by_space: dict[int, tuple[Heights, float]] = {}
     for part in model.platform:
         z = (part.z_min, part.z_max)
@@ -101,51 +112,60 @@ def reaches(model: PlanarModel, world: World) -> tuple[tuple[Heights, float], ..
 
 def _with_capability(model: Model, what: str) -> Model:
     if what not in model.provides:
-        raise UnsupportedModel(f"this needs a model with {what}, which {model.name} does not provide")
+        raise UnsupportedModel(
+            f"this function needs a model that provides {what!r}, but {model.name} provides only "
+            f"{', '.join(sorted(model.provides))}; use another model"
+        )
     return model
 
 
 End = tuple[float, float, float | None]
-"""x m, y m, yaw rad, or None where the heading is free."""
+"""A start or goal in the plane: x m, y m, and yaw rad, or None if any heading will do."""
 
 
 def start_of(problem: Problem) -> tuple[float, float, float]:
-    """Return the start of the problem in the plane: x, m, y, m, and yaw, rad."""
+    """Return the start of the problem in the plane: x and y in m, and yaw in rad."""
     return cast(tuple[float, float, float], _end_in_plane(problem, problem.start))
 
 
 def goals_of(problem: Problem) -> tuple[End, ...]:
-    """Return the goals of the problem in the plane; raise QueryError for a goal that is no set of states."""
+    """Return the goal states of the problem in the plane; raise QueryError if the goal is not a list of states."""
     return tuple(_end_in_plane(problem, goal) for goal in problem.goals)
 
 
 def one_goal(problem: Problem, what: str) -> End:
-    """Return the only goal; raise QueryError for several goals, with the planners that take several."""
+    """Return the goal of a problem with a single goal state in the plane.
+
+    Raises QueryError for several goals; ``what`` names the planner, and the error names planners that accept several.
+    """
     goals = goals_of(problem)
     if len(goals) > 1:
         able = _capable_planners(problem, "goal_sets")
-        raise QueryError(f"{what} takes one goal, got a set of {len(goals)}; planners that take a set are {able}")
+        raise QueryError(f"{what} needs a single goal, got a list of {len(goals)}; planners that accept a list: {able}")
     return goals[0]
 
 
 def check_goal(problem: Problem, planner: Planner) -> None:
-    """Raise QueryError if a planner does not take the problem's goal or tour; the error names suitable planners."""
+    """Raise QueryError if a planner cannot plan to the problem's goal or tour; the error names planners that can."""
     if problem.tour is not None and not planner.tours:
         raise QueryError(
-            f"{planner.name} does not plan tours, so it would leave out the stops {', '.join(problem.tour.names)}; "
-            f"planners that visit stops are {_capable_planners(problem, 'tours')}"
+            f"{planner.name} cannot plan a tour, so the stops {', '.join(problem.tour.names)} would not be visited; "
+            f"planners that visit stops: {_capable_planners(problem, 'tours')}"
         )
     if problem.target.listed and not planner.goal_sets:
         one_goal(problem, planner.name)
     if not problem.target.listed and not planner.any_goal:
         raise QueryError(
             f"{planner.name} needs a goal that is a state, or a list of states, got {problem.target}; planners that "
-            f"take any goal are {_capable_planners(problem, 'any_goal')}"
+            f"accept any goal: {_capable_planners(problem, 'any_goal')}"
         )
 
 
 def _capable_planners(problem: Problem, kind: Literal["goal_sets", "any_goal", "tours"]) -> str:
-    """Return the names of the planners that have this capability and take the problem's model, as text."""
+    """Return the names, as text, of the planners that have a capability and can use the problem's model.
+
+    kind  attribute of :class:`hpop.planners.base.Planner` that states the capability
+    """
     provided = problem.model.provides
     able = [name for name, planner in planners.items() if planner.needs <= provided]
     return ", ".join(name for name in able if getattr(planners[name], kind))
@@ -157,18 +177,18 @@ def _end_in_plane(problem: Problem, values: Values) -> End:
 
 
 RINGS = ((0.05, 1.0), (0.1, 3.0), (0.5, 15.0), (2.0, 60.0), (10.0, 300.0))
-"""Spacing of the positions that are tried, m, and up to which distance from the end, m."""
+"""Grids of positions that are tried near a blocked state: spacing, m, and largest distance from the state, m."""
 HEADINGS = 8
-"""Headings that are tried where the heading is free."""
+"""Headings that are tried at each position if any heading will do."""
 BLOCK = 512
-"""Positions that are checked together; the first block usually has a free one."""
+"""Positions that are checked together; the first block usually contains a free position."""
 
 
 def nearest_free(model: Model, world: World, state: States) -> States | None:
-    """Return the state (1,) moved to the nearest position at which the robot is free, with rounded coordinates.
+    """Return a state (1,) moved to the nearest grid position at which the robot collides with nothing.
 
-    A heading that may have any value (NaN) becomes one of eight headings, other such angles 0. Returns None if no
-    position within 300 m is free, or if the robot's states have no x and y.
+    A heading of NaN, which stands for any heading, becomes one of eight headings; other NaN angles become 0. Returns
+    None if no position within 300 m is free, or if the robot's states have no x and y.
     """
     if not {"x", "y"} <= set(model.space.names):
         return None
@@ -182,7 +202,10 @@ def nearest_free(model: Model, world: World, state: States) -> States | None:
 
 
 def elsewhere(model: Model, world: World, state: States) -> str:
-    """Return a sentence for errors that names the nearest free position of a blocked state (1,), or ""."""
+    """Return a sentence for error messages that names the nearest free position to a blocked state (1,).
+
+    Returns "" if no position nearby is free.
+    """
     free = nearest_free(model, world, state)
     if free is None:
         return ""
@@ -192,9 +215,9 @@ def elsewhere(model: Model, world: World, state: States) -> str:
 
 
 def _positions(world: World, x: float, y: float) -> Iterator[FloatArray]:
-    """Yield blocks of positions (N, 2), m, within the bounds of a world, nearest first."""
+    """Yield positions around (x, y), m, within the bounds of the world, nearest first, as blocks (N, 2)."""
     x0, y0, x1, y1 = world.bounds
-    nearest = np.array([np.clip(x, x0, x1), np.clip(y, y0, y1)])  # on the map to a point off it
+    nearest = np.array([np.clip(x, x0, x1), np.clip(y, y0, y1)])  # the point of the map that is nearest to (x, y)
     inner = -1.0
     for spacing, reach in RINGS:
         low = np.ceil(np.maximum(nearest - reach, (x0, y0)) / spacing)
@@ -209,7 +232,7 @@ def _positions(world: World, x: float, y: float) -> Iterator[FloatArray]:
 
 
 def _states_at(state: States, positions: FloatArray) -> States:
-    """Return the state moved to positions (N, 2), m; with each of the eight headings if the heading may be any."""
+    """Return a state moved to each position (N, 2), m; if its heading is NaN, with eight headings at each position."""
     headings = np.arange(HEADINGS) * 2 * np.pi / HEADINGS if np.isnan(getattr(state, "yaw", np.zeros(1))[0]) else None
     count = 1 if headings is None else headings.size
     columns = {name: np.full(len(positions) * count, np.nan_to_num(getattr(state, name)[0])) for name in state.names}

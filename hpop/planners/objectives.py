@@ -1,4 +1,4 @@
-"""Costs that a graph search adds up along edges, from the criteria of a problem."""
+"""Convert the criteria of a problem to costs that a graph search can minimise: sums, or maxima, over edges."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ WHOLE = 1e-6  # of a quantum: rounding error allowed before a cost is rounded up
 
 @dataclass(frozen=True)
 class Integral:
-    """The time integral of a time-mean criterion, which adds up along edges as the mean does not."""
+    """Criterion that replaces a time-mean in a graph search: its integral over time.
+
+    The integral is a sum over the edges of a path; the mean is not.
+    """
 
     mean: Criterion
 
@@ -56,23 +59,27 @@ class Integral:
         return self.mean.quantum
 
     def cost(self, m: Motions) -> Column:
-        """Time integral (M,) of the mean's rate."""
+        """Integral over time (M,) of the averaged quantity, for each motion."""
         return self.mean.cost(m)
 
 
 def integral_of(mean: Criterion) -> Criterion:
-    """Return the additive criterion that replaces a time-mean: the one that it names, or its time integral."""
+    """Return the additive criterion that a search minimises instead of a time-mean.
+
+    This is the criterion that the time-mean names as its stand-in; by default, its integral over time.
+    """
     return stand_in_of(mean) or cast(Criterion, Integral(mean))
 
 
 @dataclass(frozen=True)
 class Objectives:
-    """Criteria of a problem, split by how a planner with costs of edges treats them.
+    """Criteria of a problem, grouped by how a graph search treats them.
 
-    optimised  criteria that add up or take the worst edge; the integral replaces each time-mean
-    means      time-means, which are only reported
-    filters    criteria with memory, which are evaluated on the trajectories found and filter these
-    notes      one line for each criterion that is not optimised
+    optimised  criteria that the search minimises: sums and maxima over edges, with an integral for each time-mean
+    means      time-means, which are only reported for the trajectories found
+    filters    criteria with memory, which do not add up over edges: they are evaluated on the trajectories found, and
+               count as costs of the front
+    notes      for the user: one line for each criterion that is not minimised
     """
 
     optimised: tuple[Criterion, ...]
@@ -81,7 +88,7 @@ class Objectives:
     notes: tuple[str, ...]
 
     def with_notes(self, notes: tuple[str, ...]) -> Objectives:
-        """Return these objectives with more notes."""
+        """Return a copy with more notes for the user."""
         return replace(self, notes=(*self.notes, *notes)) if notes else self
 
     @property
@@ -90,23 +97,23 @@ class Objectives:
         return ", ".join(criterion.name for criterion in self.optimised)
 
     def at_most(self, max_turns: int | None) -> list[int | None]:
-        """Return an upper bound or None for each cost, or [] if turns are not bounded.
+        """Return the upper bounds of the costs for a search: ``max_turns`` for the turns, None for every other cost.
 
-        Raises OptionError if turns are bounded but not a cost.
+        Returns [] if ``max_turns`` is None. Raises OptionError if the number of turns is not among the costs.
         """
         if max_turns is None:
             return []
         turns = index_of_role("turns", self.optimised)
         if turns is None:
             raise OptionError(
-                f"max_turns bounds the cost 'turns', but the costs that are searched for are {self.names}; list it "
-                "among the criteria, or leave max_turns out"
+                f"max_turns needs the criterion 'turns', but the search minimises {self.names}; add 'turns' to the "
+                "criteria, or leave max_turns out"
             )
         return [max_turns if j == turns else None for j in range(len(self.optimised))]
 
     @property
     def certificate(self) -> str:
-        """Return the claim for criteria that were not optimised.
+        """Return the part of a planner's certificate that says what holds for criteria it did not minimise.
 
         A trajectory that is optimal in the integral need not be optimal in the mean. If the duration is minimised too,
         it is: a trajectory better in the mean and no worse in the other costs would also be better in the integral.
@@ -123,11 +130,12 @@ class Objectives:
 
 
 def edge_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objectives:
-    """Split criteria into costs that add up along edges, time-means, and criteria with memory.
+    """Group criteria into costs that a graph search minimises, time-means, and criteria with memory.
 
-    Missed stops add up along the edges of the layers of a tour.
+    The criterion of missed stops is minimised, although it has memory: in the graph of a tour, edges that skip stops
+    carry its cost.
 
-    Raises UnsupportedCriterion when nothing is left to optimise, or one cost would be minimised twice.
+    Raises UnsupportedCriterion if no criterion is left to minimise, or if one cost would be minimised twice.
     """
     optimised: list[Criterion] = []
     means, filters, notes = [], [], []
@@ -151,30 +159,30 @@ def edge_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objecti
             optimised.append(stand_in)
     if not optimised:
         raise UnsupportedCriterion(
-            f"{planner_name} needs a criterion that adds up along edges beside those with memory (aggregate "
-            f"'trajectory'): {', '.join(c.name for c in filters)}. Add one, such as 'length'."
+            f"{planner_name} needs at least one criterion that adds up along edges, got only criteria with memory "
+            f"(aggregate 'trajectory'): {', '.join(c.name for c in filters)}. Add one, such as 'length'."
         )
     names = [criterion.name for criterion in optimised]
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
         raise UnsupportedCriterion(
-            f"{planner_name} would minimise {', '.join(repeated)} twice, with different parameters: once as asked for, "
-            "once in the place of a mean. Give both the same parameters, or leave one out."
+            f"{planner_name} would minimise {', '.join(repeated)} twice, with different parameters: once as one of the "
+            "criteria, and once instead of a time-mean. Give both the same parameters, or leave one out."
         )
     return Objectives(tuple(optimised), tuple(means), tuple(filters), tuple(notes))
 
 
 def quantised(costs: FloatArray, criterion: Criterion) -> IntArray:
-    """Return costs (M,) of edges as counts of the criterion's quantum, rounded up.
+    """Return the costs (M,) of edges as whole numbers of the criterion's quantum, rounded up.
 
-    The search merges two turns at a position into one, if this costs no more. Rounding up keeps that property; rounding
-    to the nearest would not: 0.4 + 0.4 would become 0, but 0.8 would become 1. If sums overflow, the graph raises
-    GraphError later.
+    The search replaces two turns at one position by a single turn, if that costs no more. Rounding up keeps this
+    comparison valid, but rounding to the nearest number would not: 0.4 + 0.4 would become 0, and 0.8 would become 1.
+    Raises OptionError if a cost is too many quanta; sums that overflow raise GraphError when the graph is made.
     """
     largest = float(costs.max(initial=0.0)) / criterion.quantum
     if largest > 2**52:
         raise OptionError(
-            f"an edge costs {costs.max()} {criterion.unit} in {criterion.name!r}, too many quanta of "
-            f"{criterion.quantum}; declare a coarser quantum"
+            f"an edge costs {costs.max()} {criterion.unit} in {criterion.name!r}, more than 2^52 times its quantum "
+            f"{criterion.quantum}; declare a larger quantum"
         )
     return np.ceil(costs / criterion.quantum - WHOLE).astype(np.int64)

@@ -1,4 +1,4 @@
-"""The roadmap planner: all optimal trade-offs on a probabilistic roadmap."""
+"""Roadmap planner: exact multi-objective search on a probabilistic roadmap."""
 
 from __future__ import annotations
 
@@ -15,28 +15,36 @@ from hpop.planners.searches.exact import ExactSearch
 class Roadmap(ExactSearch, RoadmapGraph):
     """All non-dominated paths of a probabilistic roadmap (Kavraki et al. 1996), found by exact multi-objective search.
 
-    For a robot with states x, y and yaw that turns and moves, samples are positions and links are straight moves, free
-    on the exact geometry. The robot turns in place between two links if there is room and their headings differ by at
-    least a degree, the least that counts as a turn (:mod:`.headings`). For any other model, and for a goal that is no
-    list of states, samples are configurations and links are the chains of motions by which the model connects them
-    (:meth:`hpop.motions.Model.connect`); the model's space defines the nearest ones (:mod:`.configurations`). Start and
-    goal are exact, whatever their headings, and linked to each other as well.
+    The model decides which of two kinds of roadmap is built:
 
-    Defaults depend on whether the model provides ``plane``. In the plane, uniform samples find paths, and checking all
-    edges in advance is faster than several searches. In other spaces, such as the joints of an arm, hardly any uniform
-    sample lies on a path, links to nearest samples alone give paths of many stops, and checking edges takes most of the
-    time. There the roadmap adds guides and far links, and edges are checked only when a path on a front uses them
-    (:mod:`hpop.search.lazy_paths`).
+    - For a robot with states x, y and yaw that turns in place and moves straight, samples are positions and links are
+      straight moves without a collision. The robot turns in place from one link to the next if there is room. Headings
+      that differ by less than a degree count as one (:mod:`.headings`).
+    - For any other model, and for a goal that is not a list of states, samples are configurations, and links are the
+      chains of motions by which the model connects them (:meth:`hpop.motions.Model.connect`). The model's space
+      defines which configurations are nearest (:mod:`.configurations`).
 
-    Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is
-    represented by its integral, and criteria with memory only filter what was found. Guarantees that no path of this
-    roadmap (its options up to the seed) is better in one cost and no worse in the others, costs rounded to the
-    criteria's quanta edge by edge. With the rule of k-nearest PRM* the shortest path tends to the shortest of all as
-    samples grow (Karaman and Frazzoli 2011, doi 10.1177/0278364911406761); the planner does not bound the distance.
+    Start and goal are exact, with any headings, and are linked to each other as well.
+
+    Default options differ between robots in the plane (models that provide ``plane``) and others. In the plane, uniform
+    samples suffice, and checking all edges in advance is faster than searching several times. In other spaces, such as
+    the joints of an arm, few uniform samples lie on useful paths, paths along nearest samples have many stops, and
+    collision checks take most of the time. There the roadmap adds guides (configurations along quickly found paths) and
+    long links, and an edge is checked only when a path of a front uses it (:mod:`hpop.search.lazy_paths`).
+
+    Accepts at most six criteria that add up along edges or take the worst edge (sum, max). The integral replaces a
+    time-mean. Criteria with memory are not minimised, only evaluated on the trajectories found. Guarantees that no path
+    of this roadmap, which its options and seed determine, is better in one cost and no worse in the others, with the
+    cost of each edge rounded to the criterion's quantum. Links follow the rule of k-nearest PRM*: with more samples,
+    the shortest path of the roadmap approaches the shortest path of all (Karaman and Frazzoli 2011, doi
+    10.1177/0278364911406761). The planner states no bound on the difference.
+
     Among moving people, a roadmap of positions has a clock, as the lattice has
-    (:class:`hpop.planners.lattice.Lattice`), and the robot holds at positions. A roadmap of positions has a state for
-    each heading of each link, and a turn for each two headings of a position. If a robot that is not round has little
-    room, each of these turns is checked by itself, which takes most of the time.
+    (:class:`hpop.planners.lattice.Lattice`), and the robot can wait at positions.
+
+    A roadmap of positions has one state for each heading of each link, and one turn for each pair of headings at a
+    position. For a robot that is not round and has little room, each turn needs its own collision check; this takes
+    most of the time.
     """
 
     def __post_init__(self, rng: MaybeRNG) -> None:

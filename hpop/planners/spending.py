@@ -1,8 +1,8 @@
-"""Limits of planning: one account of time and memory for reading, building and searching, and work in blocks.
+"""Time and memory limits of a planning run: how much was spent on reading the map, building the graph and searching.
 
-Building goes block by block, on all cores, and the limits are checked between blocks. So a limit, or Ctrl-C, ends it
-soon, and memory for intermediate arrays is bounded by the size of a block. Blocks are joined in order: the result is
-the same, bit for bit, for any number of cores.
+A graph is built block by block, on all cores, and the limits are checked between blocks. So a limit, or Ctrl-C, stops
+building soon, and the size of a block bounds the memory of intermediate arrays. The results of the blocks are joined in
+order: the graph is equal, bit for bit, for any number of cores.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from hpop.search.machinery.checkpoint import CheckpointSpec
 
 CORES = os.cpu_count() or 1
-LEAST = 1e-3  # s: the least remaining time limit, as a limit must be positive
+LEAST = 1e-3  # s: smallest time limit passed to a search, since a limit must be positive
 MORE = 1.25  # of max_memory: growth of the process that is allowed in total
-BESIDE, LATER = 250_000_000, 100_000_000  # bytes for libraries, before and after kernels are loaded
+BESIDE, LATER = 250_000_000, 100_000_000  # bytes allowed for libraries, before and after compiled code is loaded
 EVERY = 0.02  # s between two measurements of the process's memory
 
 A = TypeVar("A")
@@ -42,10 +42,10 @@ OPTIONS = {Status.TIME_LIMIT: "time_limit", Status.MEMORY_LIMIT: "max_memory"}
 
 
 class Exhausted(limits.LimitPassed):
-    """Exception of a limit that is passed while a graph is built; planners report it in their result.
+    """Raised when the time or memory limit is passed while a graph is built; planners report this in their result.
 
-    status  the limit
-    doing   description of the activity at that moment
+    status  which limit was passed
+    doing   activity at that moment, as a clause for "while ...": "the lattice of step 0.25 m was built"
     """
 
     def __init__(self, status: Status, doing: str) -> None:
@@ -55,14 +55,17 @@ class Exhausted(limits.LimitPassed):
 
 @dataclass(frozen=True)
 class Limits(Budget):
-    """Time, labels and memory of a search, its checkpoint file and its progress callback."""
+    """Limits on time, memory and number of partial paths (labels), with a checkpoint file and a progress callback."""
 
     checkpoint: CheckpointSpec | None = None
     progress: ProgressCallback | None = None
 
     @classmethod
     def of(cls, budget: Budget | None) -> Limits:
-        """Return the limits of a budget, without checkpoint and progress; return Limits unchanged; None is no limit."""
+        """Convert a budget to Limits without checkpoint and progress callback.
+
+        None becomes Limits that limit nothing. Limits are returned unchanged.
+        """
         if isinstance(budget, Limits):
             return budget
         budget = budget or Budget()
@@ -70,7 +73,9 @@ class Limits(Budget):
 
 
 class Spending:
-    """Account of a planning run: its limits, and the time and memory spent so far. Compiling is not charged.
+    """Time and memory that a planning run has used so far, checked against its limits.
+
+    Time for compiling code does not count.
 
     limits  limits of the whole run
     memory  bytes of the parts built so far
@@ -80,7 +85,7 @@ class Spending:
     def __init__(
         self, limits: Budget | None = None, *, spent: float = 0.0, memory: int = 0, cores: int | None = None
     ) -> None:
-        """Open the account; ``spent`` seconds and ``memory`` bytes are used already, for example to read the map."""
+        """Begin to count; ``spent`` seconds and ``memory`` bytes were used before, for example to read the map."""
         self.limits, self.cores = Limits.of(limits), cores or CORES
         self.memory = memory
         self._began = perf_counter() - spent
@@ -97,7 +102,7 @@ class Spending:
         return None if self.limits.time_limit is None else self.limits.time_limit - self.seconds()
 
     def report(self, stage: str) -> None:
-        """Report the stage that begins to the progress callback, if there is one."""
+        """Tell the progress callback, if there is one, that a stage begins."""
         if self.limits.progress:
             self.limits.progress(Progress(stage))
 
@@ -112,13 +117,16 @@ class Spending:
         )
 
     def share(self, seconds: float) -> Limits:
-        """Return the limits of an early stage without a checkpoint: ``seconds``, at most a quarter of the rest."""
+        """Return limits for an early stage: a time limit of ``seconds``, at most a quarter of the remaining time.
+
+        The stage writes no checkpoint.
+        """
         left = replace(self.left(), checkpoint=None)
         return replace(left, time_limit=seconds if left.time_limit is None else min(seconds, left.time_limit / 4))
 
     @contextmanager
     def paused(self) -> Iterator[None]:
-        """Stop the clock during a ``with`` block, in which the caller may, for example, draw candidates."""
+        """Return a context in which time does not count, for example while the caller draws early results."""
         before = self.seconds()
         try:
             yield
@@ -126,10 +134,12 @@ class Spending:
             self._began += self.seconds() - before  # compiling is not charged anyway
 
     def check(self, doing: str, memory: int = 0) -> None:
-        """Raise Exhausted if a limit is passed, or would be with ``memory`` bytes more; ``doing`` says where.
+        """Raise Exhausted if a limit is passed, or would be passed with ``memory`` more bytes.
 
-        A part of the time limit is reserved for evaluating the candidates. Where the system reports the size of the
-        process (Linux), memory that is not charged counts as well.
+        A part of the time limit is reserved for evaluating the candidates. On Linux, which reports the size of the
+        process, the process may not grow much beyond the memory limit either.
+
+        doing  current activity, for the error, as a clause for "while ..."
         """
         limit, most = self.limits.time_limit, self.limits.max_memory
         if most is not None and self.memory + memory > most:
@@ -143,19 +153,20 @@ class Spending:
             raise Exhausted(Status.TIME_LIMIT, doing)
 
     def hold(self, memory: int, doing: str) -> None:
-        """Charge bytes that will stay allocated; raise Exhausted, before they are allocated, if they are too many."""
+        """Count ``memory`` bytes that will be allocated and stay; raise Exhausted if that would pass the limit."""
         self.check(doing, memory)
         self.memory += memory
 
     def release(self, memory: int) -> None:
-        """Take bytes off the account that were charged and are freed."""
+        """Subtract ``memory`` bytes that were counted by :meth:`hold` and are freed now."""
         self.memory -= memory
 
     def each(self, work: Callable[[A], B], blocks: Iterable[A], doing: str) -> Iterator[B]:
-        """Yield the result of ``work`` for each block, in order; raise Exhausted if a limit is passed in between.
+        """Run ``work`` on each block in a pool of threads and yield the results in order.
 
-        The first block runs alone: it computes the fields that all blocks read, and compiles kernels. Fields check the
-        limits themselves, and count as memory.
+        Raises Exhausted if a limit is passed between two blocks. The first block runs alone, because it computes the
+        distance fields that all blocks read, and compiles code. Fields check the limits themselves; their memory
+        counts.
         """
         remaining = iter(blocks)
 
@@ -191,21 +202,21 @@ class Spending:
 
 @runtime_checkable
 class Limited(Protocol):
-    """Planner with limits that include reading the map."""
+    """Planner whose time and memory limits include reading the map."""
 
     def budget(self) -> Budget:
-        """Return the limits of the planner."""
+        """Return the time and memory limits of the planner."""
 
 
 def common_spending(planners: Iterable[object]) -> Spending:
-    """Return the account for work shared by several planners, such as reading a map: the largest of their limits."""
+    """Return the limits for work that several planners share, such as reading a map: the largest of their limits."""
     budgets = [planner.budget() if isinstance(planner, Limited) else Budget() for planner in planners]
     seconds, memory = [budget.time_limit for budget in budgets], [budget.max_memory for budget in budgets]
     return Spending(Budget(time_limit=_largest_limit(seconds), max_memory=_largest_limit(memory)))
 
 
 def _largest_limit(amounts: Sequence[N | None]) -> N | None:
-    """Return the largest of some limits; None, which is no limit, if one of them is None."""
+    """Return the largest of some limits, or None (no limit) if one of them is None."""
     limits = [amount for amount in amounts if amount is not None]
     return max(limits) if limits and len(limits) == len(amounts) else None
 
@@ -217,12 +228,13 @@ def _megabytes(size: int) -> str:
 def stopped(
     name: str, objectives: Objectives, stop: Exhausted, spending: Spending, first: Candidates | None = None
 ) -> Candidates:
-    """Return the result of the planner ``name`` if a limit was passed before its search, with advice in a note.
+    """Return the result of the planner ``name`` when a limit stopped it before its search began.
 
-    The result is the ``first`` answer, found on a part of the graph; without a first answer, it is empty.
+    The result is ``first``, the early result from a part of the graph, or else empty. A note says which limit was
+    passed and what to change.
     """
     costs = len(objectives.optimised)
-    helps = f"take a larger step or fewer samples, fewer criteria, or raise {OPTIONS[stop.status]}"
+    helps = f"take a larger step, fewer samples or fewer criteria, or raise {OPTIONS[stop.status]}"
     note = f"{stop.status}: it was passed while {stop.doing}; {helps}"
     if first is not None and first.trajectories:
         return replace(
@@ -247,7 +259,7 @@ def stopped(
 
 
 def _resident_bytes() -> int:
-    """Return the bytes of memory of this process; 0 if the system does not report them."""
+    """Return the memory in bytes that this process occupies; 0 if the system does not report it."""
     try:
         with open("/proc/self/statm") as sizes:
             return int(sizes.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
@@ -256,6 +268,6 @@ def _resident_bytes() -> int:
 
 
 def _compiling_seconds() -> float:
-    """Return the seconds that this process has spent on compiling kernels; 0 before numba is imported."""
+    """Return the seconds that this process has spent on compiling code with numba; 0 before numba is imported."""
     compiled = sys.modules.get("hpop.runtime.compiled")
     return compiled.compiling_seconds() if compiled else 0.0

@@ -1,4 +1,4 @@
-"""The weighted-sum planner: supported trade-offs of a graph, one shortest path per weight."""
+"""Weighted-sum planner: for each vector of weights, the path of a graph with the smallest weighted sum of costs."""
 
 from __future__ import annotations
 
@@ -32,34 +32,42 @@ Weights = tuple[tuple[float, ...], ...]
 
 
 def checked_weights(divisions: int | None, weights: Any) -> Weights | None:
-    """Return rows of weights as floats, or None; raise OptionError for invalid weights, or weights and divisions."""
+    """Return the option ``weights`` as tuples of floats, or None if it is not set.
+
+    Raises OptionError for invalid weights, and if both ``divisions`` and ``weights`` are set.
+    """
     if divisions is not None:
         divisions = checked_divisions(divisions)
     if weights is None:
         return None
     if divisions is not None:
-        raise OptionError(f"give divisions or weights, not both; got {shown(divisions)} and {shown(weights)}")
+        raise OptionError(
+            f"give either divisions or weights, not both; got divisions {shown(divisions)} and weights {shown(weights)}"
+        )
     if not isinstance(weights, list | tuple) or not weights:
-        raise OptionError(f"weights is a list of lists of numbers, one number a cost, got {shown(weights)}")
+        raise OptionError(
+            f"weights must be a list of weight vectors, each with one number for each cost, got {shown(weights)}"
+        )
     for row in weights:
         integer_weights(row)
     return tuple(tuple(float(w) for w in row) for row in weights)
 
 
 def check_count(weights: Weights | None, criteria: Sequence[Criterion]) -> None:
-    """Raise OptionError if a row does not have one weight for each criterion."""
+    """Raise OptionError if a weight vector does not have exactly one weight for each criterion."""
     for row in weights or ():
         if len(row) != len(criteria):
             names = ", ".join(criterion.name for criterion in criteria)
             raise OptionError(
-                f"weights has one number for each of {names}, in this order; got {len(row)} numbers: {list(row)}"
+                f"each vector in weights must have {len(criteria)} numbers, for {names} in this order; got "
+                f"{len(row)} numbers: {list(row)}"
             )
 
 
 @planner("weighted-sum")
 @dataclass(frozen=True)
 class WeightedSum:
-    """Supported paths of an SE(2) lattice, or of another graph: the optima of weighted sums of the costs, exactly.
+    """Supported paths of an SE(2) lattice, or of another graph: exact minima of weighted sums of the costs.
 
     step            m  distance between neighbouring positions
     headings        number of headings: 4, 8 or 16
@@ -67,19 +75,22 @@ class WeightedSum:
     divisions       makes the weights: all multiples of 1 / divisions that add up to 1
     weights         vectors of weights, each with one number for each cost, in the order of the criteria (none for
                     criteria with memory). Without divisions and weights, weights are chosen adaptively
-    time_limit      s  for reading the map, building the graph and sweeping, without compiling. When it ends, the paths
+    time_limit      s  for reading the map, building the graph and searching, without compiling. When it ends, the paths
                     found are returned, and the status says that more may exist
     on              a graph family that replaces the lattice: ``{"roadmap": {"samples": 300}}``
 
-    A path is supported if no other has a smaller weighted sum for some positive weights. Weights are those of costs
-    normalised from ideal to nadir, which are in the stats; each trajectory carries its weights. Ties under zero
-    weights are broken in the order of the criteria, so every path is efficient.
+    A path is supported if, for some positive weights, no other path has a smaller weighted sum. Before weighting, each
+    cost is normalised: its smallest value over all paths (ideal) becomes 0, and its largest value among the paths that
+    minimise one cost (nadir) becomes 1. Ideal and nadir are in the stats, and the provenance of each trajectory has its
+    weights. If weights of zero leave a tie, the first criterion decides, then the second, and so on, so every path is
+    non-dominated.
 
-    Accepts criteria that add up along edges (sum), at most six; a time-mean is represented by its integral, and
-    criteria with memory only filter the paths. Guarantees that the complete adaptive sweep has every extreme supported
-    cost vector of the graph that the planner "lattice", or the family in ``on``, has with the same options, and that no
-    returned vector is unsupported; costs rounded as there. Points in a dent of the front are missed. Serves the models
-    of that planner. Costs one A* search per weight: see :func:`hpop.search.supported_paths`.
+    Accepts at most six criteria that add up along edges (sum). The integral replaces a time-mean. Criteria with memory
+    are not minimised, only evaluated on the trajectories found. Guarantees that no returned vector is unsupported, and
+    that a complete adaptive run finds every extreme supported cost vector of the graph. The graph, the rounding of its
+    costs and the models are those of the planner "lattice", or of the family in ``on``, with the same options. Optimal
+    points in a non-convex part of the front are missed. Each weight vector takes one A* search: see
+    :func:`hpop.search.supported_paths`.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move"})
@@ -103,32 +114,39 @@ class WeightedSum:
         object.__setattr__(self, "weights", checked_weights(self.divisions, self.weights))
 
     def budget(self) -> Budget:
-        """Return the limits, which reading the map, building and searching share."""
+        """Return the limits on time and memory, which reading the map, building the graph and searching share."""
         return Budget(self.time_limit)
 
     def anchored(self) -> WeightedSum:
-        """Return the planner on a graph that does not depend on the start, if its family has such a graph."""
+        """Return a copy of the planner whose graph does not depend on the start, if the graph family has such a graph.
+
+        Several queries can then share the graph.
+        """
         return WeightedSum(
             divisions=self.divisions, weights=self.weights, time_limit=self.time_limit, on=self.family.anchored().spec
         )
 
     @cached_property
     def family(self) -> GraphFamily:
-        """Graph family that is searched."""
+        """Graph family that is searched: the lattice with the planner's options, or the family of ``on``."""
         lattice = LatticeGraph(self.step, self.headings, self.corner_cutting)
         if self.on is None:
             return lattice
         if lattice != LatticeGraph():
-            raise OptionError("give on, or step, headings and corner_cutting, which are those of the lattice, not both")
+            raise OptionError(
+                "step, headings and corner_cutting are options of the lattice, which `on` replaces; leave `on` out, or "
+                "give only the options of the graph family inside `on`"
+            )
         return make_family(self.on)
 
     def solve(
         self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
     ) -> Candidates:
-        """Plan on the graph; each job of the executor solves some weights.
+        """Find the path with the smallest weighted sum for each weight vector; return all these paths as candidates.
 
-        Raises the errors of :meth:`Lattice.solve`, UnsupportedCriterion also for a worst edge (max), and OptionError
-        for rows that do not have one weight per cost.
+        With an executor, its workers solve the weight vectors in parallel. Raises the errors of :meth:`Lattice.solve`,
+        UnsupportedCriterion also for a criterion that takes the worst edge (max), and OptionError for weight vectors
+        that do not have one weight for each cost.
         """
         objectives, family = edge_objectives(problem.criteria, "weighted-sum"), self.family
         worst = [criterion.name for criterion in objectives.optimised if criterion.aggregate == "max"]
@@ -160,7 +178,10 @@ class WeightedSum:
         except Exhausted as stop:
             return stopped("weighted-sum", objectives, stop, spending, first)
         except NotBuilt as stop:
-            note = "weighted-sum: the paths from which the graph is built are left out, they need not be supported"
+            note = (
+                "weighted-sum: the graph was not built; the paths from which it was to be built are left out, since "
+                "they need not be supported"
+            )
             return replace(stop.candidates.subset([]), notes=(*stop.candidates.notes, note))
         paths = supported_paths(
             query.graph,
@@ -195,7 +216,10 @@ class WeightedSum:
         return found if built.status.is_final else replace(found, status=built.status)
 
     def _claim(self, is_complete: bool, status: str, query: Query) -> str:
-        """Return the certificate."""
+        """Return the certificate: which supported points of the graph the result contains.
+
+        is_complete  whether the search ended without reaching a limit; otherwise ``status`` says why it stopped
+        """
         where = f"{query.part} for ({query.names})"
         if not is_complete:
             return f"incomplete ({status}): every point is supported on {where}, others are missing"

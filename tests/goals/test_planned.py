@@ -97,7 +97,7 @@ def test_weighted_sums_take_the_goal_where_their_graph_does() -> None:
 @pytest.mark.parametrize("planner", ["lattice", "weighted-sum"])
 def test_planners_of_plain_states_refuse_it_and_name_those_that_take_it(planner: str) -> None:
     with pytest.raises(
-        QueryError, match=r"needs a goal that is a state, .*look_at .*planners that take any goal are exact, roadmap"
+        QueryError, match=r"needs a goal that is a state, .*look_at .*planners that accept any goal: exact, roadmap"
     ):
         problem().solve(planner)
     assert not WeightedSum().any_goal

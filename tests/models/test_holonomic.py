@@ -172,7 +172,7 @@ def test_planners_that_serve_any_model_plan_for_it_and_their_fronts_are_joined(p
 
 def test_planners_that_need_turns_and_moves_refuse_it_by_name_and_say_who_can(problem):
     for planner in ("lattice", "any-angle", "smoothing"):
-        said = f"{planner} needs a model with .*turn-move.*, which holonomic .*Planners that can: exact, roadmap"
+        said = f"{planner} needs a model with .*turn-move.*, which holonomic .*Planners that can.*: exact, roadmap"
         with pytest.raises(UnsupportedModel, match=said):
             problem.solve(planner)
 

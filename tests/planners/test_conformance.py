@@ -116,7 +116,7 @@ def test_a_planner_refuses_the_other_models_by_name_and_says_who_can(name, model
     said = str(refused.value)
     assert said.startswith(f"{name} needs a model with {', '.join(sorted(lacking))}, which {model} does not provide")
     able = [other for other, accepted in ACCEPTED if accepted == model]
-    assert said.endswith(f"Planners that can: {', '.join(able)}.")
+    assert said.endswith(f"Planners that can use this model: {', '.join(able)}.")
 
 
 def test_the_instances_have_trade_offs():

@@ -91,7 +91,7 @@ def test_no_path_to_any_member_says_what_separates() -> None:
 def test_a_planner_that_takes_one_goal_says_who_takes_a_set(planner: str) -> None:
     with pytest.raises(QueryError) as error:
         problem(ON, ["length"]).solve(["lattice", planner])
-    assert str(error.value).startswith(f"{planner} takes one goal, got a set of 3; planners that take a set are ")
+    assert str(error.value).startswith(f"{planner} needs a single goal, got a list of 3; planners that accept a list: ")
     assert "any-angle, exact, lattice, roadmap, weighted-sum" in str(error.value)
 
 

@@ -47,7 +47,7 @@ def test_what_is_wrong_is_named(trajectory, reason):
     judged = judge(PROBLEM, OBJECTIVES, [ABOVE, trajectory])
     assert judged.reasons == ("", reason)
     assert judged.rejection_counts == {reason: 1}
-    assert judged.notes("p") == (f"p: 1 of 2 candidates dropped: {reason} (1)",)
+    assert judged.notes("p") == (f"p: 1 of 2 candidates were rejected: {reason} (1)",)
 
 
 def test_a_collision_between_two_samples_of_any_spacing_is_found():
@@ -65,19 +65,19 @@ def test_a_collision_between_two_samples_of_any_spacing_is_found():
 
 def test_bounds_hold_within_a_thousandth():
     length = judge(PROBLEM, OBJECTIVES, [ABOVE]).costs[0, 0]
-    for bound, reason in ((length / 1.0005, ""), (length / 1.002, "exceeds its bound in length"), (np.inf, "")):
+    for bound, reason in ((length / 1.0005, ""), (length / 1.002, "exceeds the bound on length"), (np.inf, "")):
         assert judge(PROBLEM, OBJECTIVES, [ABOVE], epsilon=np.array([[bound, 9.0]])).reasons == (reason,)
 
 
 def test_a_count_one_above_its_bound_exceeds_it():
     assert judge(PROBLEM, OBJECTIVES, [ABOVE], epsilon=np.array([[np.inf, 3.0]])).reasons == ("",)
     judged = judge(PROBLEM, OBJECTIVES, [ABOVE], epsilon=np.array([[np.inf, 2.0]]))
-    assert judged.reasons == ("exceeds its bound in turns",)
+    assert judged.reasons == ("exceeds the bound on turns",)
 
 
 def test_planned_costs_that_are_off_are_named():
     costs = judge(PROBLEM, OBJECTIVES, [ABOVE]).costs
-    for off, reason in ((0.0, ""), (0.02, "was planned with too coarse a sum in length")):
+    for off, reason in ((0.0, ""), (0.02, "planned and re-evaluated length differ too much")):
         judged = judge(PROBLEM, OBJECTIVES, [ABOVE], planned=costs - [[off, 0.0]], tolerance=np.full((1, 2), 0.01))
         assert judged.reasons == (reason,)
 

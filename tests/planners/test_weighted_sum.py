@@ -138,8 +138,8 @@ def test_a_start_in_collision_is_refused() -> None:
         ({"headings": 5}, "headings"),
         ({"divisions": 0}, "divisions"),
         ({"divisions": 3, "weights": [[1, 1]]}, "not both"),
-        ({"weights": []}, "list of lists"),
-        ({"weights": 3}, "list of lists"),
+        ({"weights": []}, "must be a list of weight vectors"),
+        ({"weights": 3}, "must be a list of weight vectors"),
         ({"weights": [[0, 0]]}, "weights are all zero"),
         ({"weights": [[-1, 2]]}, "a weight must be a number of at least 0, got -1"),
         ({"time_limit": 0}, "time_limit"),
@@ -151,7 +151,7 @@ def test_options_that_make_no_sense_are_refused(options: dict[str, Any], message
 
 
 def test_weights_must_be_one_a_cost() -> None:
-    with pytest.raises(OptionError, match=r"each of turns, length, in this order; got 3 numbers"):
+    with pytest.raises(OptionError, match=r"2 numbers, for turns, length in this order; got 3 numbers"):
         WeightedSum(step=STEP, weights=[[1, 1, 1]]).solve(room(3, ["turns", "length"]))
 
 

@@ -306,7 +306,7 @@ def test_a_planner_that_the_model_cannot_serve_is_placed_in_the_file(tmp_path: P
     with pytest.raises(UnsupportedModel) as refused:
         load_scenario(scenario(tmp_path, *changes))
     assert f"{place}smoothing needs a model with rigid" in str(refused.value)
-    assert "Planners that can: exact, lattice" in str(refused.value)
+    assert "Planners that can use this model: exact, lattice" in str(refused.value)
 
 
 def test_two_unknown_names_are_one_error_of_that_kind(tmp_path: Path) -> None:

@@ -73,7 +73,10 @@ def test_on_a_lattice_they_are_what_they_are_with_its_options() -> None:
         ({"on": {"roadmap": {"time_limit": 3}}}, "no option 'time_limit'.* It has samples, .*; options of the search"),
         ({"on": {"lattice": {"eps": 0.1}}}, "graph 'lattice' has no option 'eps'.* are given beside `on`"),
         ({"on": {"roadmap": {"sampels": 3}}}, "graph 'roadmap' has no option 'sampels'"),
-        ({"on": "roadmap", "step": 0.5}, "give on, or step, headings and corner_cutting"),
+        (
+            {"on": "roadmap", "step": 0.5},
+            "step, headings and corner_cutting are options of the lattice, which `on` replaces",
+        ),
         ({"on": 7}, "a graph is given as a name"),
     ],
 )

@@ -71,7 +71,7 @@ def test_every_stage_keeps_the_bound():
     [
         ({"max_turns": -1}, ("turns", "length"), "max_turns must be a whole number of at least 0"),
         ({"max_turns": 2.5}, ("turns", "length"), "max_turns must be a whole number of at least 0"),
-        ({"max_turns": 3}, ("exposure", "length"), "max_turns bounds the cost 'turns', but the costs"),
+        ({"max_turns": 3}, ("exposure", "length"), "max_turns needs the criterion 'turns', but the search"),
     ],
 )
 def test_bounds_that_mean_nothing_are_refused(options, criteria, message):

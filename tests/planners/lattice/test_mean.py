@@ -341,7 +341,7 @@ def test_a_head_could_turn_back_or_tilt_for_ever_under_a_cap_on_length_and_turns
     ("criteria", "message"),
     [
         ([OBSTRUCTION, "turns", "rotation"], "max_detour caps the cost 'length', but beside the mean only turns, rot"),
-        ([OBSTRUCTION, "length"], "max_turns bounds the cost 'turns', but the costs"),
+        ([OBSTRUCTION, "length"], "max_turns needs the criterion 'turns', but the search"),
     ],
 )
 def test_what_is_bounded_must_be_among_the_criteria(criteria, message):

@@ -28,7 +28,7 @@ def problem(*people, criteria=("personal_space", "length")):
 def test_people_who_move_are_named_and_the_way_out_is_told():
     walking = Person(1.0, 3.0, velocity=(0.5, 0.0), name="Bob")
     nameless = Person(2.0, 3.0, velocity=(0.0, -0.5))
-    with pytest.raises(QueryError, match=r"weighted-sum has no time.*: Bob, number 2[.]") as raised:
+    with pytest.raises(QueryError, match=r"weighted-sum does not consider time.*: Bob, number 2[.]") as raised:
         WeightedSum(on={"lattice": {"step": 0.5}}).solve(problem(ANN, walking, nameless))
     assert "no velocity" in str(raised.value)
     assert "Ann" not in str(raised.value)

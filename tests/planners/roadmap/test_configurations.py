@@ -312,7 +312,7 @@ def test_a_goal_that_is_blocked_is_left_out_of_a_set() -> None:
 
 def test_people_who_move_are_refused() -> None:
     walking = PILLAR.with_content(people=[Person(1.0, 3.0, velocity=(0.5, 0.0))])
-    with pytest.raises(QueryError, match="roadmap has no time"):
+    with pytest.raises(QueryError, match="roadmap does not consider time"):
         Roadmap(samples=10).solve(problem(world=walking))
 
 

@@ -321,7 +321,7 @@ def test_a_candidate_that_is_not_to_be_trusted_is_dropped_and_said(monkeypatch):
     assert len(found.trajectories) == len(found.provenance) == len(found.tolerance) == len(expected.planned) - 1
     assert found.stats["dropped"] == {"collides": 1}
     assert found.certificate.endswith("; without 1 that failed the exact check")
-    assert found.notes[-1] == f"roadmap: 1 of {len(expected.planned)} candidates dropped: collides (1)"
+    assert found.notes[-1] == f"roadmap: 1 of {len(expected.planned)} candidates were rejected: collides (1)"
 
 
 @pytest.mark.parametrize(
@@ -359,7 +359,7 @@ def test_a_start_or_goal_that_is_blocked_is_refused_with_the_reason(start, goal,
 
 
 def test_criteria_with_memory_alone_are_refused_and_beside_others_they_filter():
-    with pytest.raises(UnsupportedCriterion, match="roadmap needs a criterion that adds up"):
+    with pytest.raises(UnsupportedCriterion, match="roadmap needs at least one criterion that adds up"):
         Roadmap(samples=5).solve(problem(criteria=["curvature_sign_changes"]))
     found = Roadmap(samples=20).solve(problem(criteria=["length", "curvature_sign_changes"]))
     assert [c.name for c in found.filters] == ["curvature_sign_changes"]

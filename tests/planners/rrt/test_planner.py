@@ -307,7 +307,7 @@ def test_trajectories_that_collide_are_dropped_and_counted(monkeypatch):
     candidates = RRT(runs=3).solve(PROBLEM)
     assert candidates.trajectories == ()
     assert candidates.stats["dropped"] == {"collides": 3}
-    assert "rrt: 3 of 3 candidates dropped: collides (3)" in candidates.notes
+    assert "rrt: 3 of 3 candidates were rejected: collides (3)" in candidates.notes
 
 
 # Wrong questions

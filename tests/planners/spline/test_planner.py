@@ -387,5 +387,7 @@ def test_robots_without_splines_and_costs_without_gradients_are_refused(arm, wor
 
 def test_a_planner_of_paths_that_does_not_serve_the_robot_is_refused_by_name(arm, world):
     problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], ["duration"])
-    with pytest.raises(UnsupportedModel, match=r"lattice needs a model with plane, turn-move, .* Planners that can: "):
+    with pytest.raises(
+        UnsupportedModel, match=r"lattice needs a model with plane, turn-move, .* Planners that can use this model: "
+    ):
         problem.solve("spline", warm_start="lattice")

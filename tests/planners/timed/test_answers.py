@@ -67,7 +67,7 @@ def test_what_covers_within_a_factor_is_no_worse_than_that():
 def test_turns_are_bounded():
     found = Lattice(step=0.5, max_turns=1).solve(PROBLEM)
     assert found.planned[:, 1].max() <= 1
-    with pytest.raises(OptionError, match="max_turns bounds the cost 'turns'"):
+    with pytest.raises(OptionError, match="max_turns needs the criterion 'turns'"):
         Lattice(step=0.5, max_turns=1).solve(through_the_doors(in_the_door(until=8.0)))
 
 
@@ -83,7 +83,7 @@ def test_what_needs_a_world_at_rest_says_so():
         Lattice(step=0.5, max_detour=1.2).solve(PROBLEM)
     with pytest.raises(
         QueryError,
-        match=r"weighted-sum has no time.*: Ann\. The planners exact, lattice, roadmap and any-angle have a clock",
+        match=r"weighted-sum does not consider time.*: Ann\. Use a planner .*: exact, lattice, roadmap or any-angle",
     ):
         WeightedSum().solve(PROBLEM)
 

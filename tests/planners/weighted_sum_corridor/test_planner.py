@@ -296,7 +296,7 @@ def test_what_collides_is_dropped_and_counted(monkeypatch):
     found = WeightedSumCorridor(step=STEP).solve(OVER)
     assert found.trajectories == ()
     assert list(found.stats["dropped"]) == ["collides"]
-    assert any("candidates dropped" in note for note in found.notes)
+    assert any("candidates were rejected" in note for note in found.notes)
 
 
 def test_what_costs_more_than_its_upper_bound_is_dropped_and_counted(monkeypatch):
@@ -306,7 +306,7 @@ def test_what_costs_more_than_its_upper_bound_is_dropped_and_counted(monkeypatch
     monkeypatch.setattr(Clearance, "convex", half)
     candidates = WeightedSumCorridor(step=STEP).solve(problem)
     assert candidates.trajectories == ()
-    assert list(candidates.stats["dropped"]) == ["exceeds its bound in clearance"]
+    assert list(candidates.stats["dropped"]) == ["exceeds the bound on clearance"]
 
 
 def test_ctrl_c_keeps_what_is_finished(over):
@@ -353,7 +353,7 @@ def test_what_is_not_convex_is_refused_by_name(names, match):
     [
         ({"divisions": 0}, "divisions"),
         ({"divisions": 3, "weights": [[1, 1]]}, "not both"),
-        ({"weights": []}, "list of lists"),
+        ({"weights": []}, "must be a list of weight vectors"),
         ({"weights": [[0, 0]]}, "weights are all zero"),
         ({"weights": [[-1, 2]]}, "a weight must be a number of at least 0, got -1"),
         ({"step": 0.0}, "step"),
@@ -371,7 +371,7 @@ def test_wrong_options_are_refused(options, match):
 
 
 def test_weights_that_are_not_one_a_convex_cost_are_refused():
-    with pytest.raises(OptionError, match=r"each of .*, in this order; got 3 numbers"):
+    with pytest.raises(OptionError, match=r"numbers, for .* in this order; got 3 numbers"):
         WeightedSumCorridor(step=STEP, weights=[[1, 1, 1]]).solve(OVER)
 
 
