@@ -164,7 +164,7 @@ def test_of_too_many_corners_those_that_most_paths_share_are_taken_and_a_note_sa
     kept = {tuple(point) for point in roadmap.positions[2:].tolist()}
     assert len(kept) == 3 < len(shared)
     assert min(shared[c] for c in kept) >= max(n for c, n in shared.items() if c not in kept)
-    assert notes[0].startswith(f"any-angle: 3 of {len(shared)} corners are taken")
+    assert notes[0].startswith(f"any-angle: only 3 of {len(shared)} corners are used")
     found = AnyAngle(step=STEP, max_positions=3).solve(asked)
     assert notes[0] in found.notes
     assert "the visibility roadmap of 3 corners of the front of the lattice of step 0.5 m" in found.certificate
@@ -179,7 +179,7 @@ def test_without_corners_there_is_the_straight_line_or_nothing():
     blocked = Problem(wall, ROBOT, (1.0, 1.0, 0.0), (7.0, 4.0, None), ["length"])
     found = AnyAngle(step=STEP, max_positions=0).solve(blocked)
     assert found.status is Status.NO_PATH
-    assert any("has 2 components" in note and "more max_positions" in note for note in found.notes)
+    assert any("has 2 components" in note and "a larger max_positions" in note for note in found.notes)
 
 
 def test_headings_written_with_three_decimals_are_those_of_the_lattice():
@@ -228,7 +228,10 @@ def test_without_a_lattice_path_the_note_of_the_lattice_is_passed_on():
     found = AnyAngle(step=STEP).solve(Problem(wall, ROBOT, (1.0, 1.0, 0.0), (7.0, 4.0, None), ["length"]))
     assert (found.status, found.trajectories) == (Status.NO_PATH, ())
     assert any("a wall closes off the start" in note for note in found.notes)
-    assert found.notes[-1] == "any-angle: no roadmap was searched, the lattice has no path to make one of"
+    assert (
+        found.notes[-1]
+        == "any-angle: the roadmap was not searched, since there is no lattice path from which to build it"
+    )
 
 
 def test_limits_are_kept_and_said():
@@ -254,7 +257,7 @@ def test_an_interruption_keeps_what_is_finished(search):
     assert found.status is Status.INTERRUPTED
     expected = len(Lattice(step=STEP).solve(asked).trajectories) if search == 2 else 0
     assert len(found.trajectories) == expected
-    assert "no roadmap was searched" in found.notes[-1]
+    assert "the roadmap was not searched" in found.notes[-1]
     assert all(origin["planner"] == "lattice" for origin in found.provenance)
 
 

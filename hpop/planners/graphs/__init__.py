@@ -1,4 +1,4 @@
-"""Graphs of trajectories: families that build them, exact ends, queries, and the claims of their results."""
+"""Graphs whose paths are robot trajectories: how they are built, joined to start and goal, searched and reported."""
 
 from __future__ import annotations
 

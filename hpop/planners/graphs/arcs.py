@@ -1,4 +1,4 @@
-"""Arcs of a graph of states: order and costs, computed in blocks; chains of motions as arcs; ties broken by turns."""
+"""Arcs of graphs: how they are sorted and costed, arcs that are chains of several motions, and ties between paths."""
 
 from __future__ import annotations
 
@@ -22,20 +22,22 @@ from hpop.search import Graph
 if TYPE_CHECKING:
     from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 
-# The only arrays as large as the arcs are those that stay: heads, kinds, and a column of small integers for each cost.
+# To save memory, only three things are stored for every arc: its head, its kind, and one small integer for each cost.
 
 
 Counts: TypeAlias = NDArray[np.unsignedinteger[Any]]
-MOVE = 0  # the kind of moves; all others are made in place
-BLOCK = 1 << 16  # arcs of one block: their columns stay in the processor's cache, and every core gets some blocks
+MOVE = 0  # index of the kind of motion that changes the position; motions of all other kinds stay in place
+BLOCK = 1 << 16  # arcs in a block: small enough for the processor's cache, and such that every core gets some blocks
 
 
 class Arcs(NamedTuple):
-    """Arcs sorted by tail; at each state, motions in place come before moves.
+    """All m arcs of a graph with n states, sorted by the state that they leave (tail).
 
-    start  (n + 1,)  the arcs that leave state u are start[u] : start[u + 1]
-    heads  (m,)      int32
-    kinds  (m,)      uint8, index of the kind of each arc's motion in the kinds of the graph; 0 is a move
+    Of the arcs that leave a state, those that stay in place come first.
+
+    start  (n + 1,)  the arcs that leave state u have the indices start[u] to start[u + 1] - 1
+    heads  (m,)      int32, state to which each arc leads
+    kinds  (m,)      uint8, kind of motion of each arc, as an index into the graph's ``kinds``; 0 is a move
     """
 
     start: IntArray
@@ -44,7 +46,10 @@ class Arcs(NamedTuple):
 
     @classmethod
     def sorted(cls, size: int, edges: Sequence[tuple[IntArray, IntArray]]) -> Arcs:
-        """Return the arcs of edges, given as tails and heads of each kind (moves first), between ``size`` states."""
+        """Return the arcs of a graph with ``size`` states, sorted.
+
+        edges  for each kind of motion, moves first: the tails and the heads of its arcs
+        """
         kinds = [*range(1, len(edges)), MOVE]
         tails, heads = (np.concatenate([edges[kind][side] for kind in kinds]) for side in (0, 1))
         order = np.argsort(tails, kind="stable")
@@ -54,44 +59,44 @@ class Arcs(NamedTuple):
         return cls(start, heads[order].astype(np.int32), of_kind[order]).frozen()
 
     def frozen(self) -> Arcs:
-        """Make the arrays read-only, so that a search graph need not copy them; return the arcs."""
+        """Make the arrays read-only, so that a search graph can use them without a copy; return the arcs."""
         for array in self:
             array.setflags(write=False)
         return self
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the arrays."""
+        """Memory of the arrays, in bytes."""
         return self.start.nbytes + self.heads.nbytes + self.kinds.nbytes
 
     def ends(self, part: slice) -> tuple[IntArray, IntArray]:
-        """Return tails and heads of a range of arcs."""
+        """Return the tails and the heads of the arcs in a range of indices."""
         first = int(np.searchsorted(self.start, part.start, side="right")) - 1
         last = int(np.searchsorted(self.start, part.stop, side="left"))
         bounds = np.clip(self.start[first : last + 1], part.start, part.stop)
         return np.repeat(np.arange(first, last), bounds[1:] - bounds[:-1]), self.heads[part].astype(np.int64)
 
     def of(self, kind: int) -> tuple[IntArray, IntArray]:
-        """Return tails and heads of all arcs of one kind."""
+        """Return the tails and the heads of all arcs of one kind, given by its index."""
         own = self.kinds == kind
         tails = np.repeat(np.arange(self.start.size - 1), np.diff(self.start))
         return tails[own], self.heads[own].astype(np.int64)
 
 
 def blocks(size: int, each: int = 1) -> Iterator[slice]:
-    """Yield consecutive ranges of ``size`` items with bounded work; an item is as much work as ``each`` arcs."""
+    """Divide ``size`` items into consecutive ranges of limited work; an item is as much work as ``each`` arcs."""
     step = max(1, BLOCK // each)
     return (slice(begin, min(begin + step, size)) for begin in range(0, size, step))
 
 
 class Quanta:
-    """Column of costs in quanta, stored in the smallest unsigned integers that hold them."""
+    """Integer costs of all arcs by one criterion, stored in the smallest unsigned type that is large enough."""
 
     def __init__(self, size: int) -> None:
         self.counts: Counts = np.zeros(size, np.uint16)
 
     def write(self, part: slice, counts: IntArray) -> None:
-        """Write the costs of a range of arcs."""
+        """Write the costs of a range of arcs; switch to a larger type if they do not fit."""
         needed = np.min_scalar_type(int(counts.max(initial=0)))
         if needed.itemsize > self.counts.itemsize:
             self.counts = self.counts.astype(needed)
@@ -99,7 +104,7 @@ class Quanta:
 
 
 def table(columns: list[Counts], size: int) -> IntArray:
-    """Return k columns (m,) of costs as one read-only table (m, k)."""
+    """Return k columns of costs, each with one value for each of ``size`` arcs, as one read-only array (size, k)."""
     costs = np.empty((size, len(columns)), np.int64)
     for part in blocks(size):
         for j, column in enumerate(columns):
@@ -108,20 +113,23 @@ def table(columns: list[Counts], size: int) -> IntArray:
     return costs
 
 
-# Without a tie-break, paths that turn needlessly could be returned. The first summed cost becomes cost * TIE_TURNS +
-# turns, in a copy of the graph's costs that counts as memory of the graph.
+# Of paths with equal costs, a search may return one that turns needlessly. To avoid this, it runs on a copy of the
+# graph, in which the first cost that is a sum is replaced by cost * TIE_TURNS + turns.
 
 
 TIE_TURNS = 2**18  # more turns than any path makes
-COPIED = "costs were copied, to break ties by turns"
+COPIED = "costs were copied, to prefer paths with fewer turns"
 
 
 def graph_with_tie_break(graph: Graph, turned: NDArray[np.int8], spending: Spending) -> Graph | None:
-    """Return the graph with the number of turns as a tie-break in its first summed cost.
+    """Return a copy of a graph on which searches prefer, among paths with equal costs, those with fewer turns.
+
+    The turns are added as the least significant part of the first cost that is a sum. Returns None if this is not
+    needed, because some cost is positive for every turn, or not possible, because sums would overflow.
 
     turned  (m,)  number of turns in each arc
 
-    Returns None if no tie-break is needed, since a cost charges for every turn. Raises Exhausted at a limit.
+    Raises Exhausted if the memory limit is passed.
     """
     columns = summed_columns(graph)
     if not columns or not turned.any() or any(_charges_every_turn(graph, j, turned) for j in columns):
@@ -141,32 +149,34 @@ def graph_with_tie_break(graph: Graph, turned: NDArray[np.int8], spending: Spend
 
 
 def summed_columns(graph: Graph) -> list[int]:
-    """Return the columns of the costs that are sums."""
+    """Return the columns of those costs of a graph that add up along a path (the others take the worst arc)."""
     return [j for j, aggregate in enumerate(graph.aggregates) if aggregate == "sum"]
 
 
 def _charges_every_turn(graph: Graph, column: int, turned: NDArray[np.int8]) -> bool:
-    """Return whether a cost charges for every arc that turns."""
+    """Return whether a cost is positive for every arc with a turn."""
     return not any(((graph.costs[part, column] == 0) & (turned[part] > 0)).any() for part in blocks(graph.arcs))
 
 
-# Each motion of a chain is costed and checked for collisions; costs are added up, or the worst is taken, and rounded
-# once for the chain. A leg that a chain does not need has no motion.
+# Chains of motions as single arcs. Every motion of a chain is checked for collisions and costed. The costs are added
+# up, or the worst is taken, and the result is rounded once for each chain.
 
 
-NODES = 2**31  # more than a graph has
+NODES = 2**31  # more nodes than any graph has
 REACHED = 1e-6  # m or rad: largest difference of a chain's end from the state that it should reach
 
 
 @dataclass(frozen=True, eq=False)
 class MotionChains:
-    """Chains (C,) of motions between nodes: each is a sequence of legs of the same kinds, some of them absent.
+    """C chains of motions, each of which is one arc between two nodes of a graph.
+
+    All chains have the same sequence of legs, such as turn, move, turn; a chain may skip some of them.
 
     graph         graph with the model and world for collision checks
-    tails, heads  (C,)  nodes
-    kinds         kind of motion of each leg
+    tails, heads  (C,)  nodes at which each chain begins and ends
+    kinds         kind of motion of each leg, such as ("turn", "move", "turn")
     corners       states (C,) before the first leg and after each leg
-    present       mask (C,) for each leg: False if the leg is absent
+    present       for each leg a mask (C,): False for the chains that skip this leg
     """
 
     graph: TrajectoryGraph
@@ -178,21 +188,29 @@ class MotionChains:
 
     @classmethod
     def connecting(cls, graph: TrajectoryGraph, tails: IntArray, heads: IntArray, a: States, b: States) -> MotionChains:
-        """Return the chains from states a (C,) to b (C,), free or not; a NaN in b stands for any value."""
+        """Return the chains by which the model drives from states a (C,) to b (C,), not checked for collisions.
+
+        A coordinate of b that is NaN may have any value at the end.
+
+        tails, heads  (C,)  nodes of a and b
+        """
         kinds, corners, present = zip(*graph.model.connect(a, b), strict=True)
         if unknown := set(kinds) - graph.model.laws.keys():
-            raise ModelError(f"connect leads by {sorted(unknown)}; this model has the laws {sorted(graph.model.laws)}")
+            raise ModelError(
+                f"the model's method connect must use only kinds of motion that are in its laws, "
+                f"{sorted(graph.model.laws)}, got {sorted(unknown)}; add these to the laws"
+            )
         return cls(graph, tails, heads, kinds, (a, *corners), present)
 
     @classmethod
     def between(cls, graph: TrajectoryGraph, tails: IntArray, heads: IntArray, a: States, b: States) -> MotionChains:
-        """Return only those chains from states a (C,) to b (C,) that are free of collisions and reach b."""
+        """Return the chains of :meth:`connecting` that are free of collisions and do reach b; leave out the others."""
         chains = cls.connecting(graph, tails, heads, a, b)
         return chains.take(np.flatnonzero(chains.free() & chains.reach(b)))
 
     @classmethod
     def all_of(cls, parts: Sequence[MotionChains]) -> MotionChains:
-        """Return the chains of several parts, concatenated."""
+        """Concatenate several sets of chains with the same legs."""
         corners = [
             States(**{name: np.concatenate([getattr(s, name) for s in states]) for name in states[0].names})
             for states in zip(*(part.corners for part in parts), strict=True)
@@ -207,7 +225,7 @@ class MotionChains:
         )
 
     def take(self, rows: IntArray) -> MotionChains:
-        """Return some of the chains, by rows."""
+        """Return the chains with the given indices."""
         return MotionChains(
             self.graph,
             self.tails[rows],
@@ -218,20 +236,20 @@ class MotionChains:
         )
 
     def rows(self, tails: IntArray, heads: IntArray) -> IntArray:
-        """Return the rows (N,) of the chains between nodes; such chains must exist."""
+        """Return the indices (N,) of the chains from ``tails`` (N,) to ``heads`` (N,); there must be such chains."""
         keys, wanted = self.tails * NODES + self.heads, tails * NODES + heads
         ranked = np.argsort(keys, kind="stable")
         return ranked[np.searchsorted(keys[ranked], wanted)]
 
     def count(self, kinds: Sequence[str]) -> IntArray:
-        """Return the number of motions of the given kinds in each chain, (C,)."""
+        """Return how many motions of the given kinds each chain has, (C,)."""
         number = np.zeros(self.tails.size, np.int64)
         for kind, present in zip(self.kinds, self.present, strict=True):
             number += present & (kind in kinds)
         return number
 
     def motions(self) -> Iterator[tuple[IntArray, Motions]]:
-        """Yield, leg by leg, the rows of the chains that have this leg, and its motions."""
+        """Yield for each leg the indices of the chains that do not skip it, and their motions on this leg."""
         graph = self.graph
         for i, kind in enumerate(self.kinds):
             rows = np.flatnonzero(self.present[i])
@@ -239,19 +257,19 @@ class MotionChains:
             yield rows, Motions(graph.world, graph.model, graph.model.laws[kind], start, end)
 
     def free(self) -> BoolArray:
-        """Mark the chains (C,) that are free of collisions all along."""
+        """Return which chains (C,) are free of collisions from beginning to end."""
         free = self.graph.collision.states_free(self.corners[0])
         for rows, motions in self.motions():
             free[rows] &= self.graph.collision.motions_free(motions)
         return free
 
     def reach(self, states: States) -> BoolArray:
-        """Mark the chains (C,) that end in states (C,); coordinates that are NaN match any value."""
+        """Return which chains (C,) end in the given states (C,); a NaN coordinate matches any value."""
         off = self.graph.model.space.differences(states, self.corners[-1]).values()
         return np.asarray(~np.any([np.abs(column) > REACHED for column in off], axis=0))
 
     def costs(self, criteria: Sequence[Criterion]) -> IntArray:
-        """Return the costs (C, k) of the chains in quanta, rounded once per chain."""
+        """Return the costs (C, k) of the chains in quanta of the criteria, rounded up once for each chain."""
         costs = np.zeros((self.tails.size, len(criteria)))
         for rows, motions in self.motions():
             for j, criterion in enumerate(criteria):
@@ -261,9 +279,12 @@ class MotionChains:
         return np.stack([quantised(costs[:, j], criterion) for j, criterion in enumerate(criteria)], axis=1)
 
     def stretches(self, sizes: IntArray) -> Stretches:
-        """Join consecutive chains to n parts of trajectories, which are not yet checked.
+        """Join consecutive chains to n parts of trajectories, which are not yet checked for impossible motions.
 
-        sizes  (n,)  number of chains of each part; a chain begins where the previous one ends, up to whole turns
+        Within a part, each chain must begin where the previous one ends; angles may differ by whole turns, which are
+        then added.
+
+        sizes  (n,)  number of chains of each part
         """
         some = sizes > 0
         first = (np.cumsum(sizes) - sizes)[some]

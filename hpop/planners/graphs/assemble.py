@@ -1,4 +1,7 @@
-"""From the paths of any search to a planner's candidates: trajectories, claims, tolerance and provenance."""
+"""Convert the paths that a search found to a planner's candidates: trajectories, costs, certificate and provenance.
+
+Text about what a search guarantees is called a claim; it becomes part of the certificate.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ if TYPE_CHECKING:
     from hpop.search.timed.graph import TimedPaths
     from hpop.trajectories.trajectory import Trajectory
 
-COARSE = 0.01  # of a cost's range: larger rounding is noted
+COARSE = 0.01  # share of a cost's range: if rounding may change a cost by more, a note warns of it
 
 ROUNDED = "edge costs rounded to their quanta"
 OFF = "paths off this graph may be better"
@@ -29,14 +32,14 @@ SHARE = "this stage's share of the time"
 
 @dataclass(frozen=True, eq=False)
 class Plans:
-    """Paths of a search as trajectories, with costs and tolerances, for graphs with and without a clock.
+    """The n paths of a search as trajectories with costs, for graphs with and without a clock.
 
-    planned       (n, k)  costs, in the units of the criteria
-    tolerance     (n, k)  largest differences of re-evaluated costs from planned ones
-    trajectories  function that builds the trajectories of some rows (r,)
-    provenance    n dicts, one per path
+    planned       (n, k)  costs as the search added them up, in the units of the criteria
+    tolerance     (n, k)  largest allowed differences between re-evaluated and planned costs
+    trajectories  function that builds the trajectories with the given indices (r,)
+    provenance    n dicts, one per path: how it was planned
     claim         text to append to the claim of the search
-    notes, stats  to add to those of the candidates
+    notes, stats  notes for the user and statistics, to add to those of the candidates
     """
 
     planned: FloatArray
@@ -59,14 +62,14 @@ def assemble(
     stats: Mapping[str, Any] | None = None,
     reason: str = "",
 ) -> Candidates:
-    """Return the paths of any search as the candidates of the planner ``name``.
+    """Return the paths that a search found for a query as the candidates of the planner ``name``.
 
     Parameters
     ----------
-    claim : the claim for all paths, as text
-    provenance : entries for each path, besides the options of the graph
-    notes, stats : to add to those of the query
-    reason : why there is no path, if the caller knows; otherwise the query determines the reason
+    claim : what the search guarantees for these paths, as text
+    provenance : additional provenance entries for each path, beside the options of the graph
+    notes, stats : additional notes for the user, and statistics
+    reason : why there is no path, as text, if the caller knows; otherwise the query finds the reason
     """
     objectives, space = query.objectives, query.space
     plans = query.plans(paths, {"planner": name, **space.options}, provenance)
@@ -98,16 +101,16 @@ def assemble(
 def static_plans(
     query: Query, paths: ParetoPaths, common: Mapping[str, Any], own: Sequence[Mapping[str, Any]] | None
 ) -> Plans:
-    """Return the plans of paths on a graph without a clock.
+    """Convert the paths of a search without moving people to trajectories with costs, tolerances and provenance.
 
-    Provenance consists of ``common`` entries and of the ``own`` entries of each path.
+    The provenance of each path consists of the entries of ``common``, its number of edges, and its item in ``own``.
     """
     space, edges = query.space, paths.lengths
 
     def trajectories(rows: IntArray) -> tuple[Trajectory, ...]:
         return space.trajectories_through(*paths.through(rows))
 
-    # A sum is rounded at each edge, a maximum once.
+    # A sum has one rounding error for each edge, a maximum only one.
     adds_up = np.array([criterion.aggregate != "max" for criterion in query.objectives.optimised])
     rounds = np.where(adds_up, np.maximum(edges, 1)[:, None], 1)
     planned, tolerance = paths.costs * query.quanta, rounds * query.quanta
@@ -131,7 +134,10 @@ def static_plans(
 def _path_provenance(
     common: Mapping[str, Any], edges: Sequence[int], own: Sequence[Mapping[str, Any]] | None
 ) -> tuple[dict[str, Any], ...]:
-    """Return the provenance of each path, with its number of ``edges``; paths with equal provenance share one dict."""
+    """Return the provenance dict of each path: ``common`` entries, its number of ``edges``, and its item in ``own``.
+
+    If ``own`` is None, paths with equal provenance share one dict.
+    """
     if own is not None:
         return tuple({**common, "edges": count, **each} for count, each in zip(edges, own, strict=True))
     alike = {count: {**common, "edges": count} for count in set(edges)}
@@ -139,24 +145,27 @@ def _path_provenance(
 
 
 def _rounding_notes(query: Query, paths: ParetoPaths, rounds: IntArray) -> list[str]:
-    """Return a note for each cost with rounding errors, edge by edge, that may exceed a hundredth of its range.
+    """Return a warning for each cost whose total rounding error may exceed a hundredth of its range over the front.
 
-    rounds  (n, k)  number of roundings of each cost along each path
+    rounds  (n, k)  how often each cost is rounded along each path
     """
     if not len(paths):
         return []
     error = rounds.max(axis=0) * query.quanta
     size = np.maximum(np.ptp(paths.costs, axis=0), paths.costs.max(axis=0)) * query.quanta
     return [
-        f"{criterion.name} is rounded to {criterion.quantum:g} {criterion.unit} edge by edge, by up to {off:.3g} "
-        "in all: that is coarse for this front; declare a smaller quantum"
+        f"{criterion.name} of each edge is rounded to {criterion.quantum:g} {criterion.unit}, so that a path may be "
+        f"off by {off:.3g}: that is coarse for this front; declare a smaller quantum"
         for criterion, off, whole in zip(query.objectives.optimised, error, size, strict=True)
         if off > COARSE * whole > 0.0 and criterion.quantum != 1.0
     ]
 
 
 def search_stats(paths: ParetoPaths | TimedPaths, gap: float) -> dict[str, Any]:
-    """Return the counts of a search by name, with its gap, or None if the gap is infinite."""
+    """Return the statistics of a search by name: method, numbers of labels (partial paths), memory and gap.
+
+    gap  how much better missing points may be, as a relative factor; None in the statistics if it is infinite
+    """
     stats = paths.stats
     return {
         "method": stats.method,
@@ -169,7 +178,7 @@ def search_stats(paths: ParetoPaths | TimedPaths, gap: float) -> dict[str, Any]:
 
 
 def checked_edges_text(query: Query, paths: ParetoPaths | TimedPaths) -> str:
-    """Return text for a claim: how many edges were checked; "" if the graph has free edges only."""
+    """Return text for a claim: how many edges the search checked for collisions; "" if all were checked before."""
     if query.space.is_checked:
         return ""
     stats = paths.stats
@@ -184,7 +193,7 @@ def checked_edges_text(query: Query, paths: ParetoPaths | TimedPaths) -> str:
 
 
 class SearchOutcome(Protocol):
-    """Result of a search, with a status, a gap and a number of paths."""
+    """Result of any search: its status, its number of paths, and its gap (how much better missing paths may be)."""
 
     @property
     def status(self) -> Status: ...
@@ -206,15 +215,17 @@ def search_claim(
     gap: float | None = None,
     stage: bool = False,
 ) -> str:
-    """Return the claim of a search for all optimal vectors, or for a cover within ``eps`` and a tolerance.
+    """Return, as text for a certificate, what an exact search guarantees for its paths.
+
+    The text depends on whether the search ended early, and on the errors ``eps`` and ``tolerance`` that were allowed.
 
     Parameters
     ----------
     where : graph and criteria, as text
     rounded : how costs were rounded, as text
-    optimal : claim for each point if the search ended early
-    gap : bound on missing points, if it is smaller than that of the search
-    stage : whether a later stage follows, so that a time limit is this stage's share of the time
+    optimal : what holds for each returned path if the search ended early, as text
+    gap : bound on how much better missing paths may be, if it is smaller than the gap of ``paths``
+    stage : whether a later stage follows; a time limit is then described as this stage's share of the time
     """
     factor = precision_text(eps, tolerance or {})
     if not paths.status.is_final:
@@ -230,7 +241,7 @@ def search_claim(
 
 
 def claim_with_known_paths(paths: SearchOutcome, where: str, rounded: str = ROUNDED) -> str:
-    """Return the claim of a search that begins with known paths."""
+    """Return, as text for a certificate, what a search guarantees that began with paths known from before."""
     if paths.status.is_final:
         return f"exact on {where}; {OFF}; {rounded}"
     return (
@@ -240,12 +251,12 @@ def claim_with_known_paths(paths: SearchOutcome, where: str, rounded: str = ROUN
 
 
 def precision_text(eps: float, tolerance: Mapping[str, float]) -> str:
-    """Return the precision of a search as text, such as "a factor 1.01 and 2 in turns"; "" for an exact search."""
+    """Return the allowed errors of a search as text, such as "a factor 1.01 and 2 in turns"; "" for an exact search."""
     return " and ".join(([f"a factor {1 + eps:g}"] if eps else []) + _tolerance_texts(tolerance))
 
 
 def gap_text(gap: float, tolerance: Mapping[str, float]) -> str:
-    """Return text for a claim: how much better than the returned points a missing point may be.
+    """Return text for a claim: how much better than the returned points a missing point may be at most.
 
     >>> gap_text(0.1, {"turns": 2.0})
     '; for each of them, a point here is at most 10 % worse in every cost, besides 2 in turns'
@@ -262,7 +273,7 @@ def _tolerance_texts(tolerance: Mapping[str, float]) -> list[str]:
 
 
 def _percent(gap: float) -> str:
-    """Return a share in percent, rounded up to two digits.
+    """Return a share as text in percent, rounded up to two significant digits.
 
     >>> _percent(0.1), _percent(0.1201), _percent(1.0), _percent(12.31), _percent(0.0), _percent(0.00012)
     ('10', '13', '100', '1,300', '0', '0.012')
@@ -275,7 +286,7 @@ def _percent(gap: float) -> str:
 
 
 def memory_limit_notes(paths: ParetoPaths | TimedPaths) -> list[str]:
-    """Return a note with the labels of a search that ran out of memory, and advice; [] for another search."""
+    """Return a note with advice if a search stopped at its memory limit; otherwise []."""
     if paths.status is not Status.MEMORY_LIMIT:
         return []
     made, waiting = paths.stats.labels_generated, paths.stats.labels_open

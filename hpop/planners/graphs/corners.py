@@ -1,4 +1,4 @@
-"""The any-angle planner: the corners of lattice paths, joined wherever there is line of sight, and searched again."""
+"""Graph of the any-angle planner: the corners of lattice paths, linked wherever the robot can go straight."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ from hpop.trajectories.trajectory import Trajectory
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-CLOCKED = 1e-9  # s: rounding of times
+CLOCKED = 1e-9  # s: rounding error of times
 
 
 @graph_family("corners")
 @dataclass(frozen=True)
 class CornersGraph(GraphFamily):
-    """The visibility roadmap between the corners of a lattice's non-dominated paths.
+    """Visibility roadmap: the corners of a lattice's non-dominated paths, linked where the robot can go straight.
 
     step           m  distance between neighbouring positions of the lattice
     headings       number of headings of the lattice: 4, 8 or 16
     max_positions  largest number of corners that are used, first those shared by most paths of the lattice; None: all
 
-    The lattice is searched exactly, within half of the time limit; among moving people with a clock of 1/20 s and no
-    margin. Positions where its paths turn, hold, or bend when pulled taut are linked wherever the robot can go
-    straight.
+    First the lattice is searched exactly, within half of the time limit; among moving people with a clock of 1/20 s and
+    no margin. The corners of its paths are the positions at which a path turns or holds, and those at which it still
+    bends when it is shortened like a taut string.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid"})
@@ -62,11 +62,14 @@ class CornersGraph(GraphFamily):
         set_wholes(self, "max_positions", least=0, optional=True)
 
     def has_clock(self, problem: Problem) -> bool:
-        """Return True: a robot can hold at the positions of this roadmap."""
+        """Return True: the graph can be searched in time steps, since the robot can wait at its positions."""
         return True
 
     def build(self, problem: Problem, objectives: Objectives, spending: Spending) -> BuiltGraph:
-        """Search the lattice, then link the corners of its paths."""
+        """Search the lattice, then build the roadmap of the corners of its paths.
+
+        Raises NotBuilt, with the lattice paths, if the lattice has no path, or if Ctrl-C or a limit stops building.
+        """
         begun = time.perf_counter()
         budget, limit, progress = spending.limits, spending.limits.time_limit, spending.limits.progress
         half = None if limit is None else max(LEAST, 0.5 * limit)  # the other half is for the roadmap
@@ -101,14 +104,17 @@ class CornersGraph(GraphFamily):
         )
 
     def _lattice(self, budget: Budget, time_limit: float | None) -> Planner:
-        """Return the lattice planner that finds the paths for the corners, with a time limit, s."""
+        """Return the lattice planner that finds the paths for the corners, with a time limit in s.
+
+        budget  limits on labels and memory
+        """
         options = {"time_limit": time_limit, "max_labels": budget.max_labels, "max_memory": budget.max_memory}
         return make_planner({"lattice": {"step": self.step, "headings": self.headings, **options}})
 
     def roadmap(
         self, problem: Problem, lattice_paths: Candidates, spending: Spending | None = None
     ) -> tuple[StateRoadmap, tuple[str, ...]]:
-        """Return the roadmap of the corners of lattice paths, and a note if some corners are left out."""
+        """Return the roadmap of the corners of some lattice paths, and notes: one if some corners are left out."""
         ends = checked_ends(problem)
         corners = _corners(problem, lattice_paths.trajectories, ends.positions)
         positions = np.concatenate([ends.positions, corners[: self.max_positions]])
@@ -124,15 +130,18 @@ class CornersGraph(GraphFamily):
             name=f"the visibility roadmap of {count} corners of the {incomplete}front of "
             f"{LatticeGraph(self.step, self.headings).lattice(problem).words}",
             chosen={"step": self.step, "headings": self.headings, "corners": count},
-            remedy="take a smaller step, or more max_positions",
+            remedy="take a smaller step, or a larger max_positions",
             spending=spending or Spending(),
         )
-        few = f"any-angle: {count} of {len(corners)} corners are taken, those that most of the lattice's paths share"
+        few = (
+            f"any-angle: only {count} of {len(corners)} corners are used (max_positions), those that most of the "
+            "lattice's paths share"
+        )
         return roadmap, (few,) if count < len(corners) else ()
 
 
 def _lattice_paths(lattice: Planner, problem: Problem, progress: ProgressCallback | None) -> Candidates:
-    """Return the paths of the lattice planner: its exact answer, or those of all stages until a limit."""
+    """Run the lattice planner and return its paths: the exact result, or the paths of all stages before a limit."""
     result: Candidates | None = None
     for stage in lattice.stages(problem, progress):
         result = stage if stage.status.is_final else joined(result, stage)
@@ -141,15 +150,17 @@ def _lattice_paths(lattice: Planner, problem: Problem, progress: ProgressCallbac
 
 
 def _without_roadmap(lattice_paths: Candidates) -> Candidates:
-    """Return the paths of the lattice as the result, with a note that no roadmap was searched."""
+    """Return the lattice paths as the result of the planner, with a note that the roadmap was not searched."""
     words = (
-        "these are the lattice's own paths" if lattice_paths.trajectories else "the lattice has no path to make one of"
+        "so these are the paths of the lattice"
+        if lattice_paths.trajectories
+        else "since there is no lattice path from which to build it"
     )
-    return replace(lattice_paths, notes=(*lattice_paths.notes, f"any-angle: no roadmap was searched, {words}"))
+    return replace(lattice_paths, notes=(*lattice_paths.notes, f"any-angle: the roadmap was not searched, {words}"))
 
 
 def _affordable_paths(problem: Problem, lattice_paths: Candidates, spending: Spending) -> Candidates:
-    """Return as many paths of the lattice as a part of the remaining time allows to compute corners for."""
+    """Return as many of the lattice paths as a fifth of the remaining time suffices to compute corners for."""
 
     def left() -> float | None:
         return None if (until := spending.until_limit()) is None else until / 5
@@ -159,12 +170,18 @@ def _affordable_paths(problem: Problem, lattice_paths: Candidates, spending: Spe
 
 
 def _few_paths_note(some: int, all_: int) -> str:
-    """Return a note that corners come from only ``some`` of ``all_`` paths of the lattice."""
-    return f"any-angle: corners are those of {some:,} of the {all_:,} paths of the lattice, for lack of time"
+    """Return a note for the user that only ``some`` of the ``all_`` lattice paths were used, for lack of time."""
+    return (
+        f"any-angle: the corners of only {some:,} of the {all_:,} lattice paths were used, as the time limit was near; "
+        "raise time_limit to use all"
+    )
 
 
 def _with_lattice_headings(problem: Problem, trajectories: Sequence[Trajectory]) -> Problem:
-    """Return the problem with the exact headings of the lattice at start and goals, instead of rounded yaws."""
+    """Return the problem with the yaws of its start and goals replaced by the headings of the lattice.
+
+    A yaw written with few decimals may differ slightly from the heading of the lattice that it stands for.
+    """
     (x, y, _), goals = start_of(problem), list(goals_of(problem))
     for i, (goal_x, goal_y, yaw) in enumerate(goals):
         for states in (trajectory.states for trajectory in trajectories):
@@ -180,9 +197,11 @@ def _with_lattice_headings(problem: Problem, trajectories: Sequence[Trajectory])
 
 
 def _corners(problem: Problem, trajectories: Sequence[Trajectory], ends: FloatArray) -> FloatArray:
-    """Return the positions (n, 2), m, at which paths turn, hold, visit a stop, end, or bend when pulled taut.
+    """Return the corners (n, 2), m, of lattice paths.
 
-    Positions shared by most paths come first; those at ``ends`` (E, 2), m, are left out.
+    Corners are the positions at which a path turns, holds, visits a stop or ends, and those at which it bends when it
+    is shortened like a taut string. Corners that most paths share come first. Positions in ``ends`` (E, 2), m, are
+    left out.
     """
     points, marked = [], []
     tour = problem.tour
@@ -204,17 +223,18 @@ def _corners(problem: Problem, trajectories: Sequence[Trajectory], ends: FloatAr
 
 
 def _bends(problem: Problem, along: FloatArray, path: IntArray) -> BoolArray:
-    """Mark the positions at which paths bend when they are pulled taut.
+    """Return at which positions (N,) paths still bend when they are shortened like a taut string.
 
-    along  (N, 2)  positions of all paths, m
-    path   (N,)    number of the path of each position
+    The next bend is the last position to which the robot can go straight from the bend before, or from the start. All
+    paths are followed together, one position in each round.
 
-    From the start, then from each bend, the next bend is the last position before the first one out of sight. All paths
-    are followed at once, one position per round.
+    along  (N, 2)  positions of all paths, one path after another, m
+    path   (N,)    number of the path to which each position belongs
     """
     collision, law = problem.model.collision(problem.world), problem.model.laws["move"]
 
     def in_sight(tails: IntArray, heads: IntArray) -> BoolArray:
+        """Return whether the robot can go straight from each position in ``tails`` to that in ``heads``."""
         (x, y), (to_x, to_y) = along[tails].T, along[heads].T
         yaw = np.arctan2(to_y - y, to_x - x)
         start, end = States(x=x, y=y, yaw=yaw), States(x=to_x, y=to_y, yaw=yaw)

@@ -1,4 +1,4 @@
-"""Graph families: each builds one kind of graph for a problem, for any search."""
+"""Graph families: each builds one kind of graph for a problem, such as a lattice or a roadmap, for any search."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ if TYPE_CHECKING:
 def shortest_path(
     name: str, space: TrajectoryGraph, start: int, goals: list[int], objectives: Objectives
 ) -> Candidates:
-    """Return the shortest path of a graph as an early stage of the planner ``name``.
+    """Return the shortest path of a graph as a quick early result of the planner ``name``.
 
-    Lengths are computed for all edges, which is fast; all other costs are evaluated along the path only. The memory is
-    released afterwards. Raises Exhausted if a limit is passed.
+    Lengths are computed for all edges, which is fast. All other costs are evaluated along this path only. The memory
+    is released afterwards. Raises Exhausted if a limit is passed.
     """
     spending, length = space.spending, edge_objectives([make_criterion("length")], name)
     held = spending.memory
@@ -66,21 +66,23 @@ def shortest_path(
 
 F = TypeVar("F", bound=type)
 GraphSpec = str | Mapping[str, Mapping[str, Any] | None]
-"""The name of a graph family, or ``{name: options}``."""
+"""How a user selects a graph family: its name, or ``{name: {option: value}}``."""
 
 
 @dataclass(frozen=True, eq=False)
 class BuiltGraph:
-    """A graph of trajectories for a problem, with the problem's start and goals on it.
+    """Graph that was built for a problem, with the nodes of the problem's start and goals.
 
-    ends      the graph, its start and its goals
-    problem   problem that the paths solve; its yaws may be those of the nearest headings of the graph
+    ends      the graph, and the nodes of the start and the goals
+    problem   problem that the paths solve; yaws of start and goals may be replaced by the nearest headings of the graph
     notes     remarks on the graph, for the user
-    part      name of the part, if this is a part or a smaller graph that is searched first; "" for the whole graph
-    is_large  whether an exact search may take so long that a coarse result should come first
-    status    COMPLETE, or the status of the lattice search that found the paths for the corners
+    part      name of this graph if it is only a part of the whole graph, or a smaller one, that is searched first; ""
+              for the whole graph
+    is_large  whether an exact search may take so long that an approximate result should come first
+    status    COMPLETE; for a graph built from the paths of a lattice search, the status of that search
     stats     counts and seconds of building the graph, by name
-    first     paths found while the graph was built; the result if a limit ends the search before it finds a path
+    first     paths found while the graph was built; the planner returns them if a limit ends the search before it
+              finds a path
     """
 
     ends: Ends
@@ -94,7 +96,7 @@ class BuiltGraph:
 
 
 class NotBuilt(Exception):
-    """Exception of a graph that could not be built; the candidates found meanwhile are the planner's result."""
+    """Raised if a graph could not be built; its ``candidates``, found meanwhile, become the planner's result."""
 
     def __init__(self, candidates: Candidates) -> None:
         super().__init__("the graph was not built")
@@ -102,16 +104,16 @@ class NotBuilt(Exception):
 
 
 class GraphFamily:
-    """Kind of graph that can be built for a problem; a subclass is a frozen dataclass with the options as fields.
+    """Base class of the kinds of graphs; a subclass is a frozen dataclass with its options as fields.
 
-    Every search runs on every family. A planner that has the options of a search and of a family inherits from both
-    classes, as ``class Lattice(ExactSearch, LatticeGraph)`` does.
+    Every search runs on every family. A planner with the options of both a search and a family inherits from both, as
+    ``class Lattice(ExactSearch, LatticeGraph)`` does.
 
     needs             capabilities that a model must have, from :attr:`hpop.motions.Model.provides`
     goal_sets         whether the goal may be a list of states
     any_goal          whether the goal may be of any kind (:class:`hpop.goals.Goal`)
-    is_remade         whether the options in a front's provenance build the same graph again; replanning during a drive
-                      needs this
+    is_remade         whether the options stored with a front suffice to build the same graph again, as replanning on a
+                      driving robot requires
     is_judged         whether every candidate is checked on the exact geometry before it is returned
     answers_by_parts  whether :meth:`graphs` yields parts of the graph first even if only the final result is requested
     """
@@ -127,36 +129,40 @@ class GraphFamily:
 
     @property
     def spec(self) -> dict[str, dict[str, Any]]:
-        """Name and options as JSON, from which :func:`make_family` makes the family."""
+        """Name and options of the family, ``{name: {option: value}}``; :func:`make_family` makes the family from it.
+
+        Options with their default values are left out.
+        """
         name, family = next((name, family) for name, family in graphs.items() if family in type(self).__mro__)
         own = [option for option in dataclasses.fields(family) if getattr(self, option.name) != option.default]
         return {name: {option.name: getattr(self, option.name) for option in own}}
 
     @property
     def family(self) -> GraphFamily:
-        """The family itself, the graph of a planner that inherits from it."""
+        """The family itself; other planners have an attribute ``family`` with the family that they search."""
         return self
 
     def build(self, problem: Problem, objectives: Objectives, spending: Spending) -> BuiltGraph:
-        """Build the graph with the problem's start and goals; costs of arcs are computed later.
+        """Build the graph for a problem, with nodes for its start and goals; costs of arcs are computed later.
 
-        Raises QueryError for a start or goals that are not usable, Exhausted if a limit of ``spending`` is passed,
-        NotBuilt if no graph, but candidates were found.
+        Raises QueryError if the start or the goals cannot be used, and Exhausted if a limit of ``spending`` is passed.
+        Raises NotBuilt if there is no graph but candidates were found.
         """
         raise NotImplementedError
 
     def graphs(
         self, problem: Problem, objectives: Objectives, spending: Spending, *, in_stages: bool = False
     ) -> Iterator[BuiltGraph]:
-        """Yield the whole graph; if ``in_stages``, first yield parts of it or smaller graphs."""
+        """Yield the whole graph; if ``in_stages``, first yield parts of it or smaller graphs, for quick results."""
         yield self.build(problem, objectives, spending)
 
     def toured_graphs(
         self, problem: Problem, objectives: Objectives, spending: Spending, *, in_stages: bool = False
     ) -> Iterator[BuiltGraph]:
-        """Yield the graphs of :meth:`graphs`; for a problem with a tour only the whole one, with the tour's layers.
+        """Yield the graphs of :meth:`graphs`, extended for the problem's tour if it has one.
 
-        Parts are left out, since they need not contain the stops.
+        With a tour, only the whole graph is yielded, with a copy (layer) for each set of visited stops. Parts of the
+        graph are left out, since they need not contain the stops.
         """
         if problem.tour is None:
             yield from self.graphs(problem, objectives, spending, in_stages=in_stages)
@@ -165,13 +171,14 @@ class GraphFamily:
             yield replace(built, ends=with_tour(built.ends, built.problem, problem.tour))
 
     def has_clock(self, problem: Problem) -> bool:
-        """Return whether the graph can be put on a clock, so that people may move."""
+        """Return whether the graph can be searched in time steps, so that people may move; by default it cannot."""
         return False
 
     def first_answer(self, name: str, built: BuiltGraph, objectives: Objectives) -> Candidates | None:
-        """Return a few quick paths as candidates of the planner ``name``; None if the costs of arcs are cached.
+        """Return paths that are found quickly, before the costs of all arcs are computed; None if these are cached.
 
-        They are the result if a limit ends the computation of costs. Called only if there is a time limit.
+        Planners call this if there is a time limit, and return these paths if the limit ends the computation of costs.
+        By default it is the shortest path. ``name`` is the planner's name.
         """
         space = built.ends.space
         return None if space.costed(objectives.optimised) else shortest_path(name, *built.ends, objectives)
@@ -183,9 +190,10 @@ class GraphFamily:
         spending: Spending | None = None,
         progress: ProgressCallback | None = None,
     ) -> Query:
-        """Return the query of the problem on its graph, with all arcs checked and costed.
+        """Build the graph of a problem and compute all its costs; return the query that searches can answer.
 
-        Raises QueryError if people move or no graph can be built, and the errors of :meth:`build`.
+        All arcs are checked for collisions. Raises QueryError if people move or no graph can be built, and the errors
+        of :meth:`build`.
         """
         refuse_moving(problem, f"this search of {self.name}")
         objectives = objectives or edge_objectives(problem.criteria, self.name)
@@ -196,34 +204,46 @@ class GraphFamily:
         return built_query(checked, objectives)
 
     def states(self, problem: Problem) -> StateGraph | None:
-        """Return the graph of states without the problem's start and goals; None for a graph without places."""
+        """Build the graph of a problem and return it without start and goals; None if it is no graph in the plane."""
         objectives = edge_objectives(problem.criteria, self.name)
         return self._built_or_refused(problem, objectives, Spending()).ends.space.states_alone
 
     def _built_or_refused(self, problem: Problem, objectives: Objectives, spending: Spending) -> BuiltGraph:
-        """Build the graph; raise QueryError if no graph, but candidates were found."""
+        """Return the whole graph; raise QueryError instead of NotBuilt if it cannot be built.
+
+        After Ctrl-C while building, raises KeyboardInterrupt.
+        """
         try:
             *_, built = self.toured_graphs(problem, objectives, spending)
             return built
         except NotBuilt as stop:
             if stop.candidates.status is Status.INTERRUPTED:
                 raise KeyboardInterrupt from None
-            raise QueryError(f"there is no graph {self.name!r}: {'; '.join(stop.candidates.notes)}") from None
+            raise QueryError(
+                f"the graph {self.name!r} could not be built for this problem: {'; '.join(stop.candidates.notes)}"
+            ) from None
 
     def update(self, before: World, after: World, model: Model, criteria: Sequence[Criterion]) -> None:
-        """Copy the parts of cached graphs that a change of the world leaves unchanged to the cache of the new world.
+        """After the world changed, copy those parts of cached graphs that are still valid to the new world's cache.
 
-        By default nothing is copied.
+        By default nothing is copied. Cached graphs are those for ``model`` and ``criteria``; ``before`` and ``after``
+        are the two worlds.
         """
 
     def anchored(self) -> Self:
-        """Return a family with a graph that depends less on the start, or not at all, so that more queries reuse it."""
+        """Return a copy of the family whose graph depends less on the start, or not at all; queries can share it.
+
+        By default this is the family itself.
+        """
         return self
 
 
 @checked_arguments
 def graph_family(name: str) -> Callable[[F], F]:
-    """Register a graph family: a frozen dataclass that inherits from :class:`GraphFamily` and has a ``build``."""
+    """Return a class decorator that registers a graph family under a name.
+
+    The class must be a frozen dataclass that inherits from :class:`GraphFamily` and has a method ``build``.
+    """
 
     def declare(cls: F) -> F:
         if not dataclasses.is_dataclass(cls) or not issubclass(cls, GraphFamily) or cls.build is GraphFamily.build:
@@ -251,12 +271,14 @@ def make_family(spec: GraphSpec) -> GraphFamily:
     except OptionError as error:
         if isinstance(error, UnknownName) or f"has no {graphs.parameter} " not in str(error):
             raise
-        raise OptionError(f"{error}; options of the search are given beside `on`") from None
+        raise OptionError(
+            f"{error}; inside `on`, give options of the graph only; options of the search stand beside `on`"
+        ) from None
 
 
 @dataclass(frozen=True)
 class OnGraph:
-    """The option ``on`` of planners that search the graph of any family.
+    """Base class of planners with an option ``on``, which selects the graph family that is searched.
 
     on  the name of a graph family, or ``{name: {option: value}}``
     """
@@ -269,15 +291,18 @@ class OnGraph:
 
     @cached_property
     def family(self) -> GraphFamily:
-        """The graph family of ``on``; raises OptionError for options that it does not have."""
+        """Graph family that ``on`` selects; raises OptionError for options that it does not have."""
         return make_family(self.on)
 
     def anchored(self) -> Self:
-        """Return the planner on a graph that does not depend on the start, if the family has one."""
+        """Return a copy of the planner whose graph does not depend on the start, if the family has such a graph."""
         return replace(self, on=self.family.anchored().spec)
 
     def take_needs(self) -> None:
-        """Copy the family's requirements of models and goals to the planner; called once, after the options are set."""
+        """Set the planner's ``needs``, ``goal_sets`` and ``any_goal`` to those of its graph family.
+
+        Called once, after the options are set.
+        """
         family = self.family
         for attribute in ("needs", "goal_sets", "any_goal"):
             object.__setattr__(self, attribute, getattr(family, attribute))

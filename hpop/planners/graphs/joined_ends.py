@@ -1,7 +1,8 @@
-"""Exact ends on any graph of states: a start or goal beside its states is joined to the states near it.
+"""Add the exact start and goals to a graph of states, each connected to the states near it.
 
-A join is one arc, a chain of up to three motions: a turn, a straight move, a turn (:class:`.arcs.MotionChains`). So a
-start or goal adds one node. No arc leads back from a goal, or to the start.
+Start and goals are called ends. An end that equals a state of the graph needs no new node. Otherwise it becomes one
+additional node, and new arcs, called joins, connect it to near states. A join is a chain of up to three motions: a
+turn, a straight move and a turn (:class:`.arcs.MotionChains`). No join leads back from a goal, or to the start.
 """
 
 from __future__ import annotations
@@ -29,16 +30,16 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
     from hpop.world import World
 
-HEADING_TOLERANCE = 2e-3  # rad: a yaw written with three decimals is on its heading
+HEADING_TOLERANCE = 2e-3  # rad: a yaw that was written with three decimals still equals the graph's heading
 START, GOAL = "start", "goal"
 
 
 class Ends(NamedTuple):
-    """Graph with the nodes of the start and the goals.
+    """Graph, and its nodes for the start and the goals of a problem.
 
     space  the graph
-    start  node of the start
-    goals  nodes of the goals
+    start  number of the start's node
+    goals  numbers of the goals' nodes
     """
 
     space: TrajectoryGraph
@@ -47,22 +48,23 @@ class Ends(NamedTuple):
 
     @property
     def inside(self) -> tuple[list[int], list[int]]:
-        """States of the graph for the start and for the goals.
+        """States of the original graph at or near the start, and at or near the goals.
 
-        A joined end is replaced by the states joined to it, nearest first. Both lists are empty if start and goal are
-        joined only to each other.
+        If an end was added as a node, these are the states to which it is connected, nearest first. Both lists are
+        empty if start and goal are connected only to each other.
         """
         return self.space.inside([self.start]), self.space.inside(self.goals)
 
 
 def with_ends(graph: StateGraph, problem: Problem, reach: float) -> Ends:
-    """Return the graph with the problem's start and goals; ends that are no states of it are joined to near states.
+    """Return the graph with nodes for the problem's start and goals.
 
-    Raises QueryError if the start or every goal is blocked or cannot be joined.
+    An end that equals a free state of the graph uses its node. Any other end becomes a new node, connected to states
+    nearby. Raises QueryError if the start, or every goal, is blocked or cannot be connected.
 
     Parameters
     ----------
-    reach : m, largest distance of joined states
+    reach : m, largest distance of states to which a new node is connected
     """
     space, goals = problem.model.space, problem.goals
     ends = {START: space.state(problem.start)}
@@ -73,7 +75,7 @@ def with_ends(graph: StateGraph, problem: Problem, reach: float) -> Ends:
     states = {what: states_at(graph, end) for what, end in ends.items()}
 
     def straight(end: States) -> bool:
-        """Return whether a straight path from the start may end here with any heading."""
+        """Return whether a straight move may lead to a goal: it is near a start off the graph and takes any heading."""
         return bool(not states[START] and np.isnan(end.yaw[0]) and _distance(ends[START], end)[0] <= reach)
 
     beside = {what: end for what, end in ends.items() if not states[what] or straight(end)}
@@ -86,7 +88,10 @@ def with_ends(graph: StateGraph, problem: Problem, reach: float) -> Ends:
 
 
 def states_at(graph: StateGraph, end: States) -> list[int]:
-    """Return the ids of the free states of the graph that equal an end (1,); a NaN in the end matches any value."""
+    """Return the numbers of the graph's collision-free states that equal a start or goal ``end`` (1,).
+
+    A NaN in ``end`` matches any value.
+    """
     ids = graph.near(float(end.x[0]), float(end.y[0]), UNMOVED)
     states = graph.states(ids)
     free = graph.collision.states_free(states)
@@ -94,7 +99,10 @@ def states_at(graph: StateGraph, end: States) -> list[int]:
 
 
 def matches(space: StateSpace, states: States, end: States) -> BoolArray:
-    """Mark the states (M,) that equal an end (1,), angles to three decimals; a NaN in the end matches any value."""
+    """Return which states (M,) equal a start or goal ``end`` (1,); a NaN in ``end`` matches any value.
+
+    Angles may differ by HEADING_TOLERANCE.
+    """
     is_end = np.ones(states.size, dtype=np.bool_)
     for name, off in space.differences(end, states).items():
         is_end &= ~(np.abs(off) > (HEADING_TOLERANCE if name in space.angles else UNMOVED))
@@ -103,12 +111,15 @@ def matches(space: StateSpace, states: States, end: States) -> BoolArray:
 
 @dataclass(frozen=True, eq=False)
 class JoinedEnds(TrajectoryGraph):
-    """Graph of states with additional nodes for a start and goals that are no states of it.
+    """Graph of states with additional nodes for a start, goals or stops that do not equal any of its states.
 
-    inner  graph of states; the additional nodes follow its states
-    ends   name -> state (1,): "start" and goals, in this order; NaN in coordinates that may have any value
-    reach  m, distance within which states are joined to an end by a free turn, straight move and turn
-    stops  names of those ends that are states of stops: joins lead to them and from them
+    Arcs that connect these nodes (ends) to states, or the start to a goal, are called joins.
+
+    inner  original graph; the additional nodes have the numbers after its states
+    ends   state (1,) of each additional node, by name: "start" first, then goals, then stops; NaN in a coordinate that
+           may have any value
+    reach  m, distance within which states are connected to an end, by a turn, a straight move and a turn
+    stops  names of the ends that are states of a tour's stops; these have joins in both directions
     """
 
     has_clock = True
@@ -120,21 +131,21 @@ class JoinedEnds(TrajectoryGraph):
 
     @property
     def states_alone(self) -> StateGraph:
-        """The inner graph."""
+        """The original graph, without the additional nodes."""
         return self.inner
 
     def node(self, what: str) -> int:
-        """Return the node of the end with a name, a key of ``ends``."""
+        """Return the node number of an end by its name in ``ends``."""
         return self.inner.size + list(self.ends).index(what)
 
     @property
     def size(self) -> int:
-        """Number of states, ends included."""
+        """Number of nodes: states of the inner graph and ends."""
         return self.inner.size + len(self.ends)
 
     @property
     def words(self) -> str:
-        """Description of the inner graph and the joins, in words."""
+        """Description of the inner graph, and of how start, goals and stops are connected to it, for certificates."""
         counts = self.options["joined"]
         joined = [f"the {what} joined to {count} positions" for what, count in counts.items() if what not in self.stops]
         joined += [f"{len(self.stops)} states of stops joined to positions"] if self.stops else []
@@ -143,13 +154,13 @@ class JoinedEnds(TrajectoryGraph):
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options of the inner graph, and the number of its positions joined to each end."""
+        """Options of the inner graph, and for each end the number of positions to which it is connected."""
         counts = {what: np.unique(self.inner.places(self.joined(what))).size for what in self.ends}
         return {**self.inner.options, "joined": counts}
 
     @cached_property
     def joins(self) -> MotionChains:
-        """Arcs that join the ends to states and to each other, sorted by tail."""
+        """All joins: arcs between ends and states, and from the start directly to a goal, sorted by tail."""
         parts = [self._joins_of(what, leaving=what == START) for what in self.ends]
         parts += [self._joins_of(what, leaving=True) for what in self.stops]
         parts += [self._direct_join(what) for what in self.ends if START in self.ends and what != START]
@@ -157,14 +168,17 @@ class JoinedEnds(TrajectoryGraph):
         return joins.take(np.argsort(joins.tails, kind="stable"))
 
     def _direct_join(self, goal: str) -> MotionChains:
-        """Return the join from the start to a goal, or none if they are out of reach or the join is not free."""
+        """Return the arc from the start to a goal: one chain, or no chain if they are too far apart or it collides."""
         ends = [self.ends[what] for what in (START, goal)]
         near = np.flatnonzero(_distance(*ends) <= self.reach)
         tails, heads = (np.full(near.size, self.node(what)) for what in (START, goal))
         return MotionChains.between(self.inner, tails, heads, *(end.take(near) for end in ends))
 
     def _joins_of(self, what: str, *, leaving: bool) -> MotionChains:
-        """Return the free joins to the named end, or those leaving it, from or to the states within reach."""
+        """Return the collision-free joins between the named end and all states within ``reach``.
+
+        They lead from the end to the states if ``leaving``, else from the states to the end.
+        """
         end = self.ends[what]
         ids = self.inner.near(float(end.x[0]), float(end.y[0]), self.reach)
         nodes = np.full(ids.size, self.node(what))
@@ -174,7 +188,7 @@ class JoinedEnds(TrajectoryGraph):
         return MotionChains.between(self.inner, ids, nodes, states, end)
 
     def joined(self, what: str) -> IntArray:
-        """Return the states of the inner graph that are joined to the named end, nearest first."""
+        """Return the states of the inner graph to which the named end is connected, nearest first."""
         node, end = self.node(what), self.ends[what]
         from_it, to_it = self.joins.tails == node, self.joins.heads == node
         ids = np.concatenate([self.joins.heads[from_it], self.joins.tails[to_it]])
@@ -183,7 +197,7 @@ class JoinedEnds(TrajectoryGraph):
         return ids[np.argsort(_distance(states, end), kind="stable")]
 
     def inside(self, nodes: list[int]) -> list[int]:
-        """Return nodes, with each end replaced by the states joined to it."""
+        """Return the nodes with each end replaced by the states to which it is connected."""
         ends = list(self.ends)
         parts = [
             [node] if node < self.inner.size else self.joined(ends[node - self.inner.size]).tolist() for node in nodes
@@ -191,9 +205,9 @@ class JoinedEnds(TrajectoryGraph):
         return [node for part in parts for node in part]
 
     def checked(self, goals: Sequence[str]) -> dict[str, list[int]]:
-        """Return the nodes of each end by name: one node, or [] for a goal that cannot be used.
+        """Return the node of each end by name, as a list: one node, or none for a goal that cannot be connected.
 
-        Raises QueryError if the start, or every one of ``goals``, is blocked or cannot be joined.
+        Raises QueryError if the start, or every one of ``goals``, is blocked or cannot be connected.
         """
         reached = {*self.joins.tails.tolist(), *self.joins.heads.tolist()}
         lost = [what for what in self.ends if self.node(what) not in reached]
@@ -202,26 +216,27 @@ class JoinedEnds(TrajectoryGraph):
         return {what: [] if what in lost else [self.node(what)] for what in self.ends}
 
     def _reason_unusable(self, what: str) -> str:
-        """Return the reason why the named end cannot be used, as text."""
+        """Return the error message for an end that cannot be used: it is blocked, or not connected to the graph."""
         end = self.ends[what]
         whole = States(**{name: np.nan_to_num(column) for name, column in end.__dict__.items()})
         blocked = self.collision.why_blocked(whole)
         reason = blocked or (
-            f"no position of {self.inner.words} within {self.reach:.3f} m has a free turn, straight move and turn "
-            f"{'from' if what == START else 'to'} it; take a smaller step"
+            f"the robot cannot drive {'from it' if what == START else 'to it'} by a turn, a straight move and a turn "
+            f"without a collision, for any position of {self.inner.words} within {self.reach:.3f} m; take a smaller "
+            "step"
         )
         hint = elsewhere(self.model, self.world, end) if blocked else ""
         return f"the {what} ({end.x[0]:.3f}, {end.y[0]:.3f}) is not usable: {reason}.{hint}"
 
     def places(self, ids: IntArray) -> IntArray:
-        """Return the place (N,) of each state in the inner graph; each end has a negative place of its own."""
+        """Return the number (N,) of the position of each node; an end has a negative number that no other node has."""
         places = self.inner.size - 1 - ids
         inside = ids < self.inner.size
         places[inside] = self.inner.places(ids[inside])
         return places
 
     def states(self, ids: IntArray) -> States:
-        """Return states (N,); the yaw of a goal with a free heading is NaN."""
+        """Return the states (N,) with the given numbers; the yaw is NaN for a goal that accepts any heading."""
         inside = ids < self.inner.size
         inner, ends = self.inner.states(ids[inside]), self.ends.values()
         columns = {}
@@ -233,21 +248,21 @@ class JoinedEnds(TrajectoryGraph):
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of motions of the inner graph."""
+        """Names of the kinds of motions, those of the inner graph."""
         return self.inner.kinds
 
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
-        """Return the inner graph with costs; the joins of each node follow its arcs."""
+        """Return the search graph with costs; at each node, the arcs of the inner graph come first, then the joins."""
         inner, joins = self.inner.graph(criteria), self.joins
         self.spending.check("start and goal were joined", inner.heads.nbytes + inner.costs.nbytes)
         costs, is_reused = joins.costs(criteria), self.inner.is_reused
-        if is_reused:  # a copy beside the inner graph, which stays
+        if is_reused:  # the inner graph stays in memory, and this is a copy
             self.spending.hold(inner.heads.nbytes + inner.costs.nbytes, "start and goal were joined")
         return inner.extended(self.size, joins.tails, joins.heads, costs, is_reused=is_reused)
 
     @property
     def counts(self) -> dict[str, int]:
-        """Counts of the inner graph."""
+        """Numbers that describe the size of the inner graph, for statistics."""
         return self.inner.counts
 
     def costed(self, criteria: Sequence[Criterion]) -> bool:
@@ -255,52 +270,60 @@ class JoinedEnds(TrajectoryGraph):
         return self.inner.costed(criteria)
 
     def costed_in(self, world: World) -> JoinedEnds:
-        """Return the graph with its arcs, free or not, to be costed in another world."""
+        """Return a graph with the same arcs, whose costs are computed in another world; arcs are not checked again."""
         inner = self.inner.costed_in(world)
         return copied(replace(self, inner=inner, world=world), joins=replace(self.joins, graph=inner))
 
     def with_joins(self, inner: NDArray[N], joins: NDArray[N]) -> NDArray[N]:
-        """Return values (m, ...) of the inner graph's arcs and (j, ...) of the joins, in the order of `graph`."""
+        """Merge values of arcs into one array, in the order of the arcs of `graph`.
+
+        inner  values (m, ...) of the arcs of the inner graph
+        joins  values (j, ...) of the joins
+        """
         return inserted(inner, self._rows[self.joins.tails + 1], joins)
 
     @property
     def order(self) -> tuple[IntArray, IntArray]:
-        """Indices in `graph` of the arcs of the inner graph, and of the joins."""
+        """Two arrays of arc indices in `graph`: of the inner graph's arcs, and of the joins."""
         places = self._rows[self.joins.tails + 1]
         inner = np.arange(self.inner.arcs.heads.size)
         return inner + np.searchsorted(places, inner, side="right"), places + np.arange(places.size)
 
     @property
     def turned(self) -> NDArray[np.int8]:
-        """Number (m,) of turns in each arc of `graph`, joins included."""
+        """Number (m,) of turns in each arc of `graph`, including joins."""
         turns = self.joins.count(self.kinds[MOVE + 1 :]).astype(np.int8)
         return self.with_joins(self.inner.turned, turns)
 
     @property
     def rows(self) -> IntArray:
-        """Row pointers (n + 1,) of the arcs of `graph`, joins included."""
+        """Row pointers (n + 1,): the arcs that leave node u have the indices rows[u] to rows[u + 1] - 1 in `graph`."""
         leaving = np.bincount(self.joins.tails, minlength=self.size)
         return self._rows + np.append(np.zeros(1, np.int64), np.cumsum(leaving))
 
     @property
     def heads(self) -> NDArray[np.int32]:
-        """Heads (m,) of the arcs of `graph`, joins included."""
+        """Node (m,) to which each arc of `graph` leads, including joins."""
         return self.with_joins(self.inner.arcs.heads, self.joins.heads.astype(np.int32))
 
     @property
     def _rows(self) -> IntArray:
-        """Row pointers (n + 1,) into the arcs of the graph that is extended; the rows of added ends are empty."""
+        """Row pointers (n + 1,) into the arcs of the inner graph alone, in which the ends have no arcs."""
         start = self.inner.arcs.start
         return np.append(start, np.full(len(self.ends), start[-1]))
 
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
-        """Return trajectories through states (N,), ``sizes`` (n,) for each, with the motions of joins."""
+        """Return the states and motions of n trajectories, including those of joins.
+
+        ids    (N,)  nodes of all paths, one path after another
+        sizes  (n,)  number of nodes of each path
+        """
         inside = ids < self.inner.size
         ends = np.cumsum(sizes)
         begins, whole = ends - sizes, sizes == 2
         inner = np.bincount(np.repeat(np.arange(sizes.size), sizes)[inside], minlength=sizes.size)
         from_start = ~inside[begins]
-        to_goal = ~inside[ends - 1] & ~(whole & from_start)  # two joined ends share one join
+        to_goal = ~inside[ends - 1] & ~(whole & from_start)  # the join from start to goal is counted once
         after, before = np.minimum(begins + 1, ends - 1), np.maximum(ends - 2, begins)
         return Stretches.joined(
             self.model.space,
@@ -312,15 +335,18 @@ class JoinedEnds(TrajectoryGraph):
         )
 
     def _joins_between(self, tails: IntArray, heads: IntArray, is_present: BoolArray) -> Stretches:
-        """Return the motions of the joins between nodes (n,); none where ``is_present`` (n,) is False."""
+        """Return the motions of the joins from ``tails`` (n,) to ``heads`` (n,); none where ``is_present`` is False."""
         rows = self.joins.rows(tails[is_present], heads[is_present])
         return self.joins.take(rows).stretches(is_present.astype(np.int64))
 
     def what_separates(self, start: int, goals: list[int]) -> str:
-        """Return the reason why no path leads from start to goals, from the states joined to these, as text."""
+        """Return the reason, as text for an error, why no path leads from the start to the goals.
+
+        The search for it begins at states to which start and goals are connected.
+        """
         return self.inner.what_separates(self.inside([start])[0], self.inside(goals))
 
 
 def _distance(states: States, end: States) -> FloatArray:
-    """Return the distances (M,), m, of states from an end (1,)."""
+    """Return the distance (M,), m, of each state from a start or goal ``end`` (1,)."""
     return np.asarray(np.hypot(states.x - end.x, states.y - end.y))

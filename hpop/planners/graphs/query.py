@@ -1,4 +1,4 @@
-"""The query that every search answers: the non-dominated paths of a graph between its start and goals."""
+"""Query to a graph: which non-dominated paths lead from a start to the goals? Every search answers such queries."""
 
 from __future__ import annotations
 
@@ -48,13 +48,16 @@ TIED = "no path is better in every cost than a point"
 
 
 def refuse_unanswerable(problem: Problem, objectives: Objectives, what: str) -> None:
-    """Raise QueryError if people move, OptionError for too many costs; ``what`` names the graph without a clock."""
+    """Raise QueryError if people move, and OptionError if there are too many costs.
+
+    ``what`` names, for the error, a planner that does not consider time.
+    """
     refuse_moving(problem, what)
     refuse_too_many(objectives)
 
 
 def refuse_too_many(objectives: Objectives) -> None:
-    """Raise OptionError for more costs than an exact search can handle."""
+    """Raise OptionError if there are more costs than an exact search can handle."""
     if len(objectives.optimised) > MAX_COSTS:
         names = [criterion.name for criterion in objectives.optimised]
         raise OptionError(
@@ -63,16 +66,17 @@ def refuse_too_many(objectives: Objectives) -> None:
 
 
 def tolerance_counts(objectives: Objectives, tolerance: Mapping[str, float]) -> IntArray:
-    """Return the tolerances of all costs (k,) in quanta, rounded down, from amounts by name of the cost.
+    """Convert the option ``tolerance``, absolute errors by name of a cost, to quanta (k,), one for each cost.
 
-    Raises OptionError for an unknown cost or an invalid amount.
+    Values are rounded down, and costs without a tolerance get 0. Raises OptionError for an unknown cost or an invalid
+    value.
     """
     names = [criterion.name for criterion in objectives.optimised]
     for name in tolerance:
         if name not in names:
             raise OptionError(
-                f"tolerance names {name!r}, which is no optimised cost.{did_you_mean(name, names)} "
-                f"Optimised are {', '.join(names)}"
+                f"tolerance must name costs that the search minimises ({', '.join(names)}), got {name!r}."
+                f"{did_you_mean(name, names)} Leave it out, or add it to the criteria"
             )
     checked = amounts("tolerance", tolerance, MOST)
     slack = [checked.get(criterion.name, 0.0) / criterion.quantum for criterion in objectives.optimised]
@@ -81,17 +85,19 @@ def tolerance_counts(objectives: Objectives, tolerance: Mapping[str, float]) -> 
 
 @dataclass(frozen=True, eq=False)
 class Query:
-    """Query to a graph of trajectories, for static, timed and prepared searches and for drives.
+    """Search task: a graph with costs, a start, goals and limits, of which the non-dominated paths are wanted.
 
-    space          graph of trajectories, with exact ends joined (:mod:`.joined_ends`)
-    objectives     optimised criteria, and how they are reported
-    graph          arcs with their integer costs, in ``quanta``
-    start, goals   nodes
-    build_seconds  s, time to build the graph
+    Searches of all kinds use it: with and without moving people, and while a robot drives.
+
+    space          graph of trajectories, with nodes for the exact start and goals (:mod:`.joined_ends`)
+    objectives     criteria that are minimised, and how the others are reported
+    graph          arcs of ``space`` with integer costs, in multiples of ``quanta``
+    start, goals   numbers of nodes
+    build_seconds  s, time that building the graph took
     notes          remarks on start and goals, for the user
-    max_turns      count  paths with more turns are left out; None for no bound
-    closed         (m,)  mask of closed arcs; None if all are open
-    timing         clock, moving people and departure; None if no person moves
+    max_turns      count  paths with more turns are left out; None for no limit
+    closed         (m,)  mask of arcs that paths may not use; None if all are open
+    timing         clock, moving people and departure time; None if no person moves
     """
 
     space: TrajectoryGraph
@@ -109,33 +115,36 @@ class Query:
 
     @property
     def quanta(self) -> FloatArray:
-        """Quanta (k,) of the costs, in the criteria's units."""
+        """Quanta (k,): the value of one unit of each integer cost, in the unit of its criterion."""
         if self.timing is not None:
             return self.timing.timed.quanta
         return np.array([criterion.quantum for criterion in self.objectives.optimised])
 
     @property
     def free(self) -> Free | None:
-        """Function that marks the free ones of some arcs; None if all arcs of the graph are known to be free."""
+        """Function that checks arcs for collisions: it takes arc indices and returns which of these arcs are free.
+
+        None if all arcs of the graph are known to be free.
+        """
         return None if self.space.is_checked else self.space.arcs_free
 
     def at_most(self) -> list[int | None]:
-        """Return bounds (k,) on the costs; see :meth:`Objectives.at_most`."""
+        """Return the upper bounds of the costs (k,) that follow from max_turns; see :meth:`Objectives.at_most`."""
         return self.objectives.at_most(self.max_turns)
 
     @property
     def names(self) -> str:
-        """Names of the optimised criteria, as text."""
+        """Names of the criteria that are minimised, as text."""
         return self.objectives.names
 
     @property
     def part(self) -> str:
-        """Description of the graph that is searched, as text for a claim."""
+        """Description of the graph for the certificate: "the lattice of ...", or only its collision-free part."""
         return f"{'' if self.space.is_checked else 'the free part of '}{self.space.words}"
 
     @property
     def where(self) -> str:
-        """Description of what a claim holds for: graph, clock, criteria, bounds and closed arcs."""
+        """Description, for the certificate, of the task: graph, clock, criteria, limit on turns and closed arcs."""
         in_time = "" if self.timing is None else f", {self.timing.words},"
         words = f"{self.part}{in_time} for ({self.names})"
         if self.max_turns is not None:
@@ -145,13 +154,19 @@ class Query:
 
     @property
     def rounded(self) -> str:
-        """Description of how costs are rounded, as text for a claim."""
+        """Description, for the certificate, of how costs are rounded."""
         return ROUNDED if self.timing is None else self.timing.rounded(self.objectives)
 
     # Searches
 
     def paths(self, limits: Limits, *, eps: float = 0.0, slack: IntArray | None = None) -> ParetoPaths | TimedPaths:
-        """Find all non-dominated paths, or paths that cover them within ``eps`` and ``slack`` (k,), in quanta."""
+        """Run the exact search and return all non-dominated paths.
+
+        With ``eps`` or ``slack``, fewer paths may be returned. For each non-dominated cost vector p, the cost vector of
+        a returned path is then at most (1 + eps) p + slack.
+
+        slack  (k,)  in quanta
+        """
         slack = np.zeros(len(self.objectives.optimised), np.int64) if slack is None else slack
         if self.timing is not None:
             return self.timing.paths(self, limits, eps, slack)
@@ -185,15 +200,16 @@ class Query:
         covered: float = math.inf,
         stage: bool = False,
     ) -> Candidates:
-        """Find all non-dominated paths, or paths that cover them, as the candidates of the planner ``name``.
+        """Run the exact search and return its paths as the candidates of the planner ``name``.
 
-        For every non-dominated cost vector p, a vector of at most (1 + eps) p + tolerance is returned; the tolerance
-        is given by name, in the unit of the cost.
+        For each non-dominated cost vector p, the cost vector of a returned path is at most (1 + eps) p + tolerance. The
+        tolerance is given by name, in the unit of the cost.
 
         Parameters
         ----------
-        covered : points of an earlier stage cover every optimal vector within the factor 1 + covered
-        stage : whether a later stage follows, so that a time limit is this stage's share of the time
+        covered : relative error of an earlier stage: for every optimal cost vector it has a point that is worse by at
+            most the factor 1 + covered; infinite without such a stage
+        stage : whether a later stage follows; a time limit is then described as this stage's share of the time
         """
         slack = tolerance_counts(self.objectives, tolerance or {})
         paths = self.paths(Limits.of(limits), eps=eps, slack=slack)
@@ -210,12 +226,12 @@ class Query:
     def answer(
         self, name: str, paths: Sequence[IntArray], claim: str, *, status: Status = Status.COMPLETE
     ) -> Candidates:
-        """Return paths of any search as the candidates of the planner ``name``.
+        """Return paths that a search of your own has found as the candidates of the planner ``name``.
 
         Parameters
         ----------
         paths : for each path its arcs, as indices in ``graph``, from the start to a goal
-        claim : the planner's claim, as text
+        claim : what the search guarantees for the paths, as text for the certificate
         status : how the search ended; a COMPLETE search without a path becomes NO_PATH
         """
         ended = Status.NO_PATH if not paths and status is Status.COMPLETE else status
@@ -224,10 +240,11 @@ class Query:
         return assemble(name, self, result, claim)
 
     def first_answer(self, name: str, limits: Limits, *, quickly: bool = False) -> Candidates:
-        """Return the points found within some limits as an early stage of the planner ``name``.
+        """Return the paths that can be found within ``limits``, as an early result of the planner ``name``.
 
-        Points are supported points. If a cost is a maximum, or arcs are not checked yet, they are the first points of
-        the exact search. If ``quickly``, they are optima of a few weights, found without compiled kernels.
+        These are supported paths, which minimise weighted sums of the costs. If a cost is a maximum, or arcs are still
+        unchecked, they are the first paths of the exact search instead. If ``quickly``, only a few weights are tried,
+        by code that needs no compilation.
         """
         exactly = "max" in self.graph.aggregates or self.free is not None
         quickly &= self.free is None
@@ -259,13 +276,21 @@ class Query:
     def plans(
         self, paths: ParetoPaths | TimedPaths, common: Mapping[str, Any], own: Sequence[Mapping[str, Any]] | None
     ) -> Plans:
-        """Return paths as plans; provenance consists of ``common`` entries and of the ``own`` entries of each path."""
+        """Convert the paths of a search to trajectories with costs and provenance.
+
+        The provenance of each path consists of the entries of ``common`` and of its item in ``own``.
+        """
         if self.timing is not None:
             return self.timing.plans(cast("TimedPaths", paths), common)
         return static_plans(self, cast(ParetoPaths, paths), common, own)
 
     def what_blocks(self, paths: ParetoPaths | TimedPaths) -> str:
-        """Return the reason why there is no path, as text: too few turns allowed, people, or a wall in between."""
+        """Return the reason, as text, why a search without a result found no path.
+
+        Too few turns may be allowed, people may block the robot, or a wall may separate start and goal.
+
+        paths  result of the search; it knows which arcs were found to be blocked
+        """
         if self.timing is not None:
             return self.timing.what_blocks(self)
         for j, bound in enumerate(self.at_most()):
@@ -273,33 +298,36 @@ class Query:
                 turns = replace(self.graph, costs=self.graph.costs[:, [j]], aggregates=("sum",))
                 least = pareto_paths(turns, self.start, self.goals).costs
                 if len(least):
-                    return f"no path has at most {bound} turns; the least is {least[0, 0]}. Raise max_turns"
+                    return f"no path has at most {bound} turns; the fewest turns are {least[0, 0]}. Raise max_turns"
         space = self.space if self.space.is_checked else self.space.without(cast(ParetoPaths, paths).blocked)
         return space.what_separates(self.start, self.goals)
 
-    # Ties
+    # Ties: of paths with equal costs, the one with the fewest turns is wanted
 
     @cached_property
     def graph_with_tie_break(self) -> Graph | None:
-        """Graph with the number of turns as a tie-break; None if a cost charges for every turn."""
+        """Copy of ``graph`` whose costs also prefer paths with fewer turns among paths with equal costs.
+
+        None if no such copy is needed, because a cost charges for every turn.
+        """
         return graph_with_tie_break(self.graph, self.space.turned, self.space.spending)
 
     def break_ties(self) -> None:
-        """Build the graph with the tie-break now, so that the search accounts for the memory of this copy."""
+        """Make the copy of the graph that breaks ties now, so that the search accounts for its memory."""
         _ = self.graph_with_tie_break
 
     def drop_ties(self) -> None:
-        """Free the memory of the graph with the tie-break, after its last search."""
+        """Free the memory of the graph copy that breaks ties, after its last search."""
         broken: Graph | None = vars(self).pop("graph_with_tie_break", None)
         if broken is not None:
             self.space.spending.release(broken.costs.nbytes)
 
     def with_fewest_turns(self, search: Callable[[Graph], ParetoPaths]) -> ParetoPaths:
-        """Run a search; of paths with equal costs, return one with the fewest turns, even if no cost charges for turns.
+        """Run a search such that, of paths with equal costs, one with the fewest turns is returned.
 
-        The search runs on the graph with the tie-break; paths that differ only in turns are dropped afterwards, so a
-        complete search loses nothing. A stopped search may return a point that another point dominates, if both have
-        the same first summed cost.
+        The search runs on the graph copy that breaks ties. Of paths that differ only in turns, one is kept afterwards,
+        so a complete search loses nothing. A stopped search may return a path that another one dominates, if both have
+        equal values of the first cost that is a sum.
         """
         if self.graph_with_tie_break is None:
             return self._within_turn_bound(search(self.graph))
@@ -311,7 +339,7 @@ class Query:
         return paths.select(costs, order[is_nondominated(costs[order])])
 
     def _within_turn_bound(self, paths: ParetoPaths) -> ParetoPaths:
-        """Return the paths that keep the bound on turns, as a search may have ignored the bound."""
+        """Return only the paths with at most max_turns turns, since some searches ignore this limit."""
         bounds = [math.inf if bound is None else bound for bound in self.at_most()]
         rows = np.flatnonzero((paths.costs <= np.array(bounds or math.inf)).all(axis=1))
         return paths if rows.size == len(paths) else paths.select(paths.costs, rows)
@@ -320,11 +348,12 @@ class Query:
 def built_query(
     built: BuiltGraph, objectives: Objectives, began: float | None = None, max_turns: int | None = None
 ) -> Query:
-    """Compute the costs of all arcs of a built graph, and return its query; raise Exhausted if a limit is passed.
+    """Compute the costs of all arcs of a graph and return the query for its start and goals.
 
-    If a criterion cannot cost motions that collide, all arcs are checked first.
+    If a criterion has no cost for motions that collide, all arcs are checked for collisions first. Raises Exhausted if
+    a limit is passed.
 
-    began  time at which building began, s of :func:`time.perf_counter`; None for now
+    began  value of :func:`time.perf_counter` when building the graph began, for statistics; None for now
     """
     began = time.perf_counter() if began is None else began
     (space, start, goals), notes = built.ends, built.notes
@@ -334,7 +363,11 @@ def built_query(
     except CriterionError as error:
         if space.is_checked:
             raise
-        notes = (*notes, f"all edges were checked before the search, as some that were not have no cost: {error}")
+        notes = (
+            *notes,
+            "all edges were checked for collisions before the search, not only those that it uses, because the cost of "
+            f"an edge that collides could not be computed: {error}",
+        )
         space = space.with_checked_arcs()
         graph = space.graph(objectives.optimised)
     seconds = time.perf_counter() - began

@@ -1,7 +1,7 @@
-"""Graphs of states in the plane, such as lattices and roadmaps, connected by moves and turns.
+"""Graphs of robot states in the plane, such as lattices and roadmaps, whose arcs are moves and turns.
 
-Each state is at a place. Turns join the states of one place, moves join places. Each edge is a motion, so criteria cost
-it as they cost trajectories.
+States with the same position share a place, which has a number. Turns connect the states of one place, and moves
+connect states of different places. Each arc is one motion, so criteria compute its cost as for motions of trajectories.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 A = TypeVar("A")
-UNMOVED = 1e-6  # m: an end within this distance of a state is at its place
-NEAREST = 12  # least number of places to which an end beside a graph is joined
-BATCH = 500_000  # motions evaluated at once: bounds memory, large enough for array speed
-ARC = 16  # bytes of an arc without its costs
+UNMOVED = 1e-6  # m: a start or goal within this distance of a state has its position
+NEAREST = 12  # a start or goal off the graph is connected to states as far as the twelfth nearest place
+BATCH = 500_000  # motions evaluated at once: few enough to limit memory, enough for fast array operations
+ARC = 16  # bytes of memory for an arc, without its costs
 
 
 @dataclass(frozen=True, eq=False)
 class StateGraph(TrajectoryGraph):
-    """Free states of a model in the plane, numbered from 0, with arcs of one motion each."""
+    """Graph of collision-free robot states in the plane, numbered from 0, each arc of which is one motion."""
 
     has_clock = True
 
@@ -46,29 +46,35 @@ class StateGraph(TrajectoryGraph):
 
     @property
     def states_alone(self) -> StateGraph:
-        """The graph itself."""
+        """The graph itself, since it has no added nodes for start and goals."""
         return self
 
     @abstractmethod
     def places(self, ids: IntArray) -> IntArray:
-        """Return the number (N,) of the place of each state."""
+        """Return the number (N,) of the place of each state; states with equal numbers have the same position."""
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of motions: moves, then motions in place."""
+        """Names of the kinds of motions: first the one that changes the position, then those in place."""
         return ("move", "turn")
 
     @abstractmethod
     def edges(self, kind: str) -> tuple[IntArray, IntArray]:
-        """Return tails and heads of all free motions of one kind."""
+        """Return all collision-free motions of one kind: numbers of their first states, and of their last states."""
 
     def kinds_between(self, tails: IntArray, heads: IntArray) -> IntArray:
-        """Return the kind (N,) of the edges between states, as an index into `kinds`: a turn in place, or a move."""
+        """Return the kind (N,) of the motion from each tail (N,) to its head (N,), as an index into `kinds`.
+
+        It is 1 (turn) between states of one place, else 0 (move).
+        """
         stays: BoolArray = self.places(tails) == self.places(heads)
         return stays.astype(np.int64)
 
     def near(self, x: float, y: float, radius: float) -> IntArray:
-        """Return the ids (N,), rising, of states within a radius, m, of a position x, y, m; some may not be free."""
+        """Return the numbers (N,), ascending, of the states within ``radius``, m, of the position (x, y), m.
+
+        Subclasses may include states that are not free of collisions.
+        """
         near = [np.zeros(0, dtype=np.int64)]
         for begin in range(0, self.size, BATCH):
             ids = np.arange(begin, min(begin + BATCH, self.size))
@@ -77,7 +83,7 @@ class StateGraph(TrajectoryGraph):
         return np.concatenate(near)
 
     def reach(self, problem: Problem) -> float:
-        """Return the distance, m, within which a start or goal beside the graph is joined to states.
+        """Return the distance, m, within which a start or goal off the graph is connected to states.
 
         By default, this is the distance of the start from its twelfth nearest place.
         """
@@ -86,28 +92,33 @@ class StateGraph(TrajectoryGraph):
         return float(distances[min(NEAREST, distances.size) - 1]) + UNMOVED
 
     def cut_corners(self, tails: IntArray, kinds: IntArray, blocked: IntArray) -> BoolArray:
-        """Mark the arcs (N,) that are closed because states beside them are blocked; none by default.
+        """Return which arcs (N,) may not be used because states next to them are blocked; by default none.
+
+        A lattice uses this for diagonal moves between two blocked positions.
 
         Parameters
         ----------
-        tails, kinds : (N,) of the arcs
-        blocked : ids of blocked states
+        tails, kinds : (N,) first state and kind of motion of each arc
+        blocked : numbers of blocked states
         """
         return np.zeros(tails.size, dtype=np.bool_)
 
     @property
     def turned(self) -> NDArray[np.int8]:
-        """Number (m,) of motions in place in each arc of `graph`."""
+        """1 for each arc (m,) of `graph` that is a motion in place, 0 for moves."""
         in_place: BoolArray = self.arcs.kinds != MOVE
         return in_place.view(np.int8)
 
     @cached_property
     def collision(self) -> PlaneCollision:
-        """Collision check of states and motions."""
+        """Collision checker for states and motions of the robot in the world."""
         return cast(PlaneCollision, collision_of(self.model, self.world))
 
     def motions(self, kind: str, tails: IntArray, heads: IntArray) -> Motions:
-        """Return edges (M,) of a kind as motions; angles take the shorter direction, half a turn counter-clockwise."""
+        """Return the motions (M,) of one kind from states ``tails`` to ``heads``, with angles in the shorter direction.
+
+        Half a turn is counter-clockwise.
+        """
         law, start = self.model.laws[kind], self.states(tails)
         end = onward(law, self.model.space, start, self.states(heads))
         kept = {name: getattr(start, name) for name in start.names if name not in law.varies}
@@ -115,27 +126,30 @@ class StateGraph(TrajectoryGraph):
 
     @cached_property
     def arcs(self) -> Arcs:
-        """Arcs of all free motions."""
+        """All collision-free motions of all kinds, sorted by the states that they leave."""
         return Arcs.sorted(self.size, [self.edges(kind) for kind in self.kinds])
 
     @property
     def rows(self) -> IntArray:
-        """Row pointers (n + 1,) of the arcs."""
+        """Row pointers (n + 1,): the arcs that leave state u have the indices rows[u] to rows[u + 1] - 1."""
         return self.arcs.start
 
     @property
     def heads(self) -> NDArray[np.int32]:
-        """Heads (m,) of the arcs."""
+        """State (m,) to which each arc leads."""
         return self.arcs.heads
 
     def batches(self) -> Iterator[tuple[IntArray, IntArray, Motions]]:
-        """Yield tails, heads and motions of all arcs, in batches of bounded size."""
+        """Yield all arcs in batches of limited size: their first states, their last states, and their motions."""
         for part in blocks(self.arcs.heads.size):
             for _, tails, heads, motions in self._batches(part):
                 yield tails, heads, motions
 
     def _batches(self, part: slice) -> Iterator[tuple[BoolArray, IntArray, IntArray, Motions]]:
-        """Yield the arcs of a range, law by law: a mask over the range, tails, heads and motions of these arcs."""
+        """Yield the arcs of a range of indices, one batch for each kind of motion.
+
+        A batch is a mask over the range, and the tails, heads and motions of the arcs in the mask.
+        """
         tails, heads = self.arcs.ends(part)
         for number, kind in sorted(enumerate(self.kinds), reverse=True):
             own = self.arcs.kinds[part] == number
@@ -144,40 +158,49 @@ class StateGraph(TrajectoryGraph):
 
     @cached_property
     def key(self) -> Hashable:
-        """Cache key of the graph in its world, equal for equal graphs; None if nothing is cached."""
+        """Key of the graph in the cache of its world; equal graphs have equal keys. None if the graph is not cached."""
         return None
 
     def shared(self, name: Hashable, make: Callable[[], A]) -> A:
-        """Return a named part of the graph from the world's cache; if it is missing, ``make`` the part and cache it."""
+        """Return an array or table of the graph from the world's cache, by name; if it is missing, make and cache it.
+
+        make  function that computes it
+        """
         part = self.cached_part(name)
-        if part is None:  # made without the cache's lock, by several threads
+        if part is None:  # the cache is not locked meanwhile, so several threads may compute it
             part = make()
             self.cache_part(name, part)
         return cast(A, part)
 
     def costed(self, criteria: Sequence[Criterion]) -> bool:
-        """Return whether the costs of all edges are cached from an earlier planning run."""
+        """Return whether the costs of all arcs by these criteria are cached from an earlier planning run."""
         return all(self.cached_part(self.cache_name(criterion)) is not None for criterion in criteria)
 
     def cached_part(self, name: Hashable) -> Any:
-        """Return a named part of the graph from the world's cache; None if it is missing."""
+        """Return an array or table of the graph from the world's cache, by name; None if it is not cached."""
         return None if None in (self.key, name) else self.world.cache.find((self.key, name))
 
     def cache_part(self, name: Hashable, value: Any) -> None:
-        """Store a named part of the graph in the world's cache, if the graph has a key."""
+        """Store an array or table of the graph in the world's cache, by name, if the graph has a key."""
         if None not in (self.key, name):
             self.world.cache.keep((self.key, name), value)
 
     @staticmethod
     def cache_name(criterion: Criterion) -> Hashable:
-        """Return the name under which a criterion's costs are cached; None for a mutable criterion, never cached."""
+        """Return the name under which a criterion's costs are cached.
+
+        None for a mutable criterion, whose costs are not cached because they may change.
+        """
         try:
             return identity(criterion), criterion.quantum
         except TypeError:
             return None
 
     def motions_of(self, places: IntArray) -> Iterator[tuple[IntArray, Motions]]:
-        """Yield some arcs, given by indices (N,) in ``arcs``, as motions, in batches: the indices and the motions."""
+        """Yield the motions of some arcs, given by indices (N,) in ``arcs``, in batches of one kind of motion.
+
+        A batch is the indices of its arcs, and their motions.
+        """
         tails = np.searchsorted(self.arcs.start, places, side="right") - 1
         for number, kind in enumerate(self.kinds):
             own = np.flatnonzero(self.arcs.kinds[places] == number)
@@ -189,11 +212,14 @@ class StateGraph(TrajectoryGraph):
 
     @property
     def is_reused(self) -> bool:
-        """True if other queries will use this graph, so that it is cached with its costs."""
+        """True if later queries will use this graph, so that the graph with its costs is cached; by default False."""
         return False
 
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
-        """Return the search graph with one integer cost per criterion: costs of arcs in quanta, rounded once."""
+        """Return the graph for a search, with one integer cost for each criterion, from the cache if it is there.
+
+        A cost is a number of the criterion's quanta, rounded up.
+        """
         names = tuple(self.cache_name(criterion) for criterion in criteria)
         if not self.is_reused or None in names:
             return self._costed_graph(criteria)
@@ -202,7 +228,7 @@ class StateGraph(TrajectoryGraph):
             graph = self._costed_graph(criteria)
             self.cache_part(("graph", names), graph)
         else:
-            self.spending.hold(graph.arcs * (8 * len(criteria) + ARC), f"{self.words} was taken from before")
+            self.spending.hold(graph.arcs * (8 * len(criteria) + ARC), f"{self.words} was taken from the cache")
         return graph
 
     def _costed_graph(self, criteria: Sequence[Criterion]) -> Graph:
@@ -216,7 +242,10 @@ class StateGraph(TrajectoryGraph):
         )
 
     def _columns(self, criteria: Sequence[Criterion]) -> list[Counts]:
-        """Return the costs (m,) of all arcs by each criterion; those not cached are computed together, in blocks."""
+        """Return, for each criterion, the costs (m,) of all arcs in quanta.
+
+        Costs that are not cached are computed, block by block, and cached.
+        """
         columns = [self.cached_part(self.cache_name(criterion)) for criterion in criteria]
         missing = [j for j, column in enumerate(columns) if column is None]
         size = self.arcs.heads.size
@@ -241,17 +270,19 @@ class StateGraph(TrajectoryGraph):
         return columns
 
     def costed_in(self, world: World) -> Self:
-        """Return the graph with the same arcs, free or not, in another world; the cache of that world is not used.
+        """Return a graph with the same arcs in another world, in which only the costs are computed again.
 
-        So costs after a change of people or doors are computed without building the graph again.
+        Arcs are not checked for collisions there, and the cache of that world is not used. This gives the costs after
+        people or doors have changed, without building the graph again.
         """
         _ = self.arcs, self.size  # computed in this world, not in the other
         return copied(self, without={"collision"}, world=world, key=None)
 
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
-        """Return n trajectories, not yet checked, through states (N,), one motion per arc.
+        """Return the states and motions of n trajectories, not yet checked for impossible motions.
 
-        sizes  (n,)  number of states of each trajectory
+        ids    (N,)  states of all paths, one path after another
+        sizes  (n,)  number of states of each path
         """
         kinds = np.zeros(ids.size, np.int64)
         kinds[1:] = self.kinds_between(ids[:-1], ids[1:])
@@ -260,7 +291,7 @@ class StateGraph(TrajectoryGraph):
 
 
 def identity(value: Any) -> Hashable:
-    """Return a hashable that identifies an immutable value; a dataclass is identified by all its fields.
+    """Return a hashable key that is equal for equal immutable values; for a dataclass, its type and all its fields.
 
     Raises TypeError for a mutable value.
     """

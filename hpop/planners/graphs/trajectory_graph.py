@@ -1,4 +1,4 @@
-"""Graphs with trajectories as paths: the interface that searches use, for any kind of arcs."""
+"""Interface of graphs whose paths are robot trajectories, as searches and planners use it."""
 
 from __future__ import annotations
 
@@ -25,18 +25,21 @@ if TYPE_CHECKING:
     from hpop.planners.graphs.state_graph import StateGraph
     from hpop.world import World
 
-# All states share columns, and all motions of a law are checked at once; trajectories are parts of the columns.
+# Trajectories are built together: the states of all of them lie in common arrays, of which each trajectory is a slice.
 
 
-BLOCK = 2**20  # angles added up at once
+BLOCK = 2**20  # angles that are added up in one step
 
 
 class Stretches(NamedTuple):
-    """Stretches: n trajectories, or parts of trajectories, one after another in common arrays.
+    """States and motions of n trajectories, or of n parts of trajectories, one after another in common arrays.
 
-    states  (N,)  states of all parts; angles are continuous within each part
-    kinds   (N,)  index, in the kinds of the graph, of the motion that ends in each state; arbitrary for first states
-    sizes   (n,)  number of states of each part; 0 for an absent part
+    Each of the n sequences of states is called a stretch.
+
+    states  (N,)  states of all stretches; angles have no jumps of whole turns within a stretch
+    kinds   (N,)  kind of the motion that ends in each state, as an index into the graph's ``kinds``; without meaning
+                  for the first state of a stretch
+    sizes   (n,)  number of states of each stretch; 0 if a stretch is empty
     """
 
     states: States
@@ -47,11 +50,14 @@ class Stretches(NamedTuple):
     def through(
         cls, space: StateSpace, laws: Sequence[Law], states: States, kinds: IntArray, sizes: IntArray
     ) -> Stretches:
-        """Return the stretches through given states (N,); angles take the shorter direction.
+        """Return the stretches through given states (N,), with angles made continuous.
 
-        laws   law of each kind of motion
-        kinds  (N,)  kind of the motion that ends in each state
-        sizes  (n,)  number of states of each part
+        From one state to the next, an angle changes in the shorter direction, unless the law couples it to another
+        angle.
+
+        laws   law (the rule by which states change during a motion) of each kind of motion
+        kinds  (N,)  index into ``laws`` of the motion that ends in each state
+        sizes  (n,)  number of states of each stretch
         """
         columns = dict(states.__dict__)
         begins = (np.cumsum(sizes) - sizes)[sizes > 0]
@@ -70,14 +76,14 @@ class Stretches(NamedTuple):
 
     @classmethod
     def joined(cls, space: StateSpace, parts: Sequence[Stretches]) -> Stretches:
-        """Join stretches end to end: stretch i of the result consists of the stretches i of all ``parts``, in order.
+        """Join several parts of n trajectories: trajectory i is stretch i of the first part, then of the second, etc.
 
-        Each stretch begins where the previous one ends, up to whole turns of angles.
+        Each stretch must begin in the state in which the previous one ends; angles may differ by whole turns.
         """
         lengths = np.array([part.sizes for part in parts])  # (p, n)
         present = lengths > 0
         first = present & (np.cumsum(present, axis=0) == 1)
-        kept = lengths - (present & ~first)  # a part shares its first state with the part before it
+        kept = lengths - (present & ~first)  # the first state of a part repeats the last state of the part before
         sizes = kept.sum(axis=0)
         begins = np.cumsum(sizes) - sizes + np.cumsum(kept, axis=0) - kept
         columns = {name: np.empty(sizes.sum()) for name in space.names}
@@ -105,7 +111,12 @@ class Stretches(NamedTuple):
         return cls(States(**columns), kinds, sizes)
 
     def trajectories(self, model: Model, kinds: tuple[str, ...]) -> tuple[Trajectory, ...]:
-        """Return the trajectories; ``kinds`` are the names of the kinds. Raises ModelError for an impossible motion."""
+        """Return the n stretches as trajectories of a robot model.
+
+        Raises ModelError if the model cannot execute one of the motions.
+
+        kinds  names of the kinds of motion, to which the field ``kinds`` refers by index
+        """
         states = self.states
         for name in states.names:
             getattr(states, name).setflags(write=False)
@@ -124,7 +135,10 @@ class Stretches(NamedTuple):
 
 
 def _running(steps: FloatArray, sizes: IntArray) -> FloatArray:
-    """Return the running sums (N,) of steps (N,), starting anew in each stretch of ``sizes`` (n,)."""
+    """Return the cumulative sums (N,) of steps (N,), which begin again at 0 in each of n stretches.
+
+    sizes  (n,)  number of steps of each stretch
+    """
     running = np.empty(steps.size)
     ends = np.append(0, np.cumsum(sizes))
     at_once = max(1, BLOCK // max(1, int(sizes.max(initial=0))))
@@ -143,13 +157,12 @@ N = TypeVar("N", bound=np.generic)
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryGraph(ABC):
-    """Graph with states of a model in a world as nodes, and motions or chains of motions as arcs.
+    """Directed graph whose nodes are robot states, numbered from 0, and whose arcs are motions or chains of motions.
 
-    States are numbered from 0.
-
-    model, world
-    spending   account of time and memory for building the graph
-    has_clock  whether the graph can be put on a clock, so that people may move (:mod:`hpop.planners.graphs.timed`)
+    model, world  the robot and its surroundings
+    spending      time and memory used for building the graph, with the limits
+    has_clock     whether the graph can be searched in time steps, among moving people
+                  (:mod:`hpop.planners.graphs.timed`)
     """
 
     has_clock: ClassVar[bool] = False
@@ -171,121 +184,142 @@ class TrajectoryGraph(ABC):
     @property
     @abstractmethod
     def options(self) -> dict[str, Any]:
-        """Options that identify the graph, as JSON."""
+        """Options from which the graph was built, JSON-able, for the provenance of its paths."""
 
     @abstractmethod
     def states(self, ids: IntArray) -> States:
-        """Return states (N,) by their numbers."""
+        """Return the states (N,) with the given numbers."""
 
     @property
     @abstractmethod
     def kinds(self) -> tuple[str, ...]:
-        """Names of the kinds of motions in this graph."""
+        """Names of the kinds of motions in this graph, such as "move" and "turn"."""
 
     @abstractmethod
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
-        """Return the search graph with one integer cost per criterion: costs of arcs in quanta, rounded once.
+        """Compute the costs of all arcs and return the graph for a search, with one integer cost for each criterion.
 
-        Raises CriterionError that names the criterion with a cost that is negative, not a number or of the wrong shape,
-        and Exhausted if a limit of the spending is passed.
+        A cost is a number of the criterion's quanta, rounded up. Raises CriterionError if a cost is negative, not a
+        number or of the wrong shape, and Exhausted if a limit of ``spending`` is passed.
         """
 
     @property
     @abstractmethod
     def rows(self) -> IntArray:
-        """Row pointers (n + 1,) of `graph`: the arcs that leave state u are rows[u] : rows[u + 1]."""
+        """Row pointers (n + 1,): the arcs that leave state u have the indices rows[u] to rows[u + 1] - 1 in `graph`."""
 
     @property
     @abstractmethod
     def heads(self) -> NDArray[np.int32]:
-        """Heads (m,) of the arcs of `graph`."""
+        """State (m,) to which each arc of `graph` leads."""
 
     @property
     def is_checked(self) -> bool:
-        """True if all arcs of `graph` are known to be free; otherwise :meth:`arcs_free` checks them."""
+        """True if all arcs of `graph` are known to be free of collisions; otherwise, :meth:`arcs_free` checks some."""
         return True
 
     def with_checked_arcs(self) -> Self:
-        """Return the same graph with every arc checked when it is built."""
+        """Return a version of this graph without arcs that collide, for which every arc is checked in advance."""
         return self
 
     def costed(self, criteria: Sequence[Criterion]) -> bool:
-        """Return whether the costs of all arcs are cached; by default True, so that no quick first answer is tried."""
+        """Return whether the costs of all arcs by these criteria are cached, so that :meth:`graph` is fast.
+
+        If not, a planner may look for a quick first path before it computes all costs. By default True.
+        """
         return True
 
     @property
     def counts(self) -> dict[str, int]:
-        """Sizes of the graph, by name, for statistics."""
+        """Numbers that describe the size of the graph, by name, for statistics."""
         return {}
 
     @property
     def states_alone(self) -> StateGraph | None:
-        """The graph of states without joined ends; None for a graph without places."""
+        """The graph without the nodes that were added for start, goals and stops.
+
+        None if it is no graph in the plane (:class:`.state_graph.StateGraph`).
+        """
         return None
 
     def inside(self, nodes: list[int]) -> list[int]:
-        """Return nodes with joined ends replaced by the states to which they are joined."""
+        """Return the nodes with each added start or goal replaced by the states to which it is connected."""
         return nodes
 
     @property
     def joins(self) -> MotionChains | None:
-        """The arcs that join ends to the graph of states, by tail; None where there are none."""
+        """Arcs that connect added nodes (start, goals, stops) to the graph, sorted by tail; None without such nodes."""
         return None
 
     @property
     def order(self) -> tuple[IntArray, IntArray]:
-        """Indices in `graph` of the arcs of the graph of states, and of the joins."""
+        """Two arrays of arc indices in `graph`: of the arcs of `states_alone`, and of the arcs of `joins`."""
         states = self.states_alone
         return np.arange(0 if states is None else states.arcs.heads.size), np.zeros(0, np.int64)
 
     def with_joins(self, inner: NDArray[N], joins: NDArray[N]) -> NDArray[N]:
-        """Return values (m, ...) of arcs between states and (j, ...) of joins, in the order of the arcs of `graph`."""
+        """Merge values of arcs into one array, in the order of the arcs of `graph`.
+
+        inner  values (m, ...) of the arcs of `states_alone`
+        joins  values (j, ...) of the arcs of `joins`
+        """
         return inner
 
     def costed_in(self, world: World) -> Self:
-        """Return the graph with its arcs, free or not, to be costed in another world."""
+        """Return a graph with the same arcs, whose costs are computed in another world; arcs are not checked again."""
         raise NotImplementedError
 
     def arcs_free(self, places: IntArray) -> BoolArray:
-        """Mark the free ones of some arcs (N,), given by their indices in `graph`."""
+        """Check some arcs (N,), given by their indices in `graph`, and return which of them are free of collisions."""
         return np.ones(places.size, dtype=np.bool_)
 
     def without(self, places: IntArray) -> TrajectoryGraph:
-        """Return the graph without some blocked arcs (N,), if arcs are checked only on demand."""
+        """Return the graph without some arcs (N,) that were found to be blocked.
+
+        Used only for graphs whose arcs are checked on demand.
+        """
         raise NotImplementedError
 
     @property
     @abstractmethod
     def turned(self) -> NDArray[np.int8]:
-        """Number (m,) of turns, or other motions, in each arc of `graph`; it breaks ties between equal costs."""
+        """Number (m,) of turns, or of motions, in each arc of `graph`; fewer are preferred among equal costs."""
 
     @abstractmethod
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
-        """Return n trajectories, not yet checked, through states (N,); ``sizes`` (n,) are their numbers of states."""
+        """Return the states and motions of n trajectories, not yet checked for impossible motions.
+
+        ids    (N,)  states of all paths, one path after another
+        sizes  (n,)  number of states of each path
+        """
 
     @abstractmethod
     def what_separates(self, start: int, goals: list[int]) -> str:
-        """Return the reason why no path leads from a state to any of the goals, as text."""
+        """Return the reason, as text for an error, why no path leads from a state to any of the goals."""
 
     @cached_property
     def collision(self) -> Collision:
-        """Collision check of states and motions."""
+        """Collision checker for states and motions of the model in the world."""
         return self.model.collision(self.world)
 
     def trajectory(self, ids: IntArray) -> Trajectory:
-        """Return the trajectory through states (n+1,)."""
+        """Return the trajectory through states (n+1,), given by number."""
         return self.trajectories([ids])[0]
 
     def trajectories(self, paths: Sequence[IntArray]) -> tuple[Trajectory, ...]:
-        """Return the trajectories through the states (n+1,) of each path, with continuous angles."""
+        """Return one trajectory for each path, given by the numbers (n+1,) of its states."""
         sizes = np.array([path.size for path in paths], dtype=np.int64)
         return self.trajectories_through(np.concatenate([np.zeros(0, np.int64), *paths]), sizes)
 
     def trajectories_through(self, ids: IntArray, sizes: IntArray) -> tuple[Trajectory, ...]:
-        """Return n trajectories through states (N,); ``sizes`` (n,) are their numbers of states."""
+        """Return n trajectories.
+
+        ids    (N,)  states of all paths, one path after another
+        sizes  (n,)  number of states of each path
+        """
         return self.stretches(ids, sizes).trajectories(self.model, self.kinds)
 
 
 def aggregates(criteria: Sequence[Criterion]) -> tuple[str, ...]:
-    """Return how a search adds up the cost of each criterion: "sum" or "max"."""
+    """Return, for each criterion, how a search combines the costs of arcs to the cost of a path: "sum" or "max"."""
     return tuple("max" if criterion.aggregate == "max" else "sum" for criterion in criteria)

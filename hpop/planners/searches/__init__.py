@@ -1,1 +1,1 @@
-"""Searches: each runs on every graph family, with its own options."""
+"""Searches for optimal paths, independent of the kind of graph: each runs on every graph family."""

@@ -1,4 +1,4 @@
-"""Answers of the exact search among moving people: a first one soon, then the exact one."""
+"""Exact search among moving people: a quick early result, then the exact one."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from hpop.planners.searches.exact import ExactSearch
     from hpop.problems.problem import Problem
 
-QUICK = 0.2  # s: least time of a search before the exact one
-COARSE = 0.1  # relative precision on a part of the graph
-SHARE = 0.4  # of the building time, if that is longer: it also reflects the load of the machine
+QUICK = 0.2  # s: least time for a search before the exact one
+COARSE = 0.1  # relative error allowed in a search on a part of the graph
+SHARE = 0.4  # of the building time, if that is longer: the building time also reflects the load of the machine
 
 
 def answers_among_people(
@@ -30,15 +30,16 @@ def answers_among_people(
     *,
     in_stages: bool,
 ) -> Iterator[tuple[Candidates, BuiltGraph]]:
-    """Yield the candidates of each stage and their graph; after Ctrl-C no other stage follows.
+    """Search each graph on a clock, and yield the candidates of each stage with their graph.
 
-    Raises Exhausted where a limit is passed.
+    The last candidates are those of the exact search, unless Ctrl-C ends the search before. Raises Exhausted when a
+    limit is passed.
 
     Parameters
     ----------
-    search : the planner
+    search : planner whose options apply
     graphs : parts of the graph, then the whole graph, which contains them
-    in_stages : whether a first answer comes before the exact one
+    in_stages : whether early results may be yielded before the exact one
     """
     attention, tolerance = None, search.tolerance
     for built in graphs:
@@ -52,7 +53,7 @@ def answers_among_people(
             first = query.exact(search.name, share, eps=max(COARSE, search.eps), tolerance=tolerance, stage=True)
             spending.release(spending.memory - before)
             is_stage = len(first.trajectories) or first.status is Status.INTERRUPTED
-            if is_stage:  # without paths here, the whole graph has stages
+            if is_stage:  # if no path was found on this part, the whole graph is searched in stages instead
                 in_stages = False
                 with spending.paused():
                     yield _first_points(first).unfinished(), built
@@ -74,14 +75,17 @@ def answers_among_people(
 
 
 def _first_points(candidates: Candidates) -> Candidates:
-    """Return candidates with the name of this stage in their provenance."""
+    """Return candidates whose provenance says that they come from the early stage "first points"."""
     return replace(candidates, provenance=tuple(origin | {"stage": "first points"} for origin in candidates.provenance))
 
 
 def _with_people_who_stop(
     search: ExactSearch, problem: Problem, query: Query, candidates: Candidates, built: BuiltGraph
 ) -> Candidates:
-    """Return candidates; without a plan because people walk up to the start, those where people stop before it."""
+    """Plan again, with people who stop in front of the robot, if there is no path because people walk into its start.
+
+    Returns the new candidates if this finds a path or is stopped by a limit; otherwise the given ``candidates``.
+    """
     timing = query.timing
     assert timing is not None
     has_none = candidates.status.is_final and not len(candidates.trajectories)

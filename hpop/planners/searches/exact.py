@@ -1,4 +1,4 @@
-"""The exact search on any graph: every non-dominated path, in stages, among moving people, under limits."""
+"""Exact search: find every non-dominated path of a graph of any family, with quick early results if wanted."""
 
 from __future__ import annotations
 
@@ -32,29 +32,29 @@ from hpop.search.pareto_paths import main_kernels
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-QUICK = 0.1  # s: least time of a search before the exact one
-SHARE = 0.4  # of the building time, if that is longer: it also reflects the load of the machine
-COARSE = 0.1  # relative precision of the last stage before the exact one
+QUICK = 0.1  # s: least time for a search before the exact one
+SHARE = 0.4  # of the building time, if that is longer: the building time also reflects the load of the machine
+COARSE = 0.1  # relative error allowed in the last stage before the exact one
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExactSearch:
-    """Options of the exact search, and its solution of a problem on the planner's graph family.
+    """Base class of planners with exact search: the options of the search, and ``solve`` on the planner's graph family.
 
-    max_detour  upper limit that makes a mean over time a cost itself: the longest duration, as a multiple of the least
-                duration of any path; or ``{"length": 1.3}``, the same for lengths, which also needs max_turns
+    max_detour  minimise a mean over time itself, not its integral, among paths that last at most this multiple of the
+                least duration of any path; ``{"length": 1.3}`` limits the length instead, and also needs max_turns
     max_turns   largest number of turns; paths with more are left out. Needs the criterion turns
     eps         relative error: every optimal cost vector is met within a factor 1 + eps; 0 finds all optimal vectors
-    tolerance   absolute errors that are also allowed, by the name of a cost: ``{"length": 0.1}``
+    tolerance   absolute errors that are allowed as well, by the name of a cost: ``{"length": 0.1}``
     time_limit  s  for reading the map, building the graph and searching, without compiling. When it ends, the paths
                 found are returned, and the status says that more may exist
     max_labels  largest number of partial paths that the search keeps
-    max_memory  bytes  for the map, its fields, the graph and the search
+    max_memory  bytes  for the map, the fields computed on it (such as distances to obstacles), the graph and the search
     checkpoint  file in which the search saves its state, and from which it continues if the file exists
     clock       s  time step of a search among moving people; None: 0.05
     hold        s  shortest wait for moving people; None: the robot never waits
     arrive_by   s  latest arrival, among moving people; None: no limit
-    margin      m  distance to keep from people, also from those who stand
+    margin      m  distance that the robot keeps from people, whether they move or stand
     """
 
     name: ClassVar[str]
@@ -82,7 +82,7 @@ class ExactSearch:
             object.__setattr__(self, "tolerance", amounts("tolerance", self.tolerance, MOST))
         set_wholes(self, "max_turns", least=0, optional=True)
         if self.max_detour is not None and (self.eps or self.tolerance):
-            raise OptionError("max_detour takes no eps or tolerance: leave them out, or leave out max_detour")
+            raise OptionError("max_detour cannot be combined with eps or tolerance: leave these out, or max_detour")
         if self.checkpoint is not None:
             Checkpoint.of(self.checkpoint)
         _ = self.time_options
@@ -101,21 +101,21 @@ class ExactSearch:
         return TimeOptions(self.clock, self.hold, self.arrive_by, self.margin)
 
     def budget(self) -> Budget:
-        """Return the limits, which reading the map, building the graph and searching share."""
+        """Return the limits on time, labels and memory, which reading, building and searching share."""
         return Budget(self.time_limit, self.max_labels, self.max_memory)
 
     def spending(self, problem: Problem, progress: ProgressCallback | None = None) -> Spending:
-        """Return the account of a planning run, charged with reading the map."""
+        """Return the time and memory account of a new planning run, with what reading the map has used already."""
         limits = Limits(self.time_limit, self.max_labels, self.max_memory, self.checkpoint, progress)
         return Spending(limits, spent=problem.read_seconds, memory=problem.read_memory)
 
     def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
         """Find all non-dominated paths of the graph.
 
-        Raises QueryError when start or goal is blocked, off the map or out of reach, or when people move and the graph
-        has no clock, UnsupportedCriterion when no criterion adds up along edges, CriterionError for a cost that is
-        negative or not finite, OptionError for a ``max_detour`` without a time-mean, CheckpointError for a checkpoint
-        of another problem.
+        Raises QueryError if start or goal is blocked, off the map or cannot be connected to the graph, or if people
+        move and the graph family cannot consider time. Raises UnsupportedCriterion if no criterion adds up along edges,
+        CriterionError for a cost that is negative or not finite, OptionError for ``max_detour`` without a time-mean,
+        and CheckpointError if the checkpoint file belongs to another problem.
         """
         in_stages = self.family.answers_by_parts and self.answers_in_stages
         candidates: Candidates | None = None
@@ -125,52 +125,57 @@ class ExactSearch:
         return candidates
 
     def stages(self, problem: Problem, progress: ProgressCallback | None = None) -> Iterator[Candidates]:
-        """Yield a first answer soon, for example on a part of a large graph, then the exact answer.
+        """Yield a quick early result, for example from a part of a large graph, then the exact result.
 
-        Without :attr:`answers_in_stages`, only the exact answer is yielded. After Ctrl-C, the paths found so far are
-        the last answer. Raises the errors of :meth:`solve`.
+        If :attr:`answers_in_stages` is false, only the exact result is yielded. After Ctrl-C, the paths found so far
+        are the last result. Raises the errors of :meth:`solve`.
         """
         yield from self._answers(problem, progress, in_stages=self.answers_in_stages)
 
     @property
     def answers_in_stages(self) -> bool:
-        """True if a first answer may come before the exact one.
+        """True if :meth:`stages` may yield an early result before the exact one.
 
-        This is false with ``max_detour`` or ``max_turns``, and if a search resumes from a checkpoint: a first answer
-        would replace the better front that the search had when it was stopped.
+        False with ``max_detour`` or ``max_turns``, and if the search continues from a checkpoint: an early result would
+        replace the better front that the search had when it was stopped.
         """
         goes_on = self.checkpoint is not None and Path(Checkpoint.of(self.checkpoint).path).exists()
         return not goes_on and self.max_detour is None and self.max_turns is None
 
     @property
     def graph_of_drives(self) -> GraphFamily | None:
-        """Graph family that is searched, if the planner options of a saved front rebuild the same graph."""
+        """Graph family on which a driving robot can replan; None if a front's options do not rebuild the same graph."""
         return self.family if self.family.is_remade else None
 
     @property
     def needs_kernels(self) -> bool:
-        """True if kernels of the exact search that are not cached are compiled during a first answer."""
+        """True if the search uses compiled kernels, which are then compiled in the background during a first stage."""
         return self.max_detour is None
 
     def _answers(self, problem: Problem, progress: ProgressCallback | None, *, in_stages: bool) -> Iterator[Candidates]:
-        """Yield answers on each part of the graph that the family builds, then on the whole graph."""
+        """Check that the search can solve the problem, then yield its results: the exact one last.
+
+        If ``in_stages``, early results come first.
+        """
         moving, family = people_move(problem), self.family
         if moving:
-            refuse_tour(problem, f"{self.name} among people who move")
+            refuse_tour(problem, f"{self.name} among moving people")
         if self.max_detour is not None and problem.tour is not None and problem.tour.optional:
             raise OptionError(
-                "max_detour takes no optional stops: leave it out, or make every stop of the tour required"
+                "max_detour cannot be combined with optional stops of a tour: leave max_detour out, or set optional to "
+                "False for every stop"
             )
         if moving and self.max_detour is not None and family.has_clock(problem):
             raise OptionError(
-                "max_detour needs a world without moving people; leave it out, a mean is then only reported"
+                "max_detour needs a world without moving people; leave max_detour out: the integral is then minimised, "
+                "and the mean only reported"
             )
         split = edge_objectives if self.max_detour is None else mean_objectives
         objectives = split(problem.criteria, self.name).with_notes(needless(problem, self.time_options))
         if not (moving and family.has_clock(problem)):
             refuse_moving(problem, self.name)
         refuse_too_many(objectives)
-        tolerance_counts(objectives, self.tolerance or {})  # else only the last stage would find an error in these two
+        tolerance_counts(objectives, self.tolerance or {})  # find errors now, not only in the last stage
         if self.checkpoint is not None:
             Checkpoint.of(self.checkpoint).checked_path()
         spending = self.spending(problem, progress)
@@ -196,7 +201,7 @@ class ExactSearch:
         *,
         in_stages: bool,
     ) -> Iterator[Candidates]:
-        """Yield answers among moving people, on graphs with a clock."""
+        """Yield the results for a world in which people move; each graph is searched on a clock."""
         from hpop.planners.searches.among_people import answers_among_people  # on first use: start-up time
 
         spending.report("graph")
@@ -212,7 +217,7 @@ class ExactSearch:
         *,
         in_stages: bool,
     ) -> Iterator[Candidates]:
-        """Yield answers on graphs without a clock, as no person moves."""
+        """Yield the results for a world in which no person moves: if ``in_stages`` early ones, then the exact one."""
         quick: Candidates | None = None
         built: BuiltGraph | None = None
         is_bounded = self.max_turns is not None or self.max_detour is not None
@@ -262,14 +267,18 @@ class ExactSearch:
             yield self._paths_of_building(replace(built.first, status=Status.INTERRUPTED), problem)
 
     def _paths_of_building(self, candidates: Candidates, problem: Problem) -> Candidates:
-        """Return the paths from which the graph was to be built, as the result if the graph itself was not searched.
+        """Return the result if the graph was not searched: the paths that were found while building it.
 
-        The paths are left out if they might break max_turns, max_detour or the clock.
+        For example, the any-angle planner builds its graph from lattice paths. With max_turns or max_detour, or among
+        moving people, the result is empty, since these paths may not satisfy the limits.
         """
         is_bounded = self.max_turns is not None or self.max_detour is not None
         if not candidates.trajectories or not (is_bounded or people_move(problem)):
             return candidates
-        note = "paths from which the graph is built are left out: they need not keep max_turns, max_detour or the times"
+        note = (
+            "the graph was not searched, and paths found while building it are left out: they may break max_turns, "
+            "max_detour or arrive_by"
+        )
         return replace(candidates.subset([]), notes=(*candidates.notes, note))
 
     def _first_stages(
@@ -280,7 +289,7 @@ class ExactSearch:
         *,
         is_second: bool,
     ) -> Iterator[Candidates]:
-        """Yield answers before the exact one; if the exact search is as fast, yield only its final answer."""
+        """Yield early results on one graph; if the exact search ends as quickly, yield only its result."""
         share = spending.share(max(QUICK, SHARE * query.build_seconds))
         if not (built.is_large or is_compiling()):
             checkpoint = None if built.part else self.checkpoint
@@ -303,7 +312,10 @@ class ExactSearch:
             yield replace(coarse, provenance=tuple(origin | stage for origin in coarse.provenance)).unfinished()
 
     def _judged(self, candidates: Candidates, built: BuiltGraph) -> Candidates:
-        """Return candidates with statistics of the graph, judged on the exact geometry if the family requires it."""
+        """Complete the candidates of a stage: check trajectories if the graph family asks for it, and add statistics.
+
+        If the search was stopped without a path, the paths found while building the graph are returned instead.
+        """
         is_stopped = not candidates.trajectories and not candidates.status.is_final
         if built.first is not None and is_stopped:
             notes = tuple(dict.fromkeys((*built.first.notes, *candidates.notes)))
@@ -313,7 +325,7 @@ class ExactSearch:
         if self.family.is_judged:
             spending = built.ends.space.spending
 
-            def left() -> float | None:  # the other half is for the evaluation of the front
+            def left() -> float | None:  # the other half of the time is for evaluating the front
                 return None if (until := spending.until_limit()) is None else until / 2
 
             candidates = evaluable_in_time(candidates, left, lambda subset: trusted(subset, built.problem, self.name))
@@ -330,13 +342,16 @@ class ExactSearch:
 
 
 def _quick_exact_answer(search: ExactSearch, query: Query, limits: Limits) -> Candidates | None:
-    """Return the exact answer on a graph if the search ends within ``limits``, else None."""
+    """Run the exact search on a graph; return its candidates, or None if a limit ends it before it is done.
+
+    After Ctrl-C, the candidates found so far are returned.
+    """
     precise = query.exact(search.name, limits, eps=search.eps, tolerance=search.tolerance)
     return precise if precise.status.is_final or precise.status is Status.INTERRUPTED else None
 
 
 def _as_stage_of_part(candidates: Candidates, part: str) -> Candidates:
-    """Return the candidates of an exact search on a part of a graph as candidates of an early stage."""
+    """Mark the candidates of an exact search on a part of the graph, named ``part``, as an early result."""
     return replace(
         candidates,
         status=candidates.status if candidates.status is Status.INTERRUPTED else Status.UNFINISHED,
@@ -353,10 +368,11 @@ class Exact(ExactSearch, OnGraph):
     on   the graph family with its options, such as ``{"lattice": {"step": 0.5}}``,
          ``{"roadmap": {"samples": 300}}`` or ``{"corners": {"step": 0.5}}``
 
-    The planners "lattice", "roadmap" and "any-angle" are this search with the options of their graph and of the search.
-    Accepts criteria that add up along edges or take the worst edge (sum, max), at most six. Guarantees that no path of
-    the graph is better in one cost and no worse in the others, costs rounded to the criteria's quanta edge by edge.
-    :class:`hpop.planners.lattice.Lattice` describes eps, tolerance, checkpoint, max_detour and the clock.
+    The planners "lattice", "roadmap" and "any-angle" are this search on a fixed graph family; they have the options of
+    both. Accepts at most six criteria that add up along edges or take the worst edge (sum, max). Guarantees that no
+    path of the graph is better in one cost and no worse in the others, with the cost of each edge rounded to the
+    criterion's quantum. :class:`hpop.planners.lattice.Lattice` describes eps, tolerance, checkpoint, max_detour and the
+    clock.
     """
 
     def __post_init__(self) -> None:
@@ -365,10 +381,11 @@ class Exact(ExactSearch, OnGraph):
 
 
 def kernels_beside(planners: Sequence[Planner], problem: Problem) -> AbstractContextManager[Onset | None]:
-    """Compile the kernels of the exact searches among some planners in background processes, unless they are cached.
+    """Return a context in which background processes compile the code (kernels) that the planners' exact searches need.
 
-    Compiling begins after the first answer if the first planner has stages, else at once. The value of the context is
-    the :class:`.Onset`, or None if there is nothing to compile.
+    Kernels that are cached are not compiled again. Compiling begins after the first early result if the first planner
+    yields one, else at once. The value of the context is the :class:`.Onset`, which says when, or None if no planner
+    needs kernels.
     """
     searching = [planner for planner in planners if planner.needs_kernels]
     if not searching:

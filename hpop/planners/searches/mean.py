@@ -1,8 +1,8 @@
-"""Optimisation of a time-mean itself, not of its integral, under a cap, on graphs of states.
+"""Exact search that minimises a mean over time itself, not its integral (option ``max_detour``).
 
-A mean is a ratio S/T, so it does not add up, and loops through places of low cost lower it without end. Under a cap on
-T, or on the length and the number of turns, its front is finite, and :func:`hpop.search.capped_mean_paths` finds it
-exactly.
+A time-mean is S / T, an integral divided by the duration, so it does not add up along a path. Without a limit, a path
+could lower it for ever by loops where the cost is low. With an upper limit on T, or on the length and the number of
+turns, the front is finite, and :func:`hpop.search.capped_mean_paths` finds it exactly. This limit is called the cap.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ INTEGRAL, DURATION, OTHERS = range(3)  # columns of the graph; the other costs f
 
 @dataclass(frozen=True)
 class Detour:
-    """Cap on the duration or the length, as a factor of the least duration or length of any path.
+    """Upper limit (cap) on the duration or the length of a path, as a multiple of the least value of any path.
 
-    cost    role of the capped criterion
-    factor  from 1 to 1000
+    cost    role of the limited criterion: "duration" or "length"
+    factor  multiple of the least value, from 1 to 1000
     """
 
     cost: Role
@@ -45,53 +45,54 @@ class Detour:
 
     @classmethod
     def of(cls, max_detour: Any, max_turns: int | None) -> Self:
-        """Return the cap of a planner's options: a factor on the duration, or ``{cost: factor}``.
+        """Return the cap that the planner options ``max_detour`` and ``max_turns`` describe.
 
-        Raises OptionError unless the cap bounds the duration. Turns in place have no length, so a cap on the length
-        also needs a bound on the turns.
+        ``max_detour`` is a factor on the duration, or ``{cost: factor}``. Raises OptionError for an invalid value, and
+        for a cap on the length without ``max_turns``: turning in place adds no length, so a path could turn for ever.
         """
         spec: Mapping[Any, Any] = max_detour if isinstance(max_detour, Mapping) else {"duration": max_detour}
         cost, factor = next(iter(spec.items()), ("", 0))
-        kind = "the longest duration over the least of any path, or {'length': the same of the length},"
-        hint = "take one such as 1.3, or leave it out: then the mean's integral is minimised"
+        kind = "the longest allowed duration divided by the least one, or {'length': the same for lengths},"
+        hint = "give a number such as 1.3, or leave max_detour out: then the integral of the mean is minimised"
         is_valid = len(spec) == 1 and cost in CAPPED
         factor = real("max_detour", factor if is_valid else max_detour, 1, LARGEST_DETOUR, kind, hint=hint)
         if cost == "length" and max_turns is None:
             raise OptionError(
-                "max_detour caps the length, but turning in place has none: a path could turn for ever where the mean "
-                "is low. Give max_turns as well, such as max_turns=8, or cap the duration, such as max_detour=1.3"
+                "max_detour with 'length' needs max_turns as well, since turning in place adds no length: a path could "
+                "turn for ever where the mean is low. Give max_turns, such as max_turns=8, or limit the duration "
+                "instead, such as max_detour=1.3"
             )
         return cls(cast(Role, cost), float(factor))
 
     @property
     def option(self) -> DetourSpec:
-        """Value of the planner's option ``max_detour``, JSON-able."""
+        """Value of the planner option ``max_detour`` for this cap, JSON-able."""
         return self.factor if self.cost == "duration" else {self.cost: self.factor}
 
 
 def mean_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objectives:
-    """Return the costs of the graph: the integral of the one time-mean, the duration, then the other costs.
+    """Return the objectives of the graph that is searched: integral of the time-mean, duration, then the other costs.
 
-    Raises OptionError if no criterion is a time-mean or there are too many criteria, UnsupportedCriterion for a second
-    time-mean.
+    The search divides the first by the second to get the mean. Raises OptionError if no criterion is a time-mean or if
+    there are too many criteria, and UnsupportedCriterion if there is more than one time-mean.
     """
     means = [c for c in criteria if c.aggregate == "time-mean"]
     if not means:
         raise OptionError(
-            "max_detour is a cap under which a time-mean can be optimised itself, but none of "
+            "max_detour needs a criterion that is a mean over time, but none of "
             f"{', '.join(c.name for c in criteria)} is one; leave max_detour out, or add one such as 'obstruction'"
         )
     if len(means) > 1:
         raise UnsupportedCriterion(
-            f"{planner_name} optimises one time-mean under max_detour, got {', '.join(c.name for c in means)}. Ask for "
-            f"{integral_of(means[1]).name} in the place of {means[1].name}, leave one out, or leave max_detour out: "
-            "then the integrals are minimised."
+            f"{planner_name} with max_detour can minimise one mean over time, got {', '.join(c.name for c in means)}. "
+            f"Replace {means[1].name} by {integral_of(means[1]).name}, leave one out, or leave max_detour out: then "
+            "the integrals are minimised."
         )
     summed = [c for c in criteria if c is not means[0] and c.aggregate != "trajectory"]
     if len(summed) > MAX_COSTS - OTHERS:
         raise OptionError(
             f"with max_detour the exact search takes at most {MAX_COSTS - OTHERS} costs beside the mean, got "
-            f"{len(summed)}"
+            f"{len(summed)}; leave some criteria out"
         )
     memory = edge_objectives(
         [cast(Criterion, Duration()), *(c for c in criteria if c.aggregate == "trajectory")], planner_name
@@ -100,7 +101,7 @@ def mean_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objecti
 
 
 def mean_criteria(criteria: Sequence[Criterion], objectives: Objectives) -> Objectives:
-    """Return the objectives as they are reported: the mean itself replaces its integral and the duration."""
+    """Return the objectives as the user sees them: with the mean itself instead of its integral and the duration."""
     return replace(objectives, optimised=tuple(c for c in criteria if c.aggregate != "trajectory"))
 
 
@@ -111,12 +112,16 @@ def exact_mean(
     name: str,
     spending: Spending,
 ) -> Candidates:
-    """Return all paths that are non-dominated in the mean and the other costs, as candidates of planner ``name``.
+    """Find all paths within the cap that are non-dominated in the mean and the other costs.
 
-    query   with the columns of :func:`mean_objectives` and its bound on the turns
-    detour  cap that no path exceeds
+    First the least duration (or length) of any path is computed, from which the cap follows; then the capped search
+    runs. The paths are returned as candidates of the planner ``name``.
 
-    Raises OptionError if a bounded cost is not among the criteria, Exhausted if a limit is passed before the search.
+    query   query on a graph with the costs of :func:`mean_objectives`, and with max_turns
+    detour  upper limit on the duration or the length
+
+    Raises OptionError if the limited cost is not among the criteria, and Exhausted if a limit of ``spending`` is passed
+    before the capped search begins.
     """
     graph, quanta, at_most = query.graph, query.quanta, query.at_most()
     column = _capped_column(query, detour)
@@ -128,7 +133,7 @@ def exact_mean(
     if shortest.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
     if not shortest.status.is_final:
-        raise Exhausted(shortest.status, f"the least {detour.cost} was looked for")
+        raise Exhausted(shortest.status, f"the least {detour.cost} of any path was computed")
     least = int(shortest.costs[0, 0]) if len(shortest) else 0
     most = int(detour.factor * least)
     if column != DURATION:
@@ -188,36 +193,43 @@ def exact_mean(
 
 
 def _capped_column(query: Query, detour: Detour) -> int:
-    """Return the graph's column of the capped cost."""
+    """Return the column, among the costs of the graph, of the cost that the cap limits.
+
+    Raises OptionError if the cost is not among them.
+    """
     column = index_of_role(detour.cost, query.objectives.optimised)
     if column is None:
         names = [criterion.name for criterion in query.objectives.optimised]
         raise OptionError(
-            f"max_detour caps the cost {detour.cost!r}, but beside the mean only {', '.join(names[OTHERS:])} are "
-            f"searched for; list it among the criteria, or cap the duration: max_detour={detour.factor:g}"
+            f"max_detour with {detour.cost!r} needs the criterion {detour.cost!r}, but the criteria beside the mean "
+            f"are only {', '.join(names[OTHERS:])}; add {detour.cost!r}, or limit the duration instead: "
+            f"max_detour={detour.factor:g}"
         )
     return column
 
 
 def _refuse_endless(query: Query, bounded: Sequence[int]) -> None:
-    """Raise OptionError if motions take time but raise no bounded cost, such as the tilting of a head.
+    """Raise OptionError if a path could last for ever without exceeding the limits on its costs.
 
-    bounded  columns of the bounded costs
+    This is so if some motion takes time but adds nothing to any limited cost, such as tilting a head.
+
+    bounded  columns of the costs that are limited
     """
     costs = query.graph.costs
     if ((costs[:, DURATION] > 0) & (costs[:, bounded] == 0).all(axis=1)).any():
         names = " and ".join(query.objectives.optimised[j].name for j in bounded)
         raise OptionError(
-            f"motions that take time but cost no {names} could go on for ever where the mean is low; give "
-            "max_detour as a number, such as 1.3, which caps the duration"
+            f"max_detour must limit the duration of every path, but some motions take time and add nothing to {names}, "
+            "so that a path could last for ever where the mean is low; give max_detour as a number, such as 1.3, which "
+            "limits the duration itself"
         )
 
 
 def _reason_without_path(query: Query, column: int, least: int) -> str:
-    """Return why no path keeps both the cap and the bound on turns, as text; "" if one alone cannot be kept.
+    """Return, as text, why no path satisfies both the cap and max_turns; "" if none satisfies max_turns alone.
 
-    column  column of the capped cost
-    least   its least value of any path
+    column  column of the limited cost
+    least   smallest value of this cost of any path
     """
     cost, turns = query.objectives.optimised[column], index_of_role("turns", query.objectives.optimised)
     if query.max_turns is None or turns is None or not least:
@@ -228,6 +240,6 @@ def _reason_without_path(query: Query, column: int, least: int) -> str:
         return ""
     factor = math.ceil(1000 * int(shortest.costs[0, 0]) / least) / 1000
     return (
-        f"no path of at most {query.max_turns} turns keeps the cap: their least {cost.name} is {factor:g} times the "
-        "least of all paths. Raise max_detour or max_turns"
+        f"no path with at most {query.max_turns} turns satisfies max_detour: the least {cost.name} of such a path is "
+        f"{factor:g} times the least of all paths. Raise max_detour or max_turns"
     )

@@ -50,7 +50,7 @@ def test_a_copy_for_which_there_is_no_room_is_a_memory_limit():
     room = found.runs[-1]["edges"] * (24 + 7)  # bytes: of an arc with one cost, and less than that cost again
     front = problem.solve(replace(planner, max_memory=room))
     assert (found.status, front.status, len(front)) == ("complete", "memory limit", 0)
-    assert any("costs were copied, to break ties by turns, which takes" in note for note in front.notes)
+    assert any("costs were copied, to prefer paths with fewer turns, which takes" in note for note in front.notes)
 
 
 def test_the_search_is_given_what_the_copy_leaves():

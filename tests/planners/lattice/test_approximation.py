@@ -95,10 +95,10 @@ def test_an_interrupted_search_proves_its_gap_too():
         ({"tolerance": 0.1}, "tolerance gives amounts by the name of a cost"),
         (
             {"tolerance": {"lenght": 0.1}},
-            "tolerance names 'lenght', which is no optimised cost. Did you mean 'length'",
+            r"tolerance must name costs that the search minimises .*, got 'lenght'. Did you mean 'length'",
         ),
         ({"tolerance": {"length": -1}}, "tolerance of length must be a number from 0"),
-        ({"eps": 0.1, "max_detour": 1.2}, "max_detour takes no eps"),
+        ({"eps": 0.1, "max_detour": 1.2}, "max_detour cannot be combined with eps"),
     ],
 )
 def test_what_is_no_precision_is_refused(options, message):

@@ -37,7 +37,7 @@ def test_too_few_turns_are_told_with_the_least():
     least = int(problem().solve("lattice", step=0.5).costs[:, 1].min())
     front = problem().solve("lattice", step=0.5, max_turns=least - 1)
     assert front.status == Status.NO_PATH
-    assert any(f"at most {least - 1} turns; the least is {least}" in note for note in front.notes)
+    assert any(f"at most {least - 1} turns; the fewest turns are {least}" in note for note in front.notes)
 
 
 def test_turns_that_are_too_few_for_a_cap_are_told_with_the_cap_that_they_need():
@@ -52,7 +52,9 @@ def test_turns_that_are_too_few_for_a_cap_are_told_with_the_cap_that_they_need()
     blocked = planned(1.0)
     assert blocked.status == Status.NO_PATH
     (note,) = [note for note in blocked.notes if "turns" in note]
-    found = re.fullmatch(r"no path of at most (\d+) turns keeps .*least length is (\S+) times .* Raise .*", note)
+    found = re.fullmatch(
+        r"no path with at most (\d+) turns satisfies .*least length .* is (\S+) times .* Raise .*", note
+    )
     assert int(found[1]) == fewest[0]
     enough = float(found[2])
     assert 0 <= enough - fewest[1] / shortest < 0.0011

@@ -318,12 +318,14 @@ LENGTHS = [{"length": 0.99}, {"length": "1.3"}, {"length": True}, {"width": 1.3}
 
 @pytest.mark.parametrize("detour", [0.99, 0, -1.0, float("nan"), float("inf"), 1e9, "1.3", True, *LENGTHS])
 def test_a_detour_that_makes_no_sense_is_refused(detour):
-    with pytest.raises(OptionError, match=r"max_detour must be the longest duration .* from 1 to 1,000, got .*; take"):
+    with pytest.raises(
+        OptionError, match=r"max_detour must be the longest allowed duration .* from 1 to 1,000, got .*; give"
+    ):
         Lattice(max_detour=detour, max_turns=5)
 
 
 def test_a_cap_on_the_length_alone_is_refused_with_the_reason():
-    with pytest.raises(OptionError, match=r"turning in place has none.*Give max_turns as well.*or cap the duration"):
+    with pytest.raises(OptionError, match=r"turning in place adds no length.*Give max_turns.*or limit the duration"):
         Lattice(max_detour={"length": 1.3})
 
 
@@ -332,7 +334,7 @@ def test_a_head_could_turn_back_or_tilt_for_ever_under_a_cap_on_length_and_turns
     ends = (0.5, 0.5, 0.0, 0.0, 0.0), (2.0, 1.5, None, None, None)
     for tilt in ((0.0, 0.0), (-0.2, 0.2)):
         problem = Problem(room, PanTilt(ROBOT, pan=(-1.6, 1.6), tilt=tilt), *ends, [OBSTRUCTION, "turns", "length"])
-        with pytest.raises(OptionError, match="take time but cost no turns and length could go on for ever"):
+        with pytest.raises(OptionError, match="take time and add nothing to turns and length"):
             Lattice(step=STEP, headings=4, max_detour={"length": 1.2}, max_turns=3).solve(problem)
         assert len(Lattice(step=STEP, headings=4, max_detour=1.05, max_turns=3).solve(problem).trajectories)
 
@@ -340,7 +342,10 @@ def test_a_head_could_turn_back_or_tilt_for_ever_under_a_cap_on_length_and_turns
 @pytest.mark.parametrize(
     ("criteria", "message"),
     [
-        ([OBSTRUCTION, "turns", "rotation"], "max_detour caps the cost 'length', but beside the mean only turns, rot"),
+        (
+            [OBSTRUCTION, "turns", "rotation"],
+            "max_detour with 'length' needs the criterion 'length'.* are only turns, rot",
+        ),
         ([OBSTRUCTION, "length"], "max_turns needs the criterion 'turns', but the search"),
     ],
 )
@@ -376,7 +381,7 @@ def test_a_mean_of_ones_own_with_another_quantum(gloom):
 
 def test_a_second_time_mean_is_refused_by_name(gloom):
     problem = random_problem(0, [OBSTRUCTION, gloom, "length"])
-    with pytest.raises(UnsupportedCriterion, match="one time-mean under max_detour, got obstruction, gloom"):
+    with pytest.raises(UnsupportedCriterion, match="can minimise one mean over time, got obstruction, gloom"):
         problem.solve("lattice", max_detour=1.3)
 
 
