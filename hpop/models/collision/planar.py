@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, numbered
 from hpop.base.text import shown
@@ -212,11 +211,10 @@ class PlanarCollision:
         distance = space.clearance(centre[:, 0], centre[:, 1])
         free: BoolArray = distance >= margin + round_it + TOUCH
         open_ = np.flatnonzero(~free & (distance >= margin - TOUCH))
-        straight = bool((round_it[open_] > 0).all())
         for begin in range(0, open_.size, TOGETHER):
             limits.check("motions were checked for collisions")
             some = open_[begin : begin + TOGETHER]
-            free[some] = space.shapes_free(_hulls(corners[some], straight=straight), margin)
+            free[some] = space.hulls_free(corners[some], margin)
         return free
 
     def _straight_free(self, part: Part, start: FloatArray, end: FloatArray) -> BoolArray:
@@ -302,15 +300,3 @@ class PlanarCollision:
 def _turn_pieces(turned: FloatArray) -> IntArray:
     """Return the number of pieces (N,) that cover turns by angles (N,), rad; rounding of an angle adds none."""
     return np.maximum(1, np.ceil(turned / TURN_SAMPLE - 1e-6)).astype(np.int64)
-
-
-def _hulls(corners: FloatArray, *, straight: bool) -> NDArray[np.object_]:
-    """Return convex hulls of corners (N, c, 2).
-
-    ``straight`` means two corners each, which takes a tenth of the time.
-    """
-    size, count, _ = corners.shape
-    if count == 2 and straight:
-        return np.asarray(shapely.linestrings(corners), dtype=object)
-    points = shapely.multipoints(corners.reshape(-1, 2), indices=np.repeat(np.arange(size), count))
-    return np.asarray(shapely.convex_hull(points), dtype=object)

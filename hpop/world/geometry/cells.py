@@ -102,6 +102,12 @@ class ChangingEdges:
         distance = self.tree.distance(x, y)
         return distance if self.added is None else np.minimum(distance, self.added.distance(x, y))
 
+    def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
+        """Update the relation (N,) of the convex hulls of corners (N, c, 2), m, to the edges."""
+        for tree in (self.tree, self.added):
+            if tree is not None:
+                tree.compare(corners, margin, relation)
+
 
 def _among(values: IntArray, others: IntArray) -> BoolArray:
     """Mark the values that occur in ``others``; both arrays are sorted."""
@@ -227,6 +233,13 @@ class CellSpace(FreeSpace):
             return self.whole.shapes_free(shapes, margin)
         free = self._beside_cells(shapes, margin)
         return free if self.rest is None else free & self.rest.shapes_free(shapes, margin)
+
+    def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
+        """Update the relation (N,) of the convex hulls of corners (N, c, 2), m, to the border."""
+        if self.index is not None:
+            self.index.compare(corners, margin, relation)
+        if self.rest is not None:
+            self.rest.compare(corners, margin, relation)
 
     def _beside_cells(self, shapes: NDArray[np.object_], margin: float) -> BoolArray:
         """Mark geometries (N,) that lie on free cells, at least ``margin`` (m) from the border of these cells."""

@@ -24,6 +24,8 @@ ROUNDING = 8  # units in the last place by which boxes are enlarged against roun
 BITS = 16  # of each coordinate, for sorting pieces
 TOLERANCE = 1e-9
 """m by which a segment may come closer to the border than its margin."""
+SLACK = 2.0**-40
+"""Distance from the border within which GEOS decides about a hull, relative to the largest coordinate."""
 GRID = 2.0**-43
 """Rounding of free regions with slanting edges, relative to the largest coordinate: 1e-10 m in 1 km."""
 
@@ -75,6 +77,17 @@ class EdgeTree:
         out, levels = np.empty(x.shape), len(self.members).bit_length() + 1
         nearest(self.edges, self.members, self.boxes, np.empty(2 * levels, np.int64), np.empty(2 * levels), x, y, out)
         return out
+
+    def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
+        """Update the relation (N,) of the convex hulls of corners (N, c, 2) to the edges, see `compare_hulls`."""
+        from hpop.world.geometry._hulls import compare_hulls  # numba is slow to import
+
+        levels, count = len(self.members).bit_length() + 1, corners.shape[1]
+        scratch = np.empty(2 * levels, np.int64), *np.split(np.empty((6 * count, 3)), [count, 3 * count])
+        slack = SLACK * float(np.abs(self.boxes[0]).max())
+        compare_hulls(
+            self.edges, self.members, self.boxes, *scratch[:1], corners, *scratch[1:], margin, slack, relation
+        )
 
 
 def _pieces(edges: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -197,6 +210,36 @@ class FreeSpace:
         free = self.contains(*_first_point(shapes))
         free[self._tree.query(shapes, predicate="dwithin", distance=margin - TOLERANCE)[0]] = False
         return free
+
+    def hulls_free(self, corners: FloatArray, margin: float) -> BoolArray:
+        """Mark the convex hulls of corners (N, c, 2), m, in the free region, at least ``margin`` (m) from its border.
+
+        The result is that of :meth:`shapes_free`, which is asked only about hulls that touch the border or its margin.
+        """
+        from hpop.world.geometry._hulls import CLEAR, UNSURE  # numba is slow to import
+
+        relation = np.full(len(corners), CLEAR, np.uint8)
+        self.compare(corners, margin - TOLERANCE if margin > TOLERANCE else 0.0, relation)
+        free: BoolArray = relation == CLEAR
+        free[free] = self.contains(corners[free, 0, 0], corners[free, 0, 1])
+        unsure = np.flatnonzero(relation == UNSURE)
+        if unsure.size:
+            free[unsure] = self.shapes_free(convex_hulls(corners[unsure]), margin)
+        return free
+
+    def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
+        """Update the relation (N,) of the convex hulls of corners (N, c, 2), m, to the border."""
+        if len(self.edges):
+            self._nearest.compare(corners, margin, relation)
+
+
+def convex_hulls(corners: FloatArray) -> NDArray[np.object_]:
+    """Return the convex hulls of corners (N, c, 2) as shapely geometries."""
+    size, count, _ = corners.shape
+    if count == 2 and (corners[:, 0] != corners[:, 1]).any(axis=1).all():  # takes a tenth of the time
+        return np.asarray(shapely.linestrings(corners), dtype=object)
+    points = shapely.multipoints(corners.reshape(-1, 2), indices=np.repeat(np.arange(size), count))
+    return np.asarray(shapely.convex_hull(points), dtype=object)
 
 
 def _distinct(edges: FloatArray) -> FloatArray:

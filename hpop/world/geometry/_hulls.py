@@ -1,0 +1,188 @@
+"""Compiled loop that compares convex hulls with the edges of a tree. Imported on first use, as numba takes long."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.runtime.compiled import lean
+
+MEETS, CLEAR, UNSURE = 0, 1, 2
+THIN = 1e-3  # area of a hull in squares of its perimeter, below which its half-planes are not trusted at its ends
+
+
+@lean
+def make_hull(points: FloatArray, hull: FloatArray) -> int:
+    """Write the convex hull of points (c, 2) to ``hull`` (2 c, 2), counter-clockwise; return its number of corners.
+
+    The points are sorted in place (Andrew's monotone chain).
+    """
+    count = len(points)
+    for i in range(1, count):
+        x, y = points[i, 0], points[i, 1]
+        j = i - 1
+        while j >= 0 and (points[j, 0] > x or (points[j, 0] == x and points[j, 1] > y)):
+            points[j + 1, 0], points[j + 1, 1] = points[j, 0], points[j, 1]
+            j -= 1
+        points[j + 1, 0], points[j + 1, 1] = x, y
+    size = 0
+    for side in range(2):
+        least = size + 1 if side == 0 else size
+        for i in range(count):
+            k = i if side == 0 else count - 1 - i
+            x, y = points[k, 0], points[k, 1]
+            while size > least and (
+                (hull[size - 1, 0] - hull[size - 2, 0]) * (y - hull[size - 2, 1])
+                - (hull[size - 1, 1] - hull[size - 2, 1]) * (x - hull[size - 2, 0])
+                <= 0.0
+            ):
+                size -= 1
+            if size == 0 or x != hull[size - 1, 0] or y != hull[size - 1, 1]:
+                hull[size, 0], hull[size, 1] = x, y
+                size += 1
+    if size > 1 and hull[size - 1, 0] == hull[0, 0] and hull[size - 1, 1] == hull[0, 1]:
+        size -= 1
+    return size
+
+
+@lean
+def meets_within(
+    hull: FloatArray, normals: FloatArray, size: int, grown: float, ax: float, ay: float, bx: float, by: float
+) -> bool:
+    """Return whether the segment from a to b meets the intersection of a hull's half-planes, each moved out by grown.
+
+    normals  (size, 3)  x, y and offset of each half-plane, m
+    """
+    first, last = 0.0, 1.0
+    for i in range(size):
+        off = normals[i, 2] + grown
+        a = normals[i, 0] * ax + normals[i, 1] * ay - off
+        b = normals[i, 0] * bx + normals[i, 1] * by - off
+        if a > 0.0:
+            if b > 0.0:
+                return False
+            first = max(first, a / (a - b))
+        elif b > 0.0:
+            last = min(last, a / (a - b))
+        if first > last:
+            return False
+    return True
+
+
+@lean
+def square_away(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
+    """Return the squared distance, m2, of a point from the segment from a to b."""
+    wx, wy, dx, dy = x - ax, y - ay, bx - ax, by - ay
+    length2 = dx * dx + dy * dy
+    if length2 > 0.0:
+        t = min(max((wx * dx + wy * dy) / length2, 0.0), 1.0)
+        wx -= t * dx
+        wy -= t * dy
+    return wx * wx + wy * wy
+
+
+@lean
+def crosses(hull: FloatArray, ax: float, ay: float, bx: float, by: float) -> bool:
+    """Return whether the segment between the first two corners of a hull crosses that from a to b."""
+    x, y, u, v = hull[0, 0], hull[0, 1], hull[1, 0], hull[1, 1]
+    p = (u - x) * (ay - y) - (v - y) * (ax - x)
+    q = (u - x) * (by - y) - (v - y) * (bx - x)
+    r = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
+    s = (bx - ax) * (v - ay) - (by - ay) * (u - ax)
+    return p * q < 0.0 and r * s < 0.0
+
+
+@lean
+def compare_hulls(
+    edges: FloatArray,
+    members: IntArray,
+    boxes: FloatArray,
+    waiting: IntArray,
+    corners: FloatArray,
+    points: FloatArray,
+    hull: FloatArray,
+    normals: FloatArray,
+    margin: float,
+    slack: float,
+    out: NDArray[np.uint8],
+) -> None:
+    """Compare the convex hulls of corners (N, c, 2), m, with all edges; see `EdgeTree` for edges, members and boxes.
+
+    Writes to out (N,) UNSURE if ``slack`` decides, else MEETS if an edge comes closer than ``margin``, or, without a
+    margin, passes through the interior; else CLEAR. A hull that is MEETS before the call is left out.
+
+    waiting, points (c, 2), hull (2 c, 2), normals (2 c, 3) are scratch memory; waiting has an entry for each level
+    """
+    inner, width = len(boxes) - len(members), members.shape[1]
+    for n in range(len(corners)):
+        if out[n] == MEETS:
+            continue
+        for i in range(len(points)):
+            points[i, 0], points[i, 1] = corners[n, i, 0], corners[n, i, 1]
+        size = make_hull(points, hull)
+        x_min = y_min = math.inf
+        x_max = y_max = -math.inf
+        area = round_it = 0.0
+        for i in range(size):
+            x, y = hull[i, 0], hull[i, 1]
+            x_min, y_min, x_max, y_max = min(x_min, x), min(y_min, y), max(x_max, x), max(y_max, y)
+            j = i + 1 if i + 1 < size else 0
+            dx, dy = hull[j, 0] - x, hull[j, 1] - y
+            length = math.sqrt(dx * dx + dy * dy)
+            area += 0.5 * ((x - hull[0, 0]) * dy - (y - hull[0, 1]) * dx)
+            round_it += length
+            if length > 0.0:
+                normals[i, 0], normals[i, 1] = dy / length, -dx / length
+            else:
+                normals[i, 0] = normals[i, 1] = 0.0
+            normals[i, 2] = normals[i, 0] * x + normals[i, 1] * y
+        reach = margin + slack
+        x_min, y_min, x_max, y_max = x_min - reach, y_min - reach, x_max + reach, y_max + reach
+        is_thin = size > 2 and area < THIN * round_it * round_it
+        unsure = meets = False
+        waiting[0] = 0
+        count = 1
+        while count > 0 and not meets:
+            count -= 1
+            node = waiting[count]
+            if boxes[node, 0] > x_max or boxes[node, 2] < x_min or boxes[node, 1] > y_max or boxes[node, 3] < y_min:
+                continue
+            if node < inner:
+                waiting[count], waiting[count + 1] = 2 * node + 1, 2 * node + 2
+                count += 2
+                continue
+            for m in range(width):
+                e = members[node - inner, m]
+                ax, ay, bx, by = edges[e, 0], edges[e, 1], edges[e, 2], edges[e, 3]
+                if min(ax, bx) > x_max or max(ax, bx) < x_min or min(ay, by) > y_max or max(ay, by) < y_min:
+                    continue
+                if math.isinf(ax) or not meets_within(hull, normals, size, reach, ax, ay, bx, by):
+                    continue
+                if margin <= 0.0 or is_thin:
+                    unsure = True
+                    if size > 2 and not is_thin and meets_within(hull, normals, size, -slack, ax, ay, bx, by):
+                        meets = True
+                        break
+                    continue
+                least = math.inf
+                for i in range(size):
+                    j = i + 1 if i + 1 < size else 0
+                    x, y, u, v = hull[i, 0], hull[i, 1], hull[j, 0], hull[j, 1]
+                    least = min(least, square_away(x, y, ax, ay, bx, by))
+                    least = min(least, square_away(ax, ay, x, y, u, v), square_away(bx, by, x, y, u, v))
+                if size > 2 and meets_within(hull, normals, size, 0.0, ax, ay, bx, by):
+                    least = 0.0
+                if size == 2 and crosses(hull, ax, ay, bx, by):
+                    least = 0.0
+                least = math.sqrt(least)
+                if least < margin - slack:
+                    meets = True
+                    break
+                unsure |= least <= reach
+        if meets:
+            out[n] = MEETS
+        elif unsure:
+            out[n] = UNSURE
