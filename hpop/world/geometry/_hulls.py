@@ -92,7 +92,8 @@ def crosses(hull: FloatArray, ax: float, ay: float, bx: float, by: float) -> boo
     q = (u - x) * (by - y) - (v - y) * (bx - x)
     r = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
     s = (bx - ax) * (v - ay) - (by - ay) * (u - ax)
-    return p * q < 0.0 and r * s < 0.0
+    is_crossed: bool = p * q < 0.0 and r * s < 0.0
+    return is_crossed
 
 
 @lean
