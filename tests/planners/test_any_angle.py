@@ -179,7 +179,7 @@ def test_without_corners_there_is_the_straight_line_or_nothing():
     blocked = Problem(wall, ROBOT, (1.0, 1.0, 0.0), (7.0, 4.0, None), ["length"])
     found = AnyAngle(step=STEP, max_positions=0).solve(blocked)
     assert found.status is Status.NO_PATH
-    assert any("has 2 components" in note and "a larger max_positions" in note for note in found.notes)
+    assert any("has 2 unconnected parts" in note and "a larger max_positions" in note for note in found.notes)
 
 
 def test_headings_written_with_three_decimals_are_those_of_the_lattice():

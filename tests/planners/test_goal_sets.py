@@ -84,7 +84,7 @@ def test_no_path_to_any_member_says_what_separates() -> None:
     asked = Problem(walled, ROBOT, (1, 1, 0), [(4, 1, 0), (4, 3, None)], ["length"])
     front = asked.solve("roadmap", samples=40)
     assert front.status == "no path"
-    assert "components; that of the start has" in " ".join(front.runs[0]["notes"])
+    assert "unconnected parts; the part with the start has" in " ".join(front.runs[0]["notes"])
 
 
 @pytest.mark.parametrize("planner", ["epsilon-constraint", "smoothing", "weighted-sum-corridor", "rrt"])

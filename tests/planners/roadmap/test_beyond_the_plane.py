@@ -146,7 +146,7 @@ def test_weighted_sums_tell_what_separates_start_and_goal(monkeypatch: pytest.Mo
     on = {"roadmap": {"samples": 60}}
     found = WeightedSum(on=on).solve(problem(Walled(2), criteria=[Sway("q0"), "duration"]))
     assert found.status is Status.NO_PATH
-    assert any("are reached from the start by edges that are not blocked" in note for note in found.notes)
+    assert any("can be reached from the start without a collision" in note for note in found.notes)
 
 
 def test_where_no_path_leads_that_is_told_of_the_edges_that_are_not_blocked(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -154,8 +154,11 @@ def test_where_no_path_leads_that_is_told_of_the_edges_that_are_not_blocked(monk
     found = Roadmap(samples=60).solve(problem(Walled(2), criteria=[Sway("q0"), "duration"]))
     assert found.status is Status.NO_PATH
     (told,) = [note for note in found.notes if note.startswith("no path: on the roadmap of 60 samples")]
-    assert "of 62 configurations, and no goal, are reached from the start by edges that are not blocked" in told
-    assert any("10 pairs of trees found no guide: samples are uniform" in note for note in found.notes)
+    assert "of 62 configurations can be reached from the start without a collision, but no goal" in told
+    assert any(
+        "10 pairs of random trees found no path near which to draw samples: samples are uniform" in note
+        for note in found.notes
+    )
 
 
 @pytest.mark.parametrize(("end", "place"), [("start", 0), ("goal", 1)])
@@ -251,7 +254,7 @@ def test_a_roadmap_of_one_sample_has_no_far_links() -> None:
 def test_options_of_configurations_are_refused_where_positions_are_taken() -> None:
     asked = hpop.Problem(in_plane().world, hpop.DifferentialDrive(radius=0.2), (1, 1, 0), (4, 3, 0), ["length"])
     for options in ({"far": 3}, {"trees": 2}):
-        with pytest.raises(OptionError, match="far and trees are options of roadmaps of configurations"):
+        with pytest.raises(OptionError, match="far and trees are options for robots whose roadmap has configurations"):
             Roadmap(samples=20, **options).solve(asked)
 
 

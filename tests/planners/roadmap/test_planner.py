@@ -239,7 +239,7 @@ def test_the_last_turn_to_the_heading_of_the_goal_may_be_small():
 
 def test_too_many_turns_are_refused_before_they_are_made(monkeypatch):
     monkeypatch.setattr("hpop.planners.graphs.roadmap.headings.MAX_EDGES", 7)
-    with pytest.raises(OptionError, match="a line has 8 states and 8 turns between them, more than 7; take fewer"):
+    with pytest.raises(OptionError, match="a line must have at most 7 turns, got 8 between 8 states; take fewer"):
         line(1.0, 5.0, 3.0, 2.0).turns  # noqa: B018
 
 
@@ -251,8 +251,8 @@ def test_no_path_says_in_which_components_start_and_goal_are():
     assert (found.status, len(found.trajectories)) == (Status.NO_PATH, 0)
     left = int((planner.roadmap(asked).positions[:, 0] < 3).sum())
     assert found.notes[-1] == (
-        "no path: the roadmap of 30 samples (seed 0) and 19 neighbours of each has 2 components; that of the start has "
-        f"{left} of 32 positions, that of the goal {32 - left}; take more samples"
+        "no path: the roadmap of 30 samples (seed 0) and 19 neighbours of each has 2 unconnected parts; the part with "
+        f"the start has {left} of 32 positions, the part with the goal {32 - left}; take more samples"
     )
 
 
@@ -261,7 +261,7 @@ def test_a_robot_without_room_to_turn_is_told_so():
     asked = problem(world=corridor, robot=LONG, start=(1.0, 0.3, 0.0), goal=(5.0, 0.3, math.pi), criteria=["length"])
     found = Roadmap(samples=5).solve(asked)
     assert found.status is Status.NO_PATH
-    assert "in one component" in found.notes[-1]
+    assert "straight moves connect start and goal" in found.notes[-1]
     assert "no room to turn" in found.notes[-1]
     through = problem(world=corridor, robot=LONG, start=(1.0, 0.3, 0.0), goal=(5.0, 0.3, None), criteria=["length"])
     assert Roadmap(samples=5).solve(through).planned.tolist() == [[4.0]]

@@ -1,1 +1,1 @@
-"""Probabilistic roadmaps of positions, and of configurations of any robot."""
+"""Probabilistic roadmaps: of positions for robots in the plane, of configurations for any robot."""

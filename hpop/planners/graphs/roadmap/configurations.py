@@ -1,7 +1,8 @@
-"""A roadmap of configurations: states of any model, drawn at random, and the chains of motions that connect them.
+"""Roadmap of configurations: random states of any robot model, and the chains of motions that connect them.
 
-A roadmap of Kavraki et al. 1996 (doi 10.1109/70.508439) in the space of the model's states, by its metric. An arc is
-the whole chain by which the model connects two states, so the roadmap works for any laws of motion.
+This is the probabilistic roadmap of Kavraki et al. 1996 (doi 10.1109/70.508439), in the space of the model's states and
+with the metric of that space. An arc is the whole chain of motions by which the model connects two states, so the
+roadmap does not depend on how the robot moves.
 """
 
 from __future__ import annotations
@@ -27,28 +28,28 @@ from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph, ag
 from hpop.planners.spending import Spending
 from hpop.search import Graph
 
-ARC = 16  # bytes of an arc without its costs
-ORDERED = 40  # bytes of an arc while arcs are ordered
-PIECES = 64  # work of checking a chain, in arcs of one motion
-WORKED = 60_000  # bytes for costing a chain, at most
-COSTED = 2, 8  # work of costing a chain, in arcs; small roadmaps have larger blocks
-SHARED = 8  # least number of blocks of costs, so that every core has some
-NEAREST, FAR = 8, 8  # neighbours and far links of robots beyond the plane
+ARC = 16  # bytes of memory for an arc, without its costs
+ORDERED = 40  # additional bytes for each arc while arcs are sorted
+PIECES = 64  # work of checking a chain, as a multiple of the work for one motion
+WORKED = 60_000  # largest number of bytes needed for computing the costs of a chain
+COSTED = 2, 8  # least and largest work of computing a chain's costs, as a multiple of the work for one motion
+SHARED = 8  # number of blocks into which the costs are divided at least, so that every core has some
+NEAREST, FAR = 8, 8  # default numbers of neighbours and far links, for robots that do not move in the plane
 
 
 @dataclass(frozen=True, eq=False)
 class ConfigurationRoadmap(TrajectoryGraph):
-    """Roadmap of configurations of a robot, and of free chains of motions between them.
+    """Roadmap whose nodes are configurations of a robot, and whose arcs are chains of motions between them.
 
-    nodes   (P,)    states: the start, the samples, the goals; NaN in free coordinates of a goal
-    links   (L, 2)  tails and heads of possible chains, sorted by tail
-    goals   nodes of the goals
-    name    description of the roadmap
-    chosen  options, as JSON
+    Two linked nodes have an arc only if the model can connect them.
+
+    nodes   (P,)    states: the start, the samples, the goals; NaN in coordinates of a goal that may have any value
+    links   (L, 2)  pairs of nodes, first and last, between which chains are tried, sorted by first node
+    goals   node numbers of the goals
+    name    description of the roadmap, for certificates
+    chosen  options, JSON-able
     lazy    whether chains are checked for collisions only when a path uses them
     notes   remarks for the user
-
-    There is no arc between states that the model does not connect.
     """
 
     nodes: States
@@ -61,16 +62,16 @@ class ConfigurationRoadmap(TrajectoryGraph):
 
     @property
     def is_checked(self) -> bool:
-        """True if all arcs are known to be free."""
+        """True if all arcs are known to be free of collisions."""
         return not self.lazy
 
     def with_checked_arcs(self) -> ConfigurationRoadmap:
-        """Return the roadmap without the chains that collide; all chains are checked."""
+        """Return a roadmap of which all chains are checked when it is built, without those that collide."""
         return replace(self, lazy=False) if self.lazy else self
 
     @property
     def start(self) -> int:
-        """The node of the start."""
+        """Node number of the start."""
         return START
 
     @property
@@ -80,36 +81,36 @@ class ConfigurationRoadmap(TrajectoryGraph):
 
     @property
     def words(self) -> str:
-        """Description of the roadmap in words."""
+        """Description of the roadmap, for certificates."""
         return self.name
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options of the roadmap, as JSON."""
+        """Options from which the roadmap was built, JSON-able."""
         return self.chosen
 
     @property
     def counts(self) -> dict[str, int]:
-        """Numbers of configurations and chains."""
+        """Numbers of configurations and chains, for statistics."""
         return {"configurations": self.size, "chains": self.arcs.heads.size}
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of the legs by which the model connects states."""
+        """Names of the kinds of motions in the chains by which the model connects states."""
         start = self.nodes.take(slice(START, START + 1))
         return tuple(dict.fromkeys(leg.kind for leg in self.model.connect(start, start)))
 
     def states(self, ids: IntArray) -> States:
-        """Return configurations (N,) by their nodes."""
+        """Return the configurations (N,) of some nodes."""
         return self.nodes.take(ids)
 
     def _chains(self, tails: IntArray, heads: IntArray) -> MotionChains:
-        """Return the chains (N,) between nodes, free or not."""
+        """Return the chains (N,) from nodes ``tails`` to ``heads``, not checked for collisions."""
         return MotionChains.connecting(self, tails, heads, self.states(tails), self.states(heads))
 
     @cached_property
     def arcs(self) -> Arcs:
-        """Arcs of the chains that reach their heads; only free chains, unless chains are checked on demand."""
+        """All arcs: chains that end at their head node and, unless the roadmap is lazy, are free of collisions."""
         free = np.zeros(len(self.links), dtype=np.bool_)
 
         def checked(part: slice) -> tuple[slice, BoolArray]:
@@ -118,39 +119,42 @@ class ConfigurationRoadmap(TrajectoryGraph):
             reach = chains.reach(self.states(heads))
             return part, reach if self.lazy else reach & chains.free()
 
-        for part, is_free in self.spending.each(checked, blocks(free.size, PIECES), f"{self.words} was laid out"):
+        for part, is_free in self.spending.each(checked, blocks(free.size, PIECES), f"{self.words} was built"):
             free[part] = is_free
         tails, heads = self.links[free].T
         return Arcs.sorted(self.size, [(tails, heads)])
 
     @property
     def rows(self) -> IntArray:
-        """Row pointers (n + 1,) of the arcs."""
+        """Row pointers (n + 1,): the arcs that leave node u have the indices rows[u] to rows[u + 1] - 1."""
         return self.arcs.start
 
     @property
     def heads(self) -> NDArray[np.int32]:
-        """Heads (m,) of the arcs."""
+        """Node (m,) to which each arc leads."""
         return self.arcs.heads
 
     def arcs_free(self, places: IntArray) -> BoolArray:
-        """Mark the free ones of some arcs (N,), given by their indices."""
+        """Check some arcs (N,), given by index, and return which of them are free of collisions."""
         tails = np.searchsorted(self.arcs.start, places, side="right") - 1
         heads = self.arcs.heads[places].astype(np.int64)
 
         def are_free(part: slice) -> BoolArray:
             return self._chains(tails[part], heads[part]).free()
 
-        parts = Spending().each(are_free, blocks(places.size, PIECES), "chains were looked at")
+        parts = Spending().each(are_free, blocks(places.size, PIECES), "chains of motions were checked")
         return np.concatenate([np.zeros(0, np.bool_), *parts])
 
     def without(self, places: IntArray) -> ConfigurationRoadmap:
-        """Return the roadmap without some arcs (N,)."""
+        """Return the roadmap without some arcs (N,), given by index."""
         links = np.stack(self.arcs.ends(slice(0, self.arcs.heads.size)), axis=1)
         return replace(self, links=np.delete(links, places, axis=0))
 
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
-        """Return the search graph with one integer cost per criterion: costs of chains in quanta, rounded once."""
+        """Compute the costs of all chains and return the graph for a search, with one integer cost for each criterion.
+
+        A cost is a number of the criterion's quanta, rounded up once for the whole chain.
+        """
         arcs, doing = self.arcs, f"{self.words} was built"
         size = arcs.heads.size
         self.spending.check(doing, size * (8 * len(criteria) + ARC + ORDERED))
@@ -163,7 +167,7 @@ class ConfigurationRoadmap(TrajectoryGraph):
             return places, self._chains(tails[places], heads[places]).costs(criteria)
 
         each = int(np.clip(SHARED * BLOCK // max(1, size), *COSTED))
-        if (most := self.spending.limits.max_memory) is not None:  # a limit for all cores together
+        if (most := self.spending.limits.max_memory) is not None:  # smaller blocks: all cores share the memory
             each = max(each, int(WORKED * BLOCK * self.spending.cores // max(1, most)))
         for places, counts in self.spending.each(paid, blocks(size, each), doing):
             costs[places] = counts
@@ -172,60 +176,66 @@ class ConfigurationRoadmap(TrajectoryGraph):
 
     @cached_property
     def turned(self) -> NDArray[np.int8]:
-        """Number (m,) of motions in each arc."""
+        """Number (m,) of motions in each arc; searches prefer fewer motions among paths with equal costs."""
         size = self.arcs.heads.size
         parts = [self._chains(*self.arcs.ends(part)).count(self.kinds) for part in blocks(size, PIECES)]
         return np.concatenate([np.zeros(0, np.int8), *parts]).astype(np.int8)
 
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
-        """Return n trajectories through nodes (N,), with all motions of the chains.
+        """Return the states and motions of n trajectories, with all motions of the chains.
 
-        sizes  (n,)  number of nodes of each trajectory
+        ids    (N,)  nodes of all paths, one path after another
+        sizes  (n,)  number of nodes of each path
         """
-        alone = sizes == 1  # from a node to itself: a chain without motions
+        alone = sizes == 1  # a path of one node becomes a chain without motions from the node to itself
         ids = np.repeat(ids, np.repeat(np.where(alone, 2, 1), sizes))
         sizes = sizes + alone
         heads = np.delete(np.arange(ids.size), np.cumsum(sizes) - sizes)
         return self._chains(ids[heads - 1], ids[heads]).stretches(sizes - 1)
 
     def what_separates(self, start: int, goals: list[int]) -> str:
-        """Return the reason why no path leads from start to goals, as text: components of the roadmap, or states."""
+        """Return the reason, as text, why no path leads from the start to the goals.
+
+        It gives the sizes of the unconnected parts of the roadmap or, if arcs are checked on demand, the number of
+        configurations that can be reached from the start.
+        """
         from scipy.sparse import csr_array  # on first use: the import takes its time
         from scipy.sparse.csgraph import breadth_first_order, connected_components
 
         arcs = self.arcs
         links = csr_array((np.ones(arcs.heads.size), arcs.heads, arcs.start), shape=(self.size, self.size))
-        if self.lazy:  # arcs on the goal's side have not been checked
+        if self.lazy:  # arcs near the goal have not been checked, so only the part of the start is known
             reached = breadth_first_order(links, start, return_predecessors=False).size
             return (
-                f"no path: on {self.words} {reached} of {self.size} configurations, and no goal, are reached from the "
-                "start by edges that are not blocked; take more samples"
+                f"no path: on {self.words}, {reached} of {self.size} configurations can be reached from the start "
+                "without a collision, but no goal; take more samples"
             )
         components, component = connected_components(links, directed=False)
         begin, *ends = component[[start, *goals]].tolist()
         if begin in ends:
             return (
-                f"no path: start and goal are in one component of {self.words}, but its motions lead the other way; "
-                "take more samples"
+                f"no path: {self.words} connects start and goal only by motions in the opposite direction; take more "
+                "samples"
             )
         sizes = np.bincount(component)
         apart = ", ".join(str(sizes[end]) for end in dict.fromkeys(ends))
         return (
-            f"no path: {self.words} has {components} components; that of the start has {sizes[begin]} of {self.size} "
-            f"configurations, that of the goal {apart}; take more samples"
+            f"no path: {self.words} has {components} unconnected parts; the part with the start has {sizes[begin]} of "
+            f"{self.size} configurations, the part with the goal {apart}; take more samples"
         )
 
 
 def configuration_roadmap(
     ends_and_guides: Survey, samples: int, neighbours: int | None, far: int | None, spending: Spending
 ) -> ConfigurationRoadmap:
-    """Build the roadmap between surveyed ends; chains are checked on demand unless the robot moves in the plane.
+    """Draw configurations, link them and return the roadmap between the start and goals of a survey.
 
-    Raises OptionError for more links than a graph can have.
+    Unless the robot moves in the plane, chains are checked for collisions only on demand. Raises OptionError if there
+    are more links than a graph can have.
 
     Parameters
     ----------
-    samples : number of free configurations to draw; fewer if hardly any are free
+    samples : number of collision-free configurations to draw; fewer are used if nearly all that are drawn collide
     neighbours : number of nearest nodes to which each node is linked; None: ceil(2e log n) for n nodes in the plane,
         else 8
     far : number of nodes farther away to which each node is linked; None: none in the plane, else 8
@@ -239,7 +249,7 @@ def configuration_roadmap(
         ends_and_guides.guides,
         ends_and_guides.pairs,
     )
-    if found and length(found[0], connections) > 0.0:  # else the start is at a goal
+    if found and length(found[0], connections) > 0.0:  # otherwise the start is at a goal already
         rows = guided_samples(connections, *ends_and_guides.ends, found, samples, of_samples, spending)
     else:
         rows = uniform_samples(connections, samples, of_samples, spending)
@@ -279,13 +289,18 @@ def configuration_roadmap(
         name=name,
         chosen=chosen,
         lazy=not in_plane,
-        notes=(f"{pairs} pairs of trees found no guide: samples are uniform",) if pairs and not found else (),
+        notes=(f"{pairs} pairs of random trees found no path near which to draw samples: samples are uniform",)
+        if pairs and not found
+        else (),
         spending=spending,
     )
 
 
 def guide_roadmap(ends_and_guides: Survey, spending: Spending) -> ConfigurationRoadmap:
-    """Build the roadmap of the guides alone, which is a part of every roadmap with samples."""
+    """Build the roadmap of the guides (first paths found by random trees) alone, without samples.
+
+    It can be searched quickly, and every roadmap with samples contains it.
+    """
     free = len(ends_and_guides.inner)
     return ConfigurationRoadmap(
         ends_and_guides.problem.model,

@@ -1,4 +1,4 @@
-"""The roadmap's graph family: a probabilistic roadmap of positions, or of configurations of any robot."""
+"""Graph family of the roadmap planner: a probabilistic roadmap of positions, or of configurations of any robot."""
 
 from __future__ import annotations
 
@@ -25,16 +25,19 @@ from hpop.planners.spending import Spending
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-# Linking and costing a large roadmap may take longer than the time limit. Under a limit, the search therefore runs on a
-# sixteenth of the samples first, then on a quarter, each in a share of the time.
+# Building a large roadmap may take longer than the time limit. With a time limit, smaller roadmaps are therefore
+# searched first: one with a sixteenth of the samples, then one with a quarter, each within a share of the time.
 
 
-SMALLEST = 250  # samples of the smallest roadmap
-GROWTH = 4  # ratio of the samples of successive roadmaps
+SMALLEST = 250  # smallest number of samples of a roadmap that is searched first
+GROWTH = 4  # factor between the numbers of samples of successive roadmaps
 
 
 def smaller_sample_counts(samples: int, spending: Spending) -> list[int]:
-    """Return the numbers of samples of smaller roadmaps to search first; [] without a time limit."""
+    """Return the numbers of samples of the smaller roadmaps to search before one with ``samples``, ascending.
+
+    Empty without a time limit.
+    """
     sizes: list[int] = []
     if spending.limits.time_limit is not None:
         while (samples := samples // GROWTH) >= SMALLEST:
@@ -51,21 +54,21 @@ AnyRoadmap: TypeAlias = StateRoadmap | ConfigurationRoadmap
 @graph_family("roadmap")
 @dataclass(frozen=True)
 class RoadmapGraph(GraphFamily):
-    """A probabilistic roadmap (Kavraki et al. 1996) of positions, or of configurations of any robot.
+    """Probabilistic roadmap (Kavraki et al. 1996) of positions, or of configurations of any robot.
 
     samples     number of random free positions or configurations
     neighbours  number of nearest samples to which each sample is linked; None: ceil(2e log n) for n nodes in the plane,
                 as in PRM*, and 8 for other robots
-    far         number of farther samples to which each sample is linked as well: the nearest within random subsets of
-                log-uniform size; None: 0 in the plane, and 8 for other robots
-    trees       number of pairs of random trees that look for paths first (guides, :mod:`.guides`): three of ten samples
-                then lie near guides, the others where a path may be at most 1.6 times as long as the shortest guide;
-                None: 0 in the plane, and 10 for other robots
+    far         number of farther samples to which each sample is linked as well: each is the nearest one in a random
+                subset of all samples, of random size; None: 0 in the plane, and 8 for other robots
+    trees       number of pairs of random trees that look for paths, called guides, before samples are drawn
+                (:mod:`.guides`): three of ten samples then lie near guides, the others where a path through them is at
+                most 1.6 times as long as the shortest guide; None: 0 in the plane, and 10 for other robots
     seed        seed of the random samples; in Python also `rng`: a seed, a Generator that draws one, or None for a
                 fresh one (SPEC 7)
 
-    Where trees found guides, the graph of the guides is searched first; for positions under a time limit, roadmaps of a
-    sixteenth and a quarter of the samples. So even a short time limit leaves a result.
+    To have a result even after a short time, a planner first searches a smaller graph: the guides alone, if there are
+    any, or, for positions with a time limit, roadmaps with a sixteenth and a quarter of the samples.
     """
 
     goal_sets: ClassVar[bool] = True
@@ -88,14 +91,14 @@ class RoadmapGraph(GraphFamily):
         set_wholes(self, "trees", least=0, most=MOST_TREES, optional=True)
 
     def build(self, problem: Problem, objectives: Objectives, spending: Spending) -> BuiltGraph:
-        """Build the roadmap between the problem's start and goal."""
+        """Build the whole roadmap, with the problem's start and goals."""
         *_, built = self.graphs(problem, objectives, spending)
         return built
 
     def graphs(
         self, problem: Problem, objectives: Objectives, spending: Spending, *, in_stages: bool = False
     ) -> Iterator[BuiltGraph]:
-        """Yield the whole roadmap; if ``in_stages``, first the roadmap of the guides, or smaller roadmaps."""
+        """Yield the whole roadmap; if ``in_stages``, before it a roadmap of the guides alone, or smaller roadmaps."""
         ends_and_guides = None if _has_positions(problem) else survey(problem, self.trees, self.seed, spending)
         if in_stages and ends_and_guides is not None and ends_and_guides.guides:
             yield replace(_built_graph(guide_roadmap(ends_and_guides, spending), problem), part="guides")
@@ -107,22 +110,24 @@ class RoadmapGraph(GraphFamily):
                 spending.release(spending.memory - held)
         roadmap = self._build_roadmap(problem, ends_and_guides, spending)
         drawn = roadmap.options["samples"]
-        few = f"only {drawn} of {self.samples:,} samples: hardly any drawn sample is free"
+        few = (
+            f"the roadmap has only {drawn} of {self.samples:,} samples: at nearly all random samples the robot collides"
+        )
         built = _built_graph(roadmap, problem)
         yield replace(built, notes=(few, *built.notes)) if drawn < self.samples else built
 
     def has_clock(self, problem: Problem) -> bool:
-        """Return whether the samples are positions; a robot can hold at positions."""
+        """Return whether the roadmap can be searched in time steps: yes if its samples are positions."""
         return _has_positions(problem)
 
     def roadmap(self, problem: Problem, spending: Spending | None = None) -> AnyRoadmap:
-        """Return the roadmap between the problem's start and goal; raise QueryError if one of them is blocked."""
+        """Return the roadmap for a problem; raise QueryError if the start or every goal is blocked."""
         spending = spending or Spending()
         ends_and_guides = None if _has_positions(problem) else survey(problem, self.trees, self.seed, spending)
         return self._build_roadmap(problem, ends_and_guides, spending)
 
     def _build_roadmap(self, problem: Problem, ends_and_guides: Survey | None, spending: Spending) -> AnyRoadmap:
-        """Return the roadmap of configurations between surveyed ends, or, without a survey, of positions."""
+        """Build the roadmap of configurations from a survey of start, goals and guides; without one, of positions."""
         if ends_and_guides is None:
             return self._build_position_roadmap(problem, spending)
         return configuration_roadmap(ends_and_guides, self.samples, self.neighbours, self.far, spending)
@@ -130,7 +135,8 @@ class RoadmapGraph(GraphFamily):
     def _build_position_roadmap(self, problem: Problem, spending: Spending) -> StateRoadmap:
         if self.far or self.trees:
             raise OptionError(
-                "far and trees are options of roadmaps of configurations; this robot has positions: leave them out"
+                "far and trees are options for robots whose roadmap has configurations as samples, but the roadmap of "
+                "this robot has positions; leave far and trees out"
             )
         ends = checked_ends(problem)
         positions = np.concatenate([ends.positions, drawn_positions(problem, self.samples, self.seed, spending)])
@@ -145,7 +151,7 @@ class RoadmapGraph(GraphFamily):
             ends.goals,
             name=f"the roadmap of {drawn} samples (seed {self.seed}) and {count} neighbours of each",
             chosen={"samples": drawn, "neighbours": count, "seed": self.seed},
-            remedy="take more samples",
+            remedy="take more samples",  # advice if there is no path
             spending=spending,
         )
 
@@ -155,5 +161,5 @@ def _built_graph(roadmap: AnyRoadmap, problem: Problem) -> BuiltGraph:
 
 
 def _has_positions(problem: Problem) -> bool:
-    """Return whether the samples of a problem's roadmap are positions."""
+    """Return whether the roadmap for a problem has positions as samples, not configurations of all coordinates."""
     return problem.model.provides >= HEADED and bool(problem.target.listed)

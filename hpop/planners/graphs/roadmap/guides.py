@@ -1,8 +1,9 @@
-"""Guides: paths through free space, found by random trees, near which a roadmap takes samples.
+"""Guides: collision-free paths found quickly by random trees, near which a roadmap then draws samples.
 
-In the space of many joints hardly any uniform sample lies near a path. Two trees, from the start and from the goals,
-find a path soon: RRT-Connect (Kuffner and LaValle 2000, doi 10.1109/ROBOT.2000.844730), here on the chains of motions
-by which the model connects states. Several pairs of trees grow together, so that their collision checks are batched.
+For robots with many joints, hardly any uniform sample lies near a useful path. Two random trees, one from the start and
+one from the goals, find a path quickly: RRT-Connect (Kuffner and LaValle 2000, doi 10.1109/ROBOT.2000.844730). A branch
+is a chain of motions by which the model connects two states. Several pairs of trees grow at the same time, so that
+their collision checks run in one batch.
 """
 
 from __future__ import annotations
@@ -21,17 +22,17 @@ from hpop.planners.spending import Spending
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-STEPS = 1500  # of trees that find no path
-PATIENCE = 10  # trees may take so many times the steps of the first pair that met
-SHARES = (1.0, 0.3, 0.1, 0.03)  # of the distance to a target: the largest free one is taken
-HALVINGS = 2  # of the motions of a guide, each followed by shortcuts
-GROWN = "guides were searched for samples"
+STEPS = 1500  # largest number of growth steps
+PATIENCE = 10  # once a pair of trees has met, the others may take at most this multiple of its steps
+SHARES = (1.0, 0.3, 0.1, 0.03)  # shares of the distance to a target that are tried; the largest free one is taken
+HALVINGS = 2  # how often states are added in the middle of a guide's motions, to find more shortcuts
+GROWN = "random trees searched for first paths"
 
 
 class Guide(NamedTuple):
-    """Guide: a free path from the start to a goal.
+    """Collision-free path from the start to a goal, near which samples are drawn.
 
-    rows  (n, k)  states, by the columns of the space
+    rows  (n, k)  its states; column j is coordinate j of the model's space
     goal          index of the goal
     """
 
@@ -40,38 +41,41 @@ class Guide(NamedTuple):
 
 
 class Connections:
-    """Chains of motions between states, their collision checks, and distances.
+    """Distances between states, and collision checks of the motions that connect them, for a problem's robot and world.
 
-    States are rows (n, k), with the coordinates of the space as columns.
+    States are given as rows (n, k) of an array, with the coordinates of the space as columns.
     """
 
     def __init__(self, problem: Problem, space: StateSpace) -> None:
-        """Set up collision checks of the problem's model in its world; ``space`` defines rows and distances."""
+        """Prepare the collision checks; ``space`` defines the columns of states, and distances."""
         self.world, self.model, self.space = problem.world, problem.model, space
         self.collision = problem.model.collision(problem.world)
         self.weights = np.array(space.weights)
         self.turns = np.array([name in space.turning for name in space.names])
 
     def states(self, rows: FloatArray) -> States:
-        """Return rows as states."""
+        """Convert rows (n, k) to states."""
         return States(**dict(zip(self.space.names, np.ascontiguousarray(rows.T), strict=True)))
 
     def rows(self, states: States) -> FloatArray:
-        """Return states as rows."""
+        """Convert states to rows (n, k)."""
         return np.stack([np.asarray(getattr(states, name), float) for name in self.space.names], axis=-1)
 
     def differences(self, a: FloatArray, b: FloatArray) -> FloatArray:
-        """Return the differences b - a of rows; differences of angles are within half a turn."""
+        """Return the differences b - a of rows of states; angles differ by half a turn at most."""
         differences = b - a
         differences[..., self.turns] = wrap(differences[..., self.turns])
         return differences
 
     def distances(self, a: FloatArray, b: FloatArray) -> FloatArray:
-        """Return the distances of rows by the metric of the space."""
+        """Return the distances between rows of states a and b, by the metric of the space."""
         return np.asarray(np.linalg.norm(self.weights * self.differences(a, b), axis=-1))
 
     def free(self, a: FloatArray, b: FloatArray) -> BoolArray:
-        """Return whether the chain from each row of a to that of b is free and reaches b, (n,)."""
+        """Return whether the robot can drive from each state in a (n, k) to that in b (n, k) without a collision.
+
+        The model connects the two states by a chain of motions; it must also end in the state of b.
+        """
         at, to = self.states(a), self.states(b)
         free = np.ones(len(a), np.bool_)
         for kind, end, present in self.model.connect(at, to):
@@ -84,17 +88,21 @@ class Connections:
 
 
 class Tree:
-    """Trees of several pairs in one table: one tree per pair, all from the start or all from the goals.
+    """Several random trees in common arrays, all of which begin at the start, or all at the goals.
 
-    rows    (n, k)  states
+    Each tree belongs to a pair: one tree from the start and one from the goals, which grow towards each other. An
+    object of this class has one of the two trees of every pair.
+
+    rows    (n, k)  states of all trees
     parent  (n,)    index of the parent of each state, -1 for a root
-    pair    (n,)    number of the pair to which each state belongs
+    pair    (n,)    number of the pair to which each state's tree belongs
     """
 
     def __init__(self, roots: FloatArray, pairs: int, connections: Connections, *, onward: bool) -> None:
-        """Begin the tree of each of ``pairs`` pairs with all roots (r, k).
+        """Create one tree for each of ``pairs`` pairs; each has all the states ``roots`` (r, k) as roots.
 
-        onward  whether motions lead away from the roots, as in trees from the start, or towards them
+        onward  True for trees from the start, along which the robot drives away from the roots; False for trees from
+                the goals, along which it drives towards them
         """
         self.connections, self.onward = connections, onward
         self.rows = np.tile(roots, (pairs, 1))
@@ -103,9 +111,11 @@ class Tree:
         self.roots = len(roots)
 
     def grow(self, pairs: IntArray, targets: FloatArray) -> tuple[IntArray, BoolArray]:
-        """Grow the trees of some pairs (p,), each from its nearest state towards a target (p, k) while it is free.
+        """Add one state to the trees of some pairs (p,), each as far towards a target (p, k) as the way is free.
 
-        Returns the index of each new state (p,), or -1, and whether each new state is the target (p,).
+        The branch begins at the state of the tree that is nearest to the target. Its length is the largest of SHARES
+        that has no collision. Returns two arrays (p,): the index of each new state, -1 if there is none, and whether
+        the new state is the target.
         """
         distances = self.connections.distances(self.rows[None], targets[:, None])
         near = np.where(self.pair == pairs[:, None], distances, np.inf).argmin(axis=1)
@@ -125,7 +135,7 @@ class Tree:
         return new, grown & (first == 0)
 
     def branch(self, index: int) -> list[int]:
-        """Return the indices from a state to its root."""
+        """Return the indices of the states on the branch from a state, given by its index, back to its root."""
         branch = [index]
         while self.parent[branch[-1]] >= 0:
             branch.append(int(self.parent[branch[-1]]))
@@ -140,9 +150,10 @@ def guides(
     rng: np.random.Generator,
     spend: Spending,
 ) -> list[Guide]:
-    """Return the guides that pairs of trees find from the start (k,) to goals (G, k), shortest first.
+    """Search collision-free paths (guides) from the start (k,) to goals (G, k) with ``pairs`` pairs of random trees.
 
-    Pairs that take much longer than the first pair that met are abandoned; all pairs stop after STEPS steps.
+    Returns at most one guide for each pair, made shorter by shortcuts; the shortest guide comes first. Pairs that take
+    much longer than the first successful pair are abandoned, and all pairs stop after STEPS steps.
     """
     trees = (
         Tree(start[None], pairs, connections, onward=True),
@@ -176,7 +187,7 @@ def guides(
 
 
 def length(guide: Guide, connections: Connections) -> float:
-    """Return the length of a guide by the metric of the space."""
+    """Return the length of a guide: the sum of the distances between its states, by the metric of the space."""
     return float(connections.distances(guide.rows[:-1], guide.rows[1:]).sum())
 
 
@@ -189,9 +200,9 @@ def with_midpoints(guide: Guide, connections: Connections) -> Guide:
 
 
 def shorten(found_guides: list[Guide], connections: Connections) -> list[Guide]:
-    """Shorten guides: return, for each, the shortest free path through a subsequence of its states.
+    """Shorten guides by shortcuts: return, for each, the shortest collision-free path that skips some of its states.
 
-    Only motions of a shortest path are checked for collisions.
+    To save time, a motion is checked for collisions only when a shortest path uses it.
     """
     between = [connections.distances(guide.rows[:, None], guide.rows[None]) for guide in found_guides]
     checked = [np.zeros(table.shape, np.bool_) for table in between]
@@ -210,7 +221,10 @@ def shorten(found_guides: list[Guide], connections: Connections) -> list[Guide]:
 
 
 def _shortest(table: FloatArray) -> list[int]:
-    """Return the shortest path from the first to the last of n states, by a table (n, n) of distances, forward only."""
+    """Return the shortest path from the first to the last of n states, as indices, which ascend.
+
+    table  (n, n)  distance between each two states, inf if the motion between them collides
+    """
     cost, before = np.full(len(table), np.inf), np.zeros(len(table), np.int64)
     cost[0] = 0.0
     for j in range(1, len(table)):

@@ -1,8 +1,8 @@
-"""A roadmap as a graph of states: positions, straight moves between them, and turns between their headings.
+"""Roadmap of positions: straight moves between random positions, and turns in place between the moves' headings.
 
-A roadmap of Kavraki et al. 1996 (doi 10.1109/70.508439) has positions as nodes. Here a node is a position with a
-heading, since turns have costs. Each position has the headings of the moves that leave and reach it, joined by turns.
-Everything is built in array operations.
+In the probabilistic roadmap of Kavraki et al. 1996 (doi 10.1109/70.508439), nodes are configurations. Here turns have
+costs of their own, so a node is a position with a heading. A position has one node for each heading of a move that
+leaves or reaches it, and turns connect these nodes.
 """
 
 from __future__ import annotations
@@ -30,26 +30,27 @@ if TYPE_CHECKING:
 
 ALIGNED = 1e-9  # rad: directions that differ by less are one heading
 MAX_EDGES = 60_000_000
-LINK = 40  # bytes of a link while neighbours are searched
-ARROW = 80  # bytes of an arrow while it is laid out
-TURN = 48  # bytes of a turn while it is laid out
-PIECES = 4  # least number of pieces in which a turn is checked
+LINK = 40  # bytes needed for each link while nearest neighbours are searched
+ARROW = 80  # bytes needed for each directed move while the graph is built
+TURN = 48  # bytes needed for each turn while the graph is built
+PIECES = 4  # work of checking a turn, in arcs: at least four intermediate states
 
 
 @dataclass(frozen=True, eq=False)
 class StateRoadmap(StateGraph):
     """Roadmap of positions: states are positions with headings, arcs are straight moves and turns in place.
 
-    positions  (P, 2)  m    distinct; the first is that of the start
-    links      (L, 2)       pairs of positions between which straight moves, in both directions, may be free
-    start_yaw  rad
-    targets    for each goal: index of the position, and yaw, rad, or None if any heading will do
-    name       description of the roadmap
-    chosen     options, as JSON
-    remedy     advice if there is no path, as text
+    Turns connect the headings at a position. Between headings that differ by less than a degree, there are only turns
+    from the start's heading and to a goal's heading. Of several links from a position in one direction, only the
+    shortest is used: the others pass through its end.
 
-    Turns join the headings of a position; headings that differ by less than a degree are joined only at start and goal.
-    A link that passes through a third position is left out, as the links to that position make the same path.
+    positions  (P, 2)  m    distinct; the first is the position of the start
+    links      (L, 2)       pairs of positions (indices) between which straight moves, in both directions, are tried
+    start_yaw  rad
+    targets    for each goal: index of its position, and yaw, rad, or None if any heading will do
+    name       description of the roadmap, for certificates
+    chosen     options, JSON-able
+    remedy     advice for the user if there is no path, such as "take more samples"
     """
 
     notes: ClassVar[tuple[str, ...]] = ()
@@ -64,22 +65,25 @@ class StateRoadmap(StateGraph):
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options of the roadmap, as JSON."""
+        """Options from which the roadmap was built, JSON-able."""
         return self.chosen
 
     @property
     def words(self) -> str:
-        """Description of the roadmap in words."""
+        """Description of the roadmap, for certificates."""
         return self.name
 
     @property
     def counts(self) -> dict[str, int]:
-        """Numbers of positions, moves and turns."""
+        """Numbers of positions, moves and turns, for statistics."""
         return {"positions": len(self.positions), "moves": self.moves[0].size, "turns": self.turns[0].size}
 
     @cached_property
     def directed_moves(self) -> tuple[IntArray, IntArray, FloatArray]:
-        """Positions of tails and heads of all free moves, and headings, rad, (M,) each; by tail, then by heading."""
+        """All collision-free moves, as three arrays (M,): first position, last position, and heading in rad.
+
+        They are sorted by first position, then by heading.
+        """
         self.spending.check(self._work_text, 2 * len(self.links) * ARROW)
         tails, heads = np.concatenate([self.links, self.links[:, ::-1]]).T
 
@@ -89,7 +93,10 @@ class StateRoadmap(StateGraph):
         return _concatenated(self.spending.each(free_moves, _by_position(tails), self._work_text))
 
     def _free_directed_moves(self, tails: IntArray, heads: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return the free ones of some directed moves; of several from a position in one direction the shortest."""
+        """Return those of some moves that are free of collisions: first positions, last positions, headings in rad.
+
+        Of several moves from a position in one direction, only the shortest is considered.
+        """
         span = self.positions[heads] - self.positions[tails]
         yaw = _in_one_turn(np.arctan2(span[:, 1], span[:, 0]))
         direction = _pair_numbers(tails, yaw)
@@ -101,7 +108,7 @@ class StateRoadmap(StateGraph):
 
     @property
     def _work_text(self) -> str:
-        return f"{self.words} was laid out"
+        return f"{self.words} was built"
 
     def _moves_free(self, tails: IntArray, heads: IntArray, yaw: FloatArray) -> BoolArray:
         start, end = (States(x=x, y=y, yaw=yaw) for x, y in (self.positions[ids].T for ids in (tails, heads)))
@@ -109,9 +116,10 @@ class StateRoadmap(StateGraph):
 
     @cached_property
     def _needed_states(self) -> tuple[IntArray, FloatArray]:
-        """Positions and headings that need a state: of tails of moves, heads of moves, the start, the goals.
+        """Pairs of position and heading for which a state must exist, as two arrays, with repetitions.
 
-        A goal that may have any heading needs a state even if no link reaches it.
+        They are listed for the beginnings of all moves, the ends of all moves, the start, and the goals. A goal that
+        accepts any heading is listed too, with yaw 0, so that it has a state even if no link reaches it.
         """
         tails, heads, yaw = self.directed_moves
         places, yaws = zip((0, self.start_yaw), *self.targets, strict=True)
@@ -120,7 +128,10 @@ class StateRoadmap(StateGraph):
 
     @cached_property
     def _state_of_needed(self) -> IntArray:
-        """State of each entry of ``_needed_states``; equal entries share one, states of a position are consecutive."""
+        """Number of the state for each entry of ``_needed_states``; equal entries have equal numbers.
+
+        The states at one position have consecutive numbers.
+        """
         at, yaw = self._needed_states
         self.spending.check(self._work_text, at.size * ARROW)
         numbers, count = np.empty(at.size, np.int64), 0
@@ -132,7 +143,7 @@ class StateRoadmap(StateGraph):
 
     @cached_property
     def _positions_and_yaws(self) -> tuple[IntArray, FloatArray]:
-        """Position and yaw (S,) of every state."""
+        """Position (index) and yaw (rad) of every state, as two arrays (S,)."""
         at, yaw = self._needed_states
         first = np.full(self._state_of_needed.max() + 1, at.size)
         np.minimum.at(first, self._state_of_needed, np.arange(at.size))
@@ -144,22 +155,22 @@ class StateRoadmap(StateGraph):
         return int(self._positions_and_yaws[0].size)
 
     def places(self, ids: IntArray) -> IntArray:
-        """Return the position of each state (N,)."""
+        """Return the index of the position of each state (N,)."""
         return self._positions_and_yaws[0][ids]
 
     def states(self, ids: IntArray) -> States:
-        """Return states (N,), with yaws in [0, 2 pi)."""
+        """Return the states (N,) with the given numbers, with yaws in [0, 2 pi)."""
         x, y = self.positions[self._positions_and_yaws[0][ids]].T
         return States(x=x, y=y, yaw=self._positions_and_yaws[1][ids])
 
     @property
     def start(self) -> int:
-        """State of the start."""
+        """Number of the start's state."""
         return int(self._state_of_needed[-1 - len(self.targets)])
 
     @cached_property
     def goals(self) -> list[int]:
-        """States of the goals: one for each goal, or all states at its position if any heading will do."""
+        """Numbers of the goals' states: one for each goal, or all states at its position if any heading will do."""
         goals = list(self._exact_goals)
         for position, yaw in self.targets:
             goals += np.flatnonzero(self._positions_and_yaws[0] == position).tolist() if yaw is None else []
@@ -167,26 +178,26 @@ class StateRoadmap(StateGraph):
 
     @property
     def _exact_goals(self) -> list[int]:
-        """States of the goals with a given heading."""
+        """Numbers of the states of those goals that have a fixed heading."""
         ids = self._state_of_needed[-len(self.targets) :].tolist()
         return [state for state, (_, yaw) in zip(ids, self.targets, strict=True) if yaw is not None]
 
     def edges(self, kind: str) -> tuple[IntArray, IntArray]:
-        """Return tails and heads of all free turns, or of all free moves."""
+        """Return first and last states of all collision-free turns (kind "turn"), or of all collision-free moves."""
         return self.turns if kind == "turn" else self.moves
 
     @cached_property
     def moves(self) -> tuple[IntArray, IntArray]:
-        """Tails and heads of all free moves."""
+        """First and last states of all collision-free moves."""
         count = self.directed_moves[0].size
         return self._state_of_needed[:count], self._state_of_needed[count : 2 * count]
 
     @cached_property
     def turns(self) -> tuple[IntArray, IntArray]:
-        """Tails and heads of all free turns, between headings of a position that differ by more than LEAST_TURN.
+        """First and last states of all collision-free turns between headings that differ by more than LEAST_TURN.
 
-        A row of smaller turns would turn by any angle without counting as a turn. Turns from the start's heading and to
-        a goal's heading may be smaller.
+        Smaller turns do not count as turns, so a sequence of them could turn by any angle at no cost. Only turns from
+        the start's heading and to a goal's heading may be smaller.
         """
         at = self._positions_and_yaws[0]
         first = np.searchsorted(at, at)
@@ -194,8 +205,8 @@ class StateRoadmap(StateGraph):
         self.spending.check(self._work_text, int(degree.sum()) * TURN)
         if degree.sum() > MAX_EDGES:
             raise OptionError(
-                f"{self.words} has {self.size:,} states and {degree.sum():,} turns between them, more than "
-                f"{MAX_EDGES:,}; take fewer positions, or fewer neighbours of each"
+                f"{self.words} must have at most {MAX_EDGES:,} turns, got {degree.sum():,} between {self.size:,} "
+                "states; take fewer samples, or fewer neighbours"
             )
         before = np.concatenate([[0], np.cumsum(degree)])
 
@@ -209,7 +220,7 @@ class StateRoadmap(StateGraph):
         return _concatenated(self.spending.each(free_turns, blocks(at.size, each), self._work_text))
 
     def _free_turns(self, tails: IntArray, heads: IntArray) -> tuple[IntArray, IntArray]:
-        """Return the turns that are large enough and free."""
+        """Return those of some turns, as first and last states, that are large enough and free of collisions."""
         at, yaw = self._positions_and_yaws
         large = (np.abs(wrap(yaw[heads] - yaw[tails])) > LEAST_TURN) | (tails == self.start)
         for goal in self._exact_goals:
@@ -223,7 +234,10 @@ class StateRoadmap(StateGraph):
         return tails[free], heads[free]
 
     def what_separates(self, start: int, goals: list[int]) -> str:
-        """Return the reason why no path leads from start to goals, as text: their components of the roadmap."""
+        """Return the reason, as text, why no path leads from the start to the goals.
+
+        Start and goals may lie in unconnected parts (components) of the roadmap, or the robot has no room to turn.
+        """
         from scipy.sparse import csr_array  # on first use: the import takes its time
         from scipy.sparse.csgraph import connected_components
 
@@ -234,25 +248,28 @@ class StateRoadmap(StateGraph):
         begin, *ends = component[self.places(np.array([start, *goals]))].tolist()
         if begin in ends:
             return (
-                f"no path: start and goal are in one component of {self.words}, but the robot has no room to turn on "
-                f"the way; {self.remedy}, or make the robot rounder"
+                f"no path: straight moves connect start and goal on {self.words}, but the robot has no room to turn "
+                f"from one move to the next; {self.remedy}, or use a robot with a rounder outline"
             )
         sizes = np.bincount(component)
         apart = ", ".join(str(sizes[end]) for end in dict.fromkeys(ends))
         return (
-            f"no path: {self.words} has {components} components; that of the start has {sizes[begin]} of {count} "
-            f"positions, that of the goal {apart}; {self.remedy}"
+            f"no path: {self.words} has {components} unconnected parts; the part with the start has {sizes[begin]} of "
+            f"{count} positions, the part with the goal {apart}; {self.remedy}"
         )
 
 
 def _in_one_turn(yaw: FloatArray) -> FloatArray:
-    """Return yaws modulo 2 pi, in [0, 2 pi); yaws just below 2 pi become 0."""
+    """Return yaws, rad, reduced to [0, 2 pi); values that are just below 2 pi by rounding become 0."""
     yaw = yaw % (2 * math.pi)
     return np.where(yaw > 2 * math.pi - ALIGNED, 0.0, yaw)
 
 
 def _pair_numbers(at: IntArray, yaw: FloatArray) -> IntArray:
-    """Return the number (N,) of each pair of a position and a heading, in the order of positions, then yaws."""
+    """Assign numbers to the distinct pairs of a position (N,) and a yaw (N,), by position, then by yaw.
+
+    Returns the number (N,) of each pair; yaws within ALIGNED count as equal.
+    """
     order = np.lexsort((yaw, at))
     new = (np.diff(at[order], prepend=-1) != 0) | (np.diff(yaw[order], prepend=-1.0) > ALIGNED)
     number = np.empty(at.size, np.int64)
@@ -261,7 +278,10 @@ def _pair_numbers(at: IntArray, yaw: FloatArray) -> IntArray:
 
 
 def _by_position(at: IntArray) -> Iterator[IntArray]:
-    """Yield indices into an array of positions, sorted by position, in blocks that split no position."""
+    """Divide the entries of ``at`` into blocks, such that entries with the same position are in the same block.
+
+    Yields the indices of each block; ``at`` has the index of a position for each entry.
+    """
     order = np.argsort(at, kind="stable")
     cuts = np.array([part.stop for part in blocks(at.size)][:-1], dtype=np.int64)
     ends = np.unique(np.searchsorted(at[order], at[order][cuts]))
@@ -269,12 +289,12 @@ def _by_position(at: IntArray) -> Iterator[IntArray]:
 
 
 def _concatenated(parts: Iterable[tuple[Any, ...]]) -> tuple[Any, ...]:
-    """Return the columns of all blocks, concatenated."""
+    """Concatenate blocks that are tuples of arrays: the first arrays of all blocks, the second arrays, and so on."""
     return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
 
 def nearest_links(positions: FloatArray, count: int, spending: Spending) -> IntArray:
-    """Return links (L, 2) from each position to the ``count`` nearest positions."""
+    """Return links (L, 2), as pairs of indices, from each position to the ``count`` positions nearest to it."""
     from scipy.spatial import KDTree
 
     count = min(count, len(positions) - 1)
@@ -291,16 +311,16 @@ def nearest_links(positions: FloatArray, count: int, spending: Spending) -> IntA
     return np.concatenate([*spending.each(links, blocks(len(positions), count), doing)])
 
 
-DRAWS = 1000  # positions drawn for each sample, before the free space counts as too small
-SAMPLE = 64  # bytes for drawing a position
-SAME = 1e-9  # m: two positions within this distance are one
+DRAWS = 1000  # largest number of positions that are drawn for each sample wanted
+SAMPLE = 64  # bytes needed for drawing a position
+SAME = 1e-9  # m: two positions within this distance are one position
 
 
 class PositionedEnds(NamedTuple):
-    """Positions of start and goals of a roadmap.
+    """Distinct positions of the start and the goals, and the heading of each goal.
 
-    positions  (E, 2)  m; the first is that of the start
-    goals      for each goal: index of the position, and yaw, rad, or None if any heading will do
+    positions  (E, 2)  m; the first is the position of the start
+    goals      for each goal: index of its position, and yaw, rad, or None if any heading will do
     """
 
     positions: FloatArray
@@ -308,7 +328,7 @@ class PositionedEnds(NamedTuple):
 
 
 def checked_ends(problem: Problem) -> PositionedEnds:
-    """Return the start and the goals that are not blocked; raise QueryError if the start or all goals are blocked."""
+    """Return the start and the goals without a collision; raise QueryError if the start or every goal is blocked."""
     collision = in_plane(problem.model).collision(problem.world)
 
     def refusal(what: str, end: End) -> str:
@@ -333,14 +353,14 @@ def checked_ends(problem: Problem) -> PositionedEnds:
 
 
 def pairs(count: int) -> IntArray:
-    """Return all pairs (L, 2) of ``count`` positions."""
+    """Return all pairs (L, 2) of indices below ``count``, to link all positions with each other."""
     return np.stack(np.triu_indices(count, 1), axis=1)
 
 
 def drawn_positions(problem: Problem, samples: int, seed: int, spending: Spending) -> FloatArray:
-    """Draw free positions (n, 2), m, uniformly; fewer than ``samples`` if hardly any are free.
+    """Draw ``samples`` random positions (n, 2), m, uniformly over the map, at which the robot does not collide.
 
-    A position counts as free if the robot is free there at a random heading.
+    The robot is checked at a random heading. Fewer positions are returned if nearly all that are drawn collide.
     """
     rng = np.random.default_rng(seed)
     collision = problem.model.collision(problem.world)

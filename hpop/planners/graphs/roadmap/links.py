@@ -1,4 +1,4 @@
-"""Configurations of a roadmap: free samples, and links between them."""
+"""Draw collision-free configurations for a roadmap, and choose which of them to link."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ from hpop.planners.graphs.arcs import blocks
 from hpop.planners.graphs.roadmap.guides import Connections, Guide, length
 from hpop.planners.spending import Spending
 
-# Nearness is by the metric of the space. With links to nearest states only, states of many joints are several steps
-# apart. A far link leads to the nearest state within a random subset; the smaller the subset, the farther the state.
+# "Nearest" refers to the metric of the space. With links to nearest states only, a path of a robot with many joints
+# needs many links. So there are far links too: each leads to the nearest state within a random subset of all states.
+# The smaller the subset, the farther that state usually is.
 
 
 MAX_LINKS = 60_000_000
-LINK = 64  # bytes for finding a link
-PIECES = 64  # work of a nearest-neighbour query, in arcs of one motion
-LEAF = 32  # points of a leaf: for seven joints, a flat unbalanced tree takes two thirds of the time
-START = 0  # node of the start
+LINK = 64  # bytes needed for finding a link
+PIECES = 64  # work of a nearest-neighbour query, as a multiple of the work for a motion
+LEAF = 32  # points in a leaf of the k-d tree: for seven joints, large leaves without balancing save a third of the time
+START = 0  # node number of the start
 LINKED = "configurations were linked"
 
 
@@ -39,23 +40,23 @@ def links_between(
     rng: np.random.Generator,
     spending: Spending,
 ) -> IntArray:
-    """Return the links of a roadmap as tails and heads (L, 2), sorted by tail.
+    """Choose the links of a roadmap; return them as pairs of nodes (L, 2), first and last, sorted by first node.
 
-    Nodes are numbered: the start, the samples, the goals. Samples are linked in both directions. Links lead from the
-    start and to the goals, also from the start to each goal; none leads to the start or from a goal.
+    Node 0 is the start; the samples follow, then the goals. Samples are linked in both directions. The start is linked
+    to samples and to each goal, and samples are linked to goals; no link leads to the start or from a goal.
 
     Parameters
     ----------
-    count : number of nearest samples to which each sample is linked; start and goals too, if there are no far links
-    far : number of far links of each sample; if not 0, start and goals are linked to more samples: start and each goal
-        to 1 / number of ends of all
-    chosen : (C, 2) further links, from the first node to the second; between samples also back
+    count : number of nearest samples to which each sample is linked; if ``far`` is 0, also for start and goals
+    far : number of far links of each sample; if it is not 0, the start is linked to all samples, and each of G goals to
+        the nearest 1 / G of the samples
+    chosen : (C, 2) further links, from the first node to the second; between samples in both directions
     """
     number, places = samples.size, np.arange(goals.size)
     if number * (count + far) > MAX_LINKS:
         raise OptionError(
-            f"{number:,} samples with {count + far} neighbours each make more than {MAX_LINKS:,} links; take fewer "
-            "samples, or fewer neighbours"
+            f"a roadmap must have at most {MAX_LINKS:,} links, got {number:,} samples with {count + far} links each; "
+            "take fewer samples, or fewer neighbours or far links"
         )
     spending.check(LINKED, number * (count + far) * LINK)
     ids, neighbours = np.arange(number), nearest(space, samples, samples, count + 1, spending)  # itself included
@@ -82,10 +83,10 @@ def links_between(
 
 
 def nearest(space: StateSpace, states: States, of: States, count: int, spending: Spending) -> IntArray:
-    """Return the indices (N, c) in ``states`` of the c states nearest to each state of ``of`` (N,).
+    """Find the ``count`` states nearest to each state of ``of`` (N,); return their indices (N, c) in ``states``.
 
-    Distances are those of the space's metric, in which angles are periodic. Coordinates that are NaN in the first
-    state of ``of`` do not count.
+    There are c < ``count`` columns if there are fewer states. Distances are those of the space's metric, in which
+    angles are periodic. Coordinates that are NaN in the first state of ``of`` are ignored.
     """
     count = min(count, states.size)
     if not count or not of.size:
@@ -98,11 +99,12 @@ def nearest(space: StateSpace, states: States, of: States, count: int, spending:
 def nearest_in_random_subsets(
     space: StateSpace, states: States, count: int, rng: np.random.Generator, spending: Spending
 ) -> IntArray:
-    """Return, for each state (N,), the indices (c, N) of the nearest state within each of c random subsets.
+    """Choose the far links of each state (N,): the nearest state in each of ``count`` random subsets of all states.
 
-    The sizes of the subsets are log-uniform, from 1 to half of the states, with one draw in each of c strata. For each
-    size, the states are divided at random into groups of this size, and each state takes the nearest state of the
-    next group. One k-d tree answers all queries: groups are moved so far apart that no other group is nearer.
+    Returns indices (c, N), one row for each size of subsets. The sizes are random, log-uniform from 1 to half of the
+    states, with one in each of ``count`` equal intervals of the logarithm. For each size, the states are divided at
+    random into groups of this size, and each state is linked to the nearest state of the next group. One k-d tree
+    answers all queries: an additional coordinate separates the groups so far that no state of another group is nearer.
     """
     number = states.size
     far_states = np.zeros((count if number > 1 else 0, number), np.int64)
@@ -119,7 +121,7 @@ def nearest_in_random_subsets(
 
 
 def _tree_points(space: StateSpace, names: tuple[str, ...] | list[str], states: States) -> FloatArray:
-    """Return states as points (N, d) of a k-d tree: weighted coordinates, angles within one period."""
+    """Return states as points (N, d) for a k-d tree: named coordinates times their weights, angles in one period."""
     rows = [np.zeros(states.size)]
     for name, weight in zip(space.names, space.weights, strict=True):
         if weight and name in names:
@@ -132,7 +134,7 @@ def _tree_points(space: StateSpace, names: tuple[str, ...] | list[str], states: 
 
 
 def _periods(space: StateSpace, names: tuple[str, ...] | list[str]) -> FloatArray:
-    """Return the period (d,) of each coordinate of :func:`_tree_points`, 0 for coordinates that are not periodic."""
+    """Return the period (d,) of each coordinate of :func:`_tree_points`: a weighted full turn for angles, else 0."""
     columns = [(name, weight) for name, weight in zip(space.names, space.weights, strict=True) if weight]
     return np.array(
         [0.0, *(2 * math.pi * weight * (name in space.turning) for name, weight in columns if name in names)]
@@ -140,7 +142,10 @@ def _periods(space: StateSpace, names: tuple[str, ...] | list[str]) -> FloatArra
 
 
 def _nearest(points: FloatArray, queries: FloatArray, periods: FloatArray, count: int, spending: Spending) -> IntArray:
-    """Return the indices (N, c) of the c points nearest to each query (N, d); ``periods`` (d,) of the coordinates."""
+    """Return the indices (N, count) of the points nearest to each query (N, d).
+
+    periods  (d,)  period of each coordinate, 0 if it is not periodic
+    """
     from scipy.spatial import KDTree  # on first use
 
     box = periods if periods.any() else None  # without periods a query is faster
@@ -156,17 +161,17 @@ def _nearest(points: FloatArray, queries: FloatArray, periods: FloatArray, count
 
 
 DRAWN_AT_ONCE = 1 << 16
-DRAWS = 1000  # states drawn for each sample, before the free space counts as too small
+DRAWS = 1000  # largest number of states that are drawn for each sample wanted
 NEAR = 0.3  # share of the samples that lie near guides
-FARTHEST = 0.2  # largest spread of samples about a guide, as a share of the shortest guide's length
-CLOSEST = 0.01  # smallest spread; spreads are log-uniform in between
-LONGER = 1.6  # largest length of a path through other samples, as a multiple of the shortest guide's
+FARTHEST = 0.2  # largest spread of samples around a guide, as a share of the shortest guide's length
+CLOSEST = 0.01  # smallest spread; the spread of a sample is log-uniform in between
+LONGER = 1.6  # largest length of a path through any other sample, as a multiple of the shortest guide's length
 
 Rows = Callable[[int], FloatArray]
 
 
 def uniform_samples(connections: Connections, number: int, rng: np.random.Generator, spending: Spending) -> FloatArray:
-    """Draw free states (n, k) uniformly from the space; fewer if hardly any are free."""
+    """Draw ``number`` collision-free states (n, k) uniformly from the space; fewer if nearly all draws collide."""
     space = connections.space
     return _free_draws(connections, lambda count: connections.rows(space.sample(rng, count)), number, spending)
 
@@ -180,14 +185,15 @@ def guided_samples(
     rng: np.random.Generator,
     spending: Spending,
 ) -> FloatArray:
-    """Draw free states (n, k): three of ten near guides, the others uniformly from an informed set.
+    """Draw collision-free states (n, k): three of ten near guides, the others uniformly from an informed set.
 
-    For states of the informed set, the distances from the start (k,) and to a goal (G, k) add up to at most 1.6 times
-    the length of the shortest guide (informed RRT*, Gammell et al. 2014, doi 10.1109/IROS.2014.6942976).
+    The informed set consists of the states from which the distances to the start (k,) and to a goal (G, k) add up to at
+    most 1.6 times the length of the shortest guide (informed RRT*, Gammell et al. 2014, doi
+    10.1109/IROS.2014.6942976).
 
-    If some coordinates of the space have a rest position, half of the samples of both kinds have these coordinates at
-    rest, and inner states of guides are samples too. In all other samples, the coordinates without a rest position are
-    those of a guide, the start or a goal.
+    Some coordinates of the space may have a rest position, such as the joints of an arm on a mobile base. Then half of
+    the samples of both kinds have these coordinates at rest, and inner states of guides, put at rest, are samples too.
+    In the other samples, the coordinates without a rest position are copied from a guide, the start or a goal.
     """
     shortest, near = length(guides[0], connections), round(NEAR * number)
     longest, space = LONGER * shortest, connections.space
@@ -201,13 +207,14 @@ def guided_samples(
     ]
 
     def half_at_rest(rows: FloatArray, places: FloatArray) -> FloatArray:
-        """Put half of the rows (n, k) at rest; in the others, take coordinates without a rest position from places."""
+        """Put half of the rows (n, k) into rest positions; in the others, copy coordinates without one from places."""
         if not space.rest:
             return rows
         moved = np.where([name in space.rest for name in space.names], rows, places)
         return np.where(rng.random((len(rows), 1)) < 0.5, with_rest_positions(space, rows), moved)
 
     def near_guides(count: int) -> FloatArray:
+        """Draw at most ``count`` rows from normal distributions around points of guides, within the joint limits."""
         piece = rng.choice(len(begin), count, p=sizes / sizes.sum())
         share = rng.random((count, 1))
         spread = shortest * CLOSEST * (FARTHEST / CLOSEST) ** rng.random((count, 1))
@@ -217,6 +224,7 @@ def guided_samples(
         return rows[((rows >= [low for low, _ in limits]) & (rows <= [high for _, high in limits])).all(axis=1)]
 
     def in_ellipsoids(count: int) -> FloatArray:
+        """Draw ``count`` rows from a box around the informed set; return those that lie in the set."""
         rows = connections.rows(box.sample(rng, count))
         rows = half_at_rest(rows, ends[rng.integers(len(ends), size=count)] if space.rest else rows)
         return rows[in_informed_set(connections, start, goals, longest, rows)]
@@ -231,7 +239,7 @@ def guided_samples(
 
 
 def with_rest_positions(space: StateSpace, rows: FloatArray) -> FloatArray:
-    """Return rows (n, k) with each coordinate that has a rest position at that position."""
+    """Return rows of states (n, k) in which each coordinate with a rest position is replaced by that position."""
     rest = [space.rest.get(name, np.nan) for name in space.names]
     return np.where(np.isnan(rest), rows, rest)
 
@@ -239,13 +247,19 @@ def with_rest_positions(space: StateSpace, rows: FloatArray) -> FloatArray:
 def in_informed_set(
     connections: Connections, start: FloatArray, goals: FloatArray, longest: float, rows: FloatArray
 ) -> BoolArray:
-    """Mark the rows (n, k) through which a straight path from start (k,) to a goal (G, k) is at most ``longest``."""
+    """Return which rows (n, k) lie on a short enough detour: at most ``longest`` from the start to a goal through them.
+
+    The lengths are distances from the start (k,) to the row, plus from there to the nearest goal (G, k).
+    """
     onward = np.min([connections.distances(rows, goal) for goal in goals], axis=0)
     return np.asarray(connections.distances(start, rows) + onward <= longest)
 
 
 def _box(connections: Connections, start: FloatArray, goals: FloatArray, longest: float) -> StateSpace:
-    """Return the space bounded to a box around the informed set: an ellipsoid per goal, with start and goal as foci."""
+    """Return the space with its coordinates bounded to a box around the informed set.
+
+    The informed set is an ellipsoid for each goal, with start and goal as foci and ``longest`` as its longest diameter.
+    """
     space, weights = connections.space, connections.weights
     apart = connections.differences(np.broadcast_to(start, goals.shape), goals)
     room = np.maximum(0.0, longest**2 - ((weights * apart) ** 2).sum(axis=1))[:, None]
@@ -261,7 +275,7 @@ def _box(connections: Connections, start: FloatArray, goals: FloatArray, longest
 
 
 def _free_draws(connections: Connections, draw: Rows, number: int, spending: Spending) -> FloatArray:
-    """Draw ``number`` free rows (n, k) with ``draw``, in batches; fewer if hardly any are free."""
+    """Draw rows with ``draw`` until ``number`` of them (n, k) are free of collisions; fewer if nearly all collide."""
     at_once = min(max(1, number), DRAWN_AT_ONCE)
     parts, count = [np.zeros((0, len(connections.weights)))], 0
     for _ in range(DRAWS * math.ceil(number / at_once)):

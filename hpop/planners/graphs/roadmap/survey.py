@@ -1,4 +1,4 @@
-"""Survey before sampling: a problem's usable start and goals, and guides between them."""
+"""First step of building a roadmap of configurations: find usable goals, and first paths (guides) to them."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from hpop.planners.spending import Spending
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-PAIRS = 10  # of trees, of a robot beyond the plane
-GOAL_STATES = 100  # drawn from a goal with more than one state
+PAIRS = 10  # number of pairs of random trees, for robots that do not move in the plane
+GOAL_STATES = 100  # number of states that are drawn from a goal with more than one state
 
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """Usable start and goals of a problem, and guides between them, before samples are drawn.
+    """What is known of a problem before samples are drawn: its start, its usable goals, and first paths to them.
 
-    connections  chains of motions between states
+    connections  distances between states, and collision checks of motions between them
     start        (1,)  state
-    goals        (G,)  free states; NaN in coordinates that may have any value
-    goal_count   number of goal states, blocked ones included
-    pairs        number of pairs of trees that searched for guides
-    guides       paths that the trees found, shortest first
+    goals        (G,)  goal states without a collision; NaN in coordinates that may have any value
+    goal_count   number of all goal states, including blocked ones
+    pairs        number of pairs of random trees that searched for guides
+    guides       collision-free paths that the trees found, shortest first
     seed         seed of all random draws
     """
 
@@ -50,34 +50,40 @@ class Survey:
 
     @property
     def ends(self) -> tuple[FloatArray, FloatArray]:
-        """Start (k,) and goals (G, k) as rows; a coordinate of a goal that may have any value has the start's value."""
+        """Coordinates of the start (k,) and of the goals (G, k).
+
+        A coordinate of a goal that may have any value gets the start's value.
+        """
         start, goals = self.connections.rows(self.start)[0], self.connections.rows(self.goals)
         return start, np.where(np.isnan(goals), start, goals)
 
     @cached_property
     def inner(self) -> FloatArray:
-        """Inner states of all guides, as rows (n, k)."""
+        """Coordinates (n, k) of all states of the guides, without their start and goals."""
         start = self.connections.rows(self.start)
         return np.concatenate([start[:0], *(guide.rows[1:-1] for guide in self.guides)])
 
     def goal_nodes(self, free: int) -> list[int]:
-        """Return the nodes of the goals, which follow the start and ``free`` free states."""
+        """Return the node numbers of the goals in a roadmap: nodes are the start, ``free`` samples, then the goals."""
         return list(range(1 + free, 1 + free + self.goals.size))
 
     def target_nodes(self, free: int) -> list[int]:
-        """Return the nodes of the goals, and of the start if it is at a goal."""
+        """Return the node numbers at which a path may end: the goals, and the start if it is at a goal already.
+
+        free  number of samples between start and goals
+        """
         at_goal = self.problem.target.reached(self.problem.model, self.start)[0]
         return [START, *self.goal_nodes(free)] if at_goal else self.goal_nodes(free)
 
 
 def survey(problem: Problem, trees: int | None, seed: int, spending: Spending) -> Survey:
-    """Find usable goals, and guides to them.
+    """Check start and goals for collisions, draw goal states where needed, and search first paths (guides) to them.
 
     Raises QueryError if the start or every goal is blocked.
 
     Parameters
     ----------
-    trees : pairs of trees that search for guides; None takes none in the plane, else 10
+    trees : number of pairs of random trees that search for guides; None: none for a robot in the plane, else 10
     """
     space, in_plane = sampled_space(problem.model, problem.world), "plane" in problem.model.provides
     of_goals, _, of_trees, _ = np.random.default_rng(seed).spawn(4)
@@ -91,9 +97,11 @@ def survey(problem: Problem, trees: int | None, seed: int, spending: Spending) -
 
 
 def guide_links(guides: Sequence[Guide], goals: Sequence[int]) -> IntArray:
-    """Return links (L, 2) along guides; the inner states of guides are the first nodes after the start.
+    """Return the links (L, 2), as pairs of nodes, that make all guides paths of a roadmap.
 
-    goals  nodes of the goals
+    The inner states of the guides must be the first nodes after the start, in the order of :attr:`Survey.inner`.
+
+    goals  node numbers of the goals
     """
     parts, node = [np.zeros((0, 2), np.int64)], START + 1
     for guide in guides:
@@ -117,10 +125,10 @@ def _free_start(problem: Problem) -> States:
 
 
 def _free_goals(problem: Problem, rng: np.random.Generator) -> tuple[States, int]:
-    """Return the goals (G,) that are not blocked, and the number of all goals.
+    """Return the goal states (G,) that are not blocked, and the number of all goal states.
 
-    Coordinates that may have any value are NaN. A goal that is no list of states is replaced by states drawn from it.
-    Raises QueryError if all are blocked.
+    NaN stands for a coordinate that may have any value. A goal that is not a list of states is replaced by states
+    drawn from it at random. Raises QueryError if all are blocked.
     """
     model, target = problem.model, problem.target
     collision = model.collision(problem.world)
@@ -130,8 +138,8 @@ def _free_goals(problem: Problem, rng: np.random.Generator) -> tuple[States, int
         if not free.any():
             reason = collision.why_blocked(states.take(slice(0, 1)))
             raise QueryError(
-                f"the goal is not usable: none of {states.size} states drawn from it is free: {reason}, or move or "
-                "widen the goal."
+                f"the goal is not usable: all of {states.size} states drawn from it at random are blocked. Move the "
+                f"goal, or make it larger. The first of these states: {reason}."
             )
         return states.take(free), states.size
     usable, refusals = list[States](), list[str]()
@@ -141,7 +149,7 @@ def _free_goals(problem: Problem, rng: np.random.Generator) -> tuple[States, int
             usable.append(model.space.state(member, free=model.space.angles))
             continue
         what = f"goal {i}" if len(target.listed) > 1 else "goal"
-        tried = f" (at {drawn.size} angles drawn)" * (drawn.size > 1)
+        tried = f" (at any of {drawn.size} random angles)" * (drawn.size > 1)
         reason = collision.why_blocked(drawn.take(slice(0, 1)))
         hint = elsewhere(model, problem.world, model.space.state(member, free=model.space.angles))
         refusals.append(f"the {what} {_state_text(member)} is not usable{tried}: {reason}.{hint}")
@@ -151,10 +159,10 @@ def _free_goals(problem: Problem, rng: np.random.Generator) -> tuple[States, int
 
 
 def _state_text(values: Sequence[float | None]) -> str:
-    """Return a state as text, for messages."""
+    """Return a state as text for messages, with "any" for a coordinate that may have any value."""
     return f"({', '.join('any' if value is None else f'{value:.3f}' for value in values)})"
 
 
 def concatenated_states(space: StateSpace, parts: Sequence[States]) -> States:
-    """Return the states of several parts, concatenated."""
+    """Concatenate several arrays of states of a space."""
     return States(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in space.names})
