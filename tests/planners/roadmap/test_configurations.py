@@ -365,7 +365,7 @@ def test_a_robot_that_does_not_say_how_it_gets_anywhere_is_told_to() -> None:
 
 
 def test_more_links_than_a_graph_can_have_are_refused_before_they_are_made() -> None:
-    with pytest.raises(OptionError, match="at most 60,000,000 links, got .*; take fewer"):
+    with pytest.raises(OptionError, match=r"at most 60,000,000 links, got .*; take fewer"):
         Roadmap(samples=1000, neighbours=100_000).solve(problem())
 
 
