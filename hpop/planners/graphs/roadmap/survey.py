@@ -28,7 +28,7 @@ GOAL_STATES = 100  # number of states that are drawn from a goal with more than 
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """What is known of a problem before samples are drawn: its start, its usable goals, and first paths to them.
+    """A problem's start, its usable goals, and first paths to them, as found before samples are drawn.
 
     connections  distances between states, and collision checks of motions between them
     start        (1,)  state
