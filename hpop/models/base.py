@@ -1,4 +1,7 @@
-"""Robots in the plane, defined by their parts and motion laws, so that a model of your own is one short file."""
+"""Base class and registration of robot models in the plane.
+
+A model of your own gives its collision parts and motion laws. The rest follows from them, so it is one short file.
+"""
 
 from __future__ import annotations
 
@@ -56,16 +59,17 @@ T = TypeVar("T", bound=type)
 
 @checked_arguments
 def model(name: str) -> Callable[[T], T]:
-    """Register a robot under a name: a frozen dataclass with its parameters as fields."""
+    """Register a robot model under a name: decorator of a frozen dataclass whose fields are the model's parameters."""
 
     def declare(cls: T) -> T:
         if not is_dataclass(cls) or not callable(getattr(cls, "collision", None)):
             raise ModelError(
-                f"model {name!r} must be a dataclass that follows hpop.motions.Model, such as a PlanarModel"
+                f"model {name!r} must be a dataclass that follows hpop.motions.Model: write @dataclass(frozen=True) "
+                "below @model, and derive the class from PlanarModel or give it all methods of Model"
             )
         for noun in ("space", "laws", "parts", "mounts", "provides"):
             if isfunction(getattr(cls, noun, None)):
-                raise ModelError(f"model {name!r} has {noun} as a method; write @property above it")
+                raise ModelError(f"{noun} of model {name!r} must be a property, got a method; write @property above it")
         setattr(cls, "name", name)  # noqa: B010  (a type variable has no attribute to assign)
         update_abstractmethods(cls)
         models.add(name, with_optional_members(cls, MODEL_DEFAULTS))
@@ -76,10 +80,10 @@ def model(name: str) -> Callable[[T], T]:
 
 @checked_arguments
 def plane_space(metres_a_radian: float, joints: Iterable[Joint] = (), speed: float = 1.0) -> StateSpace:
-    """Return the state space of position and heading, followed by joints.
+    """Return the state space of a robot in the plane: x, y, yaw and its joints.
 
-    metres_a_radian  distance that a change of heading by one radian counts as
-    speed            m/s; a change of a joint counts as the distance that a base at this speed covers meanwhile
+    metres_a_radian  m, weight of the heading in distances between states: one radian counts as this distance
+    speed            m/s, of the base; a change of a joint counts as the distance that the base covers in its time
     """
     joints = tuple(joints)
     bounds = (FARTHEST, FARTHEST, math.pi)
@@ -95,14 +99,14 @@ def plane_space(metres_a_radian: float, joints: Iterable[Joint] = (), speed: flo
 
 @checked_arguments
 class PlanarModel(Model):
-    """Robot that stands upright on a floor, with everything that follows from its parts and its laws.
+    """Base class for models of robots that stand upright on a floor.
 
-    A model of your own is a frozen dataclass with its parameters as fields, and gives ``space``, ``laws``, ``parts``
-    and ``mounts``; :func:`model` registers it under a name.
+    A model of your own is a frozen dataclass whose fields are its parameters. It defines ``space``, ``laws``, ``parts``
+    and ``mounts``; poses, collision tests and the rest follow from these. :func:`model` registers it under a name.
     """
 
     executed: ClassVar[Mapping[str, str]] = {"move": "run", "turn": "spin"}
-    """Law of execution by planned law; motions of other laws are executed as planned."""
+    """The kind of law by which the robot executes motions of a planned kind; other kinds are executed as planned."""
 
     @property
     @abstractmethod
@@ -112,36 +116,39 @@ class PlanarModel(Model):
     @property
     @abstractmethod
     def laws(self) -> Mapping[str, Law]:
-        """Motion laws by kind."""
+        """Motion laws by the name of their kind, such as "move" and "turn"."""
 
     @property
     @abstractmethod
     def parts(self) -> tuple[Part, ...]:
-        """Upright prisms in the frame of the base, which collide where they overlap obstacles at their height."""
+        """Collision geometry: upright prisms in the frame of the base, each tested with obstacles at its own height."""
 
     @property
     @abstractmethod
     def space(self) -> StateSpace:
-        """States: x, y and yaw, which place the parts, among them; see :func:`plane_space`."""
+        """State space; x, y and yaw must be among the states (:func:`plane_space` makes one)."""
 
     @property
     @abstractmethod
     def mounts(self) -> Mapping[str, Mount]:
-        """Bodies by name, "base" and "camera" for example, and their positions on the base."""
+        """Positions of the bodies on the base, by their names, such as "base" and "camera"."""
 
     @property
     def platform(self) -> tuple[Part, ...]:
-        """Parts placed by x, y and yaw; a part carried by joints is replaced by the volume that it sweeps."""
+        """Parts that contain the robot at any joint values: each part on joints is replaced by its swept volume."""
         return tuple(part.swept for part in self.parts)
 
     @property
     def body_parts(self) -> tuple[Part, ...]:
-        """Parts that remain if another camera replaces the model's own: all, unless a model excludes a mast."""
+        """Parts that stay if another model, such as an arm, replaces the camera: all parts except the camera's mast.
+
+        Here these are all parts; a model with a mast overrides it.
+        """
         return self.parts
 
     @property
     def carrying(self) -> tuple[Joint, ...]:
-        """Joints that carry parts or bodies of the robot, each once."""
+        """Joints that carry parts or bodies of the robot; each joint is named once."""
         if len(self.space.names) == 3:
             return ()
         carried: list[Mount | Part] = [*self.mounts.values(), *self.parts]
@@ -154,7 +161,10 @@ class PlanarModel(Model):
 
     @property
     def provides(self) -> frozenset[str]:
-        """Bodies, and "plane"; "turn-move", "rigid" and "joints" according to the laws and states."""
+        """Capabilities: the names of the bodies, and "plane".
+
+        "turn-move", "rigid" and "joints" are added if laws and states have them (:attr:`hpop.motions.Model.provides`).
+        """
         found = {"plane", *self.mounts}
         if isinstance(self.laws.get("turn"), Turn) and isinstance(self.laws.get("move"), Move):
             found.add("turn-move")
@@ -170,17 +180,20 @@ class PlanarModel(Model):
         return (CarriedPose if mount.on else RigidPose)(mount, states)
 
     def twist(self, body: str, states: States, rates: States) -> Twist:
-        """Return the velocity and rotation of a body."""
+        """Return the velocity and angular velocity of a body; ``rates`` are the time derivatives of the states."""
         mount = self._mount(body)
         return (CarriedTwist if mount.on else RigidTwist)(mount, states, rates)
 
     def twist_rate(self, body: str, states: States, rates: States, changes: States) -> Twist:
-        """Return the derivative of the twist of a body."""
+        """Return acceleration and angular acceleration of a body.
+
+        ``rates`` and ``changes`` are the first and second time derivatives of the states.
+        """
         mount = self._mount(body)
         return (CarriedTwistRate if mount.on else RigidTwistRate)(mount, states, rates, changes)
 
     def body(self, name: str, motions: Motions) -> Body:
-        """Return a body's motion in each motion; in closed form if the law knows its path and rotation."""
+        """Return how a body moves in each motion; in closed form if the law has one, otherwise by quadrature."""
         mount = self._mount(name)
         if mount.on:
             return carried_body(name, mount, motions)
@@ -188,7 +201,10 @@ class PlanarModel(Model):
         return rigid_body(name, mount, motions) if known else integrated(name, motions)
 
     def extent(self, motions: Motions) -> tuple[Column, Column]:
-        """Return bounds (M,), m and rad, on how far any body moves and turns; a lever lengthens the path of a body."""
+        """Return upper bounds (M,), m and rad, on how far any body moves and turns in each motion.
+
+        Bodies away from the axis of the base move farther when it turns.
+        """
         lever = max(mount.lever for mount in self.mounts.values())
         moved, turned = motion_bounds(motions, lever)
         joints = [joint for joint in self.carrying if joint.name in motions.law.varies]
@@ -198,63 +214,69 @@ class PlanarModel(Model):
         return moved + farther, turned + more
 
     def connect(self, a: States, b: States) -> list[Leg]:
-        """Return the legs from states a to b.
+        """Return the motions from states a to states b.
 
-        A turn towards b, a straight move, a turn to b's heading, then joint by joint.
+        These are a turn towards b, a straight move, a turn to the heading of b, then the joints one after another.
         """
         if not {"turn", "move"} <= self.laws.keys():
             raise ModelError(
-                f"{self.name} has no laws turn and move, its laws are {', '.join(self.laws)}; give it connect(a, b), "
-                "the legs by which it gets from states to others"
+                f"the model {self.name} must have the laws turn and move, its laws are {', '.join(self.laws)}; add "
+                "both, or override connect(a, b), which returns the motions from states a to states b"
             )
         legs = turn_move_turn(self.space, a, b)
         return legs_of_joints(self.space, legs, a, b, self.joints) if self.joints else legs
 
     def stations(self, yaw: FloatArray) -> Stations:
-        """Return the stations of a lattice.
+        """Return all states that a lattice uses at one position, and the motions in place between them.
 
-        Each heading (H,), rad, with three values of each joint, and the motions in place.
+        yaw  (H,)  headings, rad
 
-        The values of a joint are both stops and 0, or the middle if 0 is not between the stops. Raises UnsupportedModel
-        for a model with other states, which needs a method of its own.
+        Each heading is combined with three values of each joint: both end stops and 0, or the midpoint of the stops if
+        0 is not between them. Raises UnsupportedModel for a model with states other than x, y, yaw and joints; such a
+        model needs its own method.
         """
         joints = self.joints
         if other := [name for name in self.space.names if name not in ("x", "y", "yaw", *joints)]:
             raise UnsupportedModel(
-                f"{self.name} has {', '.join(other)} among its states; for lattices give it stations(yaw), which says "
-                "at which of them it may be at each heading, and how it changes them in place"
+                f"a lattice knows values for x, y, yaw and joints only, but the model {self.name} also has the states "
+                f"{', '.join(other)}; give it a method stations(yaw) that returns their values at each heading and the "
+                "motions between them (hpop.models.joints.Stations)"
             )
         return grid_of_stations(yaw, {joint: stops_of(self.space, joint) for joint in joints})[0]
 
     def _mount(self, body: str) -> Mount:
         if body not in self.mounts:
-            raise ModelError(f"{self.name} has the bodies {' and '.join(self.mounts)}, not {body!r}")
+            raise ModelError(f"the body of a {self.name} must be one of {', '.join(self.mounts)}, got {body!r}")
         return self.mounts[body]
 
     def collision(self, world: World) -> PlanarCollision:
-        """Return the collision test of planning: exact for straight motions, conservative for those that turn."""
+        """Return the collision test for planning: exact for straight moves; turns may be blocked slightly too early."""
         return planar_collision(self.parts, world)
 
     def judge(self, world: World) -> SolidCollision:
-        """Return the collision test of verification, by python-fcl, at states at most 5 cm or 3 degrees apart."""
+        """Return the collision test for verification: python-fcl at states at most 5 cm or 3 degrees apart."""
         return SolidCollision(self.parts, world.for_robots)
 
     def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
-        """Return the robot's real motion, moves in one line joined, all from rest to rest, and times of states."""
+        """Return the motion that the robot really makes for a planned trajectory of n motions.
+
+        Consecutive moves in one straight line are joined, and each motion goes from rest to rest. Also return the times
+        (n+1,), s, at which it passes the planned states.
+        """
         return rest_to_rest_execution(trajectory, self.executed)
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Yield joints beyond their stops; all other results of the laws are possible."""
+        """Yield a text for each joint that goes beyond an end stop; the robot can do everything else its laws allow."""
         return stop_faults(self.space, self.joints, trajectory.states)
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Return which motions (M,) have a joint beyond a stop."""
+        """Return a mask (M,) of the motions that begin or end with a joint beyond an end stop."""
         return beyond_stops(self.space, self.joints, start) | beyond_stops(self.space, self.joints, end)
 
     def describe(self) -> dict[str, Any]:
-        """Return JSON-able parameters, enough to build the same robot, including those of models within it.
+        """Return name and parameters for JSON, enough to build an equal robot; a base within it is described likewise.
 
-        Parameters that are None by default are left out.
+        A parameter that is None, and is None by default, is left out.
         """
         own: list[tuple[Any, Any]] = (
             [(field, getattr(self, field.name)) for field in fields(self)] if is_dataclass(self) else []

@@ -1,4 +1,4 @@
-"""Field of view and height of a model's camera."""
+"""Field of view and height of a robot model's camera."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from hpop.base.text import shown
 from hpop.errors import CriterionError, ModelError, UnsupportedCriterion
 from hpop.motions import Model, Motions
 
-POSTURES = 16  # random states for comparing heights of the camera
+POSTURES = 16  # number of random states in which heights of the camera are compared
 LEVEL = 1e-6  # m: tolerance for equal heights
-ROUND_OFF = 1e-3  # rad by which decimals of pi may exceed it
+ROUND_OFF = 1e-3  # rad by which a rounded pi, such as 3.142, may exceed pi
 ALL = (2 * math.pi, math.pi)
 FieldOfView = tuple[Angle, Angle]
 
@@ -27,20 +27,22 @@ def height_varies(model: Model) -> bool:
 
 
 def camera_height(m: Motions) -> float:
-    """Return the height of the camera above the floor, m, common to all motions of a batch.
+    """Return the height of the camera above the floor, m, if it is constant over a batch of motions.
 
-    Raises UnsupportedCriterion if it differs between them.
+    Raises UnsupportedCriterion if it is not.
     """
     ends = m.camera.start.z, m.camera.end.z
     if any(map(is_symbolic, ends)) or np.ptp(np.concatenate(ends)) > LEVEL:
-        raise UnsupportedCriterion("it needs a camera at a constant height, but this camera goes up and down")
+        raise UnsupportedCriterion(
+            "the criterion needs a camera at a constant height, but this robot moves its camera up and down"
+        )
     return float(np.round(ends[0][0], 6))
 
 
 def field_of_view(model: Model, fov: float | None = None) -> FieldOfView:
-    """Return the angles (h, v), rad, of the camera's view; all round for a model without them.
+    """Return the horizontal and vertical angle, rad, of the camera's view; (2 pi, pi) if the model sets none.
 
-    fov : horizontal angle that replaces them, at all elevations
+    fov  horizontal angle, rad, that replaces the model's, with a vertical angle of pi; None for the model's
     """
     if fov is not None:
         return fov, ALL[1]
@@ -48,7 +50,10 @@ def field_of_view(model: Model, fov: float | None = None) -> FieldOfView:
 
 
 def checked_fov(fov: float | None) -> float | None:
-    """Return a criterion's angle of view, rad; None stands for the model's. CriterionError if it is no such angle."""
+    """Check a criterion's option ``fov`` (horizontal angle of view, rad, or None for the model's) and return it.
+
+    Raises CriterionError for any other value.
+    """
     if fov is None:
         return None
     kind = "None for the model's, or an angle of view in rad"
@@ -56,13 +61,18 @@ def checked_fov(fov: float | None) -> float | None:
 
 
 def checked_field_of_view(angles: Any) -> FieldOfView | None:
-    """Return a model's field of view as two angles (h, v), rad, or None for all round; ModelError otherwise."""
+    """Check a model's option ``field_of_view``: angles (horizontal, vertical), rad, or None for all round.
+
+    Raises ModelError for any other value.
+    """
     if angles is None:
         return None
     try:
         h, v = angles
     except (TypeError, ValueError):
-        raise ModelError(f"field_of_view is (horizontal, vertical) in rad, or None; got {shown(angles)}") from None
+        raise ModelError(
+            f"field_of_view must be (horizontal, vertical) in rad, or None for all round, got {shown(angles)}"
+        ) from None
     kind = "(horizontal, vertical) in rad, each an angle"
     limits = zip((h, v), ALL, strict=True)
     hint = "degrees are written as '60 deg' in a scenario, math.radians(60) in Python"

@@ -1,4 +1,7 @@
-"""Differential-drive robot that carries a camera on a mast, and a check of motions that it cannot do."""
+"""Robot model "differential_drive": a base with two driven wheels that carries a camera on a mast.
+
+Also here: the check of a trajectory for motions that this robot cannot execute.
+"""
 
 from __future__ import annotations
 
@@ -25,17 +28,17 @@ from hpop.trajectories.trajectory import Trajectory
 
 CLOSE = 1e-5  # m or rad: tolerance for states that were rounded to decimals
 STEPS = 100  # samples of a curve
-FASTER = 1e-3  # share by which a wheel may exceed its limits
-MAST_RADIUS = 0.05  # m
-BODY_HEIGHT = 0.4  # m
+FASTER = 1e-3  # share of its limits by which a wheel may exceed them
+MAST_RADIUS = 0.05  # m, default
+BODY_HEIGHT = 0.4  # m, default
 LONGEST = 20.0  # m: larger robots must be a mistake in the unit
-SLOWEST = 1e-3  # m/s, m/s², rad/s, rad/s²: least limit of a robot
+SLOWEST = 1e-3  # m/s, m/s², rad/s, rad/s²: smallest speed or acceleration that an option of a robot may have
 
 
 def doubtful(law: Law, start: States, end: States) -> BoolArray:
-    """Return which motions (M,) slide sideways or go backwards.
+    """Return a mask (M,) of motions of one law that go sideways or backwards, which wheels cannot do.
 
-    Curves count as doubtful, because they need a closer check.
+    All curves are in the mask, because only the slower check :func:`faults` can judge them.
     """
     if is_curve(law):
         return np.ones(start.size, dtype=bool)
@@ -47,7 +50,10 @@ def doubtful(law: Law, start: States, end: States) -> BoolArray:
 
 
 def faults(model: DifferentialDrive, trajectory: Trajectory) -> Iterator[str]:
-    """Yield motions that slide sideways or go backwards, or whose wheels are faster than the model's."""
+    """Yield a text for each kind of fault that wheels cannot execute, with the first motion that has it.
+
+    These are motions sideways or backwards, and curves on which a wheel exceeds its speed or acceleration.
+    """
     states, wrong = trajectory.states, np.zeros(len(trajectory), dtype=bool)
     kinds = np.array(trajectory.kinds, dtype=object)
     curved = np.zeros(len(trajectory), dtype=bool)
@@ -64,7 +70,10 @@ def faults(model: DifferentialDrive, trajectory: Trajectory) -> Iterator[str]:
 
 
 def _curve_faults(model: DifferentialDrive, trajectory: Trajectory, curved: IntArray) -> Iterator[str]:
-    """Yield faults of curves, by finite differences of positions and headings over hundredths of each motion."""
+    """Yield the faults of curves, motions ``curved``: they go sideways or backwards, or wheels exceed their limits.
+
+    Each curve is cut into a hundred intervals; speeds and accelerations are finite differences of the poses.
+    """
     lasts = trajectory.durations[curved]
     times = trajectory.times[curved][:, None] + lasts[:, None] * np.linspace(0.0, 1.0, STEPS + 1)  # (c, STEPS + 1)
     s = trajectory.at(times.ravel())
@@ -87,11 +96,11 @@ def _curve_faults(model: DifferentialDrive, trajectory: Trajectory, curved: IntA
             yield f"{fault} in motion {i}, a {trajectory.kinds[i]}"
 
 
-FIXED, UNWOUND = "fixed", "unwound"  # views of a camera: turns with the base, or keeps its direction in the world
+FIXED, UNWOUND = "fixed", "unwound"  # values of `view`: the picture turns with the base, or software turns it back
 
 
 class WheelTrack(NamedTuple):
-    """Wheel speeds and accelerations at sample times: columns (N,) in s, m/s and m/s²."""
+    """Speeds, m/s, and accelerations, m/s², of both wheels at sample times, s; each a column (N,)."""
 
     times: FloatArray
     left_speed: FloatArray
@@ -101,7 +110,7 @@ class WheelTrack(NamedTuple):
 
 
 class OnBase:
-    """Mixin for a robot on a ``base`` with wheels: its wheels are those of the base."""
+    """Mixin for a robot carried by a ``base`` with wheels: its properties of wheels are those of the base."""
 
     base: Any
 
@@ -121,7 +130,7 @@ class OnBase:
         return float(self.base.wheel_acceleration)
 
     def wheels(self, trajectory: Trajectory, times: FloatArray) -> WheelTrack:
-        """Return speeds and accelerations of the base's wheels."""
+        """Return speeds and accelerations of the base's wheels along a trajectory, at ``times`` (N,), s."""
         found: WheelTrack = self.base.wheels(trajectory, times)
         return found
 
@@ -132,8 +141,9 @@ class DifferentialDrive(PlanarModel):
     """Base with two driven wheels and a camera on a mast, a 360-degree one by default; states x, y (m) and yaw (rad).
 
     radius             m       of a round footprint
-    footprint          m       or corners ((x, y), ...) of a polygon round the axis, x ahead; ``radius`` is then ignored
-    body_height        m       the footprint reaches from the floor to here
+    footprint          m       corners ((x, y), ...) of a polygon that contains the axis, x ahead, instead of a round
+                               footprint; ``radius`` is then ignored
+    body_height        m       of the body, whose outline is the footprint, above the floor
     camera_height      m       of the camera above the floor; its mast reaches up to it
     camera_offset      m       of the camera from the axis, (ahead, left)
     mast_radius        m       of the mast
@@ -142,13 +152,15 @@ class DifferentialDrive(PlanarModel):
     turn_rate          rad/s   of turns in place
     turn_acceleration  rad/s²  of turns in place
     wheel_base         m       distance between the wheels
-    view               "fixed" to the base, or "unwound": the picture is turned back in software as the base turns
-    view_yaw           rad     yaw in the world at which the middle of an unwound picture stays, all the way
+    view               "fixed": the picture turns with the base; "unwound": software turns the picture of a 360-degree
+                       camera back as the base turns
+    view_yaw           rad     for "unwound": constant yaw in the world of the middle of the picture
     field_of_view      rad     angles of view (h, v): bearings within h/2 of the camera's yaw, elevations within
                                v/2 of its pitch; None for all round
 
-    Motions follow the planning law of :mod:`hpop.models.laws`. 1 m/s is the speed that users favour; turns are fast on
-    purpose, since faster fixed rotations shorten the sensory conflict (Widdowson et al. 2019).
+    Motions follow the planned laws of :mod:`hpop.models.laws`. The default speed of 1 m/s is the one that users prefer.
+    Turns are fast by default, because a faster turn by a given angle shortens the sensory conflict (Widdowson et al.
+    2019).
     """
 
     radius: float = 0.3
@@ -182,17 +194,17 @@ class DifferentialDrive(PlanarModel):
 
     @property
     def provides(self) -> frozenset[str]:
-        """Capabilities: bodies, a heading, and wheels ``wheel_base`` apart."""
+        """Capabilities: those of every planar model, and "heading" and "wheels"."""
         return super().provides | {"heading", "wheels"}
 
     @cached_property
     def space(self) -> StateSpace:
-        """Position and heading; a radian is as far as the robot moves while it turns by one."""
+        """State space of x, y and yaw; in distances a radian counts as the distance driven in the time of its turn."""
         return plane_space(self.speed / self.turn_rate)
 
     @cached_property
     def laws(self) -> Mapping[str, Law]:
-        """Planned ("move", "turn") and executed ("run", "spin") motion laws, and curves ("drive")."""
+        """Motion laws by kind: planned ("move", "turn"), executed ("run", "spin"), and for curves ("drive")."""
         return {
             "move": Move(self.speed),
             "turn": Turn(self.turn_rate, self.turn_acceleration, self.speed / self.acceleration),
@@ -203,17 +215,17 @@ class DifferentialDrive(PlanarModel):
 
     @property
     def wheel_speed(self) -> float:
-        """Largest speed of a wheel, m/s, needed for straight moves and turns in place."""
+        """Largest speed of a wheel, m/s: the smallest that allows the model's straight moves and turns in place."""
         return max(self.speed, 0.5 * self.wheel_base * self.turn_rate)
 
     @property
     def wheel_acceleration(self) -> float:
-        """Largest acceleration of a wheel, m/s²."""
+        """Largest acceleration of a wheel, m/s²: the smallest that allows straight moves and turns in place."""
         return max(self.acceleration, 0.5 * self.wheel_base * self.turn_acceleration)
 
     @cached_property
     def mounts(self) -> Mapping[str, Mount]:
-        """Bodies: the base, and the camera on its mast."""
+        """Positions of the bodies "base" and "camera" on the base."""
         view = self.view_yaw if self.view == UNWOUND else None
         return {"base": Mount(), "camera": Mount(*self.camera_offset, self.camera_height, view)}
 
@@ -230,9 +242,9 @@ class DifferentialDrive(PlanarModel):
         return convex_parts(self.footprint, 0.0, self.body_height)
 
     def wheels(self, trajectory: Trajectory, times: FloatArray) -> WheelTrack:
-        """Return wheel speeds v ± ω b/2 and accelerations along a trajectory; use it on an execution.
+        """Return wheel speeds, v ± ω b/2, and wheel accelerations along a trajectory, at ``times`` (N,), s.
 
-        Planned motions change speed at once, so only an execution has accelerations everywhere.
+        Pass an executed trajectory (:meth:`execution`). In a plan speeds jump between motions, without acceleration.
         """
         states, (velocity, change) = trajectory.at(times), trajectory.rates(times)
         ahead, side = np.cos(states.yaw), np.sin(states.yaw)
@@ -247,24 +259,28 @@ class DifferentialDrive(PlanarModel):
         )
 
     def describe(self) -> dict[str, Any]:
-        """Return JSON-able parameters. A fixed view is left out, as in fronts saved before there were other views."""
+        """Return name and parameters for JSON.
+
+        view and view_yaw are left out for a fixed view, so that fronts saved before these options existed still match.
+        """
         own = super().describe()[self.name]
         return {self.name: {k: v for k, v in own.items() if self.view != FIXED or k not in ("view", "view_yaw")}}
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Yield motions that slide sideways or go backwards, or exceed the speed or acceleration of a wheel."""
+        """Yield a text for motions that go sideways or backwards, or exceed the speed or acceleration of a wheel."""
         yield from faults(self, trajectory)
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Return which motions (M,) do not go straight ahead; curves count as doubtful."""
+        """Return a mask (M,) of motions that go sideways or backwards, and of all curves, which need :meth:`faults`."""
         return doubtful(law, start, end)
 
 
 def _checked_offset(offset: Any) -> tuple[float, float]:
+    """Check the option ``camera_offset`` and return it as two floats, m."""
     try:
         ahead, left = offset
     except (TypeError, ValueError):
-        raise ModelError(f"camera_offset is (ahead, left) in m, got {shown(offset)}") from None
+        raise ModelError(f"camera_offset must be (ahead, left) in m, got {shown(offset)}") from None
     ahead, left = (
         real("camera_offset", value, -LONGEST, LONGEST, "(ahead, left) in m, each", error=ModelError)
         for value in (ahead, left)
@@ -273,15 +289,23 @@ def _checked_offset(offset: Any) -> tuple[float, float]:
 
 
 def _checked_footprint(corners: Any) -> tuple[tuple[float, float], ...]:
+    """Check the option ``footprint`` and return its corners as pairs of floats, m."""
     try:
         points = tuple((float(x), float(y)) for x, y in corners)
         if not (np.abs(points) <= LONGEST).all():
             raise ValueError(f"corners must be finite, within {LONGEST:g} m of the axis")
         polygon = shapely.Polygon(points)
     except (TypeError, ValueError, OverflowError) as error:
-        raise ModelError(f"a footprint is at least three corners (x, y) in m, got {shown(corners)}: {error}") from None
+        raise ModelError(
+            f"footprint must be at least three corners (x, y) in m, got {shown(corners)}: {error}"
+        ) from None
     if not polygon.is_valid or polygon.area == 0:
-        raise ModelError(f"the footprint {points} is not a simple polygon: {shapely.is_valid_reason(polygon)}")
+        raise ModelError(
+            "the corners of footprint must be the outline of a polygon that does not cross itself, in order, got "
+            f"{points}: {shapely.is_valid_reason(polygon)}"
+        )
     if not polygon.covers(shapely.Point(0, 0)):
-        raise ModelError("the footprint must contain the axis of the base, the origin of its corners")
+        raise ModelError(
+            f"footprint must contain the axis of the base, (0, 0), got {points}; give corners relative to the axis"
+        )
     return points

@@ -1,12 +1,13 @@
-"""Driven motion: curves of a differential drive with constant wheel accelerations.
+"""Motion law "drive": curves of a differential drive with constant wheel accelerations.
 
-In one motion both wheel accelerations are constant, so that speed v and yaw rate ω change linearly with time: v' = a
-and ω' = α, wheel accelerations a ± α b/2. The yaw is then a parabola. The base moves along its heading: x' = v cos θ
-and y' = v sin θ. These integrals have no closed form; they are computed by Gauss-Legendre quadrature with six nodes,
-with an error of less than 1e-9 of the path for turns of up to a radian in a motion, and less than 2e-6 for half a turn.
+In one motion the acceleration a and the angular acceleration α are constant, and so are the wheel accelerations
+a ± α b/2, where b is the distance between the wheels. Speed v and yaw rate ω therefore change linearly with time, and
+the yaw θ quadratically. The base moves along its heading: x' = v cos θ and y' = v sin θ. These integrals have no closed
+form. Gauss-Legendre quadrature with six nodes computes them. Its error is less than 1e-9 of the path length if a motion
+turns by at most a radian, and less than 2e-6 for half a turn.
 
-A state needs more columns than position and heading: ``speed`` (m/s), ``turn_rate`` (rad/s) and ``clock`` (s, from any
-zero; its difference is the motion's duration).
+States of such motions have three columns beside x, y and yaw: ``speed`` (m/s), ``turn_rate`` (rad/s) and ``clock`` (s,
+from any zero; its difference is the duration of a motion).
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ __all__ = ["driven"]
 
 
 def gauss(count: int) -> tuple[tuple[float, float], ...]:
-    """Return nodes and weights of Gauss-Legendre quadrature on [0, 1]."""
+    """Return pairs of node and weight of Gauss-Legendre quadrature with ``count`` nodes on [0, 1]."""
     roots, weights = np.polynomial.legendre.leggauss(count)
     return tuple(zip((0.5 * (roots + 1.0)).tolist(), (0.5 * weights).tolist(), strict=True))
 
@@ -36,10 +37,10 @@ NODES = gauss(6)
 
 @dataclass(frozen=True)
 class Drive(LawDefaults):
-    """Law of a motion with constant wheel accelerations.
+    """Law of curves with constant wheel accelerations.
 
-    The states at both ends should agree with these. Their mismatch (a solver's tolerance) is spread evenly over the
-    motion, so that the motion begins and ends in the given states.
+    The end state should be the one that speeds, turn rates and duration give. It may differ by a solver's tolerance;
+    this difference is spread evenly over the motion, which then begins and ends exactly in the given states.
     """
 
     kind: str = "drive"
@@ -63,7 +64,7 @@ class Drive(LawDefaults):
         return begin + displacement
 
     def slopes(self, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
-        """Return the first and second derivatives of a state with respect to the share of the motion's time."""
+        """Return the first and second derivatives of state ``name`` with respect to the share of the motion's time."""
         span = getattr(end, name) - getattr(start, name)
         if name == "yaw":
             return span - _rotation_change(start, end) * (0.5 - share), _rotation_change(start, end) + 0.0 * share
@@ -77,7 +78,7 @@ class Drive(LawDefaults):
         return lasts * speed * states_after + off, lasts * (gain * states_after + speed * turning * aside)
 
     def travel(self, start: States, end: States, lever: Column) -> Column:
-        """Return an upper bound (M,), m, on the path length of a point ``lever`` metres from the axis."""
+        """Return an upper bound (M,), m, on the path length of a point of the robot ``lever`` metres from its axis."""
         length = _absolute_integral(end.clock - start.clock, start.speed, end.speed)
         return length + lever * self.swept(start, end) if lever else length
 
@@ -85,11 +86,14 @@ class Drive(LawDefaults):
         return 0.5 * (end.clock - start.clock) * (start.turn_rate + end.turn_rate)
 
     def swept(self, start: States, end: States) -> Column:
-        """Return the absolute rotation (M,), rad: ∫ |ω| dt, also where ω changes its sign within the motion."""
+        """Return the absolute rotation (M,), rad: ∫ |ω| dt, which is right also if ω changes its sign."""
         return _absolute_integral(end.clock - start.clock, start.turn_rate, end.turn_rate)
 
     def bends(self, start: States, end: States) -> tuple[Column, Column]:
-        """Return the signed rotation (M,), rad, before and after the yaw rate changes its sign, if it does."""
+        """Return the signed rotations (M,), rad, before and after the yaw rate changes its sign.
+
+        If it keeps its sign, these are the whole rotation and 0.
+        """
         before, after, lasts = start.turn_rate, end.turn_rate, end.clock - start.clock
         changes = before * after < 0
         share = np.where(changes, before / np.where(changes, before - after, 1.0), 0.0)
@@ -97,17 +101,23 @@ class Drive(LawDefaults):
         return first, np.where(changes, 0.5 * lasts * after * (1.0 - share), 0.0)
 
     def strays(self, start: States, end: States) -> Column:
-        """Return the distance (M,), m or rad, of each stated end from the computed end; inf if time runs backwards."""
+        """Return the error (M,) of the given end states against the computed ones; inf if the clock runs backwards.
+
+        The error is the largest of those in x and y, m, and yaw, rad.
+        """
         x, y, yaw = (np.abs(self.defect(name, start, end)) for name in ("x", "y", "yaw"))
         return np.where(end.clock >= start.clock, np.maximum(np.maximum(x, y), yaw), np.inf)
 
     def defect(self, name: str, start: States, end: States) -> Column:
-        """Return the error (M,), m or rad, of the end in x, y or yaw."""
+        """Return the given end value of x, y or yaw minus the value computed from the speeds (M,), m or rad."""
         travelled = self.turned(start, end) if name == "yaw" else self._displacement(name, start, end, 1.0)
         return getattr(end, name) - getattr(start, name) - travelled
 
     def _displacement(self, name: str, start: States, end: States, share: Column) -> Column:
-        """Return the displacement (M,), m, along an axis of the world up to a share: ∫ v cos θ dt or ∫ v sin θ dt."""
+        """Return how far (M,), m, the base gets along the world's axis ``name`` in a share (0 to 1) of the time.
+
+        This is ∫ v cos θ dt for x, and ∫ v sin θ dt for y.
+        """
         projection, component = np.cos if name == "x" else np.sin, 0.0
         gain, span, half = end.speed - start.speed, end.yaw - start.yaw, 0.5 * _rotation_change(start, end)
         for node, weight in self.nodes:
@@ -118,12 +128,15 @@ class Drive(LawDefaults):
 
 
 def _rotation_change(start: States, end: States) -> Column:
-    """Return α T², rad: the rotation at the last yaw rate less that at the first."""
+    """Return α T², rad: the change of the yaw rate within a motion, times its duration T."""
     return (end.clock - start.clock) * (end.turn_rate - start.turn_rate)
 
 
 def _absolute_integral(duration: Column, begin: Column, end: Column) -> Column:
-    """Return ∫ |r| dt of a rate that changes linearly; it has a kink only where the rate is zero throughout."""
+    """Return ∫ |r| dt for a rate r that changes linearly from ``begin`` to ``end``.
+
+    As a function of begin and end it has a kink only where both are zero, which suits gradient-based solvers.
+    """
     same = begin * end >= 0
     whole = smooth_abs(0.5 * duration * (begin + end))
     gap = np.where(same, 1.0, np.abs(begin - end))
@@ -132,9 +145,9 @@ def _absolute_integral(duration: Column, begin: Column, end: Column) -> Column:
 
 
 def states_after(start: States, acceleration: Column, turn_acceleration: Column, duration: Column) -> States:
-    """Return states (M,) after ``duration`` seconds of constant accelerations, m/s² and rad/s².
+    """Return the states (M,) after driving for ``duration`` seconds with constant accelerations, m/s² and rad/s².
 
-    start  states with all columns of a drive
+    start  states (M,) with columns x, y, yaw, speed, turn_rate and clock
     """
     speed, turn_rate = start.speed + acceleration * duration, start.turn_rate + turn_acceleration * duration
     yaw = start.yaw + 0.5 * duration * (start.turn_rate + turn_rate)
@@ -148,10 +161,11 @@ def states_after(start: States, acceleration: Column, turn_acceleration: Column,
 def driven(
     model: Model, pose: Sequence[float], controls: Sequence[tuple[float, float, float]], *, speed: float = 0.0
 ) -> Trajectory:
-    """Return the trajectory of a differential drive from a pose (x m, y m, yaw rad).
+    """Return the trajectory that a differential drive follows under given accelerations.
 
-    controls  for each interval: acceleration m/s², angular acceleration rad/s², duration s
-    speed     m/s, speed at the start
+    pose      (x m, y m, yaw rad) at the start
+    controls  for each interval of time: acceleration m/s², angular acceleration rad/s², duration s
+    speed     m/s, at the start
 
     >>> from hpop.models import DifferentialDrive
     >>> goes = driven(DifferentialDrive(), (0, 0, 0), [(1, 0, 1), (0, 0, 2), (-1, 0, 1)])

@@ -1,24 +1,24 @@
-"""Execution of a plan: motions in one line are joined, and each goes from rest to rest.
+"""Execution of a plan: the motion that a robot really makes for a planned trajectory.
 
-A punctual execution keeps the plan's clock. Each of its motions lies in the middle of its planned time, and begins no
-earlier; meanwhile the robot stands. For the planning law (:mod:`.laws`) with runs at speed v, ramps of acceleration a
-and turns that stand v/2a before and after:
+Moves in one straight line are joined, and each motion then goes from rest to rest.
 
-- A run of length L is planned for L/v. It takes L/v + v/a, or 2 sqrt(L/a) <= L/v + v/a if it is shorter than v²/a, so
-    in
-  the middle it takes at most v/2a of the standing before and after it. A turn takes all but its standing halves. So
-  where two runs have a turn, or a hold of v/a, between them, motions in the middle of their times do not overlap.
-- The robot is then never more than v²/8a from its planned position, and always on the planned path: at the end of a
-    long
-  run, plan and robot are v²/2a - v²/8a and v²/2a before the end of ramps, and of a run of u v²/a, u < 1, the distance
-  is (u/2)(1 - sqrt(u)/2)² v²/a, which grows with u up to 1/8.
-- A run at the start cannot begin v/2a early, unless the plan stands so long before it. It is late by v/2a then, and so
-    are
-  its successors, until standing makes up for it: at a hold, between two turns, about short runs. No motion is ever
-  later, because each begins as soon as its predecessor has ended and its own time has come.
+A plan with moving people is punctual: its execution must keep the times of the plan. Each executed motion then lies in
+the middle of its planned time and begins no earlier; the robot stands until then. Let v be the speed of a run (a
+straight move from rest to rest), a its acceleration, and let planned turns include a wait of v/2a before and after
+(:mod:`.laws`). Then:
 
-So at time t the robot is at its planned position of that time, or up to v/2a before if the plan begins with a run, with
-an error of v²/8a along its path (:class:`Ramps`).
+- A run of length L is planned for L/v. It really takes L/v + v/a, or 2 sqrt(L/a) <= L/v + v/a if L < v²/a. Centred on
+  its planned time, it begins at most v/2a early and ends at most v/2a late. A turn does not use its planned waits of
+  v/2a. So if a turn, or a hold of v/a, is between any two runs, executed motions do not overlap.
+- The robot is then never more than v²/8a from its planned position, and always on the planned path. At the planned end
+  of a long run, the plan is at the end of the run and the robot v²/8a before it. For a run of length u v²/a with u < 1
+  the distance is (u/2)(1 - sqrt(u)/2)² v²/a, which grows with u up to v²/8a.
+- A run at the start of the plan cannot begin v/2a early, unless the plan stands that long before it. It is then late by
+  v/2a, and so are the motions after it, until a wait makes up for it: at a hold, between two turns, or about short
+  runs. No motion is ever later than that, since each begins once its predecessor has ended and its own time has come.
+
+So at time t the robot is at its planned position for t, or for a time up to v/2a before t if the plan begins with a
+run, with an error of v²/8a along its path (:class:`Ramps`).
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ from hpop.motions.by_law import extras
 from hpop.motions.laws import CLOCK
 from hpop.trajectories.trajectory import STRAIGHT, Trajectory
 
-RUN_SAMPLES = 400  # samples of a run's distance, to find when a planned state is passed
+RUN_SAMPLES = 400  # samples of the distance covered in a run, to find when planned states are passed
 
 
 class Ramps(NamedTuple):
-    """Effect of ramps on a punctual execution.
+    """Effect of speeding up and slowing down on an execution that must keep the times of its plan.
 
-    half   s  that a plan must stand before and after a run, for the robot to keep its times: v/2a
-    stray  m  largest distance ahead of its plan or behind it, along its path: v²/8a
+    half   s  v/2a: wait that a plan needs before and after each run, so that the robot can keep the times
+    stray  m  v²/8a: largest distance along the path between the robot and its planned position
     """
 
     half: float
@@ -53,7 +53,7 @@ class Ramps(NamedTuple):
 
     @classmethod
     def of(cls, model: Model) -> Ramps | None:
-        """Return the ramps of a model that executes moves as runs; None for other models, with unknown executions."""
+        """Return the ramps of a model that executes moves as :class:`Run`; None for models that do not."""
         run = model.laws.get(model.executed.get("move", ""))
         if not isinstance(run, Run):
             return None
@@ -61,9 +61,9 @@ class Ramps(NamedTuple):
 
 
 def clearance_radius(model: Model, margin: float) -> float:
-    """Return the radius, m, that a robot needs free about its axis.
+    """Return the radius, m, of the circle about its axis that a robot needs free while it executes a plan.
 
-    Its body, a margin, and its deviation from the plan.
+    It is the reach of the body, plus a margin, m, plus the largest deviation from the plan (:class:`Ramps`).
     """
     ramps = Ramps.of(model)
     reach = max((float(part.reach) for part in model.platform), default=0.0)
@@ -71,12 +71,12 @@ def clearance_radius(model: Model, margin: float) -> float:
 
 
 def rest_to_rest_execution(planned: Trajectory, executed: Mapping[str, str]) -> tuple[Trajectory, FloatArray]:
-    """Return the execution of a trajectory, and the time (n+1,), s, at which each planned state is passed.
+    """Return the execution of a trajectory, and the times (n+1,), s, at which it passes the planned states.
 
-    executed  law of execution by planned law; motions of other laws are executed as planned
+    executed  the kind of law that executes each planned kind; motions of other kinds are executed as planned
 
-    Consecutive motions in one line, with an equal turn per metre, become one. Without changes the plan itself is
-    returned. A punctual trajectory goes on no earlier than planned.
+    Consecutive motions along one straight line become one motion if they turn by equal angles per metre. If nothing
+    changes, the plan itself is returned. In the execution of a punctual plan no motion begins before its planned time.
     """
     if planned.punctual:  # motions planned from rest to rest keep their times
         executed = {kind: becomes for kind, becomes in executed.items() if becomes != kind}
@@ -91,9 +91,14 @@ def rest_to_rest_execution(planned: Trajectory, executed: Mapping[str, str]) -> 
 def _punctual_execution(
     planned: Trajectory, ends: list[int], done: Trajectory, passed: FloatArray
 ) -> tuple[Trajectory, FloatArray]:
-    """Return an execution with each motion in the middle of its planned time, or as soon after as possible.
+    """Return an execution in which each motion lies in the middle of its planned time, or as soon after as possible.
 
-    The robot stands before a motion until its time has come; planned holds do the same.
+    ends    indices of the planned states at which the executed motions begin and end
+    done    the executed motions without waits
+    passed  s, times at which ``done`` passes the planned states
+
+    Waits are inserted before motions that would begin too early. Also return the times at which the execution passes
+    the planned states.
     """
     times, when = planned.times[ends], passed.copy()
     begins, now = np.zeros(len(done)), 0.0
@@ -112,10 +117,13 @@ def _punctual_execution(
 
 
 def _with_waits(done: Trajectory, begins: FloatArray, until: float) -> Trajectory:
-    """Return the motions of a trajectory without holds, each starting at its time in ``begins`` (n,), s.
+    """Return a trajectory in which the motions of ``done`` other than holds begin at given times.
 
-    The robot waits between them, and then up to ``until``, s. No wait is shorter than LEAST: a motion begins at most
-    that much too early, and no later motion does for that reason.
+    begins  (n,)  s, time at which each motion begins
+    until   s, time until which the robot stands after the last motion
+
+    Between motions the robot waits. A wait shorter than ``LEAST`` is left out: a motion may begin that much too early,
+    but these errors do not add up.
     """
     moves = [i for i, kind in enumerate(done.kinds) if kind != HOLD.kind]
     lasts, clock = done.durations, getattr(done.states, CLOCK, np.zeros(len(done) + 1))
@@ -138,7 +146,10 @@ def _with_waits(done: Trajectory, begins: FloatArray, until: float) -> Trajector
 
 
 def _executed_ends(planned: Trajectory, executed: Mapping[str, str]) -> tuple[list[int], tuple[str, ...]]:
-    """Return the indices (e+1,) of states at which executed motions begin and end, and their kinds (e,)."""
+    """Return the planned states between which executed motions lead, as indices (e+1,), and their kinds (e,).
+
+    Consecutive planned moves in one straight line become one executed motion.
+    """
     ends, kinds, laws = [0], list[str](), planned.model.laws
     for i, kind in enumerate(planned.kinds):
         becomes = executed.get(kind)
@@ -151,11 +162,14 @@ def _executed_ends(planned: Trajectory, executed: Mapping[str, str]) -> tuple[li
 
 
 def _continues(law: Law, states: States, begin: int, i: int) -> bool:
-    """Return whether motion i continues the motion that began at state ``begin``; motions in place never do."""
+    """Return whether motion i continues, in one straight line, the executed motion that began at state ``begin``.
+
+    Motions in place never do.
+    """
     if not {"x", "y"} <= law.varies:
         return False
     (x0, x1, x2), (y0, y1, y2) = ([getattr(states, axis)[j] for j in (begin, i, i + 1)] for axis in ("x", "y"))
-    if (x1, y1) in ((x0, y0), (x2, y2)):  # a motion that goes nowhere has any direction
+    if (x1, y1) in ((x0, y0), (x2, y2)):  # a motion of length 0 fits any direction
         return law.varies == {"x", "y"}
     ahead, along = np.arctan2(y2 - y1, x2 - x1), np.arctan2(y1 - y0, x1 - x0)
     if abs(wrap(ahead - along)) >= STRAIGHT:
@@ -169,7 +183,10 @@ def _continues(law: Law, states: States, begin: int, i: int) -> bool:
 
 
 def _passing_times(states: States, ends: list[int], done: Trajectory) -> FloatArray:
-    """Return the time at which each planned state is passed: within a run, when its distance is covered."""
+    """Return the times (n+1,), s, at which an execution passes the planned states.
+
+    A planned state within a longer run is passed when the run has covered its distance from the start of the run.
+    """
     passed = np.zeros(states.size)
     passed[ends] = done.times
     longer = [(motion, *span) for motion, span in enumerate(pairwise(ends)) if span[1] - span[0] > 1]

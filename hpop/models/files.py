@@ -1,7 +1,8 @@
-"""Files of a robot: identified in a description by path and SHA-256, and found again after front and files were moved.
+"""References from a saved front to the files of a robot model, such as a URDF, which still work after a move.
 
-In a description a file is a record, ``{"path": ..., "sha256": [...]}``; a folder is a record without hashes. In a saved
-front the path is relative to the front's folder, marked by ``"relative"``.
+A model's description (its parameters for JSON) names a file by a record, ``{"path": ..., "sha256": [...]}``. The hash
+identifies the file wherever it lies. The record of a folder has no hashes. In a saved front, records also have
+``"relative"``: the path relative to the front's folder.
 """
 
 from __future__ import annotations
@@ -20,17 +21,17 @@ MOST_BYTES = 100_000_000  # largest file that is hashed
 
 
 def record(path: str | os.PathLike[str], *hashes: str) -> Record:
-    """Return the record of a file in a description; without hashes, that of a folder."""
+    """Return the record of a file, with its absolute path and SHA-256 hashes; a folder's record has no hashes."""
     return {"path": os.path.abspath(path), "sha256": list(hashes)}
 
 
 def is_record(value: Any) -> TypeGuard[Mapping[str, Any]]:
-    """Return whether a value is a record of a file or folder."""
+    """Return whether a value of a description is a record of a file or folder."""
     return isinstance(value, Mapping) and {"path", "sha256"} <= value.keys() <= {"path", "sha256", "relative"}
 
 
 def with_relative_paths(folder: str, description: Any) -> Any:
-    """Return a description in which each record of a file also has its path relative to a folder."""
+    """Return a copy of a description in which all records of files have paths relative to ``folder``."""
 
     def seen(one: Mapping[str, Any]) -> Record:
         path = one["path"]
@@ -43,14 +44,11 @@ def with_relative_paths(folder: str, description: Any) -> Any:
 
 
 def with_absolute_paths(folder: str, description: Any) -> Any:
-    """Return the description with absolute paths of files, found from a folder.
+    """Return a copy of a description with absolute paths of files, the inverse of :func:`with_relative_paths`.
 
-    The inverse of :func:`with_relative_paths`.
-
-    If a relative path leads nowhere, a file of the same name in the folder is used. Records of earlier versions also
-    have absolute paths: if the file at the relative path has changed and the one at the absolute path has not, the
-    latter is used.
-    The record of a missing file keeps its relative path.
+    Relative paths start at ``folder``. If there is no file at a relative path, a file of the same name in the folder is
+    used. Records of earlier versions also have absolute paths: if the file at the relative path has changed and the one
+    at the absolute path has not, the latter is used. The record of a missing file keeps its relative path.
     """
 
     def found(one: Mapping[str, Any]) -> Record:
@@ -70,13 +68,17 @@ def with_absolute_paths(folder: str, description: Any) -> Any:
 
 
 def path_of(given: Mapping[str, Any], what: str) -> Any:
-    """Return the path of a record; ModelError names both expected places of a missing file. ``what`` names the file."""
+    """Return the path in a file's record; raise ModelError if the file of a saved front is missing.
+
+    given  the record
+    what   name of the file in the message: "URDF"
+    """
     path, there = given["path"], given.get("relative")
     if there is not None and not os.path.exists(str(path)):
         once = f"neither at {shown(path, 400)}, where it was, nor" if path != there else "not"
         raise ModelError(
-            f"the {what} is {once} at {shown(there, 400)}, where the saved front sees it; put it there, or beside the "
-            "front under the same name, or plan again"
+            f"the {what} is {once} at {shown(there, 400)}, where the saved front expects it; put it there, or into the "
+            "folder of the front under the same name, or plan again"
         )
     return path
 
@@ -90,11 +92,12 @@ def _has_hash(path: str, one: Mapping[str, Any]) -> bool:
 
 
 def without_paths(description: Any) -> Any:
-    """Return a description without the paths of files that have hashes."""
+    """Return a copy of a description in which records of files have hashes only, to compare descriptions."""
     return _map_records(lambda one: {"sha256": one["sha256"]}, description)
 
 
 def _map_records(change: Callable[[Mapping[str, Any]], Record], value: Any) -> Any:
+    """Return a copy of a description in which ``change`` has been applied to every record of a file or folder."""
     if is_record(value):
         return change(value)
     if isinstance(value, Mapping):

@@ -1,7 +1,7 @@
-"""Joints that carry parts and bodies of a robot in the plane: lifts, slides and hinges.
+"""Joints of a robot in the plane: lifts, slides and upright hinges that carry its collision parts, camera or tool.
 
-A joint keeps its load upright, so a part on a lift or on a boom remains an upright prism. Joints form a chain from the
-base outwards. Positions of parts and bodies are those at joint values of 0.
+A joint keeps its load upright, so a collision part on a lift or a boom remains an upright prism. Joints form a chain
+from the base outwards. Positions of parts and bodies are given for joint values of 0.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ from hpop.motions import Leg, States, StateSpace
 
 ALONG = ("up", "ahead", "left", "round")
 STEP = math.radians(5.0)
-"""Largest turn between the outlines that cover the area swept by a hinge."""
+"""Largest angle between two outlines of a part; outlines at this spacing cover the area that a hinge sweeps with it."""
 BEYOND = 1e-6
-"""Tolerance beyond a stop, m or rad."""
+"""Tolerance by which a joint may be beyond an end stop, m or rad."""
 ALIGNED = 1e-9
-"""Least change of a joint that counts as a motion, m or rad."""
+"""Smallest change of a joint that counts as a motion, m or rad."""
 
 
 @checked_arguments
 @dataclass(frozen=True)
 class Joint:
-    """Slide, or hinge about an upright axis.
+    """Joint that moves a part of the robot: a slide, or a hinge about an upright axis.
 
     name          name of the joint's state
-    along         "up", "ahead" or "left" of a slide; "round" of a hinge, counter-clockwise
-    low, high     m or rad, stops of the joint
-    speed         m/s or rad/s
-    acceleration  m/s² or rad/s²
-    at            m, (ahead, left) of the axis of a hinge
+    along         direction of a slide: "up", "ahead" or "left"; "round" for a hinge, positive counter-clockwise
+    low, high     m or rad, end stops of the joint
+    speed         m/s or rad/s, largest
+    acceleration  m/s² or rad/s², largest
+    at            m, position (ahead, left) of a hinge's axis relative to the axis of the base
     """
 
     name: str
@@ -56,8 +56,7 @@ class Joint:
             real(f"{name} of the joint {self.name!r}", getattr(self, name), -MOST, MOST, "m or rad", error=ModelError)
         if self.low > self.high:
             raise ModelError(
-                f"the low stop of the joint {self.name!r} must not be above its high one, got {self.low:g} and "
-                f"{self.high:g}"
+                f"low must not be above high for the joint {self.name!r}, got low={self.low:g} and high={self.high:g}"
             )
         for name in ("speed", "acceleration"):
             value = getattr(self, name)
@@ -66,22 +65,26 @@ class Joint:
 
     @property
     def unit(self) -> str:
-        """Unit of the joint's state."""
+        """Unit of the joint's state: "rad" for a hinge, "m" for a slide."""
         return "rad" if self.along == "round" else "m"
 
     @property
     def lever(self) -> float:
-        """Distance of the axis of a hinge from that of the base, m."""
+        """Distance between the axis of a hinge and the axis of the base, m."""
         return math.hypot(*self.at)
 
     @property
     def stroke(self) -> float:
-        """Largest distance by which a slide moves its load in the plane, m."""
+        """Largest horizontal distance by which a slide moves its load, m; 0 for lifts and hinges."""
         return max(abs(self.low), abs(self.high)) if self.along in ("ahead", "left") else 0.0
 
 
 def reach_of(point: tuple[float, float], on: Sequence[Joint]) -> float:
-    """Return a bound on the distance, m, of a carried point from the axis of the base, at any joint values."""
+    """Return an upper bound, m, on how far a carried point gets from the axis of the base, over all joint values.
+
+    point  m, (ahead, left) at joint values of 0
+    on     joints that carry the point, from the base outwards
+    """
     reach = math.hypot(*point)
     for joint in reversed(on):
         reach += joint.stroke + (2.0 * joint.lever if joint.along == "round" else 0.0)
@@ -89,7 +92,7 @@ def reach_of(point: tuple[float, float], on: Sequence[Joint]) -> float:
 
 
 class CarriedPoint(NamedTuple):
-    """Point (x, y) in the world that joints carry, m, with its velocity, m/s, and acceleration, m/s²."""
+    """Point of the robot that joints carry: position (x, y), m, velocity, m/s, and acceleration, m/s², in the world."""
 
     place: tuple[Column, Column]
     velocity: tuple[Column, Column] = (0.0, 0.0)
@@ -103,10 +106,12 @@ def carried_point(
     rates: States | None = None,
     changes: States | None = None,
 ) -> CarriedPoint:
-    """Return position, velocity and acceleration of a point (ahead, left), m, carried by joints and base.
+    """Return position, velocity and acceleration in the world of a point that the base and its joints carry.
 
-    on : joints that carry the point
-    rates, changes : first and second derivatives of the states, for velocity and acceleration
+    point           m, (ahead, left) on the base at joint values of 0
+    on              joints that carry the point, from the base outwards
+    rates, changes  first and second time derivatives of the states; without them velocity or acceleration are not
+                    computed
     """
     found = CarriedPoint(point)
     for joint in reversed(on):
@@ -123,6 +128,7 @@ def carried_point(
 def _after_slide(
     found: CarriedPoint, name: str, axis: int, states: States, rates: States | None, changes: States | None
 ) -> CarriedPoint:
+    """Return a point after a slide along an axis (0 or 1): the state ``name`` is added to its coordinate."""
     columns = []
     for old, source in zip(found, (states, rates, changes), strict=True):
         new = list(old)
@@ -140,7 +146,11 @@ def _after_turn(
     rates: States | None,
     changes: States | None,
 ) -> CarriedPoint:
-    """Return a point rotated about another: p = a + R d, its rate R d' + w J R d, ..., with w the angle's rate."""
+    """Return a point after a rotation about the position ``at`` by the angle in the state ``name``.
+
+    With d its offset from ``at``, R the rotation, w the rate of the angle and J a quarter turn, the new position is
+    at + R d and the new velocity R d' + w J R d. The acceleration is the derivative of the velocity.
+    """
     angle = getattr(states, name)
     cos, sin = np.cos(angle), np.sin(angle)
 
@@ -165,12 +175,18 @@ def _after_turn(
 
 
 def joint_sum(on: Sequence[Joint], along: str, states: States) -> Column:
-    """Return the sum of the states of all joints along one direction: the lift (N,), m, or the turn (N,), rad."""
+    """Return the sum (N,) of the states of those joints whose ``along`` is the given one.
+
+    It is the total lift, m, for "up", and the total angle, rad, for "round".
+    """
     return sum((getattr(states, joint.name) for joint in on if joint.along == along), 0.0)
 
 
 def swept_corners(corners: FloatArray, on: Sequence[Joint]) -> tuple[FloatArray, float]:
-    """Return points (n, 2) and a radius, m; their grown hull contains corners (c, 2) at all joint values."""
+    """Return a bound on the area that a part's corners (c, 2) can reach over all values of its joints.
+
+    The bound is the convex hull of the returned points (n, 2), m, grown by the returned radius, m.
+    """
     points, grown = corners, 0.0
     for joint in reversed(on):
         if joint.along == "round":
@@ -189,7 +205,10 @@ def swept_corners(corners: FloatArray, on: Sequence[Joint]) -> tuple[FloatArray,
 
 
 def legs_of_joints(space: StateSpace, legs: list[Leg], a: States, b: States, joints: Sequence[str]) -> list[Leg]:
-    """Return the legs of the base, then one leg per joint, by the law of that joint; a joint that is NaN in b stays."""
+    """Return the motions from states a to b: those of the base (``legs``), then one motion of each joint.
+
+    Each joint moves by its own law. A joint whose value in b is NaN does not move.
+    """
     end = States(**{name: getattr(a, name) for name in space.names})
     made = []
     for leg in legs:
@@ -206,7 +225,7 @@ def legs_of_joints(space: StateSpace, legs: list[Leg], a: States, b: States, joi
 
 
 def stop_faults(space: StateSpace, joints: Sequence[str], states: States) -> Iterator[str]:
-    """Yield joints that are beyond a stop in states (N,), each with the state in which it is farthest beyond."""
+    """Yield a text for each joint that is beyond an end stop in some of the states (N,); it names the worst state."""
     for joint, low, high in _stops(space, joints):
         value = getattr(states, joint)
         for stop, beyond in ((low, -1.0), (high, 1.0)):
@@ -214,11 +233,11 @@ def stop_faults(space: StateSpace, joints: Sequence[str], states: States) -> Ite
             if over.max() > BEYOND:
                 i = int(np.argmax(over))
                 unit = space.units[space.names.index(joint)]
-                yield f"has a {joint} of {value[i]:.6g} {unit} in state {i}, beyond its stop at {stop:.6g}"
+                yield f"has a {joint} of {value[i]:.6g} {unit} in state {i}, beyond its stop at {stop:.6g} {unit}"
 
 
 def beyond_stops(space: StateSpace, joints: Sequence[str], states: States) -> BoolArray:
-    """Return whether a joint is beyond a stop in each state (N,)."""
+    """Return a mask (N,) of the states in which some joint is beyond an end stop."""
     found = np.zeros(states.size, dtype=bool)
     for joint, low, high in _stops(space, joints):
         value = getattr(states, joint)
@@ -227,7 +246,7 @@ def beyond_stops(space: StateSpace, joints: Sequence[str], states: States) -> Bo
 
 
 def _stops(space: StateSpace, joints: Sequence[str]) -> Iterator[tuple[str, float, float]]:
-    """Yield the joints that have stops, with their stops."""
+    """Yield name, low and high end stop of each joint that has end stops."""
     for joint in joints:
         if joint not in space.turning:
             column = space.names.index(joint)
@@ -235,7 +254,7 @@ def _stops(space: StateSpace, joints: Sequence[str]) -> Iterator[tuple[str, floa
 
 
 def largest_change(joints: Sequence[Joint], start: States, end: States, lever: float) -> tuple[Column, Column]:
-    """Return bounds (M,), m and rad, on the motion by joints of any point within a lever, m, of their axes."""
+    """Return upper bounds (M,), m and rad, on how far joints move and turn a point within ``lever`` m of their axes."""
     moved: Column = 0.0
     turned: Column = 0.0
     for joint in joints:
@@ -246,11 +265,12 @@ def largest_change(joints: Sequence[Joint], start: States, end: States, lever: f
 
 
 class Stations(NamedTuple):
-    """Stations of a lattice: states of a model at one position, and its motions in place.
+    """All states that a lattice uses at one grid position, and the motions in place between them.
 
-    states    (S,)  x and y are 0
-    headings  (S,)  index of each state's heading among the lattice's headings; moves go along it
-    motions         by kind of motion in place: tails and heads (E,), both indices of states
+    states    (S,)  states, with x and y 0
+    headings  (S,)  index of each state's heading among the lattice's headings; straight moves go along it
+    motions         for each kind of motion in place, such as "turn": indices (E,) of the states in which the E motions
+                    begin, and indices (E,) of those in which they end
     """
 
     states: States
@@ -259,10 +279,14 @@ class Stations(NamedTuple):
 
 
 def grid_of_stations(yaw: FloatArray, joints: Mapping[str, FloatArray]) -> tuple[Stations, IntArray]:
-    """Return all combinations of headings (H,), rad, and joint values, and the station number of each.
+    """Return a lattice's states at one position: all combinations of headings and joint values, with motions in place.
 
-    The numbers have one axis for the headings and one for each joint. A "turn" leads from any heading to any other, and
-    a joint's law from any value of the joint to any other.
+    yaw     (H,)  headings, rad
+    joints  values of each joint, by its name
+
+    A "turn" leads from any heading to any other, and a joint's own law from any of its values to any other. Also
+    returned is the number of the state of each combination, as an array with one axis for the headings and one for
+    each joint.
     """
     shape = (yaw.size, *(values.size for values in joints.values()))
     heading, *at = (index.ravel() for index in np.indices(shape))
@@ -273,14 +297,20 @@ def grid_of_stations(yaw: FloatArray, joints: Mapping[str, FloatArray]) -> tuple
 
 
 def _motions_along_axis(number: IntArray, axis: int) -> tuple[IntArray, IntArray]:
-    """Return tails and heads of motions between any two stations that differ only along one axis."""
+    """Return the begins and ends, as state numbers, of motions between any two states that differ along one axis only.
+
+    number  state number of each combination of heading and joint values
+    """
     lines = np.moveaxis(number, axis, -1).reshape(-1, number.shape[axis])
     a, b = np.nonzero(~np.eye(lines.shape[1], dtype=bool))
     return lines[:, a].ravel(), lines[:, b].ravel()
 
 
 def stops_of(space: StateSpace, joint: str) -> FloatArray:
-    """Return both stops of a joint and 0, in ascending order; their midpoint instead of 0 if 0 is not between them."""
+    """Return the three values of a joint in a lattice, ascending: both end stops and 0.
+
+    If 0 is not between the stops, their midpoint takes its place. Equal values are returned once.
+    """
     column = space.names.index(joint)
     low, high = space.low[column], space.high[column]
     return np.unique([low, 0.0 if low <= 0.0 <= high else 0.5 * (low + high), high])

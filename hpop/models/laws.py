@@ -1,15 +1,18 @@
-"""Motion laws in the plane: straight moves and turns in place, as planned and as executed.
+"""Motion laws of robots in the plane: straight moves and turns in place, as planned and as executed.
 
-Planned motions (one planning law for all planners, so that costs add up along edges):
+All planners plan with two laws whose durations add up along the edges of a graph. With cruise speed v and acceleration
+a of the base:
 
-- :class:`Move` at cruise speed v lasts L/v.
-- :class:`Turn` lasts its rest-to-rest time plus v/a, the loss of stopping and starting again, half of it standing
-  before the turn and half after. For runs of at least v²/a metres that is exact, for shorter ones an upper bound.
+- :class:`Move`, a straight move of length L at cruise speed, lasts L/v.
+- :class:`Turn` lasts as long as a turn from rest to rest, plus v/a. This is the time that the robot loses by stopping
+  before the turn and starting again after it; the plan stands half of it before the turn and half after. If the
+  straight moves are at least v²/a long, the sum is exact, otherwise it is an upper bound.
 
-Executed motions (the robot's real ones): :class:`Run`, a straight move from rest to rest, and :class:`Spin`, a turn
-from rest to rest, both with trapezoidal speed profiles. The ramps at start and goal add the constant v/a to the plan.
+The robot really makes other motions: :class:`Run`, a straight move from rest to rest, and :class:`Spin`, a turn from
+rest to rest, both with trapezoidal speed profiles. Speeding up at the start and slowing down at the goal add the
+constant v/a to the planned duration.
 
-Curves are planned as they are executed; :mod:`hpop.models.driven` has them.
+Curves are planned as they are executed, by the law in :mod:`hpop.models.driven`.
 """
 
 from __future__ import annotations
@@ -24,15 +27,20 @@ from hpop.base.math import hypot, is_symbolic, smooth_abs, wrap
 from hpop.models.joints import Joint
 from hpop.motions import LawDefaults, Leg, Model, Phase, States, StateSpace
 
-TINY = 1e-12  # m or rad: below, a rest-to-rest time has no usable slope
+TINY = 1e-12  # m or rad: for shorter distances the derivative of the rest-to-rest time is too large to be used
 UNMOVED = 1e-6  # m: tolerance for equal positions
-ALIGNED = 1e-9  # rad: least angle of a turn
+ALIGNED = 1e-9  # rad: smallest angle that counts as a turn
 
 
 def rest_to_rest(distance: Column, speed: float, acceleration: float) -> tuple[Phase, ...]:
-    """Return the trapezoidal profile from rest to rest; a triangle where the distance is short.
+    """Return the phases of a motion from rest to rest over a distance: speed up, cruise, slow down.
 
-    Ramps last min(speed/a, sqrt(d/a)), so the whole lasts d/speed + speed/a, or 2 sqrt(d/a) for d < speed²/a.
+    distance      (M,)  m or rad
+    speed         m/s or rad/s, largest
+    acceleration  m/s² or rad/s²
+
+    The speed profile is a trapezoid; for a distance d below speed²/a it is a triangle, without cruise. Each ramp lasts
+    min(speed/a, sqrt(d/a)), so the motion lasts d/speed + speed/a, or 2 sqrt(d/a) for short distances.
     """
     safe = np.where(distance > TINY, distance, TINY) if is_symbolic(distance) else distance
     ramp = np.minimum(speed / acceleration, np.sqrt(safe / acceleration))
@@ -49,7 +57,10 @@ def rest_to_rest(distance: Column, speed: float, acceleration: float) -> tuple[P
 
 
 def with_waits(motion: tuple[Phase, ...], loss: float) -> tuple[Phase, ...]:
-    """Return the phases of a motion in place between two waits, which share the loss, s, of stopping and starting."""
+    """Return the phases of a motion in place with a wait before and a wait after it, each ``loss``/2 s long.
+
+    ``loss`` is the time that the robot loses by stopping before the motion and starting again after it.
+    """
     nothing = 0.0 * motion[0].begin
     wait = 0.5 * loss + nothing
     stand = Phase(wait, nothing, nothing, "hold")
@@ -58,13 +69,13 @@ def with_waits(motion: tuple[Phase, ...], loss: float) -> tuple[Phase, ...]:
 
 
 def linear(name: str, start: States, end: States, share: Column) -> Column:
-    """Return the state ``name`` at a share of the motion, for a state that changes linearly with the share."""
+    """Return the column ``name`` when ``share`` (0 to 1) of a motion is done, linear between start and end."""
     begin = getattr(start, name)
     return begin + (getattr(end, name) - begin) * share
 
 
 class _Straight(LawDefaults):
-    """Geometry of a straight movement with constant heading."""
+    """Geometry of a straight move: x and y change in proportion to the share done, and the heading is constant."""
 
     varies = frozenset({"x", "y"})
 
@@ -79,7 +90,7 @@ class _Straight(LawDefaults):
 
 
 class _InPlace(LawDefaults):
-    """Geometry of a rotation about the base's axis."""
+    """Geometry of a turn in place: the yaw changes in proportion to the share done, and x and y are constant."""
 
     varies = frozenset({"yaw"})
 
@@ -95,7 +106,7 @@ class _InPlace(LawDefaults):
 
 @dataclass(frozen=True)
 class Move(_Straight):
-    """Straight move at cruise speed, m/s."""
+    """Planned law of a straight move: all of it at cruise speed, m/s."""
 
     speed: float
     kind: str = "move"
@@ -107,11 +118,11 @@ class Move(_Straight):
 
 @dataclass(frozen=True)
 class Turn(_InPlace):
-    """Turn in place from rest to rest, with the loss of stopping and starting split before and after it."""
+    """Planned law of a turn in place: from rest to rest, with a wait of half the ``loss`` before and after it."""
 
     turn_rate: float  # rad/s
     turn_acceleration: float  # rad/s²
-    loss: float  # s
+    loss: float  # s, time that the robot loses by stopping before the turn and starting again
     kind: str = "turn"
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
@@ -121,7 +132,7 @@ class Turn(_InPlace):
 
 @dataclass(frozen=True)
 class Run(_Straight):
-    """Straight move from rest to rest."""
+    """Executed law of a straight move: from rest to rest."""
 
     speed: float  # m/s
     acceleration: float  # m/s²
@@ -133,7 +144,7 @@ class Run(_Straight):
 
 @dataclass(frozen=True)
 class Spin(_InPlace):
-    """Turn in place from rest to rest."""
+    """Executed law of a turn in place: from rest to rest."""
 
     turn_rate: float  # rad/s
     turn_acceleration: float  # rad/s²
@@ -145,13 +156,14 @@ class Spin(_InPlace):
 
 @dataclass(frozen=True)
 class JointMove(LawDefaults):
-    """Move of one joint from rest to rest while the base stands.
+    """Law by which one joint moves from rest to rest while the base stands.
 
     kind          name of the law
-    joint         the state that changes
+    joint         name of the state that changes
     speed         rad/s or m/s
     acceleration  rad/s² or m/s²
-    loss          s, of stopping and starting the base, half of it before and half after
+    loss          s, time that the base loses by stopping and starting again; half of it is a wait before the motion of
+                  the joint, half a wait after it
     """
 
     kind: str
@@ -162,7 +174,7 @@ class JointMove(LawDefaults):
 
     @property
     def varies(self) -> frozenset[str]:
-        """The joint alone."""
+        """Name of the only state that changes: that of the joint."""
         return frozenset({self.joint})
 
     def change(self, start: States, end: States) -> Column:
@@ -171,12 +183,12 @@ class JointMove(LawDefaults):
         return change
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
-        """Return a profile from rest to rest, the base standing."""
+        """Return the timing: speed up, cruise and slow down, between two waits if the law has a ``loss``."""
         motion = rest_to_rest(smooth_abs(self.change(start, end)), self.speed, self.acceleration)
         return with_waits(motion, self.loss) if self.loss else motion
 
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
-        """Return state ``name`` where a share of the change is done."""
+        """Return the column ``name`` when ``share`` (0 to 1) of the joint's change is done."""
         return linear(name, start, end, share)
 
     def travel(self, start: States, end: States, lever: Column) -> Column:
@@ -189,9 +201,9 @@ class JointMove(LawDefaults):
 
 
 def joint_laws(joints: Iterable[Joint], loss: float) -> dict[str, JointMove]:
-    """Return two laws for each joint: the planned law under the joint's name, the executed law under NAME_run.
+    """Return two laws for each joint: the planned law, named as the joint, and the executed law, named NAME_run.
 
-    loss : s, time that the base loses by stopping and starting again
+    loss  s, time that the base loses by stopping and starting again; only planned laws contain it
     """
     laws = dict[str, JointMove]()
     for joint in joints:
@@ -201,9 +213,11 @@ def joint_laws(joints: Iterable[Joint], loss: float) -> dict[str, JointMove]:
 
 
 def turn_move_turn(space: StateSpace, a: States, b: States, *, turn: str = "turn", move: str = "move") -> list[Leg]:
-    """Return the legs from states a (M,) to b: a turn towards b, a straight move, a turn to b's heading.
+    """Return the motions from states a (M,) to states b: a turn towards b, a straight move, a turn to b's heading.
 
-    turn, move : kinds of the laws for turns and moves
+    turn, move  names of the laws for turns and moves
+
+    The last turn is left out where the heading of b is NaN (any heading).
     """
     apart = np.hypot(b.x - a.x, b.y - a.y) > UNMOVED
     arrives = np.where(np.isnan(b.yaw), a.yaw, b.yaw)
@@ -220,7 +234,7 @@ def turn_move_turn(space: StateSpace, a: States, b: States, *, turn: str = "turn
 
 
 def cruise_speed(base: Model) -> float:
-    """Return the planned speed, m/s, of a base in the plane on one metre straight ahead."""
+    """Return the speed, m/s, at which a base in the plane is planned to drive straight ahead, over one metre."""
     move = base.laws.get("move")
     if isinstance(move, Move):
         return move.speed
@@ -235,10 +249,10 @@ def cruise_speed(base: Model) -> float:
 
 @dataclass(frozen=True)
 class Unwind(Turn):
-    """Turn of the base during which the head turns back by the same angle, so that the view stays.
+    """Law of a turn in place during which the head turns back by the same angle, so that the view does not change.
 
-    Base and head share one profile, that of the slower: ``turn_rate`` and ``turn_acceleration`` are within the limits
-    of both.
+    Base and head turn with one speed profile, so ``turn_rate`` and ``turn_acceleration`` must be within the limits of
+    both.
     """
 
     loss: float = 0.0
@@ -247,18 +261,21 @@ class Unwind(Turn):
     varies = frozenset({"yaw", "pan"})
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
-        """Return a profile from rest to rest, by the angle of the base."""
+        """Return the timing of the base's turn: from rest to rest, between two waits if the law has a ``loss``."""
         spin = rest_to_rest(smooth_abs(end.yaw - start.yaw), self.turn_rate, self.turn_acceleration)
         return with_waits(spin, self.loss) if self.loss else spin
 
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
-        """Return state ``name`` where a share of the angle is done; the pan turns back as far as the yaw turns on."""
+        """Return the column ``name`` when ``share`` (0 to 1) of the turn is done; the pan changes by minus the yaw."""
         return start.pan - (end.yaw - start.yaw) * share if name == "pan" else linear(name, start, end, share)
 
     def slopes(self, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
-        """Return the derivatives by the share; pan and yaw are exact negatives, so that their sum is zero."""
+        """Return the derivatives of a state with respect to the share done; those of pan and yaw add up to 0 exactly.
+
+        Then the yaw of the view is constant without any rounding error.
+        """
         return (start.yaw - end.yaw if name == "pan" else end.yaw - start.yaw), 0.0
 
     def strays(self, start: States, end: States) -> Column:
-        """Return the angle (M,), rad, by which the view turns between the given ends."""
+        """Return the error (M,), rad, of the given ends: the angle by which the view turns although it must not."""
         return smooth_abs((end.yaw - start.yaw) + (end.pan - start.pan))

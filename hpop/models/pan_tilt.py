@@ -1,4 +1,4 @@
-"""Robot with a camera that pans and tilts on its base."""
+"""Robot model "pan_tilt": a camera on a pan-tilt head, carried by a base in the plane."""
 
 from __future__ import annotations
 
@@ -40,16 +40,16 @@ from hpop.motions import (
 from hpop.trajectories.trajectory import Trajectory
 
 ALIKE = 1e-9  # rad: tolerance for equal angles
-COARSEST = math.radians(90.0)  # between neighbouring pans
-FINER = math.radians(45.0)
+COARSEST = math.radians(90.0)  # angle between neighbouring pans of a lattice, if all headings are multiples of it
+FINER = math.radians(45.0)  # otherwise
 ALL_ROUND: Literal["all round"] = "all round"  # a pan without end stops
-FARTHEST_TURNED = 4.0 * math.pi  # rad: farthest end stop of a cable
+FARTHEST_TURNED = 4.0 * math.pi  # rad: largest end stop of the pan, set by a cable
 CARRIES = frozenset({"plane", "rigid", "base", "camera"})  # capabilities of a base that can carry a head
 
 
 @dataclass(frozen=True)
 class HeadPose(RigidPose):
-    """Pose of a camera at the point where the axes of the head meet, turned by yaw, pan and tilt."""
+    """Pose of the camera: at the point where pan and tilt axes meet, turned by the yaw of the base, pan and tilt."""
 
     @property
     def yaw(self) -> Column:
@@ -72,9 +72,9 @@ class HeadPose(RigidPose):
 
 @dataclass(frozen=True)
 class HeadTwist(RigidTwist):
-    """Twist of the camera: it moves with the base, turns about the vertical, and tilts up about its right.
+    """Velocity and angular velocity of the camera: it moves with the base, turns about the vertical, and tilts.
 
-    With ψ = yaw + pan its right is (sin ψ, -cos ψ, 0), always level.
+    It tilts up about its axis to the right, (sin ψ, -cos ψ, 0) with ψ = yaw + pan, which is always level.
     """
 
     @property
@@ -85,7 +85,7 @@ class HeadTwist(RigidTwist):
 
 @dataclass(frozen=True)
 class HeadTwistRate(RigidTwistRate):
-    """Derivative of the twist of the camera; yaw and pan carry the axis of the tilt round."""
+    """Acceleration and angular acceleration of the camera; yaw and pan also turn the axis about which it tilts."""
 
     @property
     def rotation(self) -> Vector:
@@ -95,9 +95,11 @@ class HeadTwistRate(RigidTwistRate):
 
 
 def stations(space: StateSpace, yaw: FloatArray) -> Stations:
-    """Return every pan and tilt at each heading (H,), joined by "pan", "tilt", "turn" and "unwind".
+    """Return all states that a lattice uses at one position, and the motions in place between them.
 
-    Raises OptionError for headings that no pan can turn back, and for stops without a pan between them.
+    The states are all combinations of heading (H,), rad, pan and tilt. The motions are "pan", "tilt", "turn" and
+    "unwind". Raises OptionError if no pan can turn back the difference of two headings, or if no pan of the lattice is
+    between the end stops.
     """
     pans = _pan_values(space, yaw)
     found, number = grid_of_stations(yaw, {"pan": pans, "tilt": stops_of(space, "tilt")})
@@ -105,15 +107,18 @@ def stations(space: StateSpace, yaw: FloatArray) -> Stations:
 
 
 def _pan_values(space: StateSpace, yaw: FloatArray) -> FloatArray:
-    """Return pans (P,), rad, ascending, spaced so that the head can turn back on each turn of the base."""
+    """Return the pans (P,) of a lattice, rad, ascending: multiples of 90 degrees, or of 45 if the headings need it.
+
+    When the base turns from one heading to another, the head can then turn back by the same angle.
+    """
     turns = yaw - yaw[0]
     step = next(
         (step for step in (COARSEST, FINER) if (np.abs(_distance_to_multiple(turns, step)) < ALIKE).all()), None
     )
     if step is None:
         raise OptionError(
-            f"{yaw.size} headings are no multiples of 45 degrees apart, so no pan of a lattice turns the head back as "
-            "the base turns; take 4 or 8 headings"
+            f"the headings of a lattice must be multiples of 45 degrees apart for a pan-tilt head, got {yaw.size} "
+            "headings; set headings to 4 or 8"
         )
     column = space.names.index("pan")
     low, high = space.low[column], space.high[column]
@@ -121,21 +126,24 @@ def _pan_values(space: StateSpace, yaw: FloatArray) -> FloatArray:
     pans = step * np.arange(first, math.floor(high / step + ALIKE) + 1, dtype=np.float64)
     if not pans.size:
         raise OptionError(
-            f"no multiple of {math.degrees(step):g} degrees is between the pan's stops at {low:.6g} and {high:.6g} rad"
-            ", and a lattice has no other pans; let the stops be farther apart"
+            f"a lattice needs a pan that is a multiple of {math.degrees(step):g} degrees, but none is between the end "
+            f"stops pan=({low:.6g}, {high:.6g}) rad; set stops that are farther apart"
         )
     return pans
 
 
 def _distance_to_multiple(angles: FloatArray, step: float) -> FloatArray:
-    """Return the distance (N,), rad, of angles from a multiple of a step."""
+    """Return the signed differences (N,), rad, between angles and the nearest multiple of ``step``."""
     return np.asarray(angles - step * np.round(angles / step))
 
 
 def _unwind_motions(
     number: IntArray, space: StateSpace, yaw: FloatArray, pans: FloatArray
 ) -> tuple[IntArray, IntArray]:
-    """Return tails and heads of turns during which the head turns back, wherever the pan for this exists."""
+    """Return the state numbers at which "unwind" motions begin, and those at which they end.
+
+    In such a motion the base turns and the head turns back by the same angle, so both pans must exist in the lattice.
+    """
     turn = wrap(yaw[None, :] - yaw[:, None])  # (H, H), half a turn counter-clockwise
     view = turn[:, :, None, None] + pans[None, None, None, :] - pans[None, None, :, None]  # (H, H, P, P)
     stays = np.abs(wrap(view) if "pan" in space.turning else view) < ALIKE
@@ -148,20 +156,21 @@ def _unwind_motions(
 class PanTilt(OnBase, PlanarModel):
     """Base in the plane with a camera on a pan-tilt head; states x, y (m), yaw, pan and tilt (rad).
 
-    base               a model in the plane without joints, which carries the head where the base has its own camera;
-                       the head is taken to be within the base's mast
-    pan                rad     (low, high), the end stops that a cable sets, or "all round"; relative to the base, 0
-                               ahead, counter-clockwise, continuous: a pan of -pi is not one of pi
-    tilt               rad     (low, high), up positive; equal where the head does not tilt
-    pan_rate           rad/s
-    pan_acceleration   rad/s²
-    tilt_rate          rad/s
-    tilt_acceleration  rad/s²
+    base               model in the plane without joints. The head replaces its camera; the head's volume is taken to be
+                       within the base's mast
+    pan                rad     (low, high) end stops relative to the base, 0 ahead, positive counter-clockwise, or "all
+                               round" for a head without stops. Between stops a pan of -pi differs from one of pi
+    tilt               rad     (low, high) end stops, positive upwards; equal if the head does not tilt
+    pan_rate           rad/s   largest rate of the pan
+    pan_acceleration   rad/s²  largest acceleration of the pan
+    tilt_rate          rad/s   largest rate of the tilt
+    tilt_acceleration  rad/s²  largest acceleration of the tilt
     field_of_view      rad     (horizontal, vertical) angles of view, or None for all round
 
-    The head moves while the base stands (laws "pan" and "tilt"). While the base turns in place, the head turns with it
-    ("turn") or turns back by the same angle, so that the view stays as it is ("unwind"). A turn of the head lasts its
-    rest-to-rest time plus v/a, as a turn of the base does; turning back keeps the limits of both.
+    The head moves while the base stands (laws "pan" and "tilt"). While the base turns in place, the head either turns
+    with it ("turn"), or turns back by the same angle so that the view does not change ("unwind"). A motion of the head
+    lasts its rest-to-rest time plus v/a, the time that the base loses by stopping and starting again (v and a are its
+    speed and acceleration). During "unwind", base and head keep the limits of both.
     """
 
     joints: ClassVar[tuple[str, ...]] = ("pan", "tilt")
@@ -186,23 +195,23 @@ class PanTilt(OnBase, PlanarModel):
 
     @property
     def provides(self) -> frozenset[str]:
-        """All that the base provides except "rigid", and joints."""
+        """Capabilities: those of the base except "rigid", plus "joints"."""
         return super().provides | {"joints"} | (self.base.provides & {"heading", "wheels"})
 
     @cached_property
     def _turn(self) -> Turn | None:
-        """Law by which the base turns in place; None if it has none."""
+        """Law of the base's turns in place; None if the base has no such law."""
         law = self.base.laws.get("turn")
         return law if isinstance(law, Turn) else None
 
     @property
     def executed(self) -> Mapping[str, str]:  # type: ignore[override]  # of its base
-        """Executed laws of the base and of the head."""
+        """The kind of law by which the robot executes motions of each planned kind, of base and head."""
         return {**self.base.executed, "pan": "swivel", "tilt": "nod", "unwind": "counterspin"}
 
     @cached_property
     def space(self) -> StateSpace:
-        """States of the base and of the head, as far apart as the base moves while they change."""
+        """States of base and head; in distances a pan or tilt counts as the distance the base drives in its time."""
         plane, turns, speed = self.base.space, self.pan == ALL_ROUND, cruise_speed(self.base)
         pan = (-math.pi, math.pi) if self.pan == ALL_ROUND else self.pan
         return StateSpace(
@@ -216,7 +225,7 @@ class PanTilt(OnBase, PlanarModel):
 
     @cached_property
     def laws(self) -> Mapping[str, Law]:
-        """Laws of the base except curves, which do not move a head, and laws of the head."""
+        """Motion laws of the base, except its curves, and of the head."""
         loss = self._turn.loss if self._turn else 0.0
         pan, tilt = (self.pan_rate, self.pan_acceleration), (self.tilt_rate, self.tilt_acceleration)
         turn = self._turn
@@ -238,7 +247,7 @@ class PanTilt(OnBase, PlanarModel):
 
     @property
     def mounts(self) -> Mapping[str, Mount]:
-        """Positions of the base, and of the point where the axes of the head meet."""
+        """Positions of the bodies: the base, and the camera at the point where pan and tilt axes meet."""
         return self.base.mounts
 
     @property
@@ -251,19 +260,19 @@ class PanTilt(OnBase, PlanarModel):
         return HeadPose(self._mount(body), states) if body == "camera" else super().pose(body, states)
 
     def twist(self, body: str, states: States, rates: States) -> Twist:
-        """Return the twist of the base or of the camera."""
+        """Return velocity and angular velocity of the base or the camera."""
         if body != "camera":
             return super().twist(body, states, rates)
         return HeadTwist(self._mount(body), states, rates)
 
     def twist_rate(self, body: str, states: States, rates: States, changes: States) -> Twist:
-        """Return the derivative of the twist of base or camera."""
+        """Return acceleration and angular acceleration of the base or the camera."""
         if body != "camera":
             return super().twist_rate(body, states, rates, changes)
         return HeadTwistRate(self._mount(body), states, rates, changes)
 
     def body(self, name: str, motions: Motions) -> Body:
-        """Return the motion of base or camera in each motion, in closed form; a tilt does not count as a turn."""
+        """Return how base or camera moves in each motion, in closed form; a tilt does not count among ``turns``."""
         body, law = super().body(name, motions), motions.law
         if name != "camera" or not isinstance(law, JointMove | Unwind):
             return body
@@ -278,30 +287,34 @@ class PanTilt(OnBase, PlanarModel):
         )
 
     def extent(self, motions: Motions) -> tuple[Column, Column]:
-        """Return bounds (M,), m and rad, on how far the base and the camera move and turn."""
+        """Return upper bounds (M,), m and rad, on how far base and camera move and turn in each motion."""
         farthest, turned = super().extent(motions)
         return farthest, np.maximum(turned, hypot(*_view_change(motions)))
 
     def connect(self, a: States, b: States) -> list[Leg]:
-        """Return the legs of the base with the head at rest, then a pan, then a tilt."""
+        """Return the motions from states a to b: those of the base with the head at rest, then a pan, then a tilt."""
         return legs_of_joints(self.space, self.base.connect(a, b), a, b, self.joints)
 
     def stations(self, yaw: FloatArray) -> Stations:
-        """Return pans at multiples of 45 degrees within the stops and three tilts at each heading (H,), rad."""
+        """Return all states that a lattice uses at one position, and the motions in place between them.
+
+        Each heading (H,), rad, is combined with pans at multiples of 45 or 90 degrees within the end stops, and with
+        three tilts.
+        """
         return stations(self.space, yaw)
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Yield motions that the base cannot do, and a head beyond its end stops."""
+        """Yield a text for each motion that the base cannot execute, and for a pan or tilt beyond an end stop."""
         yield from self.base.faults(trajectory)
         yield from stop_faults(self.space, self.joints, trajectory.states)
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Return motions (M,) that are doubtful for the base, or begin or end with the head beyond a stop."""
+        """Return a mask (M,) of the motions that the base may be unable to execute, or with a head beyond a stop."""
         return self.base.doubtful(law, start, end) | super().doubtful(law, start, end)
 
 
 def _view_change(motions: Motions) -> tuple[Column, Column]:
-    """Return signed angles (M,), rad, by which the camera turns about the vertical, and up."""
+    """Return the signed angles (M,), rad, by which the camera turns about the vertical, and by which it tilts up."""
     law, start, end = motions.law, motions.start, motions.end
     still = 0.0 * start.yaw
     if isinstance(law, JointMove):
@@ -311,28 +324,37 @@ def _view_change(motions: Motions) -> tuple[Column, Column]:
 
 
 def _check_base(base: Any) -> None:
-    what = "a head is carried by a base in the plane that has no joints of its own, such as base=DifferentialDrive(...)"
+    """Raise ModelError for a base that cannot carry a pan-tilt head."""
+    what = "base must be a model in the plane with a camera and without joints, such as base=DifferentialDrive(...)"
     if (
         isinstance(base, type)
         or not isinstance(base, Model)
         or not base.provides >= CARRIES
         or "camera" not in with_optional_members(base, MODEL_DEFAULTS).mounts
     ):
-        raise ModelError(f"{what}; got {shown(base)}")
+        raise ModelError(f"{what}, got {shown(base)}")
     if base.mounts["camera"].view is not None:
-        raise ModelError(f"a head turns a camera that is fixed to its base; its view must be {FIXED!r}: leave it out")
+        raise ModelError(
+            f"view of the base of a pan_tilt must be {FIXED!r}, since the head turns the camera; leave view out"
+        )
     if base.field_of_view is not None:
-        raise ModelError("the camera is the head's: give field_of_view to the pan_tilt, not to its base")
+        raise ModelError(
+            "field_of_view must be set for the pan_tilt, whose head carries the camera, but it is set for the base; "
+            "move it to the pan_tilt"
+        )
 
 
 def _checked_stops(name: str, given: Any, most: float, otherwise: str = "") -> tuple[float, float]:
-    """Return checked end stops (low, high), rad."""
+    """Check the option ``name``, end stops (low, high) in rad within ±``most``, and return it as two floats.
+
+    ``otherwise`` names, for messages, a further value that the option may have.
+    """
     try:
         low, high = given
     except (TypeError, ValueError):
-        raise ModelError(f"{name} is (low, high) in rad{otherwise}; got {shown(given)}") from None
+        raise ModelError(f"{name} must be (low, high) in rad{otherwise}, got {shown(given)}") from None
     kind = f"(low, high) in rad{otherwise}, each"
     low, high = (float(real(name, stop, -most, most, kind, error=ModelError)) for stop in (low, high))
     if low > high:
-        raise ModelError(f"the {name}'s low stop must not be above its high one, got ({low:.6g}, {high:.6g})")
+        raise ModelError(f"{name} must be (low, high) with low not above high, got ({low:.6g}, {high:.6g})")
     return low, high

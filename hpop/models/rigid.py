@@ -1,4 +1,4 @@
-"""Bodies mounted on a base that moves in the plane: their poses, twists, and motions."""
+"""Bodies, such as a camera, mounted on a base that moves in the plane: their poses, velocities and motions."""
 
 from __future__ import annotations
 
@@ -22,8 +22,9 @@ from hpop.motions.states import Vector
 class Mount:
     """Position of a body on the base, m: ahead and to the left of the axis, and above the floor.
 
-    view  yaw in the world, rad, of a picture that software turns back; None for a body that looks where the base does
-    on    joints that carry the body, from the base outwards; the position is that at joint values of 0
+    view  rad, fixed yaw in the world of a 360-degree camera whose picture software turns back as the base turns; None
+          for a body that turns with the base
+    on    joints that carry the body, from the base outwards; the position is given for joint values of 0
     """
 
     ahead: float = 0.0
@@ -34,7 +35,7 @@ class Mount:
 
     @property
     def lever(self) -> float:
-        """Distance from the axis, m; of a carried body, a bound on it."""
+        """Horizontal distance from the axis of the base, m; for a body carried by joints, an upper bound on it."""
         return reach_of((self.ahead, self.left), self.on)
 
 
@@ -88,7 +89,7 @@ class RigidPose:
 
 @dataclass(frozen=True)
 class RigidTwist:
-    """Velocity and rotation of a mounted body, computed when read."""
+    """Velocity and angular velocity of a body mounted on the base; components are computed when they are read."""
 
     mount: Mount
     states: States
@@ -112,7 +113,7 @@ class RigidTwist:
 
 @dataclass(frozen=True)
 class RigidTwistRate:
-    """Derivative of the twist of a mounted body."""
+    """Acceleration and angular acceleration of a body mounted on the base."""
 
     mount: Mount
     states: States
@@ -163,7 +164,7 @@ class CarriedPose(RigidPose):
 
 @dataclass(frozen=True)
 class CarriedTwist(RigidTwist):
-    """Velocity and rotation of a carried body."""
+    """Velocity and angular velocity of a body that joints of the base carry."""
 
     @property
     def velocity(self) -> Vector:
@@ -183,7 +184,7 @@ class CarriedTwist(RigidTwist):
 
 @dataclass(frozen=True)
 class CarriedTwistRate(RigidTwistRate):
-    """Derivative of the twist of a carried body."""
+    """Acceleration and angular acceleration of a body that joints of the base carry."""
 
     @property
     def velocity(self) -> Vector:
@@ -203,29 +204,29 @@ class CarriedTwistRate(RigidTwistRate):
 
 @runtime_checkable
 class PlanarLaw(Law, Protocol):
-    """Law of a base in the plane with path length and rotation of its motions in closed form."""
+    """Motion law of a base in the plane that gives path length and rotation of its motions in closed form."""
 
     def travel(self, start: States, end: States, lever: Column) -> Column:
-        """Return the path length (M,), m, of a point ``lever`` metres from the axis; along curves an upper bound."""
+        """Return the path length (M,), m, of a point ``lever`` m from the base's axis; on curves an upper bound."""
 
     def turned(self, start: States, end: States) -> Column:
-        """Return the signed rotation (M,), rad."""
+        """Return the signed rotation (M,) of the base, rad."""
 
 
 class PlanarCurve(PlanarLaw, Curve, Protocol):
-    """Law of curves in the plane."""
+    """Motion law of curves in the plane, with path length and rotation in closed form."""
 
     def swept(self, start: States, end: States) -> Column:
-        """Return the absolute rotation (M,), rad."""
+        """Return the absolute rotation (M,) of the base, rad; turns left and turns right both count."""
 
 
 def is_planar(law: Law) -> TypeGuard[PlanarLaw]:
-    """Return whether a law moves a base in the plane in closed form."""
+    """Return whether a law follows :class:`PlanarLaw`: it gives path length and rotation in closed form."""
     return follows(law, PlanarLaw)
 
 
 def motion_bounds(motions: Motions, lever: float) -> tuple[Column, Column]:
-    """Return bounds (M,), m and rad, on the motion of the axis and of points within ``lever`` metres of it."""
+    """Return upper bounds (M,) on path length, m, and rotation, rad, of points within ``lever`` m of the base axis."""
     m, law = motions, motions.law
     if is_planar(law):
         turned = cast(PlanarCurve, law).swept(m.start, m.end) if is_curve(law) else law.turned(m.start, m.end)
@@ -235,9 +236,10 @@ def motion_bounds(motions: Motions, lever: float) -> tuple[Column, Column]:
 
 
 def rigid_body(name: str, mount: Mount, motions: Motions) -> Body:
-    """Return the motion of a mounted body in each motion: it turns with the base, and its lever lengthens its path.
+    """Return how a body mounted on the base moves in each motion, in closed form.
 
-    On curves the path of a body off the axis may be longer or shorter than the base's, so it is integrated.
+    It turns with the base, and moves on an arc if it is off the axis. On curves the path length of a body off the axis
+    has no closed form and is integrated numerically.
     """
     m, law = motions, cast(PlanarLaw, motions.law)
     rotation = law.turned(m.start, m.end)
@@ -266,7 +268,7 @@ def rigid_body(name: str, mount: Mount, motions: Motions) -> Body:
 
 
 def turned_body(name: str, motions: Motions) -> Body:
-    """Return the motion of a body off the axis while only the base moves, not along curves."""
+    """Return how a body carried by joints moves while the joints rest and the base moves straight or turns in place."""
     m, law = motions, cast(PlanarLaw, motions.law)
     start, rotation = m.model.pose(name, m.start), law.turned(m.start, m.end)
     lever = hypot(start.x - m.start.x, start.y - m.start.y)
@@ -275,7 +277,10 @@ def turned_body(name: str, motions: Motions) -> Body:
 
 
 def carried_body(name: str, mount: Mount, motions: Motions) -> Body:
-    """Return the motion of a body carried by joints: integrated where joints move, else as for a rigid body."""
+    """Return how a body carried by joints moves in each motion.
+
+    Its path is integrated numerically if a joint moves or the base drives a curve, and has a closed form otherwise.
+    """
     law, joints = motions.law, {joint.name: joint.along for joint in mount.on}
     turning = {"yaw", *(joint for joint, along in joints.items() if along == "round")}
     if is_planar(law) and not is_curve(law) and not law.varies & joints.keys() and mount.view is None:

@@ -1,7 +1,8 @@
-"""Motions: batches of short movements under one law, on which all criteria are defined.
+"""Motions: batches of short robot movements of one kind, on which all criteria are defined.
 
-The edges of a lattice, the pieces of a trajectory and the intervals of a nonlinear program are all batches of motions.
-Columns have shape (M,), one entry for each motion: NumPy arrays, or CasADi symbols that behave like them. A criterion
+All motions of a batch follow one motion law: they are all straight moves, for example, or all turns in place. The edges
+of a lattice, the pieces of a trajectory and the intervals of a nonlinear program are batches of motions. A column holds
+one entry for each of the M motions, as a NumPy array (M,) or as CasADi symbols that behave like one. A criterion
 written over motions therefore runs unchanged on graphs, on trajectories and inside nonlinear programs.
 """
 

@@ -1,4 +1,4 @@
-"""Batches of motions under one law, and the integrals and worst moments of rates along them."""
+"""Batches of motions under one law: integrals and largest values of rates (costs per second) along each motion."""
 
 from __future__ import annotations
 
@@ -31,21 +31,24 @@ from hpop.motions.quadrature import (
     runs,
     timed,
 )
-from hpop.motions.states import States, picked_states
+from hpop.motions.states import States, picked_states, reverse_indices
 from hpop.runtime import limits
 
 if TYPE_CHECKING:
     from hpop.world import World
 
-MOST_PIECES = 100_000  # pieces of a phase
-SYMBOLIC_PANELS = 3  # panels of a phase on symbols, unless the batch sets another number
-ALIKE = 1e-9  # m or rad: tolerance of the ends of two motions that go there and back
-DIGITS = 9  # decimals of the keys by which such motions are found
+MOST_PIECES = 100_000  # most pieces into which `moments` cuts a phase
+SYMBOLIC_PANELS = 3  # panels (quadrature intervals) of a phase on CasADi symbols, unless the batch sets another number
+
 GAUSS_NODES = np.array([0.5 - 0.5 / np.sqrt(3.0), 0.5 + 0.5 / np.sqrt(3.0)])  # two nodes on [0, 1]
 
 
 class _Probe(NamedTuple):
-    """Names that a rate has read (:class:`Instants`) and, on symbols, its value (M,) at the probed moment."""
+    """Result of one trial evaluation of a rate.
+
+    read   names of the quantities that the rate has read, as recorded by :class:`Instants`
+    value  on CasADi symbols, the rate (M,) at the trial moment; else None
+    """
 
     read: frozenset[str]
     value: Column | None
@@ -54,17 +57,18 @@ class _Probe(NamedTuple):
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Motions:
-    """A batch of M motions under one law.
+    """Batch of M motions of one robot that all follow one motion law.
 
-    world   the workspace, for fields and obstacles
-    model   the system that moves
-    law     the one law of the batch
-    start   states (M,) where each motion begins
-    end     states (M,) where each motion ends; yaw is continuous, so ``end.yaw - start.yaw`` is the rotation
-    t0      (M,) s start time of each motion, or None on a graph without time
-    panels  number of quadrature panels of a phase; None chooses it by the lengths, and 3 on symbols
-    turns   (M,) rad, two columns: signed rotations of the turns that end in each motion along a curve; None where no
-            motion knows its neighbours
+    world   the world, which criteria ask for distances and obstacles
+    model   the robot
+    law     the motion law, common to all motions
+    start   states (M,) in which the motions begin
+    end     states (M,) in which they end; yaw is continuous, so that ``end.yaw - start.yaw`` is the rotation
+    t0      (M,)  s, time at which each motion begins; None for edges of a graph without time
+    panels  number of quadrature intervals in each phase of the timing; None to choose it by the lengths of the motions,
+            or 3 on CasADi symbols
+    turns   two columns (M,), rad, for motions along curves: signed rotations of the turns that end in each motion; a
+            turn may begin in an earlier motion. None if the motions before and after each one are unknown
     """
 
     world: World
@@ -76,78 +80,74 @@ class Motions:
     panels: int | None = None
     turns: tuple[Column, Column] | None = None
 
-    whole: ClassVar[bool] = True  # whole motions in the law's own time: equal ends mean equal motions
+    whole: ClassVar[bool] = True  # motions are whole and keep their law's timing: equal ends mean equal motions
 
     def __len__(self) -> int:
         return self.start.size
 
     @property
     def kind(self) -> str:
-        """Kind of the motions: the name of their law."""
+        """Kind of the motions, such as "move" or "turn": the name of their law."""
         return self.law.kind
 
     @cached_property
     def phases(self) -> tuple[Phase, ...]:
-        """Timing of these motions by their law."""
+        """Phases of the motions' timing, such as speed-up, cruise and slow-down, in order."""
         return self.law.phases(self.start, self.end)
 
     @cached_property
     def duration(self) -> Column:
-        """Duration (M,), s."""
+        """Duration (M,) of each motion, s."""
         return sum(phase.duration for phase in self.phases)
 
     @cached_property
     def twins(self) -> IntArray:
-        """Index, for each motion (M,), of the motion that goes back through the same states, or its own index.
+        """Index (M,) that is equal for a motion and its reverse in the batch, so that their costs are computed once.
 
-        An integral that is equal both ways is then computed once. Only ``reversible`` laws have such motions; of two,
-        the first in the batch is the index of both.
+        It is the index of the first of the two. A motion without a reverse in the batch has its own index, and so have
+        all motions of a law that is not ``reversible``.
         """
-        places = np.arange(len(self))
         if self._symbolic or not self.law.reversible:
-            return places
-        names = self.start.names
-        start, end = (np.stack([getattr(states, name) for name in names]) for states in (self.start, self.end))
-        numbers = np.sqrt(np.arange(2.0, 2.0 + len(names)))  # two states hardly ever have the same sum
-        ends = np.sort(np.round([numbers @ start, numbers @ end], DIGITS), axis=0)
-        _, first, which = np.unique(ends[0] + 1j * ends[1], return_index=True, return_inverse=True)
-        twin = first[which]
-        back = (np.abs(start - end[:, twin]) <= ALIKE) & (np.abs(end - start[:, twin]) <= ALIKE)
-        return np.where(back.all(axis=0), twin, places)
+            return np.arange(len(self))
+        return reverse_indices(self.start, self.end)
 
     @cached_property
     def base(self) -> Body:
-        """The robot's base."""
+        """Motion of the robot's base in each motion."""
         return self.body("base")
 
     @cached_property
     def camera(self) -> Body:
-        """The camera."""
+        """Motion of the camera in each motion."""
         return self.body("camera")
 
     def body(self, name: str) -> Body:
-        """Return a body's motion in each motion of the batch; during holds models are not called."""
+        """Return how a body ("camera", "base") moves in each motion of the batch: poses, path length and rotation."""
         return standing(name, self) if self.stands else self.model.body(name, self)
 
     @property
     def stands(self) -> bool:
-        """True if the robot holds, so that nothing moves."""
+        """True if the motions are holds: the robot stands still."""
         return stands(self.law)
 
     def integrate(self, rate: Rate, *, jumps: bool = False, detail: float | None = None) -> Column:
         """Return the time integral (M,) of a rate along each motion.
 
-        The rule is Gauss-Legendre with two nodes in each panel; a panel is no longer than a field cell and turns no
-        body by more than 10 degrees. Under a law with ``quadrature`` "adaptive" it is that of
-        :mod:`hpop.motions.quadrature`, computed once for motions there and back (:attr:`twins`) if the rate reads
-        states alone. A rate that reads only constants (the camera's position during a turn about it) is exact, and so
-        is one that reads accelerations that are constant within each phase. Where a rate reads the time, no person
-        walks farther in a panel than a field cell, and panels end where a person turns at a waypoint, comes or goes.
-        During holds only such a rate changes; a panel then lasts no longer than a second.
+        rate    function from :class:`Instants` (moments within motions) to a cost per second
+        jumps   True if the rate jumps, as a count does; adaptive quadrature is then finer
+        detail  m, length within which the rate changes, if that is less than two field cells (cells of the world's
+                distance grid). The robot and the fastest person together then move at most half of it in a panel, down
+                to an eighth of a cell
 
-        An adaptive quadrature is finer for a rate that ``jumps``, as counts do. For a rate that changes within less
-        than two field cells, ``detail``, m, is that length: the robot and the fastest person together go no farther
-        than half of it in a panel, down to an eighth of a cell.
+        The rule is Gauss-Legendre with two nodes in each panel (quadrature interval). In a panel the robot moves no
+        farther than a field cell, and no body turns by more than 10 degrees. If the rate reads the time, no person
+        walks farther than a field cell in a panel, and panels end where a person turns at a waypoint, comes or goes.
+        During a hold only such a rate changes, and a panel lasts at most a second.
+
+        Laws whose ``quadrature`` is "adaptive" use the rule of :mod:`hpop.motions.quadrature` instead, once for a
+        motion and its reverse (:attr:`twins`) if the rate reads states only.
+
+        The integral is exact if all that the rate reads is constant within each phase, such as accelerations.
         """
         probe = self._probe(rate, self._symbolic_nodes[0] if self._symbolic else 0.0)
         constant = self._constant(rate, probe)
@@ -164,12 +164,13 @@ class Motions:
         return total
 
     def worst(self, rate: Rate, *, detail: float | None = None) -> Column:
-        """Return the largest value (M,) of a rate along each motion, over panel ends and middles.
+        """Return the largest value (M,) of a rate along each motion, sampled at the ends and middles of panels.
 
-        If a rate changes by at most c per metre, the error is at most c/4 of a field cell, twice as much where people
-        walk. Where a rate reads the time, the moments just before a person turns, comes or goes count as well.
-        ``detail`` is as in :meth:`integrate`. Motions there and back (:attr:`twins`) are computed once if the rate
-        reads states alone.
+        rate, detail  as in :meth:`integrate`
+
+        For a rate that changes by at most c per metre, the error is at most c/4 times the length of a field cell, and
+        twice as much where people walk. If the rate reads the time, it is also sampled just before a person turns,
+        comes or goes. If it reads states only, it is computed once for a motion and its reverse (:attr:`twins`).
         """
         probe = self._probe(rate)
         constant = self._constant(rate, probe)
@@ -188,23 +189,23 @@ class Motions:
         return largest
 
     def moments(self, pieces: int) -> list[Instants]:
-        """Return instants (M,) that cut each phase into ``pieces`` equal times, without the ends of motions."""
+        """Return moments (M,) that cut each phase into ``pieces`` equal times, without start and end of the motions."""
         pieces = whole("pieces", pieces, 1, MOST_PIECES)
         shares = [(phase, i / pieces) for phase in self.phases for i in range(pieces)]
         return [self._instants(phase, share, None) for phase, share in shares[1:]]
 
     def _probe(self, rate: Rate, u: float = 0.0) -> _Probe:
-        """Return the names that a rate reads, from one motion at its start; on symbols from all, with the value."""
+        """Evaluate a rate for one motion, at fraction ``u`` of its first phase, to see which quantities it reads.
+
+        On CasADi symbols it is evaluated for all motions, and the value is returned too.
+        """
         owner = None if self._symbolic else np.zeros(min(1, len(self)), dtype=np.int64)
         instants = self._instants(self.phases[0], u, owner)
         value = rate(instants)
         return _Probe(frozenset(instants.read), value if self._symbolic else None)
 
     def _constant(self, rate: Rate, probe: _Probe) -> Column | None:
-        """Return the rate (M,) if nothing that it reads changes within the motions; else None.
-
-        Consecutive motions with equal start states, such as turns at a position of a lattice, are evaluated once.
-        """
+        """Return the rate (M,) if all that it reads is constant within each motion; else None."""
         kept = self._constant_states
         still = {second_derivative(name) for name in kept}
         if self.stands:
@@ -213,7 +214,7 @@ class Motions:
             return None
         if self._symbolic:
             return probe.value
-        new = np.zeros(len(self), dtype=bool)
+        new = np.zeros(len(self), dtype=bool)  # False where these states equal those of the motion before
         new[:1] = True
         for name in probe.read & kept:
             column = getattr(self.start, name)
@@ -221,12 +222,12 @@ class Motions:
         first = np.flatnonzero(new)
         instants = self._instants(self.phases[0], 0.0, first)
         values = np.broadcast_to(rate(instants), first.shape)
-        if instants.read - probe.read:  # it reads more elsewhere: take no shortcut
+        if instants.read - probe.read:  # for these motions the rate reads more than in the trial: take no shortcut
             return None
         return np.repeat(values, np.diff(np.append(first, len(self))))
 
     def _at_once(self, rate: Rate, phase: Phase, probe: _Probe) -> Column | None:
-        """Return the rate (M,) in a phase if all that it reads is constant, such as accelerations; else None."""
+        """Return the rate (M,) in a phase if all that it reads, such as accelerations, is constant there; else None."""
         even = self.law.even if is_curve(self.law) else self.start.names
         if not probe.read <= self._constant_states | {second_derivative(name) for name in even}:
             return None
@@ -234,11 +235,11 @@ class Motions:
             return probe.value
         instants = self._instants(phase, 0.5, None)
         value = rate(instants)
-        return value if instants.read <= probe.read else None  # it reads more elsewhere: take no shortcut
+        return value if instants.read <= probe.read else None  # it reads more than in the trial: take no shortcut
 
     @property
     def _constant_states(self) -> frozenset[str]:
-        """Names of the states that do not change within the motions."""
+        """Names of the states that the law keeps constant within each motion."""
         return frozenset(self.start.names) - self.law.varies
 
     @property
@@ -248,12 +249,12 @@ class Motions:
 
     @cached_property
     def _symbolic_nodes(self) -> list[float]:
-        """Fractions of a phase's time at which rates of symbols are summed."""
+        """Quadrature nodes on CasADi symbols, as fractions of a phase's time."""
         count = self.panels or SYMBOLIC_PANELS
         return [(i + g) / count for i in range(count) for g in GAUSS_NODES]
 
     def _at_nodes(self, rate: Rate, phase: Phase, probe: _Probe, nodes: list[float]) -> list[Column]:
-        """Return a rate of symbols at fractions of a phase's time; the probe has its first value in the first phase."""
+        """Return a rate on CasADi symbols at fractions (``nodes``) of a phase's time; the probe has the first value."""
         known = [probe.value] if phase is self.phases[0] else []
         return known + [rate(self._instants(phase, u, None)) for u in nodes[len(known) :]]
 
@@ -282,11 +283,11 @@ class Motions:
 
     @cached_property
     def _turned(self) -> Column:
-        """Bound (M,), rad, on the rotation of any body."""
+        """Upper bound (M,), rad, on the rotation of any body in each motion."""
         return self.model.extent(self)[1]
 
     def _integral_over_states(self, rate: Rate, jumps: bool) -> FloatArray:
-        """Return the time integral (M,) of a rate that reads states alone."""
+        """Return the time integral (M,), by adaptive quadrature, of a rate that reads states only, not the time."""
         nothing = 0.0 * self.duration
         whole = Phase(self.duration, nothing, 1.0 + nothing, "cruise")
         some = np.flatnonzero((self.duration > 0) & (self.twins == np.arange(len(self))))
@@ -294,14 +295,14 @@ class Motions:
         return adaptive_integrals(self._at(rate, whole), timed(self.phases), some, pieces, jumps=jumps)[self.twins]
 
     def _at(self, rate: Rate, phase: Phase) -> ValuesAt:
-        """Return the function that evaluates the rate at fractions of a phase, of the motions with given indices."""
+        """Return a function that takes fractions of a phase's time and motion indices, and evaluates the rate there."""
         return lambda u, owner: rate(self._instants(phase, u, owner))
 
     def _quadrature(self, phase: Phase, timed: bool, detail: float | None) -> Iterable[tuple[Nodes, dict[str, Column]]]:
-        """Yield the nodes of `quadrature_nodes`, with the states at the nodes that criteria have read.
+        """Yield the quadrature nodes of a phase, each block with a cache of the states at its nodes.
 
-        For motions that are cut together the states are shared by all criteria. Only arrays are stored: moments refer
-        to their motions, and would only be freed by garbage collection.
+        If one block holds all motions, block and cache are kept with the batch, so that all criteria share them. The
+        cache has arrays only: :class:`Instants` refer to their motions, and such a cycle would stay in memory.
         """
         kept: dict[tuple[int, bool, float | None], tuple[Nodes, dict[str, Column]]]
         kept = self.__dict__.setdefault("_quadratures", {})
@@ -326,7 +327,7 @@ class Motions:
         whose, before = before_kinks(self, phase) if timed else (np.empty(0, np.int64), np.empty(0))
         if whose.size:
             np.maximum.at(largest, whose, rate(self._instants(phase, before, whose)))
-        # The next panel has the end.
+        # Without the end of each panel: it is the start of the next panel.
         for _, owner, u, _ in quadrature_nodes(self, phase, ends_and_middles[:-1], timed, detail):
             inside = np.broadcast_to(rate(self._instants(phase, u, owner)), owner.shape)
             first = np.flatnonzero(np.diff(owner, prepend=-1))
@@ -335,7 +336,7 @@ class Motions:
         return largest
 
     def portions(self) -> Iterator[tuple[slice, Motions]]:
-        """Yield runs of the motions with few enough panels that several criteria can share their nodes."""
+        """Yield parts of the batch, as slice and batch, each with so few panels that criteria can share its nodes."""
         if not self.whole or self.panels is not None or self._symbolic or self._adaptive:
             yield slice(0, len(self)), self
             return
@@ -357,7 +358,10 @@ class Motions:
     def _instants(
         self, phase: Phase, u: Column, owner: IntArray | None, known: dict[str, Column] | None = None
     ) -> Instants:
-        """Return instants at fraction ``u`` of a phase, of motions ``owner`` or of all; ``known`` caches states."""
+        """Return the moments at fraction ``u`` of a phase's time, of motions ``owner`` (indices) or of all (None).
+
+        ``known`` is a cache of state columns at these moments; columns that are computed are added to it.
+        """
         columns = {} if known is None else known
 
         def pick(column: Column) -> Column:

@@ -1,4 +1,4 @@
-"""Moving bodies: at moments, over whole motions, and as a table of columns."""
+"""Movement of a body of the robot, such as the camera: over whole motions, at moments within them, and as a table."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 NO_BODIES = frozenset(
     {"heading", "joints", "plane", "rigid", "spline", "turn-move", "wheels"}
-)  # further capabilities of models
+)  # capabilities of models (`Model.provides`) that are not names of bodies
 POSE = {"x": "m", "y": "m", "z": "m", "yaw": "rad", "pitch": "rad", "roll": "rad"}
 VELOCITY = ("vx", "vy", "vz")
 ROTATION = ("wx", "wy", "wz")
@@ -33,17 +33,17 @@ ROTATION = ("wx", "wy", "wz")
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Body:
-    """Motion of a body over a batch of motions, as criteria see it.
+    """How one body of the robot moves in each of M motions; criteria are written with it.
 
-    start, end  poses at both ends of each motion
-    length      (M,)  m    path length
+    start, end  poses of the body at both ends of each motion
+    length      (M,)  m    length of the body's path
     turned      (M,)  rad  absolute rotation, about any axis
     rotation    (M,)  rad  signed rotation about the vertical, counter-clockwise positive
-    turns       columns (M,)  rad  signed rotations of the turns that end in each motion, 0 for none; a turn is a motion
-                      in place, or a maximal stretch of a curve in which the heading changes with one sign
-    stays       whether no motion of the batch translates the body
-    steady      whether no motion of the batch turns it
-    upright     whether no motion of the batch turns it about any axis but the vertical
+    turns       one or two columns (M,), rad: signed rotations of the turns that end in each motion, 0 for none. A turn
+                is a motion in place, or the longest stretch of a curve in which the heading changes with one sign
+    stays       True if no motion of the batch moves the body's position
+    steady      True if no motion of the batch rotates the body
+    upright     True if no motion of the batch rotates it about an axis other than the vertical
     """
 
     start: Pose
@@ -61,7 +61,7 @@ class Body:
 
 
 def standing(name: str, motions: Motions) -> Body:
-    """Return the motion of a body while the robot holds: none, for every model."""
+    """Return the motion of a body during holds: its pose does not change, whatever the model is."""
     nothing = 0.0 * motions.duration
     start, end = (motions.model.pose(name, states) for states in (motions.start, motions.end))
     return Body(start, end, nothing, nothing, nothing, (nothing,), stays=True, steady=True, upright=True)
@@ -69,9 +69,10 @@ def standing(name: str, motions: Motions) -> Body:
 
 @checked_arguments
 def integrated(name: str, motions: Motions) -> Body:
-    """Return the motion of a body by integrating the model's twists; right for any model, but exact for few.
+    """Return the motion of a body by integrating its velocity and angular velocity over each motion.
 
-    A model with closed forms uses those instead (:meth:`hpop.motions.Model.body`).
+    This suits any model, but has the errors of quadrature. A model that knows closed forms should use those instead
+    (:meth:`hpop.motions.Model.body`).
     """
     m = motions
     rotation = m.integrate(lambda s: s.twist(name).rotation[2])
@@ -87,14 +88,14 @@ def integrated(name: str, motions: Motions) -> Body:
 
 @checked_arguments
 class Instants:
-    """Moments within motions: the argument of a rate.
+    """Moments within motions, one per entry of each column: the argument ``s`` of a criterion's rate (cost per second).
 
-    ``s.camera`` and ``s.base`` are poses; ``s.twist("camera")`` is the velocity and rotation of a body, and
-    ``s.twist_rate("camera")`` their derivative by time. ``s.speed``, ``s.turn_rate``, ``s.acceleration`` and
-    ``s.turn_acceleration`` are the base's. ``s.state`` has the states and ``s.t`` the time.
+    ``s.camera`` and ``s.base`` are poses. ``s.twist("camera")`` is the velocity and angular velocity of a body, and
+    ``s.twist_rate("camera")`` the time derivative of both. ``s.speed``, ``s.turn_rate``, ``s.acceleration`` and
+    ``s.turn_acceleration`` describe the base. ``s.state`` has the robot's states and ``s.t`` the time, s.
 
-    Columns are computed when they are first read, and their names recorded: a rate that reads only columns that do not
-    change during a motion is constant, and is then evaluated once.
+    Columns are computed when they are first read, and their names are recorded. If a rate reads only columns that are
+    constant during a motion, it is constant too and is evaluated once.
     """
 
     def __init__(
@@ -110,7 +111,7 @@ class Instants:
         self._t = t
         self.read = read = set[
             str
-        ]()  # functions refer to the set, not to these moments, so that the moments are freed at once
+        ]()  # the functions below refer to this set and not to self: a cycle would keep the object in memory
         self.state = LazyStates(names, size, column, read)
 
         def first(name: str) -> Column:
@@ -130,8 +131,8 @@ class Instants:
         self.read.add("t")
         if self._t is None:
             raise UnsupportedCriterion(
-                "it depends on the time, but this planner has no clock; among people who move, plan by 'exact', "
-                "'lattice', 'roadmap' or 'any-angle', which have one"
+                "the criterion depends on the time, but this planner plans without time; plan by 'exact', 'lattice', "
+                "'roadmap' or 'any-angle', which plan with it"
             )
         return self._t
 
@@ -150,12 +151,15 @@ class Instants:
         return self._model.twist(body, self.state, self.rates)
 
     def twist_rate(self, body: str) -> Twist:
-        """Return acceleration, m/s², and angular acceleration, rad/s²; a planned move begins at cruise speed."""
+        """Return acceleration, m/s², and angular acceleration, rad/s², of a body: three columns each, world frame.
+
+        Planned moves have no acceleration: they begin and end at cruise speed.
+        """
         return self._model.twist_rate(body, self.state, self.rates, self.changes)
 
     @cached_property
     def speed(self) -> Column:
-        """Speed of the base, m/s: along its heading, where it has wheels (backwards it is negative)."""
+        """Speed of the base, m/s; for a base on wheels it is the speed along the heading, negative backwards."""
         velocity = self.twist("base").velocity
         return self._along_heading(velocity) if self._on_wheels else norm(velocity)
 
@@ -166,7 +170,7 @@ class Instants:
 
     @cached_property
     def acceleration(self) -> Column:
-        """Rate at which the speed of the base changes, m/s²; a planned move begins and ends at cruise speed."""
+        """Rate at which the speed of the base changes, m/s²; 0 for planned moves, which keep their cruise speed."""
         acceleration = self.twist_rate("base").velocity
         if self._on_wheels:
             return self._along_heading(acceleration)
@@ -193,12 +197,12 @@ class Instants:
 
 
 def first_derivative(name: str) -> str:
-    """Return the name of a state's first derivative by time among the columns that a rate has read."""
+    """Return the name under which :attr:`Instants.read` records the first time derivative of a state: "x'"."""
     return f"{name}'"
 
 
 def second_derivative(name: str) -> str:
-    """Return the name of a state's second derivative by time among the columns that a rate has read."""
+    """Return the name under which :attr:`Instants.read` records the second time derivative of a state: "x''"."""
     return f"{name}''"
 
 
@@ -206,9 +210,10 @@ Rate = Callable[[Instants], Column]
 
 
 def body_table(model: Model, body: str | None, times: FloatArray, states: States, rates: States) -> Table:
-    """Return a table of time, pose, velocity and rotation of a body (N,), world frame; of states and rates for None.
+    """Return a table (N,) of a body's motion: time, pose, velocity and angular velocity in the world frame.
 
-    Raises OptionError for a body that the model does not have.
+    For body None, the table has the time, the robot's states and their time derivatives (``rates``) instead. Raises
+    OptionError for a body that the model does not have.
     """
     columns: list[tuple[str, str, Column]] = [("t", "s", times)]
     if body is None:
@@ -223,7 +228,10 @@ def body_table(model: Model, body: str | None, times: FloatArray, states: States
         columns += [(name, "rad/s", column) for name, column in zip(ROTATION, twist.rotation, strict=True)]
     names = [name for name, _, _ in columns]
     if len(set(names)) < len(names):
-        raise OptionError(f"the states of this robot would be columns of one name ({', '.join(names)}); ask for a body")
+        raise OptionError(
+            f"a table needs different names of columns, but the states of this robot give {', '.join(names)}; name a "
+            "body of the robot instead of None"
+        )
     values = {name: np.array(np.broadcast_to(column, times.shape), float) for name, _, column in columns}
     return Table(values, {name: unit for name, unit, _ in columns})
 
@@ -234,5 +242,5 @@ def check_body(model: Model, body: str, *, or_else: str = "") -> None:
     if body not in known:
         raise OptionError(
             f"this robot has no body {shown(body)}.{did_you_mean(body, known)} "
-            f"body is one of {', '.join(known)}{or_else}"
+            f"body must be one of {', '.join(known)}{or_else}"
         )

@@ -1,4 +1,4 @@
-"""Motions of trajectories grouped by law, and checks that they follow their laws."""
+"""Grouping the motions of trajectories by their motion law, and checking that they follow it."""
 
 from __future__ import annotations
 
@@ -24,57 +24,61 @@ AT_REST = 1e-3  # m/s or rad/s: tolerance for the speed of a curve where it meet
 
 
 def extras(model: Model, kinds: Iterable[str]) -> tuple[str, ...]:
-    """Return the names of the states that the laws of some kinds need beside the model's, the clock last."""
+    """Return the extra state columns that motions of some kinds need beside the model's states, the clock last."""
     laws = laws_of(model)
     names = dict.fromkeys(name for kind in dict.fromkeys(kinds) for name in laws[kind].extra)
     return tuple(sorted(names, key=CLOCK.__eq__))
 
 
 def refuse_impossible(model: Model, law: Law, start: States, end: States, numbers: IntArray) -> None:
-    """Raise ModelError, about the worst one, if some motions (M,) do not follow their law.
+    """Raise ModelError if some motions (M,) do not follow their law; the message names the worst one.
 
-    A jump in a state that a law does not vary would be invisible to every criterion, and the states of a curve, which
-    fix
-    its path, may not contradict one another.
+    A state that the law keeps constant must not jump, since no criterion would notice the jump. The states of a curve
+    determine its path and must not contradict each other. ``numbers`` (M,) are the motions' numbers for the message.
     """
     for name in [name for name in model.space.names if name not in law.varies]:
         jump = np.abs(getattr(end, name) - getattr(start, name))
         if jump.max() > STILL:
             i = int(np.argmax(jump))
-            raise ModelError(f"a {law.kind} does not change {name}, but motion {numbers[i]} does, by {jump[i]:.3g}")
+            raise ModelError(
+                f"a {law.kind} must not change {name}, but motion {numbers[i]}, a {law.kind}, changes it by "
+                f"{jump[i]:.3g}; give both ends of the motion an equal {name}"
+            )
     if stands(law):
         _refuse_no_duration(law, start, end, numbers)
     if not is_coupled(law):
         return
     strays = law.strays(start, end)
     if strays.max() > LED:
-        leads = "its speeds lead" if is_curve(law) else "it leads"
-        clock = ", and its clock may not run backwards" * is_curve(law)
+        computed = "the end that its speeds and turn rates give" if is_curve(law) else "the end that its law gives"
+        clock = ", and its clock must not run backwards" if is_curve(law) else ""
         raise ModelError(
-            f"motion {numbers[np.argmax(strays)]}, a {law.kind}, ends {strays.max():.3g} m or rad from where {leads}; "
-            f"the states of a {'curve' if is_curve(law) else law.kind} must agree with each other{clock}"
+            f"motion {numbers[np.argmax(strays)]}, a {law.kind}, must end within {LED:g} m or rad of {computed}, but "
+            f"its end state is {strays.max():.3g} m or rad away; correct its states{clock}"
         )
 
 
 def _refuse_no_duration(law: Law, start: States, end: States, numbers: IntArray) -> None:
-    """Raise ModelError for a hold that lasts no time, or too long."""
+    """Raise ModelError for a hold of negative duration, or of more than an hour."""
     lasts = sum(phase.duration for phase in law.phases(start, end))
     wrong = ~((lasts >= 0.0) & (lasts <= LONGEST + STILL))
     if wrong.any():
         i = int(np.argmax(wrong))
         raise ModelError(
-            f"motion {numbers[i]}, a {law.kind}, lasts {lasts[i]:.6g} s; its clock may not run backwards, and it lasts "
-            f"{LONGEST:,.0f} s at most"
+            f"motion {numbers[i]}, a {law.kind}, must last 0 to {LONGEST:,.0f} s, got {lasts[i]:.6g} s; correct the "
+            f"difference of {CLOCK} between its ends"
         )
 
 
 def refuse_holds(model: Model, kinds: tuple[str, ...], states: States) -> None:
-    """Raise ModelError if holds last more than an hour in all, or if a curve is not at rest where it meets a hold."""
+    """Raise ModelError if all holds together last more than an hour, or if a curve meets a hold while it moves."""
     if HOLD.kind not in kinds:
         return
     held = float(np.diff(states.clock)[[kind == HOLD.kind for kind in kinds]].sum())
     if held > LONGEST + STILL:
-        raise ModelError(f"a trajectory holds for {LONGEST:,.0f} s at most, this one for {held:,.6g} s in all")
+        raise ModelError(
+            f"all holds of a trajectory together must last at most {LONGEST:,.0f} s, got {held:,.6g} s; shorten them"
+        )
     laws, size = laws_of(model), len(kinds)
     for i in (i for i, kind in enumerate(kinds) if kind == HOLD.kind):
         for beside, share in ((i - 1, 1.0), (i + 1, 0.0)):
@@ -87,15 +91,16 @@ def refuse_holds(model: Model, kinds: tuple[str, ...], states: States) -> None:
                 speed = float(np.abs(slopes(law, name, start, end, np.array([share]))[0])[0]) / lasts
                 if speed > AT_REST:
                     raise ModelError(
-                        f"motion {i}, a {kinds[i]}, stands, but {name} changes by {speed:.3g} a second in motion "
-                        f"{beside}, a {law.kind}, where they meet: hold where the robot is at rest"
+                        f"the robot must be at rest where a hold begins or ends, but where motion {beside}, a "
+                        f"{law.kind}, meets motion {i}, a {kinds[i]}, {name} still changes by {speed:.3g} a second; "
+                        "let the curve end at rest, or move the hold"
                     )
 
 
 def batches(trajectories: Sequence[Trajectory], world: World) -> Iterator[tuple[IntArray, Motions]]:
-    """Yield the motions of many trajectories of one model, law by law.
+    """Yield the motions of many trajectories of one model, in one batch for each motion law.
 
-    Each batch comes with the indices (M,) of its motions' trajectories.
+    Each batch comes with an array (M,): the index of the trajectory to which each motion belongs.
     """
     if not trajectories:
         return
@@ -124,12 +129,15 @@ def motions_of(
     index: IntArray,
     begins: IntArray,
 ) -> Motions:
-    """Return the motions of many trajectories that follow one law.
+    """Return as one batch those motions of many trajectories that follow one law.
 
-    states  states of all trajectories, with their times, s
-    turns   rotations of the turns that end in each motion, before and after a change of sign
-    index   (M,) numbers of these motions among all motions
-    begins  (M,) numbers of the states in which they begin
+    kind    kind of the law
+    states  states of all trajectories, one after another
+    times   s, time of each of these states
+    turns   rad, for each motion of all trajectories: signed rotations of the turns that end in it, in two columns
+            (:attr:`Motions.turns`)
+    index   (M,) numbers of the batch's motions among all motions
+    begins  (M,) numbers of the states in which these motions begin
     """
     law, names = laws_of(model)[kind], (*model.space.names, *extras(model, (kind,)))
     start, end = (States(**{name: getattr(states, name)[at] for name in names}) for at in (begins, begins + 1))

@@ -1,4 +1,7 @@
-"""Motion laws: their timing, their protocols, and the hold, which every robot has."""
+"""Protocols and timing of motion laws, and the law "hold" (standing still), which every robot has.
+
+A motion law says how one kind of motion, such as a straight move, leads from its start state to its end state.
+"""
 
 from __future__ import annotations
 
@@ -17,20 +20,21 @@ if TYPE_CHECKING:
 
 INSTANT = 1e-12  # s: shorter phases are rounding errors, such as the cruise of a short turn
 _FOUND: dict[tuple[type, type], bool] = {}
-CLOCK = "clock"  # s, from any zero: the state with the durations of holds and curves as differences
-LONGEST = 3600.0  # s: longest holds of a trajectory in all; more must be a mistake in the unit
+CLOCK = "clock"  # s, from any zero: a state whose difference over a hold or a curve is the duration of that motion
+LONGEST = 3600.0  # s: all holds of a trajectory together last at most this long; more must be a mistake in the unit
 
 
 @checked_arguments
 class Phase(NamedTuple):
-    """Smooth part of a law's timing: the share of the motion done goes from ``begin`` to ``end``.
+    """One phase of the timing of motions, such as speeding up: the share of the motion done grows smoothly in it.
 
     duration  (M,)  s
-    begin     (M,)  share of the motion done when the phase begins
+    begin     (M,)  share of the motion done, 0 to 1, when the phase begins
     end       (M,)  share done when it ends
-    shape     growth of the share within the phase: hold, cruise, speed-up or slow-down (constant acceleration); drive:
-              even, but the states do not change in proportion to it; ramp: part of a speed-up or slow-down
-    change    (M,)  of a ramp: relative excess of the speed at its end over the mean; -1 to 1
+    shape     how the share grows: "hold" (not), "cruise" (evenly), "speed-up" or "slow-down" (constant acceleration),
+              "ramp" (a part of a speed-up or slow-down), or "drive" (evenly, but the states of a curve do not change in
+              proportion to the share)
+    change    (M,)  for a ramp: (speed at its end - mean speed) / mean speed, -1 to 1
     """
 
     duration: Column
@@ -40,14 +44,17 @@ class Phase(NamedTuple):
     change: Column = 0.0
 
     def share(self, u: Column) -> Column:
-        """Return the share of the motion done at fraction ``u`` of the phase's time."""
+        """Return the share of the motion done, 0 to 1, after the fraction ``u`` of the phase's time."""
         if self.shape == "ramp":
             return self.begin + (self.end - self.begin) * u * (1.0 + self.change * (u - 1.0))
         grown = {"hold": 0.0 * u, "cruise": u, "drive": u, "speed-up": u * u, "slow-down": u * (2.0 - u)}[self.shape]
         return self.begin + (self.end - self.begin) * grown
 
     def share_rates(self, u: Column) -> tuple[Column, Column]:
-        """Return the first and second time derivatives of the share, 1/s and 1/s², at fraction ``u`` of the time."""
+        """Return the first and second time derivatives, 1/s and 1/s², of the share of the motion done.
+
+        u  fraction of the phase's time
+        """
         first, second = {
             "hold": (0.0 * u, 0.0),
             "cruise": (1.0 + 0.0 * u, 0.0),
@@ -62,7 +69,7 @@ class Phase(NamedTuple):
         return scale * first, scale * frequency * second
 
     def part(self, first: Column, last: Column) -> Phase:
-        """Return the part between two fractions (M,) of the phase's time."""
+        """Return the part of this phase between two fractions (M,) of its time, as a phase of its own."""
         ends = self.share(first), self.share(last)
         change = {"speed-up": 1.0, "slow-down": -1.0, "ramp": self.change}.get(self.shape)
         if change is None:
@@ -77,10 +84,11 @@ class Law(Protocol):
 
     These members are optional:
 
-    extra       names of the states that the law needs beside the model's own; default (). If a law stores a duration
-                in its states, it is the difference of ``clock``, s, from any zero
-    reversible  whether the motion from b to a passes the states of the motion from a to b; default False
-    quadrature  "adaptive" for integrals by :mod:`hpop.motions.quadrature`, None for panels; default None
+    extra       names of state columns that the law needs beside the model's own; default (). A law that stores its
+                duration in states uses the column ``clock``, s, from any zero: the difference is the duration
+    reversible  True if the motion from b to a passes the same states as the motion from a to b; default False
+    quadrature  "adaptive" if costs are integrated adaptively (:mod:`hpop.motions.quadrature`); default None: with
+                intervals of fixed length
     """
 
     @property
@@ -92,10 +100,13 @@ class Law(Protocol):
         """Names of the states that change within a motion; all others keep their start value."""
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
-        """Return the phases in order; their durations add up to the motion's duration."""
+        """Return the timing of motions as phases in order, such as speed-up, cruise and slow-down.
+
+        Their durations add up to the duration of the motion.
+        """
 
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
-        """Return state ``name`` where ``share`` of the motion is done."""
+        """Return the column ``name`` of the state in which ``share`` (0 to 1) of the motion is done."""
 
     if TYPE_CHECKING:  # the defaults are set by `completed`
 
@@ -119,7 +130,10 @@ class LawDefaults:
 
 @runtime_checkable
 class Coupled(Law, Protocol):
-    """Law with states that depend on one another, so that not every end can be reached from a start."""
+    """Law whose states depend on each other, so that a motion cannot lead from every start to every end.
+
+    An example is a base that turns while its camera turns back by the same angle.
+    """
 
     def slopes(self, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
         """Return the first and second derivatives of a state with respect to the share of the motion done."""
@@ -130,9 +144,10 @@ class Coupled(Law, Protocol):
 
 @runtime_checkable
 class Curve(Coupled, Protocol):
-    """Law of curves: its states are not in proportion to the share done, and its yaw rate may change its sign.
+    """Law of curves: its states do not change in proportion to the share of the motion done.
 
-    All other laws change their states evenly with the share, and each of their motions is one whole turn.
+    Its yaw rate may change its sign within a motion. Under all other laws the states change in proportion to the share,
+    so that each motion is a single turn in one direction.
     """
 
     @property
@@ -141,21 +156,24 @@ class Curve(Coupled, Protocol):
 
     @property
     def even(self) -> frozenset[str]:
-        """Names of the states with a constant second derivative by time within a motion."""
+        """Names of the states whose second time derivative is constant within a motion."""
 
     def bends(self, start: States, end: States) -> tuple[Column, Column]:
-        """Return the signed rotation (M,), rad, before and after the yaw rate changes sign, at most once."""
+        """Return the signed rotations (M,), rad, before and after the yaw rate changes its sign.
+
+        It does so at most once in a motion. If it does not, the second rotation is 0.
+        """
 
 
 @checked_arguments
 def is_curve(law: Law) -> TypeGuard[Curve]:
-    """Return whether a law is a law of curves."""
+    """Return whether a law follows the protocol :class:`Curve`."""
     return follows(law, Curve)
 
 
 @checked_arguments
 def is_coupled(law: Law) -> TypeGuard[Coupled]:
-    """Return whether the states of a law depend on each other."""
+    """Return whether a law follows the protocol :class:`Coupled`: its states depend on each other."""
     return follows(law, Coupled)
 
 
@@ -177,9 +195,10 @@ def slopes(law: Law, name: str, start: States, end: States, share: Column) -> tu
 
 @checked_arguments
 def onward(law: Law, space: StateSpace, start: States, end: States) -> States:
-    """Return states ``end`` (M,) with turning columns changed so that a law leads there the shorter way (+pi if equal).
+    """Return states ``end`` (M,) with whole turns added to turning columns, so that motions turn the shorter way.
 
-    The other states of a coupled law follow from these: a head turns back half a turn clockwise.
+    For half a turn that is +pi, counter-clockwise. Under a coupled law, turning columns follow from the other ones: if
+    the base turns by +pi, a head that keeps its view turns back by -pi.
     """
     turning = law.varies & space.turning
     end = space.onward(start, end) if turning else end
@@ -189,11 +208,11 @@ def onward(law: Law, space: StateSpace, start: States, end: States) -> States:
 
 
 class Leg(NamedTuple):
-    """One motion in each of M chains of motions from state to state.
+    """One step of M sequences of motions: the next motion in each sequence.
 
-    kind     kind of the motion's law
+    kind     kind of law, common to all M motions
     end      states (M,) at the end of the motion
-    present  (M,)  whether the chain has this motion; otherwise its end is the chain's state before it
+    present  (M,)  False where a sequence skips this step; ``end`` is then the state before the step
     """
 
     kind: str
@@ -204,9 +223,10 @@ class Leg(NamedTuple):
 @checked_arguments
 @dataclass(frozen=True)
 class Hold(LawDefaults):
-    """Hold: nothing changes but the clock, and its difference is the duration.
+    """Law of a hold: the robot stands still, and only the state ``clock`` changes.
 
-    Motions of other laws carry the clock along unread.
+    The difference of the clock, s, is the duration of the hold. Motions of other laws may also have a clock column, but
+    ignore it.
     """
 
     kind: str = "hold"
@@ -215,12 +235,12 @@ class Hold(LawDefaults):
     extra = (CLOCK,)
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
-        """Return a single phase, in which the share of the motion done is the share of the time."""
+        """Return one phase, in which the share of the motion done grows evenly with time."""
         duration = end.clock - start.clock
         return (Phase(duration, 0.0 * duration, 1.0 + 0.0 * duration, "cruise"),)
 
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
-        """Return the clock after a share of the motion's time."""
+        """Return the clock, s, when ``share`` (0 to 1) of the hold is over."""
         begin = getattr(start, name)
         return begin + (getattr(end, name) - begin) * share
 
@@ -230,5 +250,5 @@ HOLD = Hold()
 
 @checked_arguments
 def stands(law: Law) -> bool:
-    """Return whether a robot stands still under a law, as in a hold."""
+    """Return whether the robot stands still under a law: no state but the clock changes."""
     return law.varies <= {CLOCK}

@@ -1,4 +1,4 @@
-"""Protocols of models and of their collisions, with defaults of optional members."""
+"""Protocols of robot models and of their collision tests, with the defaults of optional members."""
 
 from __future__ import annotations
 
@@ -31,19 +31,20 @@ COLLISION_DEFAULTS: dict[str, Any] = {
 
 
 class Collision(Protocol):
-    """Collision test of a robot in a world: with obstacles, keep-out zones, standing people and the map's border.
+    """Collision test of a robot with obstacles, keep-out zones, standing people and the border of the map.
 
-    These may be left out, and have defaults (:func:`collision_of`):
+    A class may leave out these members; :func:`collision_of` then adds the default that ends each entry:
 
-    clearance        method of states (N,): distance (N,), m, of the whole robot from all of these; None
-    least_clearance  method of motions (M,) of uncoupled laws and a distance: the least clearance (M,), m, along each,
-                     at most that distance; None to sample ``clearance`` instead
-    is_uncompiled    whether kernels must be compiled at the first call; False
-    posture_matters  whether collisions depend on more than x, y and yaw, in the plane; False
-    turn_part        angle, rad: a turn in place by a multiple of it is free exactly where its parts by multiples are; 0
-                     if this does not hold
-    differs          in the plane, method of the collision in an earlier world, positions (P,) and a distance, m:
-                     whether within it the robot's collisions may differ from the earlier ones (P,); all may
+    clearance        method: takes states (N,), returns the distance (N,), m, from the robot to the nearest of these
+                     things; default None
+    least_clearance  method: takes motions (M,) of an uncoupled law and a distance, m; returns the smallest clearance
+                     (M,), m, along each motion, cut off at that distance; default None, ``clearance`` is then sampled
+    is_uncompiled    True if the first call must compile kernels; default False
+    posture_matters  for robots in the plane: True if collisions depend on states other than x, y and yaw; default False
+    turn_part        angle, rad. If a turn in place is cut at multiples of this angle, the turn is free exactly where
+                     all its pieces are; default 0, if there is no such angle
+    differs          for robots in the plane, method: takes the collision test in an earlier world, positions (P,) and a
+                     distance, m; returns a mask (P,): where collisions within it may have changed; default all True
     """
 
     def states_free(self, states: States) -> BoolArray:
@@ -53,11 +54,11 @@ class Collision(Protocol):
         """Return whether the robot is free all along each motion (M,), ends included."""
 
     def why_blocked(self, state: States) -> str:
-        """Return what blocks one state (1,) and what helps, without the last full stop; "" when it is free."""
+        """Return a text, without final full stop: what blocks one state (1,) and a remedy; "" if the state is free."""
 
 
 class WholeCollision(Collision, Protocol):
-    """Collision test with all optional members."""
+    """Collision test in which all optional members of :class:`Collision` are present."""
 
     @property
     def clearance(self) -> Callable[[States], FloatArray] | None: ...
@@ -74,18 +75,18 @@ class WholeCollision(Collision, Protocol):
 
 @checked_arguments
 def collision_of(model: Model, world: World) -> WholeCollision:
-    """Return the collision test of a model with all optional members."""
+    """Return the collision test of a model in a world; optional members that it lacks get their defaults."""
     return cast(WholeCollision, with_optional_members(model.collision(world), COLLISION_DEFAULTS))
 
 
 @checked_arguments
 def free_along(collision: Collision, motions: Motions) -> BoolArray:
-    """Return whether the robot is free all along each motion (M,); a hold is tested at its state."""
+    """Return whether the robot is free all along each motion (M,); a hold, which does not move, is one state."""
     return collision.states_free(motions.start) if motions.stands else collision.motions_free(motions)
 
 
 class PlaneCollision(Collision, Protocol):
-    """Collision test in the plane, which knows regions that are free at every yaw."""
+    """Collision test of a robot in the plane, which can also test a position for all yaws at once."""
 
     @property
     def yaw_matters(self) -> bool:
@@ -98,18 +99,23 @@ class PlaneCollision(Collision, Protocol):
     def turn_part(self) -> float: ...
 
     def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
-        """Return whether each position (P,) is free at every yaw, and so is every turn there."""
+        """Return whether the robot is free at each position (P,) at every yaw, and so during every turn in place."""
 
     def differs(self, before: PlaneCollision, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
-        """Return where (P,), within a distance, m, collisions may differ from those in an earlier world."""
+        """Return a mask (P,) of the positions near which collisions may have changed since an earlier world.
+
+        before  collision test in the earlier world
+        x, y    m, positions (P,)
+        within  m, distance from each position within which changes count
+        """
 
 
 class Separations(NamedTuple):
-    """Distances of bodies near one another, and their gradients by the states.
+    """Distances between pairs of bodies that are close to each other, with gradients with respect to the states.
 
-    owner     (R,)    index of the queried state
-    distance  (R,)    m
-    gradient  (R, n)  by the columns of the model's space, m per unit
+    owner     (R,)    index of the state in which each of the R pairs is close
+    distance  (R,)    m, between the two bodies
+    gradient  (R, n)  derivatives of the distance by the n columns of the model's state space, m per unit
     """
 
     owner: IntArray
@@ -118,90 +124,100 @@ class Separations(NamedTuple):
 
 
 class JointCollision(Collision, Protocol):
-    """Collision test of a robot of joints, with distances that have gradients."""
+    """Collision test of a robot with joints, such as an arm: it also returns distances and their gradients."""
 
     def separations(self, states: States, within: float) -> Separations:
-        """Return the distances of all pairs of bodies nearer than ``within`` m in states (N,)."""
+        """Return the distance and its gradient for each pair of bodies closer than ``within`` m, in states (N,)."""
 
 
 @runtime_checkable
 class Model(Protocol):
-    """Robot model: a robot's states, motion laws, bodies and collisions, and its camera.
+    """Robot model: a robot's states, motion laws, bodies, collision tests and camera.
 
-    These may be left out, and have defaults:
+    A class may leave out these members; each entry ends with the default:
 
-    name           in the registry; the name of the class
-    field_of_view  (horizontal, vertical) rad of the camera; None for all round (:mod:`hpop.models.camera`)
-    bodies         method of the states (N,): bodies of the robot that can hide a target from its camera, and are drawn,
-                   as pairs of a shape of :mod:`hpop.world.geometry.solids` and its poses (N, 4, 4); ()
-    parts          collision geometry, in a form of the model's own; ()
-    platform       upright prisms, :class:`hpop.models.base.Part`, placed by x, y and yaw, that contain the robot
-                   whatever its other states are; the parts of a model that provides "plane", () of others
-    mounts         positions of bodies on the base, by name, as :class:`hpop.models.base.Mount`; {}
-    joints         names of the states that are joints; ()
-    executed       law of execution by the kind of a planned law; {}
-    notes          assumptions about the robot, in words, which fronts repeat; ()
+    name           name in the registry; default: the name of the class
+    field_of_view  (horizontal, vertical) angles of the camera, rad; default None, a view all round
+                   (:mod:`hpop.models.camera`)
+    bodies         method: takes states (N,), returns the bodies that can hide a target from the camera and are drawn,
+                   as pairs of a shape of :mod:`hpop.world.geometry.solids` and its poses (N, 4, 4); default ()
+    parts          collision geometry, in any form that the model chooses; default ()
+    platform       upright prisms (:class:`hpop.models.base.Part`) placed by x, y and yaw, which contain the robot
+                   whatever its other states are; default: the parts if the model provides "plane", else ()
+    mounts         positions of bodies on the base (:class:`hpop.models.base.Mount`), by name; default {}
+    joints         names of the states that are joints; default ()
+    executed       the kind of law by which the robot executes motions of each planned kind; default {}
+    notes          sentences on assumptions about the robot, which are printed with every front; default ()
     """
 
     @property
     def provides(self) -> frozenset[str]:
-        """Capabilities that criteria and planners require.
+        """Capabilities of the robot; criteria and planners require some of these.
 
-        "base", "camera"  bodies
-        "tool"            a body as well: the robot's tool
-        "joints"          angles or lengths that motors set; ``joints`` names these states, without those of the base
-        "heading"         the base looks where it goes
-        "wheels"          two driven wheels or tracks at either side of an axis, as by :class:`Wheeled`
+        "base", "camera"  the model has a body of this name
+        "tool"            the model has a body "tool", at the end of its arm
+        "joints"          some states are joint angles or lengths that motors set; ``joints`` names them
+        "heading"         the base always drives in the direction of its heading
+        "wheels"          two driven wheels or tracks, left and right of an axis; the model follows :class:`Wheeled`
         "plane"           x, y and yaw are among the states, and the robot consists of upright ``parts``, so that its
-                          collisions are a :class:`PlaneCollision`
+                          collision test is a :class:`PlaneCollision`
         "turn-move"       the laws "turn" and "move" of :mod:`hpop.models.laws`
-        "rigid"           no states but x, y and yaw
-        "spline"          the law "spline", cubics from knot to knot, and a :class:`JointCollision`
+        "rigid"           the states are x, y and yaw only
+        "spline"          the law "spline" (cubic curves between knots), and a :class:`JointCollision`
         """
 
     @property
     def space(self) -> StateSpace:
-        """State space: columns in order."""
+        """State space: names, units and bounds of the state columns, in order."""
 
     @property
     def laws(self) -> Mapping[str, Law]:
-        """Motion laws by kind."""
+        """Motion laws by the name of their kind, such as "move" or "turn"."""
 
     def pose(self, body: str, states: States) -> Pose:
         """Return the pose of a body in each of the states."""
 
     def twist(self, body: str, states: States, rates: States) -> Twist:
-        """Return the velocity and rotation of a body, given the first derivatives of the states by time."""
+        """Return the linear and angular velocity of a body; ``rates`` are the first time derivatives of the states."""
 
     def twist_rate(self, body: str, states: States, rates: States, changes: States) -> Twist:
-        """Return the time derivative of :meth:`twist`, given the second derivatives as well."""
+        """Return the time derivative of :meth:`twist`; ``changes`` are the second time derivatives of the states."""
 
     def body(self, name: str, motions: Motions) -> Body:
-        """Return a body's motion in each motion: :func:`hpop.motions.integrated`, or a closed form."""
+        """Return how a body moves in each motion: its path length, rotation and poses at both ends.
+
+        Compute them in closed form, or call :func:`hpop.motions.integrated`, which suits any model.
+        """
 
     def extent(self, motions: Motions) -> tuple[Column, Column]:
-        """Return bounds (M,), m and rad, on how far any body moves and turns; they choose quadrature panels."""
+        """Return upper bounds (M,), m and rad, on how far any body moves and turns in each motion.
+
+        Quadrature uses them to choose its step sizes.
+        """
 
     def connect(self, a: States, b: States) -> list[Leg]:
-        """Return the motions, one after another, that lead from states a (M,) to b; NaN in b is a free value."""
+        """Return the motions, in order, that lead from states a (M,) to states b (M,); NaN in b means any value."""
 
     def collision(self, world: World) -> Collision:
-        """Return the collision test of planning, which never calls a blocked motion free."""
+        """Return the collision test for planning. It must never report a blocked motion as free."""
 
     def judge(self, world: World) -> Collision:
-        """Return the collision test of verification, which shares no geometry with :meth:`collision`."""
+        """Return the collision test for verification, which must share no geometry code with :meth:`collision`."""
 
     def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
-        """Return the robot's real motion along a trajectory, and the times (n+1,), s, of the planned states."""
+        """Return the motion that the robot really makes for a planned trajectory of n motions.
+
+        Also return the times (n+1,), s, at which it passes the planned states.
+        """
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Yield what the robot cannot do of a trajectory: "does not go ahead in motion 3, a move"."""
+        """Yield a text for each fault that the robot cannot execute: "does not go ahead in motion 3, a move"."""
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Return which motions (M,) of one law need a check by :meth:`faults`, for thousands at once."""
+        """Return a mask (M,) of the motions that may have :meth:`faults`: a fast test for thousands of motions."""
 
     def describe(self) -> dict[str, Any]:
-        """Return JSON-able name and parameters, enough to build the same model: ``{name: {parameter: value}}``."""
+        """Return name and parameters for JSON, enough to build an equal model: ``{name: {parameter: value}}``."""
 
     if TYPE_CHECKING:  # the defaults are set by `completed`
 
@@ -242,14 +258,15 @@ class Model(Protocol):
 
 
 class Wheeled(Model, Protocol):
-    """Model that provides "wheels": two driven wheels or tracks, at either side of the axis of its base.
+    """Model that provides "wheels": two driven wheels or tracks, left and right of the axis of its base.
 
-    If the model is "rigid" as well, curves are planned for it, by the law "drive" and within the limits of its base.
+    If the model also provides "rigid", planners may plan curves for it. They use the law "drive" and keep the speed and
+    acceleration limits below.
     """
 
     @property
     def wheel_base(self) -> float:
-        """Distance between the wheels, m."""
+        """Distance between the left and the right wheel, m."""
 
     @property
     def wheel_speed(self) -> float:
@@ -277,14 +294,14 @@ class Wheeled(Model, Protocol):
 
 
 class _Name:
-    """Default name: that of the class."""
+    """Default name of a model: the name of its class."""
 
     def __get__(self, instance: object, owner: type) -> str:
         return owner.__name__
 
 
 class _Platform:
-    """Default platform: the parts of a model in the plane."""
+    """Default platform of a model: its collision parts if it provides "plane", else ()."""
 
     def __get__(self, instance: Any, owner: type) -> tuple[Any, ...]:
         return tuple(instance.parts) if instance is not None and "plane" in instance.provides else ()
@@ -306,7 +323,7 @@ MODEL_DEFAULTS: dict[str, Any] = {
 
 @checked_arguments
 def laws_of(model: Model) -> Mapping[str, Law]:
-    """Return the motion laws by kind: the model's own, and those of hpop."""
+    """Return all motion laws by kind: the laws of the model, and the hold that every robot has."""
     return {
         **{kind: with_optional_members(law, vars(LawDefaults)) for kind, law in model.laws.items()},
         HOLD.kind: HOLD,
@@ -315,5 +332,5 @@ def laws_of(model: Model) -> Mapping[str, Law]:
 
 @checked_arguments
 def lacking(requires: Collection[str], model: Model, world: World) -> list[str]:
-    """Return the requirements that neither the model nor the world provides, sorted."""
+    """Return the capabilities in ``requires`` that neither the model nor the world provides, sorted."""
     return sorted(set(requires) - model.provides - world.contents)

@@ -1,17 +1,20 @@
-"""Adaptive quadrature of rates, for laws with motions that a few moments describe almost completely.
+"""Quadrature nodes and adaptive integrals of rates along motions.
 
-A motion is cut into even pieces, more of them the farther it goes. On each piece the rate is interpolated at five even
-nodes, and also at the first, the middle and the last alone. If the two interpolants differ at the other nodes by more
-than a share of the whole, the piece is halved, which takes four nodes more. Values are compared, not integrals, in
-which differences of both signs cancel; and since the ends are nodes, a kink near one is seen too. Interpolants of
-degree 2 and 4 that agree to that share leave an error of about its square where a rate is smooth, and a tenth of it at
-a kink.
+A rate is a cost per second. Adaptive quadrature serves laws whose motions need only a few samples of the rate.
 
-A rate that jumps is no polynomial anywhere. It begins with more pieces, which are halved while the values within one
-differ, until the possible error, its length times the difference, is a share of the whole.
+A motion is cut into pieces of equal length; a motion that turns farther gets more pieces. On each piece the rate is
+interpolated at five equidistant nodes (degree 4), and also at the first, middle and last node only (degree 2). If the
+two interpolants differ at the other nodes by more than a small share of the whole integral, the piece is halved, which
+takes four new nodes. Values are compared, not integrals, because differences of both signs would cancel in integrals.
+The ends of a piece are nodes, so that a kink near an end is noticed. Let s be the allowed share. The error is then
+about s² where the rate is smooth, and about s/10 at a kink.
 
-A rate that reads the states alone is interpolated over the share of the motion done, and integrated over time exactly:
-one rule then serves all phases of a law's timing, between which the rate has kinks over time.
+A rate that jumps, such as a count, is not close to any polynomial. It starts with more pieces. A piece is halved while
+the values in it differ, until its possible error (its length times the difference) is a small share of the whole.
+
+A rate that depends on the states only is interpolated as a function of the share of the motion done, and this
+interpolant is integrated over time exactly. One set of pieces then serves all phases of a motion (speeding up,
+cruising, slowing down), although the rate has kinks over time where two phases meet.
 """
 
 from __future__ import annotations
@@ -37,20 +40,20 @@ LEGENDRE = 0.5 + 0.5 * np.polynomial.legendre.leggauss(5)[0]  # exact for polyno
 LEGENDRE_WEIGHTS = 0.5 * np.polynomial.legendre.leggauss(5)[1]
 AGREE = 1e-3  # share of the mean rate: allowed difference of the interpolants in a piece of the whole duration
 HALVINGS = 10  # most halvings of a piece: for a rate that jumps, down to 1/1024
-LONG = 3.0  # rad: most rotation of a body in a first piece
+LONG = 3.0  # rad: largest rotation of a body in a piece before any halving
 LONG_FOR_JUMPS = 0.6  # rad: as LONG, for rates that jump
 HIDDEN = 2e-2  # share of the largest rate times the duration: allowed error by jumps within pieces
 GRAIN = 2.0**20  # fractions are multiples of 1/GRAIN, so that sums of widths are exact
 BLOCK = 4096  # pieces in a block: their columns fit the processor's cache
 
 ValuesAt = Callable[[FloatArray, IntArray], Column]
-"""Function of fractions (N,) and indices of motions (N,): the values (N,) of a rate there."""
+"""Function that evaluates a rate: takes fractions (N,) and indices of motions (N,), returns the values (N,) there."""
 
 
 WeightsOf = Callable[[FloatArray, FloatArray, IntArray], FloatArray]
-"""Function of pieces: the weights (P, 5) of the values at their nodes, for the integrals over them.
+"""Function that returns the weights (P, 5) of the rate's values at the nodes of P pieces, to integrate over each piece.
 
-A piece is given by the fraction (P,) at which it begins, its width (P,) and the index of its motion (P,).
+It takes for each piece the fraction (P,) at which it begins, its width (P,) and the index of its motion (P,).
 """
 PANEL_ANGLE = np.deg2rad(10.0)  # a quadrature panel turns no body by more than this
 HELD = 1.0  # s: no panel of a hold lasts longer
@@ -63,12 +66,15 @@ CURVE_PANELS = 8  # least panels of a curve: rates have kinks where a speed chan
 
 
 def evenly(begin: FloatArray, width: FloatArray, owner: IntArray) -> FloatArray:
-    """Return the weights (P, 5) of values at the nodes of pieces, for their integral over the fraction."""
+    """Return the weights (P, 5) with which values at the nodes of pieces are integrated over the fraction, 0 to 1."""
     return width[:, None] * BOOLE
 
 
 def timed(phases: Sequence[Phase]) -> WeightsOf:
-    """Return the function for weights of time integrals over the share done, under phases that cover a motion."""
+    """Return a function for weights that turn values over the share of the motion done into integrals over time.
+
+    phases  timing of the motions, which says at what time each share is done
+    """
 
     def weights(begin: FloatArray, width: FloatArray, owner: IntArray) -> FloatArray:
         moments = np.zeros((POWERS.size, begin.size))
@@ -85,14 +91,17 @@ def timed(phases: Sequence[Phase]) -> WeightsOf:
                 for moment in moments:
                     moment += power
                     power = power * place
-        # By einsum: for such small matrices, products by several threads would be slower.
+        # einsum uses one thread, which is faster for such small matrices.
         return np.asarray(np.einsum("ij,jp->pi", OF_MOMENTS, moments))
 
     return weights
 
 
 def _time_of(shape: str, change: Column, part: FloatArray) -> FloatArray:
-    """Return the fraction of a phase's time in which a part of its share is done; it inverts ``Phase.share``."""
+    """Return the fraction of a phase's time after which ``part`` (0 to 1) of its share is done.
+
+    It inverts :meth:`Phase.share`; ``shape`` and ``change`` are those of the phase.
+    """
     if shape == "ramp":
         below = (1.0 - change) + np.sqrt(np.maximum(0.0, (1.0 - change) ** 2 + 4.0 * change * part))
         return np.asarray(np.minimum(1.0, np.divide(2.0 * part, below, out=np.zeros_like(part), where=below > 0)))
@@ -102,18 +111,23 @@ def _time_of(shape: str, change: Column, part: FloatArray) -> FloatArray:
 
 
 def pieces_of(turned: Column, *, jumps: bool = False) -> IntArray:
-    """Return the number of first pieces (M,) of motions in which no body turns farther than ``turned`` rad."""
+    """Return into how many pieces (M,) each motion is cut before any halving.
+
+    turned  bound (M,), rad, on the rotation of any body in each motion
+    """
     return np.asarray(np.maximum(1.0, np.ceil(turned / (LONG_FOR_JUMPS if jumps else LONG))), dtype=np.int64)
 
 
 def adaptive_integrals(
     values_at: ValuesAt, weights_of: WeightsOf, motions: IntArray, pieces: IntArray, *, jumps: bool = False
 ) -> FloatArray:
-    """Return the integrals (M,) of a rate over some of M motions, and 0 for the others.
+    """Return the integral (M,) of a rate over each of some motions, and 0 for all other motions.
 
-    motions  indices of the motions to integrate over
-    pieces   (M,) number of first pieces of each motion
-    jumps    whether the rate jumps
+    values_at   evaluates the rate
+    weights_of  gives the quadrature weights of pieces
+    motions     indices of the motions to integrate over
+    pieces      (M,) number of pieces of each motion before any halving
+    jumps       True if the rate has jumps, as a count has
     """
     totals, may_stay = np.zeros(pieces.size), np.zeros(0)
     owner, begin, width = _evenly_cut(motions, pieces[motions])
@@ -137,12 +151,15 @@ def adaptive_integrals(
 
 
 def _blocks(size: int) -> list[slice]:
-    """Return slices of pieces with columns that fit the processor's cache."""
+    """Return slices that divide ``size`` pieces into blocks small enough for the processor's cache."""
     return [slice(begin, begin + BLOCK) for begin in range(0, size, BLOCK)]
 
 
 def _evenly_cut(motions: IntArray, pieces: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return owner, begin and width (P,) of even pieces of some motions; all are multiples of 1/GRAIN."""
+    """Cut motions into pieces of equal width; return index of the motion, begin and width (P,) of each piece.
+
+    Begins and widths are fractions of the motion, rounded to multiples of 1/GRAIN.
+    """
     motion, piece = numbered(pieces)
     begin, end = (np.round(number / pieces[motion] * GRAIN) / GRAIN for number in (piece, piece + 1))
     return motions[motion], begin, end - begin
@@ -151,7 +168,7 @@ def _evenly_cut(motions: IntArray, pieces: IntArray) -> tuple[IntArray, FloatArr
 def _at_nodes(
     values_at: ValuesAt, motions: IntArray, owner: IntArray, begin: FloatArray, width: FloatArray
 ) -> FloatArray:
-    """Return values (P, 5) at the nodes of the pieces of some motions, each shared end once."""
+    """Return the values (P, 5) of a rate at the nodes of pieces; a node shared by two pieces is evaluated once."""
     before = _values(values_at, begin, width, owner, NODES[:-1])
     ends = np.append(before[1:, 0], np.zeros(min(1, owner.size)))
     whole = np.zeros(motions.size), np.ones(motions.size)
@@ -162,7 +179,7 @@ def _at_nodes(
 def _values(
     values_at: ValuesAt, begin: FloatArray, width: FloatArray, owner: IntArray, nodes: FloatArray
 ) -> FloatArray:
-    """Return values (P, K) at K nodes of pieces."""
+    """Return the values (P, K) of a rate at K nodes of each piece; ``nodes`` (K,) are fractions of a piece."""
     values = np.empty((owner.size, nodes.size))
     for part in _blocks(owner.size):
         fractions = begin[part, None] + width[part, None] * nodes
@@ -172,14 +189,20 @@ def _values(
 
 
 def _differences(values: FloatArray, *, jumps: bool) -> FloatArray:
-    """Return the difference (P,) of the values (P, 5) of a piece from a parabola, or among one another if they jump."""
+    """Return how much the values (P, 5) at a piece's nodes differ from a parabola through three of them (P,).
+
+    For a rate that jumps, return the largest minus the smallest value.
+    """
     if jumps:
         return np.asarray(values.max(axis=1) - values.min(axis=1))
     return np.asarray(np.abs(values[:, 1::2] - np.einsum("ij,pj->pi", BETWEEN, values[:, ::2])).max(axis=1))
 
 
 def _may_stay_open(values: FloatArray, weights: FloatArray, owner: IntArray, size: int, *, jumps: bool) -> FloatArray:
-    """Return the bound (M,) below which a piece is not halved: on the difference of its values times its duration."""
+    """Return the error (M,) that each piece of a motion may have without being halved.
+
+    The error of a piece is the difference of its values times its duration; the bound is a share of the whole integral.
+    """
     if not jumps:
         return np.asarray(AGREE * np.bincount(owner, np.abs(values * weights).sum(axis=1), minlength=size))
     largest = np.zeros(size)
@@ -188,12 +211,12 @@ def _may_stay_open(values: FloatArray, weights: FloatArray, owner: IntArray, siz
 
 
 class Nodes(NamedTuple):
-    """Nodes of a phase, in a run of motions or in a part of one motion.
+    """Quadrature nodes of one phase, for consecutive motions of a batch, or for a part of one long motion.
 
-    run     the motions, a slice of the batch
-    owner   (N,) motion of each node
-    u       (N,) fraction of the phase's time
-    weight  (N,) weight of the node in the mean over the phase
+    run     slice of the batch: the motions
+    owner   (N,) index of the motion of each node
+    u       (N,) fraction of the phase's time at each node
+    weight  (N,) weight of each node in the mean over the phase
     """
 
     run: slice
@@ -202,7 +225,7 @@ class Nodes(NamedTuple):
     weight: FloatArray
 
     def sums(self, values: FloatArray) -> FloatArray:
-        """Return sums of values (N,) over each motion of the run."""
+        """Return, for each motion of the run, the sum of its nodes' values (N,)."""
         each = np.bincount(self.owner - self.run.start, values, minlength=self.run.stop - self.run.start)
         return np.asarray(each, dtype=np.float64)
 
@@ -210,12 +233,14 @@ class Nodes(NamedTuple):
 def quadrature_nodes(
     motions: Motions, phase: Phase, within: FloatArray, timed: bool, detail: float | None = None
 ) -> Iterator[Nodes]:
-    """Yield the nodes of all motions, with panels as short as :meth:`Motions.integrate` promises.
+    """Yield the quadrature nodes of one phase of all motions, block by block.
 
-    within  positions of the nodes in a panel, 0 to 1
+    within  positions of the nodes in a panel (a quadrature interval), 0 to 1
+    timed   True if the rate depends on the time; panels then also end where a moving person turns, comes or goes
+    detail  m, length within which the rate changes; None for a field cell
 
-    About `AT_ONCE` panels are cut together, so that long motions take bounded memory; between such blocks, limits are
-    checked.
+    Panels are as short as :meth:`Motions.integrate` promises. A block has about ``AT_ONCE`` panels, to bound memory;
+    between blocks the time limit is checked.
     """
     panels = panel_counts(motions, phase, timed, detail)
     first, last = kinks_between(motions, phase) if timed else (0 * panels, 0 * panels)
@@ -226,9 +251,9 @@ def quadrature_nodes(
 
 
 def runs(sizes: IntArray) -> Iterator[slice]:
-    """Yield slices of motions, in order, with at most `AT_ONCE` panels together, or of one motion.
+    """Yield slices that divide motions, in order, into blocks of at most ``AT_ONCE`` panels, or of a single motion.
 
-    ``sizes`` (M,) are panels.
+    sizes  (M,) number of panels of each motion
     """
     until, begin = np.cumsum(sizes), 0
     while begin < sizes.size:
@@ -241,7 +266,11 @@ def runs(sizes: IntArray) -> Iterator[slice]:
 def _nodes(
     motions: Motions, phase: Phase, within: FloatArray, run: slice, panels: IntArray, kinks: tuple[IntArray, IntArray]
 ) -> Iterator[Nodes]:
-    """Yield the nodes of a run of motions; panels are also cut at kinks, from the first to the last index ``kinks``."""
+    """Yield the nodes of one block of motions, the slice ``run``.
+
+    panels  number of panels of each motion
+    kinks   first and last index, for each motion, of the times at which its panels are also cut
+    """
     motion, panel = numbered(panels)
     owner, count = motion + run.start, panels[motion]
     whose, at = _kinks_in(motions, phase, run, *kinks)
@@ -266,7 +295,11 @@ def _nodes(
 def _kinks_in(
     motions: Motions, phase: Phase, run: slice, first: IntArray, last: IntArray, before: float = 0.0
 ) -> tuple[IntArray, FloatArray]:
-    """Return motions and fractions of the phase's time of the kinks in a phase, or of moments ``before`` s earlier."""
+    """Return the kinks in a phase, or the moments ``before`` s earlier, as motion indices and fractions of its time.
+
+    A kink is a time at which a moving person turns, comes or goes. ``first`` and ``last`` are each motion's indices
+    among the kinks of the world, as from :func:`kinks_between`.
+    """
     each = last - first
     if not each.any():
         return np.empty(0, np.int64), np.empty(0)
@@ -277,16 +310,19 @@ def _kinks_in(
 
 
 def before_kinks(motions: Motions, phase: Phase) -> tuple[IntArray, FloatArray]:
-    """Return the motions, and fractions of the phase's time, of the moments just before the kinks of a phase.
+    """Return the moments just before the kinks in a phase, as motion indices and fractions of the phase's time.
 
-    A kink is a time at which a person turns, comes or leaves. A prediction that jumps has its new value at the kink
-    itself: a person who leaves is present until just before.
+    A kink is a time at which a moving person turns, comes or leaves. A prediction that jumps has its new value at the
+    kink itself. A person who leaves is therefore seen only just before the kink.
     """
     return _kinks_in(motions, phase, slice(0, len(motions)), *kinks_between(motions, phase, JUST), before=JUST)
 
 
 def kinks_between(motions: Motions, phase: Phase, beyond: float = 0.0) -> tuple[IntArray, IntArray]:
-    """Return the indices (M,) of the first kink within a phase and of the first kink after it."""
+    """Return, for each motion (M,), the index of the first kink within a phase and of the first kink after it.
+
+    A kink is a time at which a moving person turns, comes or leaves. ``beyond`` s are added to the end of the phase.
+    """
     kinks = motions.world.content.kinks if motions.panels is None and motions.t0 is not None else np.empty(0)
     if not kinks.size:
         return np.zeros(len(motions), dtype=np.int64), np.zeros(len(motions), dtype=np.int64)
@@ -296,10 +332,14 @@ def kinks_between(motions: Motions, phase: Phase, beyond: float = 0.0) -> tuple[
 
 
 def panel_counts(motions: Motions, phase: Phase, timed: bool, detail: float | None = None) -> IntArray:
-    """Return the number (M,) of panels in a phase: fixed, or so large that none is longer or turns more than promised.
+    """Return into how many panels (quadrature intervals) a phase of each motion is cut (M,).
 
-    detail  m  length within which a rate changes: the robot and the fastest person together move at most half of it in
-               a panel
+    The number is ``motions.panels`` if that is set. Otherwise it is large enough that no panel is longer, and turns a
+    body more, than :meth:`Motions.integrate` promises.
+
+    timed   True if the rate depends on the time: in a panel, no person then walks farther than a field cell
+    detail  m, length within which a rate changes: in a panel, the robot and the fastest person together move at most
+            half of it
     """
     if motions.panels is not None:
         return np.full(len(motions), motions.panels)
@@ -320,7 +360,7 @@ def panel_counts(motions: Motions, phase: Phase, timed: bool, detail: float | No
 
 
 def elapsed_before(motions: Motions, phase: Phase) -> Column:
-    """Return the time (M,) from the start of each motion to the start of a phase, s."""
+    """Return the time (M,), s, from the start of each motion to the start of one of its phases."""
     elapsed: Column = 0.0
     for other in motions.phases:
         if other is phase:

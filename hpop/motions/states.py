@@ -1,7 +1,7 @@
-"""States as named columns, their space, and the poses and twists of bodies.
+"""Robot states as named columns, state spaces, and protocols for poses and twists of bodies.
 
-Every wrap of a state happens here: a column that turns is an angle in which 2 pi is a whole turn, such as a heading or
-a joint without end stops. A half turn is +pi, counter-clockwise, as in :func:`hpop.base.math.wrap`.
+Angles of states are wrapped only here. A turning column is an angle for which 2 pi is a whole turn, such as a heading
+or a joint without end stops. A half turn is +pi, counter-clockwise, as in :func:`hpop.base.math.wrap`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.arrays import Column
+from hpop.base.arrays import Column, IntArray
 from hpop.base.math import not_radians, wrap
 from hpop.base.options import MOST, real, whole
 from hpop.base.randomness import RNG
@@ -26,6 +26,8 @@ Values = tuple[float | None, ...]
 StateSpec = Sequence[float | None] | Mapping[str, float | None] | str
 MOST_SAMPLED = 10_000_000
 """Largest number of states in one sample."""
+ALIKE = 1e-9  # m or rad: tolerance for the ends of two motions that are the reverse of each other
+DIGITS = 9  # decimals of the keys by which such pairs are found
 KINDS = {"m": "a position in m", "rad": "an angle in rad"}
 
 
@@ -65,9 +67,10 @@ class States:
 
 
 class Pose(Protocol):
-    """Pose of a body: columns in m and rad, world frame (REP-103), yaw counter-clockwise, pitch up, roll to the right.
+    """Pose of a body in the world frame (REP-103): position in m, angles in rad, each a column.
 
-    ``ahead``, ``left`` and ``up`` are its axes, unit vectors.
+    Yaw is positive counter-clockwise, pitch upwards, roll to the right. ``ahead``, ``left`` and ``up`` are the axes of
+    the body, as unit vectors.
     """
 
     @property
@@ -91,7 +94,10 @@ class Pose(Protocol):
 
 
 class Twist(Protocol):
-    """Velocity and rotation of a body: three columns each, world frame; 0.0 for a component that is always zero."""
+    """Velocity, m/s, and angular velocity (``rotation``), rad/s, of a body in the world frame.
+
+    Each has three columns; a component that is always zero is the number 0.0.
+    """
 
     @property
     def velocity(self) -> Vector: ...
@@ -100,7 +106,7 @@ class Twist(Protocol):
 
 
 class LazyStates(States):
-    """States with columns that are computed when read; the names that were read are recorded."""
+    """States whose columns are computed when they are first read; the names of these columns are recorded."""
 
     def __init__(self, names: tuple[str, ...], size: int, column: Callable[[str], Column], read: set[str]) -> None:
         self.__dict__.update(_names=names, _size=size, _column=column, _read=read)
@@ -125,25 +131,41 @@ class LazyStates(States):
 
 
 def picked_states(states: States, pick: Callable[[Column], Column]) -> States:
-    """Return states with columns that ``pick`` selects when they are first read."""
+    """Return states in which ``pick`` is applied to each column when the column is first read."""
     return LazyStates(states.names, states.size, lambda name: pick(getattr(states, name)), set())
+
+
+def reverse_indices(start: States, end: States) -> IntArray:
+    """Return an index (M,) that is equal for two motions if one is the reverse of the other.
+
+    The index is that of the first of the two motions. A motion without a reverse gets its own index.
+    """
+    own = np.arange(start.size)
+    before, after = (np.stack([getattr(states, name) for name in start.names]) for states in (start, end))
+    weights = np.sqrt(np.arange(2.0, 2.0 + len(start.names)))  # two states hardly ever have equal weighted sums
+    sums = np.sort(np.round([weights @ before, weights @ after], DIGITS), axis=0)
+    _, first, which = np.unique(sums[0] + 1j * sums[1], return_index=True, return_inverse=True)
+    twin = first[which]
+    back = (np.abs(before - after[:, twin]) <= ALIKE) & (np.abs(after - before[:, twin]) <= ALIKE)
+    return np.where(back.all(axis=0), twin, own)
 
 
 @checked_arguments
 @dataclass(frozen=True)
 class StateSpace:
-    """State space of a model: columns in order.
+    """State space of a model: its state columns in order, with units, bounds and weights.
 
-    names    k of them
-    units    of each: "m", "rad", ...
-    low      least value of each; for a column that turns, the begin of the interval of samples
-    high     greatest value of each, or the end of that interval
-    weights  m per unit, for distances: path of the robot in the time in which the column changes by one unit
-    turning  names of the columns in which 2 pi is a whole turn; their values have no limits
-    named    states with a name, which users may give in place of the values
-    unnamed  reasons why names are not in ``named``, by the name; under "" the reason for all other names
-    rest     values that some columns have while the others change: an arm is folded while its base drives;
-             half of all samples have them
+    names    names of the k columns
+    units    unit of each column: "m", "rad", ...
+    low      smallest value of each column; for a turning column, lower end of the interval from which samples are drawn
+    high     largest value of each column, or upper end of that interval
+    weights  m per unit, used in distances: how far the robot drives in the time in which the column changes by one unit
+    turning  names of the columns for which 2 pi is a whole turn; their values have no limits
+    named    states that users may give by a name instead of by values
+    unnamed  for names that users may expect in ``named``: the reason why each is missing; "" is the key of the reason
+             for all others
+    rest     resting values of some columns, such as those of an arm that is folded while its base drives; half of all
+             samples have them
 
     >>> plane = StateSpace(("x", "y", "yaw"), ("m", "m", "rad"), (0, 0, -np.pi), (9, 9, np.pi), (1, 1, 0.5), {"yaw"})
     >>> print(plane)
@@ -168,34 +190,41 @@ class StateSpace:
         object.__setattr__(self, "turning", frozenset(self.turning))
         sizes = {len(getattr(self, field)) for field in ("names", "units", "low", "high", "weights")}
         if sizes != {len(set(self.names))}:
-            raise ModelError(f"a state space has a name, unit, low, high and weight for each column, got {self!r}")
+            raise ModelError(
+                "a state space needs different names, and a unit, low, high and weight for each of them, as tuples of "
+                f"equal length, got {self!r}"
+            )
         if not self.turning <= self.angles:
-            raise ModelError(f"only columns in rad turn, got {', '.join(sorted(self.turning))} of {self}")
+            raise ModelError(
+                f"turning must name columns in rad only, got {', '.join(sorted(self.turning))} for the states {self}"
+            )
         if not all(low <= high for low, high in zip(self.low, self.high, strict=True)):
-            raise ModelError(f"low must not be above high in each column of {self}, got {self.low} and {self.high}")
+            raise ModelError(
+                f"low must not be above high for any of the states {self}, got low={self.low} and high={self.high}"
+            )
 
     def __str__(self) -> str:
         return f"({', '.join(f'{name} {unit}' for name, unit in zip(self.names, self.units, strict=True))})"
 
     @property
     def angles(self) -> frozenset[str]:
-        """Names of the columns in rad, which a goal may leave free."""
+        """Names of the columns in rad; a goal may leave these open (None)."""
         return frozenset(name for name, unit in zip(self.names, self.units, strict=True) if unit == "rad")
 
     def bounded(self, **bounds: tuple[float, float]) -> StateSpace:
-        """Return the space with (low, high) of some columns, for example from the world."""
+        """Return the space with other bounds (low, high) for some columns, such as the extent of a world."""
         rows = (bounds.get(name, old) for name, *old in zip(self.names, self.low, self.high, strict=True))
         low, high = zip(*rows, strict=True)
         return replace(self, low=low, high=high)
 
-    # One state, as it is given
+    # One state, given by a user
 
     def state(self, values: StateSpec, *, free: Iterable[str] = (), what: str = "state") -> States:
-        """Return one checked state from values, in order or by name.
+        """Check one state and return it as states (1,).
 
-        A value may be None, stored as NaN, if it is in ``free``.
-
-        Raises QueryError, which calls the state ``what``.
+        values  one value for each column, in order or by column name; or the name of a state in ``named``
+        free    names of columns that may be None (any value), which is stored as NaN
+        what    how the message of a QueryError calls the state: "start", "goal"
         """
         given = self.by_name(values, what)
         checked = {
@@ -205,34 +234,37 @@ class StateSpace:
         return States(**{name: np.array([value], float) for name, value in checked.items()})
 
     def values(self, state: States) -> Values:
-        """Return the values of one state in the order of the names, None where it is free."""
+        """Return the values of one state (1,) in the order of the columns, with None for NaN (any value)."""
         row = (float(getattr(state, name)[0]) for name in self.names)
         return tuple(None if np.isnan(value) else value for value in row)
 
     def by_name(self, values: Any, what: str) -> dict[str, Any]:
-        """Return the given value of each column, in order; QueryError for columns that the model does not have."""
+        """Return a user's values as a dict by column, in order, unchecked.
+
+        Raises QueryError if a column is missing or unknown. The message calls the state ``what``.
+        """
         if isinstance(values, str):
             values = self.called(values, what)
         if isinstance(values, Mapping):
             if misfit := self.misfit(values):
-                raise QueryError(f"the {what} is {self}, got {shown(values)}: {misfit}")
+                raise QueryError(f"the {what} must be given as {self}, got {shown(values)}: {misfit}")
             return {name: values[name] for name in self.names}
         try:
             return dict(zip(self.names, values, strict=True))
         except (TypeError, ValueError):
-            raise QueryError(f"the {what} is {self}, got {shown(values)}") from None
+            raise QueryError(f"the {what} must be given as {self}, got {shown(values)}") from None
 
     def called(self, name: str, what: str) -> Values:
-        """Return the state with a name; QueryError if there is none."""
+        """Return the values of a named state, such as "home"; QueryError if the model has none of this name."""
         if name not in self.named:
-            known = f"the name of one: {', '.join(self.named)}" if self.named else "a name, but this model names none"
+            known = f", or by a name: {', '.join(self.named)}" if self.named else "; this model has no named states"
             why = self.unnamed.get(name) or self.unnamed.get("")
             hint = f": {why}." if why else f".{did_you_mean(name, self.named)}"
-            raise QueryError(f"the {what} {shown(name)} names no state{hint} It is {self}, or {known}")
+            raise QueryError(f"the {what} {shown(name)} names no state{hint} Give it as {self}{known}")
         return self.named[name]
 
     def misfit(self, values: Mapping[Any, Any]) -> str:
-        """Return which columns are missing or unknown among given values; "" if all fit."""
+        """Return a text on the columns that are missing or unknown in a dict of values; "" if there are none."""
         strange = [name for name in values if name not in self.names]
         lacking = [name for name in self.names if name not in values]
         faults = [f"lacks {', '.join(lacking)}"] * bool(lacking)
@@ -241,7 +273,10 @@ class StateSpace:
         return f"it {' and '.join(faults)}{'.' * bool(hint)}{hint}" if faults else ""
 
     def checked(self, name: str, value: Any, what: str, label: str = "") -> float:
-        """Return a valid value of a column, else raise QueryError, which calls it ``label`` or a column of ``what``."""
+        """Check a value of the column ``name`` and return it as a float.
+
+        Raises QueryError. The message calls the value ``label``, or for "" the column of ``what``: "yaw of the goal".
+        """
         if name not in self.names:
             raise QueryError(f"name must be one of {', '.join(self.names)}, got {shown(name)}")
         column = self.names.index(name)
@@ -262,7 +297,7 @@ class StateSpace:
     # Many states
 
     def onward(self, a: States, b: States) -> States:
-        """Return states b (M,) with turning columns continuous from those of a: at most half a turn away."""
+        """Return states b (M,) with whole turns added to their turning columns: at most half a turn from states a."""
         columns = {name: getattr(b, name) for name in self.names}
         for name in self.turning:
             begin = getattr(a, name)
@@ -270,7 +305,7 @@ class StateSpace:
         return States(**columns)
 
     def turns(self, states: States) -> dict[str, Column]:
-        """Return the angles (N - 1,), rad, by which each turning column turns from state to state, the shorter way."""
+        """Return, by turning column, the angles (N - 1,), rad, between consecutive states, the shorter way round."""
         return {name: wrap(np.diff(getattr(states, name))) for name in self.turning}
 
     def differences(self, a: States, b: States) -> dict[str, Column]:
@@ -279,12 +314,12 @@ class StateSpace:
         return {name: getattr(onward, name) - getattr(a, name) for name in self.names}
 
     def apart(self, a: States, b: States) -> Column:
-        """Return the distance (M,), m: a metric of the weighted differences of the columns."""
+        """Return the distances (M,), m, between states a and b: the norm of the weighted differences of the columns."""
         differences = self.differences(a, b)
         return np.sqrt(sum((w * differences[name]) ** 2 for name, w in zip(self.names, self.weights, strict=True)))
 
     def sample(self, rng: RNG, n: int) -> States:
-        """Draw states (n,), uniform between low and high; half of them have the values of ``rest``, if any."""
+        """Draw n random states, uniform between low and high; half of them have the values of ``rest``, if any."""
         n = whole("n", n, 0, MOST_SAMPLED, "a number of states")
         rng = np.random.default_rng(rng)
         drawn = dict(zip(self.names, rng.uniform(self.low, self.high, (n, len(self.names))).T, strict=True))

@@ -1,4 +1,4 @@
-"""Motions on CasADi symbols: the same criteria, inside nonlinear programs."""
+"""Motions whose states are CasADi symbols, so that criteria can be used inside nonlinear programs."""
 
 from __future__ import annotations
 
@@ -17,12 +17,14 @@ __all__ = ["SymbolicMotions", "lift", "sparse_lookup"]
 
 
 def sparse_lookup(quadratics: Any, size: int) -> Any:
-    """Return a CasADi function from positions (2, size) to values (1, size) with block-diagonal derivatives.
+    """Return a CasADi function that looks up a field at many positions, with sparse derivatives.
 
-    CasADi by itself treats derivatives of mapped functions as dense: the Hessian of a polyline of 12 segments then
-    costs twice the time.
+    It takes positions (2, size) and returns values (1, size). Each value depends on its own position only, so the
+    Hessian is block-diagonal. CasADi by itself would treat it as dense; the Hessian of a polyline of 12 segments then
+    takes twice the time.
 
-    quadratics : from positions (2, size) to second-order expansions (8, size); see :mod:`hpop.world.fields.symbols`
+    quadratics  function from positions (2, size) to second-order expansions (8, size) of the field; see
+                :mod:`hpop.world.fields.symbols`
     """
     table, column = casadi.MX.sym("table", 2, size), np.arange(size)
     _, _, value, *rest = casadi.vertsplit(quadratics(table))
@@ -38,7 +40,7 @@ def sparse_lookup(quadratics: Any, size: int) -> Any:
         outputs: list[Any] = [casadi.MX(sparsity, casadi.vec(entries))]
         jacobian = casadi.Function(f"jac_{name}", inputs, outputs, ["i0", "out_o0"], ["jac_o0_i0"])
         options: dict[str, Any] = {"enable_forward": False, "enable_reverse": False, "custom_jacobian": jacobian}
-        options["never_inline"] = True  # else CasADi differentiates functions called in Python
+        options["never_inline"] = True  # otherwise CasADi inlines the function and loses the custom Jacobian
         return casadi.Function(name, [table], [values], ["i0"], ["o0"], options)
 
     gradient = with_jacobian("gradient", slopes, blocks, casadi.vertcat(second, mixed, mixed, other))
@@ -47,11 +49,11 @@ def sparse_lookup(quadratics: Any, size: int) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class SymbolicMotions:
-    """Batch of motions with symbols as start and end states.
+    """Batch of motions whose start and end states are CasADi symbols.
 
-    vector   MX of all states, start columns then end columns, in the order of their names
-    motions  the batch on those symbols
-    point    (2 * states * M,) numbers that the symbols stand for
+    vector   all symbols as one MX vector: first the columns of the start states, then those of the end states
+    motions  the batch of motions on these symbols
+    point    (2 * states * M,) the numbers for which the symbols stand, in the order of ``vector``
     """
 
     vector: Any
@@ -60,7 +62,7 @@ class SymbolicMotions:
 
     @classmethod
     def of(cls, motions: Motions) -> SymbolicMotions:
-        """Return a batch with symbols in place of the states of a numeric batch."""
+        """Return a copy of a numeric batch, with symbols in place of the numbers of its states."""
         names, size = motions.start.names, len(motions)
         numbers = [getattr(states, name) for states in (motions.start, motions.end) for name in names]
         vector = casadi.MX.sym("states", 2 * len(names) * size)
@@ -79,11 +81,11 @@ class SymbolicMotions:
         return cls(vector, symbolic, np.concatenate(numbers))
 
     def function(self, column: Column) -> Any:
-        """Return the CasADi function from the symbols to a column (M,) and its Jacobian."""
+        """Return a CasADi function of the symbols: its values are a column (M,), such as a cost, and its Jacobian."""
         expression = casadi.MX(column) if not isinstance(column, np.ndarray) else casadi.MX(casadi.DM(column))
         return casadi.Function("f", [self.vector], [expression, casadi.jacobian(expression, self.vector)])
 
     def values_and_jacobian(self, column: Column) -> tuple[FloatArray, FloatArray]:
-        """Return a column (M,) computed from the symbols, and its Jacobian (M, 2 * states * M), at the numbers."""
+        """Return the numeric value (M,) of a symbolic column and its Jacobian (M, 2 * states * M) at ``point``."""
         value, jacobian = self.function(column)(self.point)
         return np.array(value).ravel(), np.array(jacobian)

@@ -49,7 +49,7 @@ def final(following: Execution, now: float) -> Options:
 def test_who_stands_too_near_may_be_left(place: tuple[float, float]) -> None:
     following, person = drive(), Person(*place, name="Ann")  # the robot is at (3, 2) after 2 s
     change = following.world(2.0, people=[person])
-    assert any("in contact with people who stand there: 'Ann'" in note for note in change.notes)
+    assert any("in contact with standing people: 'Ann'" in note for note in change.notes)
     options = following.options(2.0, deadline=0.5)
     assert len(options)
     following.take(options.knee())

@@ -59,14 +59,14 @@ def test_a_set_of_one_is_that_state() -> None:
     ("goal", "said"),
     [
         ([], "a goal must be (x m, y m, yaw rad), or a list of such states, got []"),
-        ([(5, 1, 0), (5, 1)], "the goal 1 is (x m, y m, yaw rad), got (5, 1)"),
+        ([(5, 1, 0), (5, 1)], "the goal 1 must be given as (x m, y m, yaw rad), got (5, 1)"),
         ([(5, 1, 90), (5, 1, 0)], "the yaw of the goal 0 is in radians, within two turns of 0; got 90"),
         (
             {"x": 5, "y": 1, "jaw": 0},
             "it lacks yaw and names 'jaw', which is no state of the model. Did you mean 'yaw'",
         ),
         (GoalSet(()), "a goal must be (x m, y m, yaw rad), or a list"),
-        (5, "the goal is (x m, y m, yaw rad), got 5"),
+        (5, "the goal must be given as (x m, y m, yaw rad), got 5"),
     ],
 )
 def test_what_is_no_goal_is_refused(goal: object, said: str) -> None:

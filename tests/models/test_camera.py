@@ -29,8 +29,8 @@ def test_a_model_that_does_not_say_sees_all_round_and_a_criterion_may_ask_for_le
 @pytest.mark.parametrize(
     ("bad", "said"),
     [
-        (1.9, r"field_of_view is \(horizontal, vertical\) in rad, or None; got 1.9"),
-        ((1.0, 1.0, 1.0), r"field_of_view is \(horizontal, vertical\) in rad"),
+        (1.9, r"field_of_view must be \(horizontal, vertical\) in rad, or None for all round, got 1.9"),
+        ((1.0, 1.0, 1.0), r"field_of_view must be \(horizontal, vertical\) in rad"),
         ((0.0, 1.0), r"\(horizontal, vertical\) in rad, each an angle from 1e-06 to 6.28.*, got 0.0"),
         ((110, 60), "to 6.28.*, got 110"),
         ((1.0, 4.0), "to 3.14.*, got 4.0"),

@@ -216,7 +216,7 @@ def test_states_that_contradict_each_other_are_refused(name, by):
     column = getattr(s, name).copy()
     column[3] += by
     states = States(**{n: column if n == name else getattr(s, n) for n in s.names})
-    with pytest.raises(ModelError, match=r"a drive, ends .* from where its speeds lead"):
+    with pytest.raises(ModelError, match=r"a drive, must end .* that its speeds and turn rates give"):
         Trajectory(ROBOT, states, ("drive",) * len(CONTROLS))
 
 

@@ -135,7 +135,7 @@ def test_no_motion_is_free_to_plan_by_that_collides_to_the_judge():
 def test_joints_are_checked():
     for wrong, said in (
         ({"along": "down"}, "along must be one of up, ahead, left, round"),
-        ({"low": 1.0, "high": 0.0}, "the low stop of the joint 'lift' must not be above its high one"),
+        ({"low": 1.0, "high": 0.0}, "low must not be above high for the joint 'lift'"),
         ({"speed": 0.0}, "speed of the joint 'lift' must be a positive number, got 0.0"),
     ):
         with pytest.raises(ModelError, match=said):
@@ -145,5 +145,5 @@ def test_joints_are_checked():
 def test_a_joint_beyond_its_stop_is_a_fault():
     rows = states((1, 1, 0, 0, 0, 0), (1, 1, 0, 1.0, 0, 0))
     trajectory = hpop.trajectories.trajectory.Trajectory(Crane(), rows, ("lift",))
-    assert list(Crane().faults(trajectory)) == ["has a lift of 1 m in state 1, beyond its stop at 0.8"]
+    assert list(Crane().faults(trajectory)) == ["has a lift of 1 m in state 1, beyond its stop at 0.8 m"]
     assert Crane().doubtful(Crane().laws["lift"], rows.take([0]), rows.take([1])).tolist() == [True]

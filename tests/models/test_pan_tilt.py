@@ -235,7 +235,7 @@ def test_motions_in_place_last_rest_to_rest_and_what_stopping_and_starting_lose(
 
 def test_a_head_that_does_not_turn_back_as_far_is_no_unwinding():
     rows = [(0, 0, 0, 0, 0), (0, 0, 1.0, -0.9, 0)]
-    with pytest.raises(ModelError, match=r"motion 0, a unwind, ends 0\.1 m or rad from where it leads"):
+    with pytest.raises(ModelError, match=r"motion 0, a unwind, must end .* but its end state is 0\.1 m or rad away"):
         by_rows(HEAD, rows, ("unwind",))
 
 
@@ -259,8 +259,8 @@ def test_a_trajectory_that_passes_a_stop_is_at_fault():
     assert [*HEAD.faults(way)] == []
     tight = replace(HEAD, pan=(-3.0, 1.0), tilt=(-0.5, 0.5))
     assert [*tight.faults(replace(way, model=tight))] == [
-        "has a pan of 1.2 rad in state 2, beyond its stop at 1",
-        "has a tilt of 0.6 rad in state 4, beyond its stop at 0.5",
+        "has a pan of 1.2 rad in state 2, beyond its stop at 1 rad",
+        "has a tilt of 0.6 rad in state 4, beyond its stop at 0.5 rad",
     ]
     assert [*ALL_ROUND.faults(replace(way, model=ALL_ROUND))] == []
     sideways = by_rows(HEAD, [(0, 0, 0, 0, 0), (0, 2, 0, 0, 0)], ("move",))
@@ -318,23 +318,23 @@ def test_it_has_what_its_base_has_and_joints_but_is_not_rigid():
 @pytest.mark.parametrize(
     ("parameters", "said"),
     [
-        ({"base": "omni"}, "a head is carried by a base in the plane that has no joints of its own"),
-        ({"base": hpop.DifferentialDrive(view="unwound")}, "a head turns a camera that is fixed to its base"),
-        ({"pan": (1.0, -1.0)}, "the pan's low stop must not be above its high one, got (1, -1)"),
+        ({"base": "omni"}, "base must be a model in the plane with a camera and without joints"),
+        ({"base": hpop.DifferentialDrive(view="unwound")}, "view of the base of a pan_tilt must be 'fixed'"),
+        ({"pan": (1.0, -1.0)}, "pan must be (low, high) with low not above high, got (1, -1)"),
         (
             {"pan": (-170, 170)},
             "pan must be (low, high) in rad, or 'all round', each from -12.5664 to 12.5664, got -170",
         ),
-        ({"pan": "round"}, "pan is (low, high) in rad, or 'all round'; got 'round'"),
-        ({"pan": None}, "pan is (low, high) in rad, or 'all round'; got None"),
+        ({"pan": "round"}, "pan must be (low, high) in rad, or 'all round', got 'round'"),
+        ({"pan": None}, "pan must be (low, high) in rad, or 'all round', got None"),
         ({"tilt": (-2.0, 0.0)}, "tilt must be (low, high) in rad, each from -1.5708 to 1.5708, got -2"),
-        ({"tilt": 0.3}, "tilt is (low, high) in rad; got 0.3"),
+        ({"tilt": 0.3}, "tilt must be (low, high) in rad, got 0.3"),
         ({"pan_rate": 0.0}, "pan_rate must be a positive number"),
         (
             {"field_of_view": (110, 70)},
             "field_of_view must be (horizontal, vertical) in rad, each an angle from 1e-06 to 6.28419",
         ),
-        ({"field_of_view": 1.9}, "field_of_view is (horizontal, vertical) in rad, or None; got 1.9"),
+        ({"field_of_view": 1.9}, "field_of_view must be (horizontal, vertical) in rad, or None for all round, got 1.9"),
     ],
 )
 def test_a_head_that_makes_no_sense_is_refused(parameters, said):

@@ -222,7 +222,7 @@ def test_what_is_a_method_where_a_property_should_be_is_refused():
         def parts(self):
             return ()
 
-    with pytest.raises(ModelError, match="'forgetful' has parts as a method; write @property above it"):
+    with pytest.raises(ModelError, match="parts of model 'forgetful' must be a property, got a method"):
         model("forgetful")(Forgetful)
 
 

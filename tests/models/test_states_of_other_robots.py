@@ -68,7 +68,7 @@ def front_of(asked: Problem, trajectory: hpop.Trajectory) -> hpop.Front:
 @pytest.mark.parametrize(
     ("start", "goal", "said"),
     [
-        ((1, 1, 0), (5, 1, 0, 0), "the start is (x m, y m, yaw rad, pan rad), got (1, 1, 0)"),
+        ((1, 1, 0), (5, 1, 0, 0), "the start must be given as (x m, y m, yaw rad, pan rad), got (1, 1, 0)"),
         ((1, 1, 0, 2.5), (5, 1, 0, 0), "the pan of the start must be an angle in rad from -2 to 2, got 2.5"),
         ((1, 1, 0, 0), (5, 1, 0, -90), "the pan of the goal is in radians, within two turns of 0; got -90"),
         ((1, 1, 0, None), (5, 1, 0, 0), "the start needs a pan in rad; only the goal's may be free (None)"),

@@ -216,7 +216,7 @@ def test_bodies_have_the_path_length_and_rotation_that_sampling_shows(kind):
 
 
 def test_edges_without_time_say_so_when_a_rate_asks_for_it():
-    with pytest.raises(UnsupportedCriterion, match="this planner has no clock"):
+    with pytest.raises(UnsupportedCriterion, match="this planner plans without time"):
         one(OFF_AXIS, "move", 3.0, 4.0, 0.7, 1.0).integrate(lambda s: s.t)
 
 

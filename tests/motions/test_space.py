@@ -83,8 +83,8 @@ def test_a_state_in_order_or_by_name_is_the_same(row: tuple[float | None, ...]) 
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ((1, 2), "the goal is (x m, y m, yaw rad, pan rad), got (1, 2)"),
-        (None, "the goal is (x m, y m, yaw rad, pan rad), got None"),
+        ((1, 2), "the goal must be given as (x m, y m, yaw rad, pan rad), got (1, 2)"),
+        (None, "the goal must be given as (x m, y m, yaw rad, pan rad), got None"),
         ({"x": 1, "y": 2, "yaw": 0}, "yaw': 0}: it lacks pan"),
         ({"x": 1, "y": 2, "yaw": 0, "pam": 0}, "it lacks pan and names 'pam', which is no state of the model. Did you "
          "mean 'pan'?"),

@@ -326,7 +326,7 @@ WRONG = [
     (MoodyMemory(), AGAIN, "the second time"),
     (Unpicklable(lambda: 1.0), PICKLE, "pickle|lambda"),
     (Relative(), ALONE, "a move alone"),
-    (Timed(), EDGES, "this planner has no clock"),
+    (Timed(), EDGES, "this planner plans without time"),
     (Northward(), FRAME, "in another frame"),
     (Crowded(), WALK, "along lattice edges"),
     (Boastful(), BOUND, "bound 2.2 for a trajectory that costs 2"),

@@ -364,7 +364,7 @@ MISTAKES = [
     (PROVIDES, "neither of the bodies", {"provides": lambda has: has - {"base", "camera"}}),
     (PROVIDES, "turn-move, but it has the laws slide, glide", {"provides": lambda has: has | {"turn-move"}}),
     (SAYS, "name is a word, got ''", {"name": says("")}),
-    (SAYS, r"field_of_view is \(horizontal, vertical\)", {"field_of_view": says(1.0)}),
+    (SAYS, r"field_of_view must be \(horizontal, vertical\)", {"field_of_view": says(1.0)}),
     (SAYS, "notes is a tuple of sentences, got 'sure'", {"notes": says("sure")}),
     (SAYS, "joints is a tuple of states besides x, y and yaw, got .'lift'", {"joints": says(("lift",))}),
     (SAYS, "joints names none, but provides has 'joints'", {"provides": lambda has: has | {"joints"}}),

@@ -162,7 +162,7 @@ def put(place: str, value: object):
         (put("states.x.0", 10**400), "float64 numbers in states.x"),
         (put("states.x.0", "1"), "7 numbers in states.x"),
         (put("states.y", [0.0]), "7 numbers in states.y, found 1"),
-        (put("states.y.3", 9.0), "a turn does not change y"),
+        (put("states.y.3", 9.0), "a turn must not change y"),
         (put("states.clock.5", None), "must be finite"),
         (put("states.arm", []), "unknown keys ['arm']"),
         (put("kinds.0", "fly"), "expected distinct motion laws"),

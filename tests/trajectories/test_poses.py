@@ -150,7 +150,7 @@ def test_poses_cannot_be_changed():
         ({"rate": 0}, "rate must be a number of poses a second, in Hz, from 1e-06 to 1,000,000, got 0"),
         ({"rate": "fast"}, "got 'fast'"),
         ({"rate": 1e6}, "poses are at most 1,000,000, but 1e\\+06 Hz gives more in 1[0-9.]+ s; choose a lower rate"),
-        ({"body": "tool"}, r"no body 'tool'\. body is one of base, camera$"),
+        ({"body": "tool"}, r"no body 'tool'\. body must be one of base, camera$"),
         ({"body": "camara"}, "Did you mean 'camera'"),
     ],
 )
@@ -160,5 +160,5 @@ def test_what_makes_no_sense_is_refused(options, said):
 
 
 def test_a_law_is_no_body():
-    with pytest.raises(OptionError, match=r"body is one of camera, tool$"):
+    with pytest.raises(OptionError, match=r"body must be one of camera, tool$"):
         poses(ROBOTS["serial arm"], body="spline")

@@ -264,9 +264,9 @@ def test_a_description_survives_json_exactly(where):
         (states((0, 0, 0), (1, 0, np.nan)), ("move",), "finite"),
         (states((0, 0, 0), (1, 0, np.inf)), ("move",), "finite"),
         (states((0, 0, 0), (1, 0, 0)), ("fly",), "no motion law"),
-        (states((0, 0, 0), (1, 0, 1)), ("move",), "a move does not change yaw"),
-        (states((0, 0, 0), (0, 1, 1)), ("turn",), "a turn does not change y"),
-        (states((0, 0, 0), (1, 0, 0), (5, 0, 1)), ("run", "spin"), "a spin does not change x"),
+        (states((0, 0, 0), (1, 0, 1)), ("move",), "a move must not change yaw"),
+        (states((0, 0, 0), (0, 1, 1)), ("turn",), "a turn must not change y"),
+        (states((0, 0, 0), (1, 0, 0), (5, 0, 1)), ("run", "spin"), "a spin must not change x"),
     ],
 )
 def test_what_is_no_trajectory_is_refused(given_states, kinds, message):

@@ -1,1 +1,1 @@
-"""Collision geometry of robots made of upright prisms: in the plane for planning, in space by python-fcl to judge."""
+"""Collision tests of robots made of upright prisms: in the plane for planning, and by python-fcl for verification."""

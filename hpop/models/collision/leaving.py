@@ -24,7 +24,7 @@ from hpop.world import World
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-FAR = 4e5  # m: border of the world of an area, beyond any robot
+FAR = 4e5  # m: distance of the border in `world_of_area`, beyond any robot
 SHARES = np.append(np.array([0.0, 1e-4]), np.linspace(0.0, 1.0, 65)[1:])
 """Shares of a motion at which the gap is tested, densest at its beginning: along a straight move the gap is convex."""
 SHRINKS = 1e-7  # m: tolerance for a shrinking gap, from rounding errors
@@ -32,11 +32,11 @@ SHRINKS = 1e-7  # m: tolerance for a shrinking gap, from rounding errors
 
 @dataclass(frozen=True, eq=False)
 class Leaving:
-    """Collision test for motions that keep clear of a person's body, or lead out of contact with it.
+    """Collision test with one standing person: motions must keep clear of the body, or lead out of contact with it.
 
-    parts  of the robot
-    place  (x, y) m, centre of the body
-    body   collision test of states and motions with the body alone
+    parts  collision parts of the robot
+    place  (x, y) m, centre of the person's body
+    body   ordinary collision test of the robot with this body alone
     """
 
     parts: Sequence[Part]
@@ -49,7 +49,7 @@ class Leaving:
         return free
 
     def motions_free(self, motions: Motions) -> BoolArray:
-        """Return whether each motion (M,) is clear of the body, or begins in contact and leads away from it."""
+        """Return whether each motion (M,) keeps clear of the body, or begins in contact and never reduces the gap."""
         free: BoolArray = self.body.motions_free(motions)
         some = np.flatnonzero(~free)
         some = some[~self.body.states_free(motions.start.take(some))]
@@ -58,13 +58,13 @@ class Leaving:
         return free
 
     def why_blocked(self, state: States) -> str:
-        """Return what blocks one state, in words; "" if the state is free."""
+        """Return a text: what blocks one state (1,) and a remedy; "" if the state is free."""
         return str(self.body.why_blocked(state))
 
     def gap(self, states: States) -> FloatArray:
-        """Return the distance (N,), m, from the centre of the body to the robot in states (N,).
+        """Return the distance (N,), m, from the centre of the person's body to the robot in each state.
 
-        0 if the robot covers the centre.
+        If the robot covers the centre, it is 0; for a round robot it is negative.
         """
         nearest = np.full(states.size, np.inf)
         here = shapely.Point(self.place)
@@ -77,9 +77,9 @@ class Leaving:
         return np.asarray(np.maximum(nearest, 0.0) if len(self.parts[0].corners) > 1 else nearest)
 
     def _leads_out(self, motions: Motions, rows: IntArray) -> BoolArray:
-        """Return whether motions (n,) that begin in contact leave it.
+        """Return whether the motions with indices ``rows`` (n,), which begin in contact, are allowed to leave it.
 
-        The gap does not shrink until the robot is clear.
+        They are if the gap does not shrink until the robot is clear of the body, and the robot then stays clear.
         """
         law, owner = motions.law, np.repeat(rows, SHARES.size)
         share = np.tile(SHARES, rows.size)
@@ -99,32 +99,32 @@ class Leaving:
 
 @dataclass(frozen=True, eq=False)
 class LeavingCollision(PlanarCollision):
-    """Collision test of a robot that starts in contact with standing people; its ``world`` lacks these people.
+    """Collision test of a robot that starts in contact with standing people, and may leave the contact.
 
-    left  one test for each of these people
+    left  one test for each of these people; they are not obstacles in ``world``
     """
 
     left: tuple[Leaving, ...] = ()
 
     @property
     def yaw_matters(self) -> bool:
-        """True if a position that is not :meth:`clear` can be free at some yaw: contact is left along headings."""
+        """True: at a position that is not :meth:`clear`, the yaw decides whether a motion leaves contact."""
         return True
 
     @property
     def turn_part(self) -> float:
-        """0, because a turn that leaves contact may be free where a part of it is not."""
+        """0: turns must not be cut into pieces, since a turn may be free although a piece of it is not."""
         return 0.0
 
     def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
-        """Return whether the circles swept by the parts about positions (P,) are free, also of people in contact."""
+        """Return whether the robot is free at each position (P,) at every yaw, also of the people in contact."""
         free = super().clear(x, y)
         for leaving in self.left:
             free &= leaving.body.clear(x, y)
         return free
 
     def motions_free(self, motions: Motions) -> BoolArray:
-        """Return whether the robot is free all along each motion (M,), or leaves contact."""
+        """Return whether the robot is free all along each motion (M,), or leaves its contact with people."""
         free = super().motions_free(motions)
         for leaving in self.left:
             free &= leaving.motions_free(motions)
@@ -132,14 +132,17 @@ class LeavingCollision(PlanarCollision):
 
 
 def world_of_area(area: BaseGeometry) -> World:
-    """Return a world in which one area, m, is the only closed one."""
+    """Return an otherwise empty world in which one area, m, is closed to the robot."""
     x_min, y_min, x_max, y_max = area.bounds
     extent = shapely.box(x_min - FAR, y_min - FAR, x_max + FAR, y_max + FAR)
     return World.from_polygons([], extent=extent, keep_out=area)
 
 
 def planar_collision(parts: tuple[Part, ...], world: World) -> PlanarCollision:
-    """Return the collision test of parts in a world; people in contact at the start may be left."""
+    """Return the collision test of a robot with some parts in a world.
+
+    If the world marks people as in contact with the robot at its start, motions may leave this contact.
+    """
     if not world.content.left:
         return PlanarCollision(parts, world.for_robots)
     tests = [
@@ -153,7 +156,7 @@ def planar_collision(parts: tuple[Part, ...], world: World) -> PlanarCollision:
 
 
 def touched(parts: tuple[Part, ...], world: World, state: States) -> tuple[int, ...]:
-    """Return the indices of standing people touched by a robot in a state (1,)."""
+    """Return the indices of the standing people that a robot touches in a state (1,)."""
     near = max((part.reach for part in parts), default=0.0)
     here = shapely.Point(float(state.x[0]), float(state.y[0]))
     return tuple(
@@ -165,9 +168,10 @@ def touched(parts: tuple[Part, ...], world: World, state: States) -> tuple[int, 
 
 
 def world_with_leaving(world: World, model: Any, state: States) -> tuple[World, tuple[str, ...]]:
-    """Return the world for a robot that starts in a state (1,), with people in contact marked as such, and notes.
+    """Mark the standing people that a robot touches in its start state (1,), so that it may leave the contact.
 
-    For a model without upright parts in the plane the world is returned unchanged.
+    Returns the world with these marks, and notes for the user (one that names the people, or none). For a model without
+    upright parts in the plane no contact is looked for.
     """
     if "plane" not in model.provides or not world.content.bodies:
         return world.keeping(world.content.kept), ()
@@ -176,5 +180,8 @@ def world_with_leaving(world: World, model: Any, state: States) -> tuple[World, 
         return world.keeping(world.content.kept), ()
     who = ", ".join(repr(person.name) if (person := world.content.people[i]).name else f"number {i}" for i in places)
     near = f"within {world.content.kept:g} m of" if world.content.kept else "in contact with"
-    note = f"the robot starts {near} people who stand there: {who}; it may leave them, where the gap does not shrink"
+    note = (
+        f"the robot starts {near} standing people: {who}; it may move away from them, as long as the gap to each does "
+        "not shrink"
+    )
     return world.keeping(world.content.kept, places), (note,)

@@ -1,4 +1,4 @@
-"""Collision geometry of a robot: upright prisms with convex outlines, each a set of corners grown by a radius."""
+"""Collision geometry of a robot in the plane: upright prisms, whose outlines are convex hulls grown by a radius."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from hpop.motions import States
 @checked_arguments
 @dataclass(frozen=True)
 class Part:
-    """Convex prism in the frame of the base: the hull of its corners, grown by a radius.
+    """Collision part of a robot: an upright prism, whose outline is the convex hull of its corners grown by a radius.
 
-    corners       (x ahead, y left) m; a single corner makes a disc
+    corners       (x ahead, y left) m, in the frame of the base; a single corner makes a disc
     radius        m
     z_min, z_max  m above the floor
-    on            joints that carry the part, from the base outwards; the geometry is that at joint values of 0
+    on            joints that carry the part, from the base outwards; the geometry is given for joint values of 0
     """
 
     corners: tuple[tuple[float, float], ...]
@@ -35,19 +35,19 @@ class Part:
 
     @cached_property
     def reach(self) -> float:
-        """Largest distance of its points from the axis of the base, m, at any joint values."""
+        """Largest horizontal distance of a point of the part from the axis of the base, m, over all joint values."""
         if self.on:
             return self.swept.reach
         return max(math.hypot(*corner) for corner in self.corners) + self.radius
 
     @property
     def on_axis(self) -> bool:
-        """True for a disc on the axis, which turning in place does not move."""
+        """True for a disc centred on the axis of the base: a turn in place does not change the area that it covers."""
         return self.corners == ((0.0, 0.0),) and all(joint.along == "up" for joint in self.on)
 
     @cached_property
     def swept(self) -> Part:
-        """Part without joints that contains this one at all joint values; the part itself, if it has no joints."""
+        """Part without joints that contains this part at all its joint values; the part itself if it has no joints."""
         if not self.on:
             return self
         points, grown = swept_corners(np.array(self.corners, float), self.on)
@@ -58,15 +58,15 @@ class Part:
         return Part(corners, self.radius + grown, self.z_min + low, self.z_max + high)
 
     def between(self, low: float, high: float) -> Part:
-        """Return the part without its joints, between two heights, m."""
+        """Return a part with this outline, between the heights ``low`` and ``high``, m, and without joints."""
         return replace(self, z_min=low, z_max=high, on=())
 
     def lift(self, states: States) -> FloatArray:
-        """Return the height (N,), m, by which joints lift the part in each state."""
+        """Return how far (N,), m, joints lift the part in each state."""
         return np.asarray(np.zeros(states.size) + joint_sum(self.on, "up", states))
 
     def placed(self, states: States) -> FloatArray:
-        """Return corners (N, c, 2), m, world frame, in each state."""
+        """Return the part's corners in the world (N, c, 2), m, in each of the states (N,)."""
         if self.on:
             columns = {name: getattr(states, name)[:, None] for name in ("x", "y", "yaw", *joints_of([self]))}
             ahead, left = np.array(self.corners, float).T[:, None]  # (1, c) each
@@ -79,12 +79,12 @@ class Part:
 
 
 def joints_of(parts: Iterable[Part]) -> tuple[str, ...]:
-    """Return the names of the joints that carry some parts, each once."""
+    """Return the names of the joints that carry the given parts; each name is returned once."""
     return tuple(dict.fromkeys(joint.name for part in parts for joint in part.on))
 
 
 def convex_parts(outline: tuple[tuple[float, float], ...], z_min: float, z_max: float) -> tuple[Part, ...]:
-    """Return a polygon as convex parts: a single part, or triangles if it is not convex.
+    """Return collision parts whose outlines form a polygon: a single part, or triangles if it is not convex.
 
     >>> len(convex_parts(((1, 1), (-1, 1), (-1, -1), (1, -1)), 0, 1))
     1

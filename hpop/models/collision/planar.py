@@ -1,8 +1,8 @@
-"""Collision in the plane: a robot made of upright prisms against obstacles made of upright prisms.
+"""Collision test for planning: a robot made of upright prisms against obstacles made of upright prisms.
 
-Prisms collide where their height ranges overlap and their outlines do, so each part of the robot is checked against the
-obstacles at its own height: a flat robot passes under a high table, its mast does not. Every part must also stay in the
-extent and off the keep-out zones.
+Two prisms collide if their height ranges overlap and their outlines overlap. Each part of the robot is therefore tested
+with the obstacles at its own height: a flat robot passes under a high table, its mast does not. Every part must also
+stay within the border of the map and out of keep-out zones.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ if TYPE_CHECKING:
     from hpop.world import World
     from hpop.world.geometry.planar import FreeSpace
 
-TOUCH = 1e-9  # m: a disc may touch
-TURN_SAMPLE = math.radians(5.0)  # rad: a turn is covered by hulls of outlines at most this far apart
+TOUCH = 1e-9  # m: tolerance, so that a disc may touch an obstacle
+TURN_SAMPLE = math.radians(5.0)  # rad: largest angle between the outlines whose hulls cover a turn
 LONG = 4.0  # m: longer straight moves are halved, so that few edges of the map are in the bounding box of a piece
-TOGETHER = 4096  # number of hulls tested between two checks of the limits
-LEVEL = 0.01  # m: heights of parts on joints are rounded to multiples
-CURVE_MARGIN = 2e-3  # m: margin of the hulls that cover a curve, which sets their spacing
+TOGETHER = 4096  # number of hulls tested between two checks of the time limit
+LEVEL = 0.01  # m: heights of parts on joints are rounded to multiples of this
+CURVE_MARGIN = 2e-3  # m: by how much hulls that cover a curve are grown; it determines their spacing
 
 
 def blocking_reason(world: World, part: Part, x: float, y: float) -> str:
-    """Return what blocks a part of a robot whose axis is at (x, y), and a remedy, without the final full stop."""
+    """Return a text, without final full stop: what blocks a part of a robot whose axis is at (x, y), and a remedy."""
     here = shapely.Point(x, y)
     if not shapely.covers(world.extent, here):
         x_min, y_min, x_max, y_max = world.bounds
         spans = f"x {x_min:.2f} to {x_max:.2f} m, y {y_min:.2f} to {y_max:.2f} m"
         return f"it is outside the map, which spans {spans}. Move it"
     if shapely.covers(world.closed, here):
-        return "it is in a keep-out zone or in a person who stands there. Move it"
+        return "it is in a keep-out zone or in a standing person. Move it"
     if shapely.covers(world.solid(part.z_min, part.z_max), here):
         return f"it is inside {_name(world, part, here, 0.0) or 'an obstacle'}. Move it"
     distance = float(world.clearance(np.array([x]), np.array([y]), z=(part.z_min, part.z_max))[0])
@@ -53,7 +53,7 @@ def blocking_reason(world: World, part: Part, x: float, y: float) -> str:
 
 
 def _name(world: World, part: Part, here: shapely.Point, distance: float) -> str:
-    """Return the name of the obstacle within a distance (m) at the height of a part, as text; "" without a name."""
+    """Return "the obstacle NAME" for a named obstacle within a distance, m, of a point, at a part's height; else ""."""
     met = (o for o in world.obstacles if o.name and overlaps(o.heights, (part.z_min, part.z_max)))
     return next(
         (f"the obstacle {shown(o.name)}" for o in met if shapely.distance(o.polygon, here) <= distance + 1e-9), ""
@@ -62,16 +62,17 @@ def _name(world: World, part: Part, here: shapely.Point, distance: float) -> str
 
 @dataclass(frozen=True, eq=False)
 class PlanarCollision:
-    """Collision test of a robot of upright prisms in a world, for states and whole motions.
+    """Collision test of a robot made of upright prisms in a world, for states and whole motions.
 
-    parts  upright prisms in the frame of the base
-    world
+    parts  collision parts of the robot: upright prisms in the frame of the base
+    world  obstacles and zones
 
-    Straight moves are exact. Turns of parts off the axis are covered by hulls that are never too small, and too large
-    by at most 4.5 % of the part's reach: 2 sin(1.25 degrees) for the hull of two outlines 5 degrees apart, and the
-    sagitta. Moves that turn are covered likewise, and so are parts on joints, with heights rounded outwards. Hulls of
-    curves are too large by 2 mm and the rotation of an outline between samples; the states of curves have a ``speed``
-    and a ``turn_rate``, which change linearly with time.
+    The test of straight moves is exact. The area that a turn sweeps with a part off the axis is covered by convex hulls
+    of the part's outlines, 5 degrees apart. They are never too small, and too large by at most 4.5 % of the part's
+    reach: 2 sin(1.25 degrees) for the hull, plus the bulge of the arc beyond its chord. Moves that turn and parts on
+    joints are covered in the same way; heights of parts on joints are rounded outwards. Hulls that cover a curve are
+    too large by 2 mm plus the rotation of an outline between two samples. States of curves must have the columns
+    ``speed`` and ``turn_rate``, which change linearly with time.
     """
 
     parts: tuple[Part, ...]
@@ -79,25 +80,25 @@ class PlanarCollision:
 
     @property
     def yaw_matters(self) -> bool:
-        """True if a position that is not :meth:`clear` can still be free at some yaw."""
+        """True if a position that is not :meth:`clear` can still be free at some yaw; False for discs on the axis."""
         return not all(part.on_axis and not part.on for part in self.parts)
 
     @property
     def posture_matters(self) -> bool:
-        """True if collisions depend on joints that carry parts, beside x, y and yaw."""
+        """True if collisions depend not only on x, y and yaw but also on joints that carry parts."""
         return any(part.on for part in self.parts)
 
     @property
     def turn_part(self) -> float:
-        """Angle, rad, between the outlines whose hulls cover a turn: so its parts have the same hulls as the whole."""
+        """Angle, rad, between the outlines whose hulls cover a turn.
+
+        A turn that is cut at multiples of this angle is covered by the same hulls as the whole turn.
+        """
         return TURN_SAMPLE
 
     def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
-        """Return whether the circles that the parts sweep about positions (P,) are free.
-
-        Then every yaw and turn is free.
-        """
-        reaches: dict[FreeSpace, float] = {}  # of the widest part in each: mostly all parts have one in common
+        """Return whether each position (P,) is free at every yaw: the circle with each part's reach must be free."""
+        reaches: dict[FreeSpace, float] = {}  # largest reach of the parts at the heights of each free space
         for part in (part.swept for part in self.parts):
             space = self._free_space(part)
             reaches[space] = max(part.reach, reaches.get(space, 0.0))
@@ -108,7 +109,12 @@ class PlanarCollision:
         return free
 
     def differs(self, before: PlaneCollision, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
-        """Return a mask (P,) of positions where collisions within ``within`` m may differ from an earlier world's."""
+        """Return a mask (P,) of the positions near which collisions may have changed since an earlier world.
+
+        before  collision test in the earlier world; if it is of another robot, the mask is True everywhere
+        x, y    m, positions (P,)
+        within  m, distance from each position within which changes count
+        """
         if not isinstance(before, PlanarCollision) or before.parts != self.parts or self.posture_matters:
             return np.ones(x.shape, dtype=np.bool_)
         spaces = {self._free_space(part): before._free_space(part) for part in self.parts}
@@ -142,7 +148,7 @@ class PlanarCollision:
         return self._every_part(free, len(motions))
 
     def why_blocked(self, state: States) -> str:
-        """Return what blocks one state and a remedy, without the final full stop; "" if the state is free."""
+        """Return a text, without final full stop: what blocks one state (1,) and a remedy; "" if the state is free."""
         blocked = next((part for part in self.parts if not self.part_free(part, state)[0]), None)
         if blocked is None:
             return ""
@@ -151,9 +157,14 @@ class PlanarCollision:
         return blocking_reason(self.world, blocked, float(state.x[0]), float(state.y[0]))
 
     def _free_space(self, part: Part) -> FreeSpace:
+        """Return the free space of the world at the heights of a part."""
         return self.world.free_space((part.z_min, part.z_max))
 
     def _every_part(self, test: Callable[[Part, BoolArray], BoolArray], size: int) -> BoolArray:
+        """Return which of ``size`` states or motions are free for all parts.
+
+        ``test`` takes a part and the mask of those that are free for all parts before it, and tests only these.
+        """
         free = np.ones(size, dtype=bool)
         for part in self.parts:
             left = free.copy()
@@ -161,9 +172,10 @@ class PlanarCollision:
         return free
 
     def _outlines_free(self, part: Part, corners: FloatArray, margin: float, *ends: States) -> BoolArray:
-        """Return whether hulls of corners (N, c, 2), grown by a margin, are free at the heights of a part.
+        """Return whether convex hulls of corners (N, c, 2), grown by ``margin`` m, are free at the heights of a part.
 
-        ends  states at which joints determine these heights; they are rounded outwards, so that few differ
+        ends  states (N,) at both ends of a motion, which give the heights of a part on joints. Heights are rounded
+              outwards to multiples of 1 cm, so that few of them differ
         """
         if not part.on:
             return self._hulls_free(part, corners, margin)
@@ -178,10 +190,11 @@ class PlanarCollision:
         return free
 
     def _carried_free(self, part: Part, start: States, end: States) -> BoolArray:
-        """Return whether a part carried by joints is free, by hulls of its outlines at neighbouring states.
+        """Return whether a part carried by joints is free all along each motion from states ``start`` to ``end`` (N,).
 
-        All states change evenly. In a piece in which base and hinges turn by Δ together and slides go S, a point at
-        distance r from their axes leaves its chord by no more than (r Δ² + 2 Δ S)/8.
+        A motion is cut into pieces, and each piece is covered by the convex hull of the part's outlines at its ends.
+        All states change evenly. If base and hinges together turn by Δ in a piece, and slides move by S, a point at
+        distance r from their axes is at most (r Δ² + 2 Δ S)/8 from its chord; hulls are grown by that.
         """
         names = ("x", "y", "yaw", *joints_of([part]))
         change = {name: getattr(end, name) - getattr(start, name) for name in names}
@@ -204,7 +217,10 @@ class PlanarCollision:
         return free
 
     def _hulls_free(self, part: Part, corners: FloatArray, margin: float) -> BoolArray:
-        """Return whether convex hulls of corners (N, c, 2), grown by a margin, are free: cheap tests decide most."""
+        """Return whether convex hulls of corners (N, c, 2), grown by ``margin`` m, are free at the heights of a part.
+
+        Distances from the centre of each hull decide most cases; the exact test is made for the others.
+        """
         space = self._free_space(part)
         centre = corners.mean(axis=1)
         round_it = np.hypot(*(corners - centre[:, None]).transpose(2, 0, 1)).max(axis=1, initial=0.0)
@@ -218,10 +234,10 @@ class PlanarCollision:
         return free
 
     def _straight_free(self, part: Part, start: FloatArray, end: FloatArray) -> BoolArray:
-        """Return whether a part is free on straight moves, from corners (N, c, 2) ``start`` to corners ``end``.
+        """Return whether a part is free on straight moves, which move its corners (N, c, 2) from ``start`` to ``end``.
 
-        A long move is halved until its middle is found blocked or its pieces are short. The pieces together sweep the
-        area of the move.
+        A long move is halved repeatedly, until its middle is blocked or its pieces are short. The pieces together sweep
+        exactly the area of the move.
         """
         free, owner = np.ones(len(start), dtype=bool), np.arange(len(start))
         while (long := np.hypot(*(end - start)[:, 0].T) > LONG).any():
@@ -246,11 +262,12 @@ class PlanarCollision:
         return free
 
     def _turns_free(self, part: Part, start: States, end: States, *, moving: bool) -> BoolArray:
-        """Return whether a part is free on turns, in place or moving, by hulls of outlines at neighbouring yaws.
+        """Return whether a part is free during turns in place, or (``moving``) during straight moves that turn.
 
-        Hulls are grown by the bulge of the arcs between. In place, a point leaves the chord of its arc by no more than
-        the sagitta, r (1 - cos(Δ/2)). On a straight path the arc moves evenly along, and the point leaves its chord by
-        no more than r Δ²/8.
+        Each turn is cut into pieces of at most Δ = 5 degrees, and each piece is covered by the convex hull of the
+        part's outlines at its ends, grown by the bulge of the arcs in it. In place, a point at distance r from the axis
+        is at most r (1 - cos(Δ/2)) from the chord of its arc. On a straight move that turns, it is at most r Δ²/8 from
+        the chord.
         """
         turned = np.abs(end.yaw - start.yaw)
         pieces = _turn_pieces(turned)
@@ -269,10 +286,11 @@ class PlanarCollision:
         return free
 
     def _curves_free(self, part: Part, motions: Motions, at: BoolArray) -> BoolArray:
-        """Return whether a part is free on curves, by covering hulls of outlines at neighbouring times.
+        """Return whether a part is free on those curves of a batch that the mask ``at`` selects.
 
-        Hulls are grown by the bulge of paths between. A point at distance r from the axis accelerates by no more than
-        A = |a| + |v ω| + r (|α| + ω²), so within a time Δ it leaves its chord by no more than A Δ²/8.
+        Each curve is cut into equal times Δ, and each piece is covered by the convex hull of the part's outlines at its
+        ends, grown by the bulge of the paths in it. A point at distance r from the axis accelerates by at most
+        A = |a| + |v ω| + r (|α| + ω²), so it is at most A Δ²/8 from its chord.
         """
         start, end, law = motions.start.take(at), motions.end.take(at), motions.law
         lasts = motions.duration[at]
@@ -298,5 +316,8 @@ class PlanarCollision:
 
 
 def _turn_pieces(turned: FloatArray) -> IntArray:
-    """Return the number of pieces (N,) that cover turns by angles (N,), rad; rounding of an angle adds none."""
+    """Return into how many pieces (N,) turns by angles (N,), rad, are cut, so that none exceeds 5 degrees.
+
+    Rounding errors of an angle add no piece.
+    """
     return np.maximum(1, np.ceil(turned / TURN_SAMPLE - 1e-6)).astype(np.int64)

@@ -1,6 +1,6 @@
-"""Collision in space by python-fcl: the robot's prisms against obstacles with heights, state by state.
+"""Collision test for verification, in three dimensions by python-fcl, at sampled states of each motion.
 
-It is slower than :mod:`hpop.models.collision.planar` and independent of it, so it verifies results.
+It is slower than :mod:`hpop.models.collision.planar` and independent of it, so it can verify planned results.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 MARGIN = 1e-6  # m: the robot is shrunk by this margin, so that touching is no collision
-SPACING = 0.05  # m or rad: distance between sampled states of a motion
-SAMPLES = 2**14  # states in one block
-CURVE_STEPS = 8  # samples of the speed of a curve, for its sampling
+SPACING = 0.05  # m or rad: largest distance between sampled states of a motion
+SAMPLES = 2**14  # number of states that are tested in one block
+CURVE_STEPS = 8  # the speed along a curve is sampled at so many steps, to choose the number of sampled states
 AXES = ("x", "y", "yaw")
 
 
 @dataclass(frozen=True, eq=False)
 class SolidCollision:
-    """Collision test of states in three dimensions: obstacles, keep-out zones and the border of the extent.
+    """Collision test in three dimensions with obstacles, keep-out zones and the border of the map.
 
-    parts  upright prisms in the frame of the base, placed by x, y and yaw of a state, and by the joints that carry them
-    world
+    parts  collision parts of the robot: upright prisms, placed by x, y, yaw and joints of a state
+    world  obstacles and zones
 
-    Motions are sampled at states at most 5 cm or 3 degrees apart; states that several share are tested once.
+    Motions are sampled at states at most 5 cm or 3 degrees apart. A state that several motions share is tested once.
     """
 
     parts: tuple[Part, ...]
@@ -50,12 +50,12 @@ class SolidCollision:
 
     @cached_property
     def _names(self) -> tuple[str, ...]:
-        """States that place the parts."""
+        """Names of the states that place the parts: x, y, yaw and the joints that carry parts."""
         return (*AXES, *joints_of(self.parts))
 
     @cached_property
     def _obstacles(self) -> Any:
-        """Broad-phase manager over convex prisms: everything below the robot's top."""
+        """Broad-phase collision manager of all obstacles not above the robot, as prisms over triangles."""
         objects = []
         for shape, z_min, z_max in self._prisms():
             low, high = max(z_min, -1.0), min(z_max, self._top + 1.0)
@@ -70,6 +70,7 @@ class SolidCollision:
         return manager
 
     def _prisms(self) -> Iterable[tuple[shapely.Geometry, float, float]]:
+        """Yield polygon, lower and upper height, m, of all that blocks: obstacles, outside of the map, closed areas."""
         for obstacle in self.world.obstacles:
             yield obstacle.polygon, obstacle.z_min, obstacle.z_max
         if self.world.raster is not None:
@@ -92,7 +93,7 @@ class SolidCollision:
         return self._rows_free(rows)
 
     def motions_free(self, motions: Motions) -> BoolArray:
-        """Return whether the robot is free in states along each motion (M,), both ends included."""
+        """Return whether the robot is free in all sampled states of each motion (M,), both ends included."""
         law, start, end = motions.law, motions.start, motions.end
         free = np.ones(len(motions), dtype=bool)
         counts = _sample_counts(law, start, end, self._names)
@@ -103,7 +104,7 @@ class SolidCollision:
         return free
 
     def why_blocked(self, state: States) -> str:
-        """Return what blocks one state and a remedy, without the final full stop; "" if the state is free."""
+        """Return a text, without final full stop: what blocks one state (1,) and a remedy; "" if the state is free."""
         if self.states_free(state)[0]:
             return ""
         blocked = (part for part in self.parts if not SolidCollision((part,), self.world).states_free(state)[0])
@@ -111,19 +112,22 @@ class SolidCollision:
 
     @cached_property
     def _plan(self) -> shapely.Geometry:
-        """Area covered by prisms, seen from above."""
+        """Union of all blocking polygons, seen from above."""
         plan = shapely.union_all([polygon for polygon, _, _ in self._prisms()])
         shapely.prepare(plan)
         return plan
 
     def _far_from_prisms(self, places: NDArray[np.floating[Any]]) -> BoolArray:
-        """Return whether positions (N, 3) are farther from every prism, seen from above, than the robot reaches."""
+        """Return whether all that blocks is out of the robot's reach, seen from above, at positions (N, 3 + k).
+
+        places  rows of x, y, yaw and joint values; x and y are used
+        """
         reach = max(part.reach for part in self.parts)
         near = shapely.dwithin(self._plan, shapely.points(places[:, :2]), reach + MARGIN)
         return ~np.asarray(near, dtype=bool)
 
     def _rows_free(self, rows: FloatArray) -> BoolArray:
-        """Return whether the robot is free at each position, heading and joint values (N, 3 + k)."""
+        """Return whether the robot is free in each state (N,), given as rows (N, 3 + k) of x, y, yaw and k joints."""
         yaw = np.zeros(len(rows)) if all(part.on_axis for part in self.parts) else rows[:, 2] % (2 * np.pi)
         places = np.round(
             np.column_stack([rows[:, :2], yaw, rows[:, 3:]]), 9
@@ -144,7 +148,7 @@ class SolidCollision:
 
 
 def _sample_counts(law: Law, start: States, end: States, names: Sequence[str]) -> IntArray:
-    """Return the number (M,) of states along motions of one law, ends included, at most SPACING apart."""
+    """Return at how many states (M,) each motion is sampled, ends included, so that they are at most SPACING apart."""
     if is_curve(law):
         shares = np.linspace(0.0, 1.0, CURVE_STEPS + 1)
         rates = (slopes(law, name, start, end, share)[0] for share in shares for name in names)
@@ -158,7 +162,11 @@ def _sample_counts(law: Law, start: States, end: States, names: Sequence[str]) -
 def _sampled_states(
     law: Law, start: States, end: States, counts: IntArray, names: Sequence[str]
 ) -> tuple[FloatArray, IntArray]:
-    """Return rows of states (N, k), ``counts`` (M,) evenly along each motion, and each row's motion (N,)."""
+    """Return the sampled states of motions as rows (N, k), with the index of each row's motion (N,).
+
+    counts  (M,) number of states of each motion, at equal shares of it
+    names   names of the k states in a row
+    """
     owner, number = numbered(counts)
     share = number / (counts - 1)[owner]
     begin, stop = start.take(owner), end.take(owner)
@@ -212,7 +220,7 @@ def _translation(x: float, y: float, z: float) -> FloatArray:
 
 
 def _convex_prism(corners: FloatArray, z_min: float, z_max: float) -> Any:
-    """Return a convex prism over corners (c, 2) in order."""
+    """Return a python-fcl prism between two heights, m, over a convex polygon with ordered corners (c, 2)."""
     count = len(corners)
     if shapely.Polygon(corners).exterior.is_ccw is False:
         corners = corners[::-1]

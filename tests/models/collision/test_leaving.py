@@ -53,7 +53,7 @@ def test_a_robot_plans_out_of_contact_and_the_gap_never_shrinks(robot, planner):
     front = problem.solve(planner)
     assert len(front)
     assert not verify(problem, front)
-    assert any("in contact with people who stand there: 'Ann'" in note for note in front.notes)
+    assert any("in contact with standing people: 'Ann'" in note for note in front.notes)
     for trajectory in front.trajectories:
         gap = gaps(trajectory, person, robot)
         assert gap[0] == pytest.approx(-0.02, abs=1e-4)

@@ -141,7 +141,7 @@ def test_a_named_state_is_start_and_goal(arm):
     assert problem.start == arm.space.named["home"]
     assert problem.goals == (arm.space.named["ready"], arm.space.named["upright"])
     with pytest.raises(
-        QueryError, match=r"'read' names no state. Did you mean 'ready'\? It is .*the name of one: home, ready, upright"
+        QueryError, match=r"'read' names no state. Did you mean 'ready'\? Give it as .*by a name: home, ready, upright"
     ):
         hpop.Problem(WORLD, arm, "read", "ready", ["duration"])
 
@@ -218,7 +218,7 @@ def test_a_front_and_the_files_of_its_arm_are_found_where_both_were_moved(scenar
     assert loaded.problem["model"]["serial_arm"]["urdf"]["path"] == str(there / "robot/arm6.urdf")
     shutil.rmtree(there / "robot")
     once, seen = f"{tmp_path}/robot/arm6.urdf", f"{there}/robot/arm6.urdf"
-    with pytest.raises(FrontFileError, match=f"the URDF is not at '{seen}', where the saved front sees it; put it"):
+    with pytest.raises(FrontFileError, match=f"the URDF is not at '{seen}', where the saved front expects it; put it"):
         Front.load(there / "front.json")
     saved = json.loads((there / "front.json").read_text())
     saved["problem"]["model"]["serial_arm"]["urdf"]["path"] = once  # as in files of earlier versions

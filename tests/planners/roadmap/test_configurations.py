@@ -360,7 +360,7 @@ class Unconnected(Holonomic):
 
 def test_a_robot_that_does_not_say_how_it_gets_anywhere_is_told_to() -> None:
     asked = hpop.Problem(PILLAR, Unconnected(), *ENDS[BASE], ["length"])
-    with pytest.raises(ModelError, match=r"unconnected has no laws turn and move, .*; give it connect\(a, b\)"):
+    with pytest.raises(ModelError, match=r"unconnected must have the laws turn and move, .*override connect\(a, b\)"):
         Roadmap(samples=10).solve(asked)
 
 
