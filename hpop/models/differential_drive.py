@@ -143,7 +143,7 @@ class DifferentialDrive(PlanarModel):
     radius             m       of a round footprint
     footprint          m       corners ((x, y), ...) of a polygon that contains the axis, x ahead, instead of a round
                                footprint; ``radius`` is then ignored
-    body_height        m       of the body, whose outline is the footprint, above the floor
+    body_height        m       top of the body above the floor; its outline is the footprint
     camera_height      m       of the camera above the floor; its mast reaches up to it
     camera_offset      m       of the camera from the axis, (ahead, left)
     mast_radius        m       of the mast

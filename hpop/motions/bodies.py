@@ -33,7 +33,7 @@ ROTATION = ("wx", "wy", "wz")
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Body:
-    """How one body of the robot moves in each of M motions; criteria are written with it.
+    """Movement of one body of the robot, such as the camera, in each of M motions; criteria are written with it.
 
     start, end  poses of the body at both ends of each motion
     length      (M,)  m    length of the body's path

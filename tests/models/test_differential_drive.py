@@ -90,7 +90,7 @@ def test_the_camera_stands_where_the_base_turns_it():
     assert camera.z.tolist() == [1.5, 1.5]
 
     assert robot.pose("base", states).x.tolist() == [1.0, 1.0]
-    with pytest.raises(ModelError, match="bodies base and camera, not 'arm'"):
+    with pytest.raises(ModelError, match="must be one of base, camera, got 'arm'"):
         robot.pose("arm", states)
 
 

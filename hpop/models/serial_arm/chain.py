@@ -1,4 +1,4 @@
-"""Chain of joints from the base of an arm to its tip: its frames, its solid parts, and bounds on its motion."""
+"""Chain of joints from the base of an arm to its tip: the frames of the joints, solids on the links, and levers."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ if TYPE_CHECKING:
     from hpop.world.geometry.solids import Solid
 
 Pair = tuple[str, str]
-"""Two names of links, in alphabetical order."""
+"""Names of two links, in alphabetical order."""
 
 
 def pair_of(a: str, b: str) -> Pair:
-    """Return a pair of link names in alphabetical order."""
+    """Return the names of two links as a pair in alphabetical order."""
     return (a, b) if a < b else (b, a)
 
 
 class FrameMount(NamedTuple):
-    """Position of a body on a chain.
+    """Position of a body, the tool or the camera, on a chain of joints.
 
-    frame  number of the frame that carries the body: 0 is fixed, frame n moves with joint n
+    frame  number of the frame that carries the body: frame 0 is fixed, frame i moves with joint i
     pose   (4, 4)  of the body in that frame; x ahead, y left, z up
     """
 
@@ -36,21 +36,21 @@ class FrameMount(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """Chain of n joints that move, from base to tip.
+    """Chain of the n moving joints of an arm, from base to tip.
 
-    Frame 0 is fixed to the world; the pose of the base in the world is in the origin of the first joint. Frame i = 1..n
-    moves with joint i; at value 0 it lies at the joint's origin.
+    Frame 0 is the world. Frame i = 1..n moves with joint i. The origin of the first joint includes the pose of the
+    arm's base in the world.
 
     names         names of the n joints
-    sliding       (n,)       whether each joint is prismatic; all others turn
-    turning       (n,)       whether each joint is continuous: without limits, 2 pi is a whole turn
-    axes          (n, 3)     unit vectors, each in its joint's frame
-    origins       (n, 4, 4)  each joint's frame at value 0, in the frame of the joint before; the first in the world
+    sliding       (n,)       True for prismatic joints; all others turn
+    turning       (n,)       True for continuous joints, which have no limits and for which 2 pi is a whole turn
+    axes          (n, 3)     unit vectors of the joint axes, each in its joint's frame
+    origins       (n, 4, 4)  frame of each joint at value 0, in the frame of the joint before; the first in the world
     low           (n,)       rad or m, lower limits; -pi for a continuous joint
-    high          (n,)       rad or m, upper limits
-    speed         (n,)       rad/s or m/s, greatest speeds
-    acceleration  (n,)       rad/s² or m/s², greatest accelerations
-    mounts        positions of "tool" and "camera"
+    high          (n,)       rad or m, upper limits; pi for a continuous joint
+    speed         (n,)       rad/s or m/s, largest speeds
+    acceleration  (n,)       rad/s² or m/s², largest accelerations
+    mounts        positions of the bodies "tool" and "camera" on the chain
     """
 
     names: tuple[str, ...]
@@ -75,10 +75,10 @@ class Chain:
 
 @dataclass(frozen=True, eq=False)
 class ArmPart:
-    """Solid that a link carries.
+    """Collision part of an arm: a solid on one of its links.
 
     link   name of the link
-    frame  0 to n, the frame that carries the solid
+    frame  number, 0 to n, of the frame that carries the solid
     solid  shape of the solid, and its pose in that frame
     """
 
@@ -88,7 +88,7 @@ class ArmPart:
 
 
 def frames(chain: Chain, states: States) -> list[FloatArray]:
-    """Return the poses (N, 4, 4) of frames 0 to n in each state; numbers only."""
+    """Return the poses in the world (N, 4, 4) of the frames 0 to n in each of N states; not for CasADi symbols."""
     found = [np.broadcast_to(np.eye(4), (states.size, 4, 4))]
     for name, sliding, axis, origin in zip(chain.names, chain.sliding, chain.axes, chain.origins, strict=True):
         value = np.broadcast_to(getattr(states, name), (states.size,))
@@ -97,14 +97,14 @@ def frames(chain: Chain, states: States) -> list[FloatArray]:
 
 
 def _slide_poses(axis: FloatArray, way: FloatArray) -> FloatArray:
-    """Return the poses (N, 4, 4) of slides (N,), m, along an axis."""
+    """Return translations by distances ``way`` (N,), m, along an axis, as poses (N, 4, 4)."""
     poses: FloatArray = np.tile(np.eye(4), (way.size, 1, 1))
     poses[:, :3, 3] = way[:, None] * axis
     return poses
 
 
 def _rotation_poses(axis: FloatArray, angle: FloatArray) -> FloatArray:
-    """Return the poses (N, 4, 4) of rotations (N,), rad, about an axis (Rodrigues)."""
+    """Return rotations by angles (N,), rad, about an axis, as poses (N, 4, 4), by the formula of Rodrigues."""
     x, y, z = axis
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     sine, rest = np.sin(angle)[:, None, None], (1.0 - np.cos(angle))[:, None, None]
@@ -114,10 +114,10 @@ def _rotation_poses(axis: FloatArray, angle: FloatArray) -> FloatArray:
 
 
 def levers(chain: Chain) -> FloatArray:
-    """Return bounds (n,) on the distance, m, that any body moves per rad of a turning joint or per m of a sliding one.
+    """Return upper bounds (n,) on how far tool and camera move, m, per rad or m by which each joint moves.
 
-    For a turning joint the bound is the sum of the lengths of all links that follow. A sliding joint moves all links
-    that follow by the distance that it slides, so its bound is 1.
+    For a turning joint the bound is the sum of the lengths of all links after it. A sliding joint moves all links after
+    it by the distance that it slides, so its bound is 1.
     """
     n = len(chain)
     lengths = np.zeros(n)  # of the step to each joint's frame, slides included

@@ -1,4 +1,7 @@
-"""Meshes as convex hulls: searched within given folders only, read by trimesh, refused if not convex."""
+"""Reader of mesh files of a URDF: each mesh must consist of convex pieces, and is returned as convex hulls.
+
+Files are read by trimesh, and only from the URDF's folder and the folders of packages that the user names.
+"""
 
 from __future__ import annotations
 
@@ -20,46 +23,61 @@ from hpop.world.geometry.solids import Hull
 MOST_BYTES = 50_000_000
 """Largest mesh file that is read."""
 MOST_FACES = 20_000
-"""Largest number of faces of a mesh; finer ones are not for collisions, and slow to check for convexity."""
+"""Largest number of faces of a mesh; finer meshes are meant for pictures and are slow to check for convexity."""
 MOST_BODIES = 64
 """Largest number of convex pieces of a mesh."""
 DEEPEST = 1e-3
-"""Largest depth, m, of a convex mesh's surface in its convex hull."""
+"""A mesh counts as convex if no point of its surface is deeper than this, m, inside its convex hull."""
 SAME = 1e-6
-"""Tolerance of equal corners, as a share of a mesh's size: a file may repeat corners for each face."""
+"""Tolerance for equal vertices, as a share of a mesh's size; many files repeat the vertices for each face."""
 KINDS = ("stl", "obj", "ply", "off")
 
 
 def mesh_path(mesh: UrdfMesh, folder: Path, packages: Mapping[str, str]) -> Path:
-    """Return the path of a mesh within the URDF's folder or the package that it names; ModelError for other paths."""
+    """Return the path of a mesh file that a URDF names.
+
+    folder    folder of the URDF
+    packages  folders of packages, by name
+
+    Raises ModelError if the file is not within the folder of the URDF or of the named package.
+    """
     kind, _, rest = mesh.name.partition("://")
     if rest and kind == "package":
         package, _, rest = rest.partition("/")
         if package not in packages:
             raise ModelError(
-                f"the mesh {shown(mesh.name)} is in the package {shown(package)}; give its folder in packages, as "
-                f"{{{printable(package)[:80]}: FOLDER}}" + did_you_mean(package, packages)
+                f"the folder of package {shown(package)} must be given for the mesh {shown(mesh.name)}; give it in "
+                f"packages, as {{{printable(package)[:80]}: FOLDER}}" + did_you_mean(package, packages)
             )
         folder = Path(packages[package])
     elif rest and kind != "file":
-        raise ModelError(f"the mesh {shown(mesh.name)} must be the path of a file, or package://NAME/...")
+        raise ModelError(f"a mesh in a URDF must be the path of a file, or package://NAME/..., got {shown(mesh.name)}")
     else:
         rest = rest or mesh.name
     path = folder / rest
     try:
         real, inside = (Path(os.path.realpath(p)) for p in (path, folder))
     except (OSError, ValueError):
-        raise ModelError(f"the mesh {shown(mesh.name)} cannot be the path of a file") from None
+        raise ModelError(
+            f"a mesh in a URDF must be the path of a file, but {shown(mesh.name)} is no valid path; correct the URDF"
+        ) from None
     if not real.is_relative_to(inside):
         raise ModelError(
-            f"the mesh {shown(mesh.name)} is not in the folder {shown(str(folder))}; files elsewhere are read from "
-            "packages only: write package://NAME/... in the URDF, and name the folder in packages, as {NAME: FOLDER}"
+            f"the mesh {shown(mesh.name)} is not in the folder {shown(str(folder))}. Meshes elsewhere are read from "
+            "packages only: write package://NAME/... in the URDF, and give the folder in packages, as {NAME: FOLDER}"
         )
     return path
 
 
 def hulls(data: bytes, path: Path, scale: FloatArray) -> list[Hull]:
-    """Return the convex pieces of a mesh, in m; ModelError if one is not convex."""
+    """Return the convex pieces of a mesh file as hulls, in m.
+
+    data   bytes of the file
+    path   its path, for the type of the file and for messages
+    scale  (3,) factors of the coordinates
+
+    Raises ModelError if a piece is not convex.
+    """
     mesh = _load_mesh(data, path)
     deepest = _depth(mesh, scale, path)
     bodies = [mesh] if deepest <= DEEPEST else mesh.split(only_watertight=False)
@@ -68,35 +86,35 @@ def hulls(data: bytes, path: Path, scale: FloatArray) -> list[Hull]:
     if deepest > DEEPEST and not (len(bodies) > 1 and all(_is_convex(body, scale, path) for body in bodies)):
         raise _error(
             path,
-            "it is neither convex nor made of separate convex pieces: its surface lies up to "
-            f"{deepest:.3g} m within its convex hull; cut it into convex pieces (CoACD and V-HACD do), and give each a "
-            "<collision> element with its own file; or use boxes, cylinders and spheres, or the mesh's convex hull if "
-            "it is not too large",
+            "it must be convex or consist of separate convex pieces, but its surface lies up to "
+            f"{deepest:.3g} m inside its convex hull; cut it into convex pieces (CoACD and V-HACD do that), and give "
+            "each a <collision> element with its own file; or use boxes, cylinders and spheres, or the mesh's convex "
+            "hull if that is not too large",
         )
     return [Hull(_hull(np.asarray(body.vertices) * scale, path).points) for body in bodies]
 
 
 def _load_mesh(data: bytes, path: Path) -> Any:
-    """Return a mesh of one piece or several, with merged vertices."""
+    """Return a mesh file as a mesh of trimesh, with equal vertices merged; it may consist of several pieces."""
     try:
-        import trimesh  # of the extra hpop[arm]
+        import trimesh  # installed by the extra hpop[arm]
     except ImportError:
         raise ModelError(
-            f"the mesh {shown(str(path), 400)} is read by trimesh, which is not installed: pip install 'hpop[arm]'; "
-            "boxes, cylinders and spheres need no package"
+            f"reading the mesh {shown(str(path), 400)} needs trimesh, which is not installed; run pip install "
+            "'hpop[arm]', or use boxes, cylinders and spheres, which need no package"
         ) from None
     kind = path.suffix[1:].lower()
     if kind not in KINDS:
         raise _error(
             path,
-            f"meshes are read from {', '.join(KINDS)} files, got {shown(path.suffix)}; convert it, as Blender does, or "
-            "trimesh with pycollada for .dae: trimesh.load(FILE, force='mesh').export('mesh.stl')",
+            f"a mesh file must be of type {', '.join(KINDS)}, got {shown(path.suffix)}; convert it with Blender, or a "
+            ".dae with trimesh and pycollada: trimesh.load(FILE, force='mesh').export('mesh.stl')",
         )
     try:
         mesh: Any = trimesh.load(io.BytesIO(data), file_type=kind, force="mesh", process=True, skip_materials=True)
         faces, vertices = len(mesh.faces), np.asarray(mesh.vertices, float)
-    except Exception as error:  # whatever a reader of foreign files raises
-        hint = "write it with triangles alone, as STL"
+    except Exception as error:  # trimesh may raise any error for a damaged file
+        hint = "export it as STL, with triangles only"
         raise _error(path, f"it cannot be read ({printable(error)[:80]}); {hint}") from None
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise _error(path, "its vertices must have three coordinates each")
@@ -115,7 +133,7 @@ def _load_mesh(data: bytes, path: Path) -> Any:
 
 
 def _merge_vertices(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
-    """Return vertices (V, 3) and faces (F, 3) without duplicate vertices, flat faces and duplicate faces."""
+    """Return the vertices (V, 3) and faces (F, 3) of a mesh without repeated vertices, flat faces or repeated faces."""
     size = float(np.ptp(vertices[faces].reshape(-1, 3), axis=0).max()) or 1.0
     _, first, number = np.unique(np.rint(vertices / (SAME * size)), axis=0, return_index=True, return_inverse=True)
     corners = number.reshape(-1)[faces]
@@ -127,24 +145,34 @@ def _merge_vertices(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, 
 
 
 class _Convex(NamedTuple):
-    """Convex hull: the points (V, 3) that span it, and its planes (P, 4), n·x + d <= 0 within."""
+    """Convex hull of points.
+
+    points  (V, 3)  its corners
+    planes  (P, 4)  its faces: normal n and offset d, with n·x + d <= 0 for points x inside
+    """
 
     points: FloatArray
     planes: FloatArray
 
 
 def _hull(points: FloatArray, path: Path) -> _Convex:
+    """Return the convex hull of points (N, 3); ModelError, about the file ``path``, if they are in one plane."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:
         found = ConvexHull(points)
     except (QhullError, ValueError):
-        raise _error(path, "it is flat, or has fewer than four vertices, so it is no solid") from None
+        raise _error(
+            path, "a mesh must be a solid, but it is flat or has fewer than four vertices; use a thin box instead"
+        ) from None
     return _Convex(points[found.vertices], found.equations)
 
 
 def _depth(mesh: Any, scale: FloatArray, path: Path) -> float:
-    """Return the largest depth, m, of a mesh's surface in its convex hull, at midpoints of faces and edges."""
+    """Return how deep, m, the surface of a mesh lies inside its convex hull at most; 0 for a convex mesh.
+
+    The depth is measured at the corners, and at the midpoints of faces and edges.
+    """
     corners = np.asarray(mesh.vertices, float)[np.asarray(mesh.faces)] * scale  # (F, 3, 3)
     planes = _hull(corners.reshape(-1, 3), path).planes
     sides = 0.5 * (corners + np.roll(corners, 1, axis=1))
@@ -157,7 +185,7 @@ def _depth(mesh: Any, scale: FloatArray, path: Path) -> float:
 
 
 def _is_convex(piece: Any, scale: FloatArray, path: Path) -> bool:
-    """Return whether a piece of a mesh is a convex solid; a piece that shares vertices with others is not."""
+    """Return whether a connected piece of a mesh is a convex solid; a flat piece is not."""
     try:
         return _depth(piece, scale, path) <= DEEPEST
     except ModelError:
@@ -165,9 +193,10 @@ def _is_convex(piece: Any, scale: FloatArray, path: Path) -> bool:
 
 
 def _error(path: Path, said: str) -> ModelError:
+    """Return a ModelError about a mesh file."""
     return ModelError(f"the mesh {shown(str(path), 400)}: {said}")
 
 
 def mesh_bytes(path: Path) -> bytes:
-    """Return the bytes of a mesh file."""
+    """Return the bytes of a mesh file; ModelError if it cannot be read or is too large."""
     return file_bytes(path, "mesh", MOST_BYTES)

@@ -1,4 +1,4 @@
-"""Serial arm with a camera in its hand."""
+"""Robot model "serial_arm": a chain of joints, read from a URDF, with a camera at its end."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from hpop.world.geometry.solids import Shape
 
 NEAR = 1e-9  # m or rad: tolerance for equal states
-REFERENCE = 1.0  # m/s: metres of distance between states per second that the joints need
-FARTHEST = 1e4  # m: from the origin of the world to an arm's base
+REFERENCE = 1.0  # m/s: a second that a joint needs at its largest speed counts as 1 m in distances between states
+FARTHEST = 1e4  # m: largest coordinate in the options `base` and `camera`
 Placed = tuple[float, float, float, Angle, Angle, Angle]
 HERE: Placed = (0.0,) * 6
 
@@ -44,23 +44,24 @@ HERE: Placed = (0.0,) * 6
 @model("serial_arm")
 @dataclass(frozen=True, eq=False)
 class SerialArm(Model):
-    """Arm with a camera in its hand; states are the angles, rad, and slides, m, of the joints from base to tip.
+    """Arm with a camera at its end; its states are the values of the joints from base to tip, rad or m.
 
-    urdf           the file that describes it; its root link stands at ``base``
-    tip            name of the last link, with the frame of the body "tool"
-    acceleration   rad/s² or m/s², the greatest, of all joints or by name: a URDF has only their speeds
-    srdf           file with named states and pairs of links that never collide, or None
-    packages       folders of meshes by the name of their package (package://name/...)
-    camera         m and rad  (x, y, z, roll, pitch, yaw) of the camera in the tip's frame; it looks along its x, its
-                              left is y, its up z (REP-103)
+    urdf           file that describes the arm; its root link is placed at ``base``
+    tip            name of the last link; its frame is that of the body "tool"
+    acceleration   rad/s² or m/s², largest acceleration of all joints, or of each by name (a URDF has only speeds)
+    srdf           file with named states and with pairs of links that need no collision test, or None
+    packages       folders of mesh files, by the name of the package in the URDF (package://name/...)
+    camera         m and rad  (x, y, z, roll, pitch, yaw) of the camera in the frame of the tip; the camera looks along
+                              its x axis, y is to its left and z up (REP-103)
     base           m and rad  (x, y, z, roll, pitch, yaw) of the root link in the world
-    fixed          rad or m   values of joints that stand, by name; others beside the chain stand at 0, or at the limit
-                              nearest to it
+    fixed          rad or m   values, by name, of joints that do not move; other joints outside the chain are at 0, or
+                              at the limit nearest to 0
     field_of_view  rad        (horizontal, vertical) angles of view, or None for all round
 
-    It has two laws: "reach", from rest to rest, all joints having done equal shares of their paths at each moment, and
-    "spline", cubics of time from knot to knot. The distance of two states is the root of the sum of squares of the
-    seconds that the joints need at their greatest speeds, times 1 m/s.
+    The arm has two motion laws. In a "reach" it moves from rest to rest along a straight line in joint space: at each
+    moment all joints have done equal shares of their changes. A "spline" is a cubic function of time between two knots.
+    The distance between two states is 1 m/s times the Euclidean norm of the times, s, that the joints need at their
+    largest speeds.
     """
 
     name: ClassVar[str]
@@ -79,14 +80,14 @@ class SerialArm(Model):
 
     def __post_init__(self) -> None:
         if not isinstance(self.tip, str):
-            raise ModelError(f"the tip is the name of a link, got {shown(self.tip)}")
+            raise ModelError(f"tip must be the name of a link of the URDF, got {shown(self.tip)}")
         packages = _checked_mapping("packages", self.packages, "folders")
         given = {"urdf": self.urdf, "srdf": self.srdf, **{f"package {name}": path for name, path in packages.items()}}
         paths = {name: _path_text(name, value) for name, value in given.items() if value is not None or name != "srdf"}
-        fixed = _checked_numbers("fixed", self.fixed, -MOST, "values, rad or m,")
+        fixed = _checked_numbers("fixed", self.fixed, -MOST, "values in rad or m")
         acceleration = self.acceleration
         if isinstance(acceleration, Mapping):
-            acceleration = _checked_numbers("acceleration", acceleration, SLOWEST, "rad/s² or m/s²")
+            acceleration = _checked_numbers("acceleration", acceleration, SLOWEST, "values in rad/s² or m/s²")
         else:
             acceleration = real("acceleration", acceleration, SLOWEST, MOST, "rad/s² or m/s²", error=ModelError)
         arm = read_arm(
@@ -105,8 +106,8 @@ class SerialArm(Model):
         for name, found in records.items():
             if is_record(given[name]) and list(given[name]["sha256"]) != found["sha256"]:
                 raise ModelError(
-                    f"the {name.upper()} {shown(paths[name], 400)}, or a mesh that it names, has changed since this "
-                    "was saved: its SHA-256 differs. Restore the file, or plan again."
+                    f"the {name.upper()} {shown(paths[name], 400)}, or a mesh that it names, has changed since the "
+                    "front was saved: its SHA-256 differs. Restore the file, or plan again."
                 )
         checked: dict[str, Any] = {
             **{name: found["path"] for name, found in records.items()},
@@ -124,9 +125,12 @@ class SerialArm(Model):
 
     @classmethod
     def from_urdf(cls, path: str | os.PathLike[str], **parameters: Any) -> SerialArm:
-        """Return the arm of a URDF; parameters as of the class, by name, ``tip`` and ``acceleration`` at least.
+        """Return the arm that a URDF describes.
 
-        Raises ModelError for parameters that are missing or unknown, and as the class does.
+        path        the URDF file
+        parameters  the other parameters of the class by name; ``tip`` and ``acceleration`` are required
+
+        Raises ModelError for missing, unknown or invalid parameters.
         """
         given = {"urdf": path, **parameters}
         check_parameters(models, cls.name, cls, given)
@@ -142,50 +146,50 @@ class SerialArm(Model):
     def _identity(self) -> str:
         return json.dumps(without_paths(self.describe()), sort_keys=True)
 
-    # What it is made of
+    # Structure
 
     @property
     def chain(self) -> Chain:
-        """Chain of the joints that move, with the positions of bodies."""
+        """Chain of the joints that move, with the frames of tool and camera."""
         return self._arm.chain
 
     @property
     def parts(self) -> tuple[ArmPart, ...]:
-        """Collision geometry."""
+        """Collision geometry: solids on the links."""
         return self._arm.parts
 
     @property
     def apart(self) -> frozenset[Pair]:
-        """Pairs of links, each in alphabetical order, without collision tests."""
+        """Pairs of links that are not tested for collision with each other; names in alphabetical order."""
         return self._arm.apart | self.always_touching
 
     @cached_property
     def always_touching(self) -> frozenset[Pair]:
-        """Pairs of ``apart`` that touch in each of 10,000 random states; empty if an SRDF lists pairs."""
+        """Pairs of links that touch in each of 10,000 random states, and so need no test; empty if there is an SRDF."""
         return frozenset() if self.srdf is not None else always_touching(self.chain, self.parts, self._arm.apart)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Assumptions about the arm, in words."""
+        """Sentences on assumptions about the arm, to be printed with every front."""
         return self._arm.notes + tuple(
-            f"the links {shown(one)} and {shown(other)} touch in each of {SAMPLES:,} states drawn, so their collisions "
-            "are not looked at; an SRDF says which links may touch"
+            f"the links {shown(one)} and {shown(other)} touch in each of {SAMPLES:,} random states, so they are not "
+            "tested for collision with each other; to decide which links may touch, give an SRDF file (srdf)"
             for one, other in sorted(self.always_touching)
         )
 
     @property
     def provides(self) -> frozenset[str]:
-        """Bodies, joints, and the law of splines."""
+        """Capabilities: the bodies "camera" and "tool", "joints", and "spline"."""
         return frozenset({"camera", "tool", "joints", "spline"})
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Names of the joints, which are all states."""
+        """Names of the joints; the arm has no other states."""
         return self.chain.names
 
     @cached_property
     def space(self) -> StateSpace:
-        """The joints, and the states that the SRDF names."""
+        """State space of the joints, with the named states of the SRDF."""
         chain = self.chain
         return StateSpace(
             chain.names,
@@ -200,12 +204,12 @@ class SerialArm(Model):
 
     @cached_property
     def laws(self) -> Mapping[str, JointLaw]:
-        """Laws: from rest to rest, straight in the space of the joints; and splines there."""
+        """Motion laws: "reach", straight in joint space from rest to rest, and "spline"."""
         chain = self.chain
         of_chain = (chain.names, tuple(chain.speed.tolist()), tuple(chain.acceleration.tolist()))
         return {"reach": Reach(*of_chain), "spline": JointSpline(*of_chain)}
 
-    # How it moves
+    # Motion
 
     @cached_property
     def _kinematics(self) -> Kinematics:
@@ -220,26 +224,29 @@ class SerialArm(Model):
         return self._kinematics.pose(body, states)
 
     def twist(self, body: str, states: States, rates: States) -> Twist:
-        """Return the velocity and rotation of camera or tool."""
+        """Return the velocity and angular velocity of the camera or the tool."""
         return self._kinematics.twist(body, states, rates)
 
     def twist_rate(self, body: str, states: States, rates: States, changes: States) -> Twist:
-        """Return the derivative of the twist of camera or tool."""
+        """Return the acceleration and angular acceleration of the camera or the tool."""
         return self._kinematics.twist_rate(body, states, rates, changes)
 
     def body(self, name: str, motions: Motions) -> Body:
-        """Return the motion of camera or tool in each motion, by integrating twists."""
+        """Return how the camera or the tool moves in each motion, by integrating its velocities."""
         if not isinstance(motions.law, Reach):
             return integrated(name, motions)
         return ArmBody(name, self._kinematics, motions)
 
     def bodies(self, states: States) -> list[tuple[Shape, FloatArray]]:
-        """Return the shapes of the parts, which may hide things from the camera, and their poses (N, 4, 4)."""
+        """Return the shapes of the collision parts and their poses (N, 4, 4); they can hide things from the camera."""
         placed = frames(self.chain, states)
         return [(part.solid.shape, placed[part.frame] @ part.solid.pose) for part in self.parts]
 
     def extent(self, motions: Motions) -> tuple[Column, Column]:
-        """Return bounds (M,), m and rad, on how far any body moves and turns: changes of joints times their levers."""
+        """Return upper bounds (M,), m and rad, on how far tool and camera move and turn in each motion.
+
+        They are sums of the joints' changes, times the largest distance of the bodies from each joint for the former.
+        """
         law, farthest, turned = cast(JointLaw, motions.law), np.float64(0.0), np.float64(0.0)
         for name, lever, sliding in zip(self.chain.names, self._levers, self.chain.sliding, strict=True):
             way = law.ways(name, motions.start, motions.end)
@@ -248,18 +255,21 @@ class SerialArm(Model):
         return farthest, turned + 0.0 * farthest
 
     def connect(self, a: States, b: States) -> list[Leg]:
-        """Return one reach; a joint without limits takes the shorter direction, and a joint that is NaN in b stays."""
+        """Return the motion from states a to b: one reach.
+
+        A joint without limits turns the shorter way round, and a joint whose value in b is NaN does not move.
+        """
         given = States(**{n: np.where(np.isnan(getattr(b, n)), getattr(a, n), getattr(b, n)) for n in self.space.names})
         end = self.space.onward(a, given)
         moved = np.any([np.abs(getattr(end, n) - getattr(a, n)) > NEAR for n in self.space.names], axis=0)
         return [Leg("reach", States(**{n: np.where(moved, getattr(end, n), getattr(a, n)) for n in end.names}), moved)]
 
     def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
-        """Return the plan: reaches go from rest to rest already."""
+        """Return the plan itself, because an arm executes its motions as planned."""
         return trajectory, trajectory.times
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Yield joints beyond their limits, too fast, or accelerated too fast."""
+        """Yield a text for each joint that exceeds its range, its speed or its acceleration."""
         states = trajectory.states
         for kind in dict.fromkeys(trajectory.kinds):
             motions = np.flatnonzero([kind == other for other in trajectory.kinds])
@@ -269,25 +279,25 @@ class SerialArm(Model):
             yield from faults(self.chain, self.laws["reach"], states, states, np.zeros(1, np.int64))
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Return which motions (M,) break a limit of a joint."""
+        """Return a mask (M,) of the motions in which a joint exceeds its range, speed or acceleration."""
         return doubtful(self.chain, self._joint_law(law.kind), start, end)
 
     def _joint_law(self, kind: str) -> JointLaw:
-        """Return the law of a kind of motion; a hold counts as the end of a reach of length 0."""
+        """Return the law of a kind of motion; a hold counts as a reach of length 0, and gets the law of reaches."""
         return self.laws.get(kind, self.laws["reach"])
 
-    # Where it collides
+    # Collision tests
 
     def collision(self, world: World) -> ArmCollision:
-        """Return the collision test of planning: convex hulls, and certificates that whole motions are free."""
+        """Return the collision test for planning: on convex shapes, with proofs that whole motions are free."""
         return ArmCollision(self.chain, self.parts, self.apart, world)
 
     def judge(self, world: World) -> ArmJudge:
-        """Return the collision test of verification, by python-fcl, at states between which no part moves over 1 mm."""
+        """Return the collision test for verification: python-fcl at states between which no part moves over 1 mm."""
         return ArmJudge(self.chain, self.parts, self.apart, world)
 
     def describe(self) -> dict[str, Any]:
-        """Return JSON-able parameters, enough to build the same arm: its files by path and SHA-256."""
+        """Return name and parameters for JSON, enough to build an equal arm; files are given by path and SHA-256."""
         arm: dict[str, Any] = {**self._records, "tip": self.tip, "acceleration": self.acceleration}
         if self.packages:
             arm["packages"] = {name: record(folder) for name, folder in self.packages.items()}
@@ -304,15 +314,15 @@ WORDS = {"urdf": "URDF", "srdf": "SRDF"}
 
 
 def _path_text(name: str, given: Any) -> str:
-    """Return a path as text, also from the record of a file."""
+    """Check the option ``name``, a path or the record of a file in a saved front, and return the path as text."""
     path = path_of(given, WORDS.get(name, name)) if is_record(given) else given
     if not isinstance(path, str | os.PathLike) or not os.fspath(path):
-        raise ModelError(f"{name} is the path of a file, got {shown(given)}")
+        raise ModelError(f"{name} must be the path of a file, got {shown(given)}")
     return str(os.fspath(path))
 
 
 def _pose_matrix(name: str, given: Any) -> FloatArray:
-    """Return a pose (4, 4) from x, y, z, roll, pitch, yaw."""
+    """Check the option ``name``, (x, y, z, roll, pitch, yaw) in m and rad, and return it as a pose (4, 4)."""
     try:
         numbers = [
             real(name, number, -FARTHEST, FARTHEST, "x, y, z, m, and roll, pitch, yaw, rad,", error=ModelError)
@@ -321,7 +331,7 @@ def _pose_matrix(name: str, given: Any) -> FloatArray:
     except TypeError:
         numbers = []
     if len(numbers) != 6:
-        raise ModelError(f"{name} is (x, y, z, roll, pitch, yaw) in m and rad, got {shown(given)}")
+        raise ModelError(f"{name} must be (x, y, z, roll, pitch, yaw) in m and rad, got {shown(given)}")
     for angle in numbers[3:]:
         if advice := not_radians(angle):
             raise ModelError(f"an angle of {name} {advice}")
@@ -329,11 +339,16 @@ def _pose_matrix(name: str, given: Any) -> FloatArray:
 
 
 def _checked_mapping(name: str, given: Any, what: str) -> dict[str, Any]:
+    """Check the option ``name``, a mapping with names as keys, and return it as a dict.
+
+    ``what`` says for messages what the values are.
+    """
     if not isinstance(given, Mapping) or not all(isinstance(key, str) for key in given):
-        raise ModelError(f"{name} gives {what} by name, such as {{'name': ...}}, got {shown(given)}")
+        raise ModelError(f"{name} must map names to {what}, as {{'name': ...}}, got {shown(given)}")
     return dict(given)
 
 
 def _checked_numbers(name: str, given: Any, least: float, what: str) -> dict[str, float]:
+    """Check the option ``name``, which maps names to numbers of at least ``least``, and return it as a dict."""
     named = _checked_mapping(name, given, what)
     return {key: float(real(f"{name} of {key}", value, least, MOST, error=ModelError)) for key, value in named.items()}

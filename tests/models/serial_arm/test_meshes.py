@@ -105,8 +105,8 @@ def test_a_mesh_of_quadrilaterals_is_read_and_its_mirror_image_too(tmp_path):
 @pytest.mark.parametrize(
     ("name", "said"),
     [("ball.stl", r"expected 1 to 20,000 faces, found 20,480; decimate it \(.*simplify_quadric_decimation"),
-     ("ball.dae", r"got '\.dae'; convert it, as Blender does, or trimesh with pycollada"),
-     ("torn.off", r"cannot be read \(.*\); write it with triangles alone, as STL")],
+     ("ball.dae", r"got '\.dae'; convert it with Blender, or a \.dae with trimesh and pycollada"),
+     ("torn.off", r"cannot be read \(.*\); export it as STL, with triangles only")],
 )  # fmt: skip
 def test_a_mesh_that_is_not_read_is_refused_with_the_way_out(tmp_path, name, said):
     if name == "ball.stl":
@@ -120,7 +120,7 @@ def test_a_mesh_that_is_not_read_is_refused_with_the_way_out(tmp_path, name, sai
 def test_a_concave_mesh_is_refused_with_how_deep_it_is(tmp_path):
     ELL.export(tmp_path / "ell.stl")
     with pytest.raises(
-        ModelError, match=r"ell.stl': it is neither convex nor .* up to 0.0\d+ m within its convex hull; cut it"
+        ModelError, match=r"ell.stl': it must be convex or .* up to 0.0\d+ m inside its convex hull; cut it"
     ):
         with_mesh(tmp_path, "ell.stl")
 
@@ -142,7 +142,9 @@ def test_a_package_is_a_folder_that_is_given(tmp_path):
     (tmp_path / "robot").mkdir()
     (tmp_path / "meshes").mkdir()
     BOX.export(tmp_path / "meshes/box.stl")
-    with pytest.raises(ModelError, match=r"in the package 'parts'; give its folder in packages, as {parts: FOLDER}"):
+    with pytest.raises(
+        ModelError, match=r"folder of package 'parts' must be given .* give it in packages, as {parts: FOLDER}"
+    ):
         with_mesh(tmp_path / "robot", "package://parts/box.stl")
     arm = with_mesh(tmp_path / "robot", "package://parts/box.stl", packages={"parts": tmp_path / "meshes"})
     assert len(jibs(arm)) == 1
@@ -172,7 +174,7 @@ def test_a_link_to_elsewhere_is_not_followed(tmp_path):
     ("name", "data", "said"),
     [
         ("lost.stl", None, "cannot be opened"),
-        ("box.dae", b"<COLLADA/>", "meshes are read from stl, obj, ply, off files"),
+        ("box.dae", b"<COLLADA/>", "a mesh file must be of type stl, obj, ply, off"),
         ("box.stl", b"solid\n\x00\xff" * 9, "box.stl': "),
         ("flat.off", b"OFF\n3 1 0\n0 0 0\n9 0 0\n0 9 0\n3 0 1 2\n", "flat"),
         ("box.stl", b"", "is empty"),

@@ -58,20 +58,20 @@ def test_a_file_that_has_changed_is_refused(tmp_path):
     (tmp_path / "crane.urdf").write_text(
         (tmp_path / "crane.urdf").read_text().replace('xyz="0.2 0 0"', 'xyz="0.3 0 0"')
     )
-    with pytest.raises(ModelError, match="has changed since this was saved: its SHA-256 differs"):
+    with pytest.raises(ModelError, match="has changed since the front was saved: its SHA-256 differs"):
         make_model(description)
 
 
 @pytest.mark.parametrize(
     ("parameter", "value", "said"),
     [
-        ("camera", (0, 0, 0), r"camera is \(x, y, z, roll, pitch, yaw\) in m and rad"),
+        ("camera", (0, 0, 0), r"camera must be \(x, y, z, roll, pitch, yaw\) in m and rad"),
         ("camera", (0, 0, 0, 0, -90, 0), "write math.radians"),
         ("base", (0, 0, 0, 0, 0, "east"), "base must be"),
-        ("base", 3, "base is"),
-        ("tip", 7, "the tip is the name of a link"),
-        ("urdf", 7, "urdf is the path of a file"),
-        ("packages", ["meshes"], "packages gives folders by name"),
+        ("base", 3, "base must be"),
+        ("tip", 7, "tip must be the name of a link"),
+        ("urdf", 7, "urdf must be the path of a file"),
+        ("packages", ["meshes"], "packages must map names to folders"),
         ("fixed", {"a": "b"}, "fixed of a"),
         ("field_of_view", 1.0, "field_of_view"),
     ],
@@ -179,7 +179,7 @@ def test_a_scenario_names_its_files_from_its_own_folder_and_states_by_name(scena
     assert problem.model == arm6()
     assert problem.start == arm6().space.named["home"]
     assert len(problem.goals) == 2
-    with pytest.raises(QueryError, match=r"arm.yaml, line \d+, start: .*the name of one: home, ready, upright"):
+    with pytest.raises(QueryError, match=r"arm.yaml, line \d+, start: .*by a name: home, ready, upright"):
         load_scenario(scenario("elsewhere"))
     with pytest.raises((ScenarioError, QueryError), match="start"):
         load_scenario(scenario("[0, 0]"))
@@ -231,5 +231,5 @@ def test_a_front_and_the_files_of_its_arm_are_found_where_both_were_moved(scenar
     "given", [{"urdf": None}, {"urdf": "a.urdf", "packages": {"m": None}}, {"urdf": "a.urdf", "srdf": np.zeros(3)}]
 )
 def test_what_is_no_path_is_refused_in_the_place_of_one(given):
-    with pytest.raises(ModelError, match="is the path of a file, got"):
+    with pytest.raises(ModelError, match="must be the path of a file, got"):
         SerialArm(**given, tip="tool", acceleration=3.0)
