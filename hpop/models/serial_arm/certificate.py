@@ -1,18 +1,20 @@
-"""Proof that an arm is free of collisions all along motions, and lower bounds of its distances (compiled).
+"""Proof that an arm does not collide anywhere along a motion, and lower bounds on its distances (compiled kernels).
 
-On the segment q(s) = start + s Δ, s in [0, 1], no point of a body moves faster than Λ = Σ ρ_k |Δ_k| per unit of s,
-where ρ_k bounds its distance from the axis of joint k (1 for a joint that slides); for two bodies only the joints
-between them count. So if their distance at s is d, they are apart wherever |s' - s| Λ < d. Distances are proved lower
-bounds (:mod:`hpop.models.serial_arm.gjk`), so motions called free are free.
+A motion is a segment in joint space: q(s) = start + s Δ, with s from 0 to 1. Along it, no point of a body moves faster
+than Λ = Σ ρ_k |Δ_k| per unit of s, where ρ_k is an upper bound on its distance from the axis of joint k (1 for a joint
+that slides). For the distance of two bodies, only the joints between them count. So if the distance is d at s, the two
+bodies do not touch at any s' with |s' - s| Λ < d. Since d is a proved lower bound on the distance
+(:mod:`hpop.models.serial_arm.gjk`), a motion that is called free is free.
 
-An interval is tested in its middle. The part that this test proves is cut out, and the remaining parts are tested
-later, only for pairs that are not proved yet. Each test proves a part, or finds the arm nearer than allowed, so all
-motions are decided.
+An interval of s is tested in its middle. The part that this test proves free is cut out. The remaining parts are tested
+later, only for the pairs of bodies that are not proved yet. Each test proves a part, or finds the arm nearer than
+allowed, so that every motion is decided.
 
-ρ_k is bounded twice: for the whole motion by the lengths of the links between (``ArmScene.levers``), and near a test by
-the distance there and its growth: Σ |Δ_k| (r_k h + Λ_k h²/2) within h, Λ_k the speed relative to joint k.
+There are two bounds ρ_k. For the whole motion, it is the sum of the link lengths between (``ArmScene.levers``). Near a
+test, it is the present distance r_k plus its growth: within h of the test, points move at most
+Σ |Δ_k| (r_k h + Λ_k h²/2), where Λ_k is their speed relative to joint k.
 
-Imported on first use only, because importing numba takes half a second.
+Import this module on first use only, because importing numba takes half a second.
 """
 
 from __future__ import annotations
@@ -26,13 +28,17 @@ from hpop.models.serial_arm.gjk import distance
 from hpop.models.serial_arm.scene import ArmScene
 from hpop.runtime.compiled import kernel, lean
 
-GAP = 0.25  # relative precision of distances that do not prove the whole interval
-POOL = 1 << 14  # space for lists of pairs, beside two full ones; once it is full, lists are no longer shortened
+GAP = 0.25  # relative precision of distances that cannot prove the whole interval
+POOL = 1 << 14  # room for lists of pairs, beside two full lists; once it is full, lists are no longer shortened
 
 
 @lean
 def placed(scene: ArmScene, q: FloatArray, poses: FloatArray, centres: FloatArray) -> None:
-    """Write frames (n + 1, 3, 4) of joint values (n,), the first the world's, and centres (B, 3) of the bodies."""
+    """Compute where an arm is at joint values q (n,): frames and bodies in the world.
+
+    Writes the poses of the frames to poses (n + 1, 3, 4), the world's first, and the centres of the bodies to centres
+    (B, 3).
+    """
     for k in range(q.size):
         at, before, origin = poses[k + 1], poses[k], scene.origins[k]
         for row in range(3):
@@ -57,7 +63,7 @@ def placed(scene: ArmScene, q: FloatArray, poses: FloatArray, centres: FloatArra
 
 @lean
 def _relative(a: FloatArray, b: FloatArray, pose: FloatArray) -> None:
-    """Write the pose of frame b in frame a; all (3, 4)."""
+    """Write to ``pose`` the pose of frame b relative to frame a; all (3, 4)."""
     for row in range(3):
         x, y, z = a[0, row], a[1, row], a[2, row]
         for column in range(4):
@@ -67,7 +73,7 @@ def _relative(a: FloatArray, b: FloatArray, pose: FloatArray) -> None:
 
 @lean
 def _outside(scene: ArmScene, b: int, pose: FloatArray, x: float, y: float, z: float) -> float:
-    """Return the distance of a point from the box round a body with a frame at a pose in the world."""
+    """Return the distance, m, of a point (x, y, z) from the bounding box of body b; ``pose`` is its frame's pose."""
     box, centre = scene.bodies.box, scene.bodies.centre
     x, y, z = x - pose[0, 3], y - pose[1, 3], z - pose[2, 3]
     u = pose[0, 0] * x + pose[1, 0] * y + pose[2, 0] * z - centre[b, 0]
@@ -83,7 +89,10 @@ def _outside(scene: ArmScene, b: int, pose: FloatArray, x: float, y: float, z: f
 
 @lean
 def apart_at_least(scene: ArmScene, a: int, b: int, poses: FloatArray, centres: FloatArray, enough: float) -> float:
-    """Return a lower bound of the distance of two bodies, by spheres round them, or else by a box."""
+    """Return a cheap lower bound on the distance of two bodies, m, from their bounding spheres.
+
+    If that is less than ``enough``, the bounding box of the larger body is used as well.
+    """
     reach, x, y, z = scene.bodies.reach, centres[b, 0], centres[b, 1], centres[b, 2]
     dx, dy, dz = x - centres[a, 0], y - centres[a, 1], z - centres[a, 2]
     bound: float = math.sqrt(dx * dx + dy * dy + dz * dz) - reach[a] - reach[b]
@@ -108,9 +117,12 @@ def measured(
     suffices: float,
     gap: float,
 ) -> tuple[float, float]:
-    """Return bounds of the distance of a pair of bodies, from the direction (3,) that separated them last, or from 0.
+    """Return a lower and an upper bound on the distance of a pair of bodies, m, by :func:`gjk.distance`.
 
-    scratch is (7, 4), or (7, 6): then its last rows are left with the nearest simplex.
+    direction  (3,)  direction that separated them at the last test, from which the search begins; zeros at first
+    scratch    (7, 4) or (7, 6)  memory; with six columns its last four rows return the nearest simplex
+
+    ``near``, ``enough``, ``suffices`` and ``gap`` say when the search may stop, as in :func:`gjk.distance`.
     """
     a, b = scene.pairs[pair, 0], scene.pairs[pair, 1]
     first, second = poses[scene.frames[a]], poses[scene.frames[b]]
@@ -126,9 +138,11 @@ def measured(
 
 @lean
 def _speeds(scene: ArmScene, moved: FloatArray, slides: FloatArray, speeds: FloatArray) -> None:
-    """Write bounds (B, n + 1), m, of how far the points of each body move relative to each frame, given |Δ| (n,).
+    """Write upper bounds (B, n + 1), m, on how far the points of each body move relative to each frame.
 
-    slides (n,) are the largest absolute values of the joints; joints that slide lengthen the arm.
+    moved   (n,)  absolute changes |Δ| of the joints in the motion
+    slides  (n,)  largest absolute values of the joints in the motion, because extended slides lengthen the arm
+    speeds  result
     """
     for b in range(scene.frames.size):
         frame = scene.frames[b]
@@ -156,7 +170,10 @@ def _speeds_here(
     here: FloatArray,
     growth: FloatArray,
 ) -> None:
-    """Write these bounds (n + 1,) for one body at its present frames, and half of their growth per unit of s."""
+    """Write the bounds of :func:`_speeds` for one body b near its present position, where they are smaller.
+
+    here[b] receives the bounds (n + 1,) at the present position, growth[b] half of their growth per unit of s.
+    """
     longer, total, more = 0.0, 0.0, 0.0
     for k in range(scene.frames[b] - 1, -1, -1):
         if scene.sliding[k]:
@@ -184,15 +201,15 @@ def blocked_by(
     kept: float,
     found: IntArray,
 ) -> int:
-    """Write to found (M,) the pair that blocks each segment of joint values, -1 where it is proved free.
+    """Decide for each motion whether the arm is free along it, and write the blocking pair of bodies to found (M,).
 
-    Free: no pair comes nearer than ``kept`` anywhere. Blocked: at a test, a pair is nearer than ``near``, or than
-    ``kept`` plus the deviations. Returns the number of tests.
+    A value of -1 means proved free: no pair comes nearer than ``kept`` anywhere on the motion. A motion is blocked if
+    a test finds a pair nearer than ``near``, or nearer than ``kept`` plus the deviations. Returns the number of tests.
 
     Parameters
     ----------
-    start, end : (M, n) of each segment
-    deviation : (M, n) largest distance of each joint from the segment
+    start, end : (M, n) joint values at both ends; the motion is the segment between them in joint space
+    deviation : (M, n) largest difference of each joint from this segment, for motions that are curved
     near, kept : m, 0 < kept <= near
     """
     count, joints, bodies = scene.pairs.shape[0], scene.sliding.size, scene.frames.size
@@ -241,7 +258,7 @@ def blocked_by(
                 if apart >= enough:
                     continue
                 suffices = least + min(speed, here[b, frame] + growth[b, frame] * proved) * proved
-                if apart < suffices:  # else another pair proves no more: smaller intervals will decide this one
+                if apart < suffices:  # otherwise another pair limits what is proved; smaller intervals decide this one
                     lower, upper = measured(
                         scene, pair, poses, centres, directions[pair], scratch, near, enough, suffices, GAP
                     )
@@ -273,9 +290,10 @@ def blocked_by(
 
 @kernel
 def nearest(scene: ArmScene, states: FloatArray, most: float, gap: float, least: FloatArray) -> None:
-    """Write to least (N,) a lower bound of the smallest distance of any pair in each state (N, n); at most ``most``.
+    """Write to least (N,), m, a lower bound on the smallest distance of any pair of bodies in each state (N, n).
 
-    The smallest distance is no more than a share ``gap`` above it.
+    most  m, distance from which on distances need not be known: bounds are at most this
+    gap   the smallest distance exceeds its bound by at most this share
     """
     count, joints, bodies = scene.pairs.shape[0], scene.sliding.size, scene.frames.size
     poses, centres = np.zeros((joints + 1, 3, 4)), np.empty((bodies, 3))
@@ -288,7 +306,7 @@ def nearest(scene: ArmScene, states: FloatArray, most: float, gap: float, least:
             bounds[pair] = apart_at_least(scene, scene.pairs[pair, 0], scene.pairs[pair, 1], poses, centres, most)
             if bounds[pair] < bounds[first]:
                 first = pair
-        for place in range(count):  # the nearest pair first: it often decides
+        for place in range(count):  # start with the nearest pair, which often decides
             pair = first if place == 0 else place - 1 if place <= first else place
             if bounds[pair] < least[i]:
                 direction[:] = 0.0

@@ -1,7 +1,8 @@
-"""Motion laws of an arm, the limits of its joints, and the motion of a body at the tip along a reach.
+"""Motion laws of an arm, checks of its joint limits, and the motion of tool or camera along a reach.
 
-A reach is straight in the space of the joints. With the changes D of the joints and the Jacobian J of a body, ∫|ω| dt =
-∫ |J_ω(q(s)) D| ds over the share s done: one smooth integrand instead of three phases.
+A reach is a motion that is straight in joint space. Let D be the changes of the joints, J_ω the Jacobian of a body's
+angular velocity ω, and s the share of the motion done. Then ∫|ω| dt = ∫ |J_ω(q(s)) D| ds, which needs one smooth
+integral instead of one for each phase of the timing.
 """
 
 from __future__ import annotations
@@ -22,20 +23,17 @@ from hpop.models.serial_arm.kinematics import Kinematics
 from hpop.motions import Body, Law, LawDefaults, Motions, Phase, States, Twist
 from hpop.motions.quadrature import adaptive_integrals, evenly, pieces_of
 
-BEYOND = 1e-6  # rad or m: tolerance of limits
+BEYOND = 1e-6  # rad or m: tolerance of joint limits
 FASTER = 1e-6  # relative tolerance of limits of speed and acceleration
 CLOCK = "clock"
-PIECES = 3  # of a reach on symbols, unless its batch sets another number
+PIECES = 3  # quadrature pieces of a reach on CasADi symbols, unless the batch sets another number
 NODES = [0.5 + 0.5 * place for place in (-math.sqrt(6 / 7), -math.sqrt(1 / 3), 0.0, math.sqrt(1 / 3), math.sqrt(6 / 7))]
 KRONROD = [49 / 495, 27 / 110, 14 / 45, 27 / 110, 49 / 495]
-"""Weights of Kronrod's rule (1965) with five nodes on [0, 1], on Gauss' rule of two nodes, exact to degree 7."""
+"""Weights of the Gauss-Kronrod rule (1965) with five nodes on [0, 1], two of them Gauss nodes; exact to degree 7."""
 
 
 class Extremes(NamedTuple):
-    """Extremes of one joint along motions (M,).
-
-    Its least and greatest value, and its greatest absolute speed and acceleration.
-    """
+    """Extremes of one joint along motions (M,): lowest and highest value, largest absolute speed and acceleration."""
 
     low: FloatArray
     high: FloatArray
@@ -44,24 +42,24 @@ class Extremes(NamedTuple):
 
 
 class JointLaw(Law, Protocol):
-    """Motion law of an arm."""
+    """Motion law of an arm, which also knows how far and how fast each joint moves."""
 
     def ways(self, name: str, start: States, end: States) -> Column:
-        """Return a bound (M,), rad or m, on the total travel of a joint, back and forth."""
+        """Return an upper bound (M,), rad or m, on how far a joint travels in all, back and forth."""
 
     def extremes(self, name: str, start: States, end: States) -> Extremes:
-        """Return the exact extremes of a joint along each motion (M,)."""
+        """Return the exact extremes of a joint's value, speed and acceleration along each motion (M,)."""
 
 
 class Excess(NamedTuple):
-    """Excess of motions (M,) over one limit of one joint.
+    """Comparison of motions (M,) with one limit of one joint.
 
     joint     name of the joint
-    quantity  limited quantity in words; "" for the joint value itself
+    quantity  limited quantity for a message, "a speed of "; "" for the value of the joint
     unit      unit of the quantity
     limit     the limit
-    value     (M,)
-    over      (M,)  excess over the limit; at most 0 within it
+    value     (M,)  extreme value of the quantity in each motion
+    over      (M,)  by how much it exceeds the limit and its tolerance; 0 or less if it does not
     """
 
     joint: str
@@ -73,7 +71,7 @@ class Excess(NamedTuple):
 
 
 def excesses(chain: Chain, law: JointLaw, start: States, end: States) -> Iterator[Excess]:
-    """Yield the excess of each joint at each of its limits."""
+    """Yield a comparison of the motions with each limit of each joint: range, speed and acceleration."""
     for i, name in enumerate(chain.names):
         found, unit = law.extremes(name, start, end), "m" if chain.sliding[i] else "rad"
         if not chain.turning[i]:
@@ -87,37 +85,35 @@ def excesses(chain: Chain, law: JointLaw, start: States, end: States) -> Iterato
 
 
 def doubtful(chain: Chain, law: JointLaw, start: States, end: States) -> BoolArray:
-    """Return which motions (M,) break a limit."""
+    """Return a mask (M,) of the motions that exceed some limit of a joint."""
     broken = [excess.over > 0.0 for excess in excesses(chain, law, start, end)]
     return np.asarray(np.any(broken, axis=0))
 
 
 def faults(chain: Chain, law: JointLaw, start: States, end: States, motions: IntArray) -> Iterator[str]:
-    """Yield each limit that motions of a trajectory break, with the motion that exceeds the limit most.
+    """Yield a text for each limit of a joint that motions exceed; it names the motion that exceeds it most.
 
-    motions  (M,)  indices of the motions in the trajectory
+    motions  (M,)  indices of the motions in their trajectory
     """
     for excess in excesses(chain, law, start, end):
         if excess.over.max(initial=0.0) > 0.0:
             i = int(np.argmax(excess.over))
             yield (
                 f"has joint {excess.joint} at {excess.quantity}{excess.value[i]:.6g} {excess.unit} in motion "
-                f"{motions[i]}, beyond its limit of {excess.limit:.6g}"
+                f"{motions[i]}, beyond its limit of {excess.limit:.6g} {excess.unit}"
             )
 
 
 @dataclass(frozen=True)
 class Reach(LawDefaults):
-    """Motion of an arm from rest to rest that is straight in joint space.
+    """Law "reach": a motion of an arm from rest to rest along a straight line in joint space.
 
-    At each moment all joints have done an equal share.
+    names          names of the joints
+    speeds         rad/s or m/s, largest speed of each joint
+    accelerations  rad/s² or m/s², largest acceleration of each joint
 
-    names          of the joints
-    speeds         rad/s or m/s, greatest speed of each joint
-    accelerations  rad/s² or m/s², greatest acceleration of each joint
-
-    The most restricted joint limits the share: with the changes D, its speed is min v/|D| and its acceleration min
-    a/|D|.
+    At each moment all joints have done an equal share of their changes. The share grows as fast as the joints allow:
+    with changes D and limits v and a of the joints, its largest speed is min v/|D| and its acceleration min a/|D|.
     Reaches are executed as planned, and their durations add up.
     """
 
@@ -127,15 +123,15 @@ class Reach(LawDefaults):
     kind: str = "reach"
 
     quadrature = "adaptive"
-    reversible = True  # back through the same states in the same times
+    reversible = True  # the way back passes the same states and takes equal time
 
     @property
     def varies(self) -> frozenset[str]:
-        """All joints."""
+        """Names of the states that change: all joints."""
         return frozenset(self.names)
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
-        """Return a trapezoidal profile; a triangle for a short motion."""
+        """Return the timing: speed up, cruise, slow down; a short motion has no cruise."""
         lasts, square = self._least_times(start, end)
         safe = np.where(square > TINY, square, TINY) if is_symbolic(square) else square
         moves = lasts > 0
@@ -151,15 +147,15 @@ class Reach(LawDefaults):
         )
 
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
-        """Return a joint where a share of the motion is done."""
+        """Return the value of a joint when ``share`` (0 to 1) of the motion is done."""
         return linear(name, start, end, share)
 
     def ways(self, name: str, start: States, end: States) -> Column:
-        """Return the distance (M,), rad or m, that a joint travels."""
+        """Return how far (M,), rad or m, a joint travels."""
         return smooth_abs(getattr(end, name) - getattr(start, name))
 
     def extremes(self, name: str, start: States, end: States) -> Extremes:
-        """Return the extremes of a joint along each motion (M,); it is fastest at the end of the ramp."""
+        """Return the extremes of a joint along each motion (M,); it is fastest at the end of the speed-up."""
         ramp, (begin, stop) = self.phases(start, end)[0], (getattr(states, name) for states in (start, end))
         lasts = ramp.duration > 0
         rate = np.where(lasts, 2.0 * ramp.end / np.where(lasts, ramp.duration, 1.0), 0.0)
@@ -168,7 +164,10 @@ class Reach(LawDefaults):
         return Extremes(np.minimum(begin, stop), np.maximum(begin, stop), rate * way, change * way)
 
     def _least_times(self, start: States, end: States) -> tuple[Column, Column]:
-        """Return the greatest |D|/v (M,), s, and |D|/a (M,), s², over the joints."""
+        """Return the largest |D|/v (M,), s, and the largest |D|/a (M,), s², of all joints with changes D.
+
+        The first is the time that the slowest joint needs at its largest speed.
+        """
         lasts: Column = None
         square: Column = None
         for name, speed, acceleration in zip(self.names, self.speeds, self.accelerations, strict=True):
@@ -180,20 +179,20 @@ class Reach(LawDefaults):
 
 
 def rate_of(name: str) -> str:
-    """Return the name of the column with a joint's speed at a knot."""
+    """Return the name of the state column that holds a joint's speed."""
     return f"{name}_rate"
 
 
 @dataclass(frozen=True)
 class JointSpline:
-    """Piece of a spline: cubic Hermite polynomials through the joint values and speeds at both ends.
+    """Law "spline": each joint follows the cubic polynomial of time with given values and speeds at both ends.
 
-    names          of the joints
-    speeds         rad/s or m/s, greatest speed of each joint
-    accelerations  rad/s² or m/s², greatest acceleration of each joint
+    names          names of the joints
+    speeds         rad/s or m/s, largest speed of each joint
+    accelerations  rad/s² or m/s², largest acceleration of each joint
 
-    A state needs further columns: ``<joint>_rate``, rad/s or m/s, for each joint, and ``clock`` (s, from any zero; the
-    difference is the motion's duration). The law leads to any given state at a later clock.
+    States need further columns: ``<joint>_rate``, rad/s or m/s, for each joint, and ``clock`` (s, from any zero; the
+    difference is the motion's duration). A motion can lead from any state to any state with a later clock.
     """
 
     names: tuple[str, ...]
@@ -206,17 +205,17 @@ class JointSpline:
 
     @cached_property
     def extra(self) -> tuple[str, ...]:
-        """Columns of joint speeds, and the clock."""
+        """Names of the further state columns: the joint speeds, and the clock."""
         return (*map(rate_of, self.names), CLOCK)
 
     @cached_property
     def varies(self) -> frozenset[str]:
-        """All columns."""
+        """Names of the states that change: joints, joint speeds and clock."""
         return frozenset((*self.names, *self.extra))
 
     @cached_property
     def even(self) -> frozenset[str]:
-        """Columns that need no finer sampling: speeds are parabolas of time."""
+        """Names of the states with a constant second time derivative: the joint speeds and the clock."""
         return frozenset(self.extra)
 
     @cached_property
@@ -224,17 +223,17 @@ class JointSpline:
         return {rate_of(name): name for name in self.names}
 
     def knots(self, values: Sequence[Column], rates: Sequence[Column], clock: Column) -> States:
-        """Return states from joint values and speeds, columns of numbers or symbols, at times, s."""
+        """Return states with given joint values, joint speeds and clock, s; each is a column of numbers or symbols."""
         speeds = dict(zip(map(rate_of, self.names), rates, strict=True))
         return States(**dict(zip(self.names, values, strict=True)), **speeds, clock=clock)
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
-        """Return a single phase, in which the share is that of the time."""
+        """Return one phase, in which the share of the motion done grows evenly with time."""
         duration = end.clock - start.clock
         return (Phase(duration, 0.0 * duration, 1.0 + 0.0 * duration, "drive"),)
 
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
-        """Return the value of a joint, of its speed or of the clock after a share of the motion's time."""
+        """Return the column ``name``, a joint, a joint speed or the clock, after ``share`` (0 to 1) of the time."""
         if name in self._joint_of:
             slope, _ = self.slopes(self._joint_of[name], start, end, share)
             lasts = end.clock - start.clock
@@ -247,7 +246,7 @@ class JointSpline:
         return begin + span * share + share * rest * (rest * (first - span) - share * (last - span))
 
     def slopes(self, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
-        """Return first and second derivative by the share."""
+        """Return the first and second derivatives of a state with respect to the share of the motion's time."""
         if name in self._joint_of:
             joint, lasts = self._joint_of[name], end.clock - start.clock
             safe = np.where(lasts > 0, lasts, 1.0)
@@ -263,23 +262,29 @@ class JointSpline:
         return first + share * (bend + 3.0 * twist * share), bend + 6.0 * twist * share
 
     def bends(self, start: States, end: States) -> tuple[Column, Column]:
-        """Return zeros: an arm has no heading, so no turns are counted."""
+        """Return zeros (M,), because an arm has no heading and so makes no turns."""
         none = 0.0 * (end.clock - start.clock)
         return none, none
 
     def strays(self, start: States, end: States) -> Column:
-        """Return 0 (M,), or inf if time runs backwards; where no time passes, the jump of a joint value or speed."""
+        """Return the error (M,) of the given end states: 0 if the clock advances, inf if it runs backwards.
+
+        If the clock stands still, the error is the largest jump of a joint value or speed.
+        """
         jump = np.max([np.abs(getattr(end, name) - getattr(start, name)) for name in self.varies - {CLOCK}], axis=0)
         return np.where(end.clock > start.clock, 0.0, np.where(end.clock == start.clock, jump, np.inf))
 
     def ways(self, name: str, start: States, end: States) -> Column:
-        """Return a bound (M,), rad or m, on a joint's travel: the length of the control polygon of its cubic."""
+        """Return an upper bound (M,), rad or m, on how far a joint travels: the control polygon length of its cubic."""
         first, last = self._tangents(name, start, end)
         span = getattr(end, name) - getattr(start, name)
         return (smooth_abs(first) + smooth_abs(last) + smooth_abs(3.0 * span - first - last)) / 3.0
 
     def extremes(self, name: str, start: States, end: States) -> Extremes:
-        """Return the exact extremes of a joint along each motion (M,), also at zeros of speed and acceleration."""
+        """Return the exact extremes of a joint along each motion (M,).
+
+        They are at the ends of the motion, or where the speed or the acceleration is zero.
+        """
         lasts = end.clock - start.clock
         safe = np.where(lasts > 0, lasts, 1.0)
         first, (begin, last) = (
@@ -302,20 +307,20 @@ class JointSpline:
         )
 
     def _tangents(self, name: str, start: States, end: States) -> tuple[Column, Column]:
-        """Return the slopes by the share at both ends."""
+        """Return the derivatives of a joint with respect to the share of the motion's time, at both ends."""
         lasts = end.clock - start.clock
         return lasts * getattr(start, rate_of(name)), lasts * getattr(end, rate_of(name))
 
 
 def _ratios_in_unit_interval(above: FloatArray, below: FloatArray) -> FloatArray:
-    """Return the quotients (M,) of ``above`` and ``below`` that lie in [0, 1], and 0 for others."""
+    """Return the quotients ``above``/``below`` (M,), with 0 in place of those outside of [0, 1]."""
     some = below != 0.0
     quotient = np.where(some, above / np.where(some, below, 1.0), 0.0)
     return np.where((quotient > 0.0) & (quotient < 1.0), quotient, 0.0)
 
 
 class ArmBody(Body):
-    """Motion of a body at the tip of an arm along reaches; only attributes that are read are integrated."""
+    """Motion of tool or camera along reaches; path length and rotations are integrated when they are first read."""
 
     def __init__(self, name: str, kinematics: Kinematics, motions: Motions) -> None:
         ends = {key: kinematics.pose(name, states) for key, states in (("start", motions.start), ("end", motions.end))}
@@ -344,7 +349,10 @@ class ArmBody(Body):
         return (self.rotation,)
 
     def _along(self, amount: Callable[[Twist], Column], twins: IntArray) -> Column:
-        """Return the integral of a quantity of the twists along motions (M,); twins share the result."""
+        """Return the integral over each motion (M,) of a quantity computed from the body's velocities.
+
+        twins  (M,)  for each motion, the index of the motion whose integral it shares, such as its reverse
+        """
         start, end = self._ends
         names = self._kinematics.chain.names
         ways = States(**{name: getattr(end, name) - getattr(start, name) for name in names})

@@ -124,7 +124,7 @@ def test_joints_beyond_their_limits_are_told(arm):
     rows[1, 1] = 2.5
     beyond = Trajectory(arm, States(**dict(zip(names, rows.T, strict=True))), ("reach",))
     (fault,) = arm.faults(beyond)
-    assert fault == "has joint shoulder_to_upper_arm at 2.5 rad in motion 0, beyond its limit of 1.9"
+    assert fault == "has joint shoulder_to_upper_arm at 2.5 rad in motion 0, beyond its limit of 1.9 rad"
     assert list(arm.doubtful(arm.laws["reach"], beyond.states.take([0]), beyond.states.take([1]))) == [True]
     within = Trajectory.through(arm, States(**dict(zip(names, (0.5 * rows).T, strict=True))))
     assert list(arm.faults(within)) == []
