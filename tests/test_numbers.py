@@ -103,7 +103,7 @@ def test_a_world_beyond_the_earth_is_refused():
 
 
 def test_a_world_longer_than_any_country_is_refused():
-    with pytest.raises(HpopError, match=r"the world is 1e\+07 x 1 m; expected metres, at most 1,000,000 across"):
+    with pytest.raises(HpopError, match=r"the world is 1e\+07 x 1 m, expected at most 1,000,000 m across"):
         World.from_polygons([shapely.box(0, 0, 1e7, 1)])
 
 

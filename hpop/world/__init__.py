@@ -1,4 +1,4 @@
-"""Worlds: the workspace of a robot with its fields, its people, and the readers of maps."""
+"""Worlds: the robot's workspace, with obstacles, people, scalar fields such as clearance, and readers of map files."""
 
 from hpop.world.content.futures import Future
 from hpop.world.content.people import Person

@@ -1,4 +1,8 @@
-"""Obstacles of a world as convex bodies in space, for arms: solids, pieces of prisms, and boxes of occupied cells."""
+"""Convex bodies in space that stand for the obstacles of a world, for the collision checks of robot arms.
+
+Solids are taken as they are. Prisms (extruded polygons) are cut into convex pieces, and occupied cells are merged into
+boxes.
+"""
 
 from __future__ import annotations
 
@@ -21,11 +25,12 @@ from hpop.world.geometry.shapes import Obstacle, Raster
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid
 
 ENDLESS = 10.0
-"""m above (below) the floor at which a prism without a top (bottom) is cut; from its other end if that is beyond."""
+"""Height above the floor, m, at which a prism without a top is cut off; a prism without a bottom is cut off this far
+below the floor. Such a prism is made taller where needed, so that it is at least this tall."""
 MOST_BODIES = 5_000
 """Largest number of convex bodies in a world."""
 MOST_RUNS = 1_000_000
-"""Largest number of runs, which are occupied cells side by side in one row, that are joined to rectangles."""
+"""Largest number of runs (occupied cells side by side in one row) that are merged into rectangles."""
 EXACT = 1e-12
 """Relative difference of two areas up to which they count as equal: rounding."""
 SLIVER = 10 * LEAST
@@ -35,7 +40,7 @@ MAKING = "the bodies of the world were made"
 
 
 def solid_bodies(obstacles: Sequence[Obstacle], raster: Raster | None) -> tuple[Solid, ...]:
-    """Return all obstacles as named convex bodies: solids, convex pieces of prisms, and boxes of cells.
+    """Return all obstacles as named convex bodies: solids, convex pieces of prisms, and boxes over occupied cells.
 
     Raises MapError for more than `MOST_BODIES`.
     """
@@ -53,7 +58,7 @@ def solid_bodies(obstacles: Sequence[Obstacle], raster: Raster | None) -> tuple[
 
 
 def closed_bodies(content: Content, keep_out: BaseGeometry) -> tuple[Solid, ...]:
-    """Return keep-out zones and standing people as columns, which robots must avoid although they are not obstacles."""
+    """Return keep-out zones and standing people as tall columns, which robots must avoid as they avoid obstacles."""
     bodies = []
     for index, person in enumerate(content.people):
         if not person.moves:
@@ -69,9 +74,9 @@ def closed_bodies(content: Content, keep_out: BaseGeometry) -> tuple[Solid, ...]
 
 
 def prisms(polygon: Polygon, heights: tuple[float, float], name: str) -> Iterator[Solid]:
-    """Yield convex prisms that together fill a prism: a polygon, m, between two heights, m.
+    """Cut a prism (a polygon, m, between two heights, m) into convex prisms, and yield them as named solids.
 
-    Infinite heights are cut, see `ENDLESS`.
+    Infinite heights are replaced by finite ones, see `ENDLESS`.
     """
     low, high = heights
     bottom = low if math.isfinite(low) else min(-ENDLESS, high - ENDLESS)
@@ -81,7 +86,10 @@ def prisms(polygon: Polygon, heights: tuple[float, float], name: str) -> Iterato
 
 
 def convex_pieces(polygon: Polygon) -> list[Polygon]:
-    """Cut a polygon into convex polygons: triangles, which are joined across their longest common sides first.
+    """Cut a polygon into convex polygons.
+
+    The polygon is cut into triangles. Neighbours are then merged if their union is convex, those with the longest
+    common side first.
 
     >>> sorted(p.area for p in convex_pieces(shapely.Polygon([(0, 0), (9, 0), (9, 1), (1, 1), (1, 3), (0, 3)])))
     [2.5, 8.5]
@@ -164,9 +172,10 @@ def _boxes(raster: Raster) -> Iterator[Solid]:
 
 
 def _rectangles(cells: BoolArray) -> IntArray:
-    """Cover the occupied cells (H, W) with rectangles (n, 4): first column, first row, last column + 1, last row + 1.
+    """Return rectangles that together cover exactly the occupied cells (H, W).
 
-    Equal runs of cells in successive rows become one rectangle.
+    Each row of the result (n, 4) is first column, first row, last column + 1, last row + 1. A run is a row of adjacent
+    occupied cells; runs with the same columns in successive rows become one rectangle.
     """
     limits.check(MAKING)
     padded = np.pad(cells, ((0, 0), (1, 1)))
@@ -187,6 +196,6 @@ def _rectangles(cells: BoolArray) -> IntArray:
 def _check_count(count: int, what: str) -> None:
     if count > MOST_BODIES:
         raise MapError(
-            f"the {what} of this world are {count:,} convex bodies in space, expected at most {MOST_BODIES:,}. Give "
-            "fewer: a part of the map, larger cells, or simpler outlines."
+            f"the {what} of this world make {count:,} convex bodies in space, expected at most {MOST_BODIES:,}. Use a "
+            "smaller part of the map, larger cells, or simpler outlines."
         )

@@ -1,4 +1,4 @@
-"""Read worlds from files, and convert worlds to JSON-able descriptions, which saved fronts hold."""
+"""Read worlds from files, and convert worlds to JSON-able descriptions, which are saved with Pareto fronts."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ class FromFiles:
 
     @staticmethod
     def from_file(path: str | Path, *, reader: str | None = None, **options: Any) -> World:
-        """Read a map with the named reader, or by the file's ending: .geojson, .dxf, .pdf, .png, .yaml, .bag, ...
+        """Read a map with the named reader, or with the one for the file's ending: .geojson, .dxf, .png, .yaml, ...
 
-        Options are passed to the reader. Each reader has a module of its name, such as
+        Options are passed to the reader. Each reader is a module that explains its options, such as
         :mod:`hpop.world.readers.drawing` or :mod:`~hpop.world.readers.ros_map`; :mod:`hpop.world.readers.readers` lists
         all.
         """
@@ -122,7 +122,7 @@ class FromFiles:
 
 
 def describe(world: World) -> dict[str, Any]:
-    """Describe a world by the files it was read from, else by its geometry; see `World.describe`."""
+    """Return a JSON-able description of a world: the files it came from, else its geometry; see `World.describe`."""
     content = {"content": _lists(world.content.describe())} if world.content.present or world.content.zones else {}
     if world.source is not None:
         return {**_lists(world.source), **content}
@@ -169,7 +169,7 @@ def facts(world: World) -> dict[str, str]:
 
 
 def build(description: Mapping[str, Any]) -> World:
-    """Build a world from its description. Every part is checked, as the description may come from a foreign file."""
+    """Build a world from its description. Every value is checked, because the description may come from any file."""
     kind = description.get("kind") if isinstance(description, Mapping) else None
     try:
         if kind == "geometry" or kind in readers:
@@ -193,24 +193,24 @@ def build(description: Mapping[str, Any]) -> World:
     ) as error:
         raise MapError(f"the description of a world is malformed: {shown(error)}.") from None
     known = ", ".join(("geometry", *readers))
-    raise MapError(f"a world's description must have a kind out of {known}; got {shown(kind)}.")
+    raise MapError(f'a world\'s description must have a "kind", one of {known}; got {shown(kind)}.')
 
 
 def seen_from(folder: str, description: Any) -> Any:
-    """Return a description with file paths relative to a folder, so that a front and its map can be moved together.
+    """Return a world's description with file paths also relative to a folder, under the key "relative".
 
-    The key "relative" lists these paths.
+    Thus a saved front and its map can be moved together.
     """
     relative = {key: place_seen_from(folder, path) for key, path in _paths(description).items() if os.path.isabs(path)}
     return {**_at(description, relative), "relative": relative} if relative else description
 
 
 def found_from(folder: str, description: Any) -> Any:
-    """Return a description with absolute file paths, undoing :func:`seen_from` for the folder where the front now is.
+    """Return a world's description with the absolute paths of its files, for the folder where the front now lies.
 
-    A missing file is also looked for by name in the folder. An absolute path from an earlier version is preferred if
-    its file is unchanged and the one at the relative path is not. A file that is nowhere keeps its path relative to the
-    folder.
+    This undoes :func:`seen_from`. A file is looked for at its relative path, at its old absolute path if stated, and by
+    name in the folder. The old absolute path is preferred only if its file is unchanged and the other is not. If a file
+    is missing, the key "relative" lists where the files were expected.
     """
     relative = description.get("relative") if isinstance(description, Mapping) else None
     if not isinstance(relative, Mapping):
@@ -234,7 +234,7 @@ def found_from(folder: str, description: Any) -> Any:
 
 
 def _at(description: Mapping[str, Any], places: Mapping[str, str]) -> dict[str, Any]:
-    """Return a description with other file paths, given by "path" or by the name of a reader option."""
+    """Return a description with the file paths in ``places``, given by "path" or by the name of a reader option."""
     changed = {**description, **{key: place for key, place in places.items() if key == "path"}}
     if others := {key: place for key, place in places.items() if key != "path"}:
         changed["options"] = {**description["options"], **others}
@@ -251,7 +251,7 @@ def _unchanged(description: Any) -> bool:
 
 
 def without_places(description: Any) -> Any:
-    """Return a description that is equal for equal maps: file paths and packed cells are replaced by their hashes."""
+    """Return a description that is equal for equal maps: hashes stand for packed cells, and file paths are left out."""
     raster = description.get("raster") if isinstance(description, Mapping) else None
     if isinstance(raster, Mapping) and isinstance(raster.get("cells"), str):
         try:
@@ -307,12 +307,12 @@ def _refuse_lost(description: Mapping[str, Any]) -> None:
             what = "the map of this front" if key == "path" else f"the {key} of this front's map"
             if there == path:
                 raise MapError(
-                    f"{what} is not at {path!r}, where the front sees it. Put it there, or beside the front under the "
-                    "same name, unchanged."
+                    f"{what} is missing: it is not at {path!r}. Put the unchanged file there, or beside the front "
+                    "under the same name."
                 )
             raise MapError(
-                f"{what} is at neither of the places where it is looked for: {path!r}, where it was, and {there!r}, "
-                "where the front would see it had they been moved together. Put it in one of them, unchanged."
+                f"{what} is missing: it is neither at its old path, {path!r}, nor at {there!r}, where it would be if "
+                "it had been moved together with the front. Put the unchanged file at one of these paths."
             )
 
 
@@ -358,7 +358,7 @@ def _build_raster(data: Mapping[str, Any]) -> Raster:
 
 
 def unpack_cells(text: str, rows: int, columns: int) -> BoolArray:
-    """Return cells (rows, columns) from base64 of zlib-compressed bits; no more than their size is inflated."""
+    """Unpack cells (rows, columns) from base64 text of zlib-compressed bits; too much data is never decompressed."""
     check_size(rows, columns, "the described raster")
     size = -(-rows * columns // 8)
     wrong = MapError(f"the described raster does not hold exactly {columns} x {rows} cells.")

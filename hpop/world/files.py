@@ -1,6 +1,7 @@
-"""Files of maps: bytes and hashes, plain YAML, relative paths, and foreign formats, which are read in a child process.
+"""Access to map files: bytes and hashes, plain YAML, relative paths, and formats that a child process reads.
 
-If the child process crashes, hangs or takes too much memory, this process is not harmed.
+Formats that need large external libraries are read in a child process. If it crashes, hangs or takes too much memory,
+this process is not harmed.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from hpop.runtime.interrupts import interrupts_held
 from hpop.runtime.limits import READING
 
 MAX_BYTES = 1_000_000_000
-"""Largest file that is read, bytes."""
+"""Size of the largest file that is read, bytes."""
 MAX_DEPTH = 20
 """Deepest nesting of a yaml file."""
 MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
@@ -45,31 +46,34 @@ SECONDS = 60
 POLL = 0.05
 """Time between two checks of the limits, s."""
 WAITS = 10 * SECONDS
-"""Time after which a child process without progress is given up, s."""
+"""Time after which a child process is ended, s."""
 STAYS = 8
-"""Bytes of memory per byte of the output of the child process: for its geometries."""
+"""Bytes of memory that the geometries take per byte of the child process's output."""
 
 
 def read_bytes(path: str | Path, what: str, *, limit: int = MAX_BYTES) -> bytes:
     """Return a file's bytes; `MapError` if it is missing, empty, too large, unreadable or no regular file."""
     if not isinstance(path, str | os.PathLike):  # a number would name an open file
-        raise MapError(f"{what} is named by its path; got {shown(path)}.")
+        raise MapError(f"{what} must be given by its path, a str or Path; got {shown(path)}.")
     try:
         data = read_regular(path, limit)
     except OSError as error:
         raise MapError(f"{what} {named(path)} cannot be opened: {error.strerror or error}. Check the path.") from None
     if not data:
-        raise MapError(f"{what} {named(path)} is empty (0 bytes).")
+        raise MapError(f"{what} {named(path)} is empty (0 bytes). Check the file.")
     return data
 
 
 def named(path: str | Path) -> str:
-    """Return a path for a message, shortened if it is longer than any system allows."""
+    """Return a path as text for a message, shortened if it is very long."""
     return shown(str(path), 400)
 
 
 def read_text(data: bytes, path: str | Path, what: str) -> str:
-    """Decode UTF-8 text; a `MapError` names the probable encoding of other bytes. ``what`` names the file."""
+    """Decode the bytes of a file as UTF-8 text; for other encodings a `MapError` names the probable one.
+
+    ``what`` and ``path`` name the file in the message.
+    """
     if not data.startswith(MARKS) and _is_wide(data[:PROBE]):
         raise MapError(
             f"{what} {named(path)} must be UTF-8 text. It seems to be UTF-16 or UTF-32 without a byte-order mark: save "
@@ -84,9 +88,9 @@ def read_text(data: bytes, path: str | Path, what: str) -> str:
 
 
 def _is_wide(data: bytes) -> bool:
-    """Return whether bytes seem to be UTF-16 or UTF-32 text.
+    """Return whether bytes seem to be UTF-16 or UTF-32 text, judging by the positions of zero bytes.
 
-    Of two bytes per letter, every second is 0; of four bytes per letter, all but the first or the last are 0.
+    In Latin text, every second byte of UTF-16 is 0, and all bytes of UTF-32 but the first or the last of four are 0.
     """
     quarters = [data[i::4] for i in range(4)]
     zero = [quarter.count(0) > 0.9 * len(quarter) for quarter in quarters]
@@ -98,30 +102,31 @@ def _is_wide(data: bytes) -> bool:
 
 
 def _encoding_of(data: bytes, first: int) -> str:
-    """Return advice on the probable encoding of bytes; at index ``first`` they stop to be UTF-8."""
+    """Return advice for a message: the probable encoding of bytes that are not UTF-8 from index ``first`` on."""
     if data.startswith(MARKS):
         return "It is UTF-16, as PowerShell's > and Notepad's Unicode write it: save it as UTF-8."
     around = data[max(0, first - PROBE) : first + PROBE]
     if all(byte >= 32 or byte in b"\t\n\r\f" for byte in around):
-        return "It seems to be Latin-1 or Windows-1252, of umlauts or accents perhaps: save it as UTF-8."
-    return "Is it another kind of file?"
+        return "It seems to be Latin-1 or Windows-1252, with umlauts or accents perhaps: save it as UTF-8."
+    return "It may be another kind of file; check the path."
 
 
 def read_yaml(text: str, path: str | Path) -> Any:
-    """Load plain YAML as `read_yaml_documents` does, but only one document; `MapError` for several."""
+    """Load a plain YAML file with at most one document; `MapError` as for `read_yaml_documents`, or for several."""
     documents = read_yaml_documents(text, path)
     if len(documents) > 1:
-        raise MapError(f"{path} is {len(documents)} yaml documents, one after the other (---); expected one.")
+        raise MapError(
+            f"{path} has {len(documents)} yaml documents, separated by ---; expected one. Leave the others out."
+        )
     return documents[0] if documents else None
 
 
 def read_yaml_documents(text: str, path: str | Path) -> list[Any]:
-    """Load all non-empty documents of plain YAML.
+    """Load all non-empty documents of a plain YAML file.
 
-    Raises `MapError` for Python tags, aliases, wrong syntax, and nesting deeper than `MAX_DEPTH`.
-
-    Nesting is checked on the events first, because deep nesting crashes PyYAML's C loader. Aliases are refused because
-    aliases of aliases double a value's size with every line.
+    Raises `MapError` for Python tags, aliases, wrong syntax, and nesting deeper than `MAX_DEPTH`. Nesting is checked on
+    the parser's events before loading, because deep nesting crashes PyYAML's C loader. Aliases are refused because
+    aliases of aliases can double a value's size with every line.
     """
     import yaml  # slow to import
 
@@ -132,7 +137,7 @@ def read_yaml_documents(text: str, path: str | Path) -> list[Any]:
         for event in yaml.parse(text, Loader=loader):
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if depth > MAX_DEPTH:
-                raise MapError(f"{path} nests values more than {MAX_DEPTH} deep: it is no map file.")
+                raise MapError(f"{path} nests values more than {MAX_DEPTH} deep, so it cannot be a map file.")
             if getattr(event, "anchor", None):
                 line = event.start_mark.line + 1
                 raise MapError(f"{path}, line {line}: anchors and aliases are not read; write the values out.")
@@ -141,16 +146,16 @@ def read_yaml_documents(text: str, path: str | Path) -> list[Any]:
         if isinstance(error, MapError):
             raise
         reason = " ".join(str(error).split())
-        raise MapError(f"{path} is not a yaml file that may be loaded: {reason}") from None
+        raise MapError(f"{path} is not a plain yaml file: {reason}") from None
 
 
 def sha256(data: bytes) -> str:
-    """Return the hexadecimal SHA-256 of a file's content."""
+    """Return the SHA-256 hash of a file's content, in hexadecimal."""
     return hashlib.sha256(data).hexdigest()
 
 
 def file_source(reader: str, path: str | Path, options: dict[str, Any], *contents: bytes) -> dict[str, Any]:
-    """Describe a world by its reader, the absolute path of its file, the options, and the hashes of all files read."""
+    """Return a world's description by its files: reader, absolute path, options, and the hashes of all files read."""
     return {
         "kind": reader,
         "path": os.path.abspath(path),
@@ -160,10 +165,10 @@ def file_source(reader: str, path: str | Path, options: dict[str, Any], *content
 
 
 def place_seen_from(folder: str, path: str) -> str:
-    """Return the path of a file relative to a folder; if this leads through the home folder (~), relative to that.
+    """Return the path of a file relative to a folder.
 
-    The result is written into files that are passed on, so it names neither user nor machine. For a file on another
-    drive it is the file name alone.
+    If the file is in the home folder but ``folder`` is not, the path begins with ~. If they are on different drives, it
+    is the file name alone. So the result, which is saved in files that people share, names neither user nor machine.
     """
     home = os.path.abspath(os.path.expanduser("~"))
     try:
@@ -175,7 +180,7 @@ def place_seen_from(folder: str, path: str) -> str:
 
 
 def by_names(note: str) -> str:
-    """Return a note with file names in place of absolute paths, since fronts and pages with notes are passed on.
+    """Return a note with each absolute path replaced by its file name, because people share fronts that hold notes.
 
     A path begins after a space, quote or bracket, ends before one of these, a colon or a comma, and must name an
     existing file.
@@ -193,7 +198,10 @@ def by_names(note: str) -> str:
 
 
 def places_found_from(folder: str, seen: str) -> list[str]:
-    """Return two absolute paths for a result of :func:`place_seen_from`: its own, and its name in the folder."""
+    """Return two absolute paths where a file may be, given a result ``seen`` of :func:`place_seen_from`.
+
+    The first is the path relative to the folder or to ~, the second the file's name directly in the folder.
+    """
     there = os.path.abspath(os.path.join(folder, os.path.expanduser(seen) if seen.startswith("~/") else seen))
     return [there, os.path.join(os.path.abspath(folder), os.path.basename(there))]
 
@@ -206,7 +214,8 @@ def _lies_in(folder: str, path: str) -> bool:
 def extract(module: str, path: str | Path, data: bytes, options: dict[str, Any]) -> ChildAnswer:
     """Read a file with a module of `hpop.apart` in a child process, and return its contents; `MapError` if invalid.
 
-    Meanwhile the limits of the running plan are checked; if one passes, the child process is killed.
+    Meanwhile the time and memory limits of the running plan are checked. If one is exceeded, the child process is
+    killed.
     """
     settings = {"module": module, "options": options, "memory": MEMORY, "seconds": SECONDS}
     output = _child_output(settings, data, path)
@@ -215,13 +224,15 @@ def extract(module: str, path: str | Path, data: bytes, options: dict[str, Any])
     except ChildRefused as refused:
         raise MapError(f"{named(path)}: {refused}.") from None
     except (ValueError, KeyError, TypeError):
-        raise MapError(f"{named(path)} cannot be read: the process that reads it gave no answer.") from None
+        raise MapError(
+            f"{named(path)} cannot be read: the child process that reads it returned no valid result. Check the file."
+        ) from None
     limits.hold(READING, STAYS * len(output))
     return answer
 
 
 def _child_output(settings: dict[str, Any], data: bytes, path: str | Path) -> bytes:
-    """Run the child process within bounds of time and memory, and return its output."""
+    """Run the child process within limits of time and memory, and return its output."""
     with TemporaryDirectory(prefix="hpop-") as folder:
         request = Path(folder) / "request"  # a pipe would have to be fed while the limits are checked
         request.write_bytes(json.dumps(settings).encode() + b"\n" + data)
@@ -252,10 +263,10 @@ def _child_output(settings: dict[str, Any], data: bytes, path: str | Path) -> by
             assert process.stdout is not None
             process.stdout.close()
     if process.returncode == -getattr(signal, "SIGXCPU", 0):
-        raise MapError(f"{named(path)} takes more than {SECONDS} processor seconds to read; make it smaller.")
+        raise MapError(f"{named(path)} takes more than {SECONDS} s of processor time to read; make it smaller.")
     if process.returncode:
         raise MapError(
-            f"{named(path)} cannot be read: the process that reads it broke down ({process.returncode}). Is the file "
-            f"broken, or does it take more than {MEMORY / 1e9:.2g} GB to read?"
+            f"{named(path)} cannot be read: the child process that reads it crashed (exit code {process.returncode}). "
+            f"Check that the file is intact, and that it takes less than {MEMORY / 1e9:.2g} GB of memory to read."
         )
     return output

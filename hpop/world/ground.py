@@ -1,4 +1,4 @@
-"""Ground of a workspace: everything solid, the extent, and a cache of values derived from them.
+"""Ground of a world: its obstacles, the extent where the robot must stay, and a cache of values derived from them.
 
 People are not part of the ground, so worlds that differ only in people share a ground and its cache.
 """
@@ -30,7 +30,7 @@ from hpop.world.geometry.shapes import LARGEST, Obstacle, Raster, check_coordina
 from hpop.world.geometry.solids import Solid, check_solids, not_upright
 
 LIMIT = 2_000_000_000
-"""Largest number of bytes of derived values that all worlds on one ground cache together."""
+"""Largest total size, bytes, of the derived values that all worlds on one ground cache."""
 WHOLE = (-math.inf, math.inf)
 CELL = 0.1
 """Spacing of the fields of a world of polygons, m."""
@@ -39,10 +39,10 @@ Heights = tuple[float, float]
 
 
 class Cache:
-    """Cache of values by key with a limit in bytes: the least recently used values go first, the newest never.
+    """Cache of values by key, limited in bytes: the least recently used values are dropped first, the newest never.
 
-    Caches made ``beside`` one another share a limit and a lock. So all worlds on one ground together stay within one
-    limit.
+    A cache created ``beside`` another one shares its limit and lock. So all worlds on one ground together stay within
+    one limit.
     """
 
     def __init__(self, limit: int | None = None, *, beside: Cache | None = None) -> None:
@@ -53,11 +53,11 @@ class Cache:
 
     @property
     def size(self) -> int:
-        """Return the bytes of all values."""
+        """Return the total size of all values, bytes."""
         return sum(nbytes(value) for _, value in self._values.values())
 
     def get(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        """Return the value of a key; if missing, one thread makes it while others wait.
+        """Return the value of a key. If it is missing, compute it with ``make`` while other threads wait.
 
         ``make`` may read other keys.
         """
@@ -111,7 +111,7 @@ class _Budget:
 
 
 def nbytes(value: Any) -> int:
-    """Return the bytes of all arrays and coordinates in a value, its items, and attributes of hpop objects."""
+    """Return the memory, bytes, of a value: of all arrays and coordinates in it, its items, or its attributes."""
     if isinstance(value, BaseGeometry):
         return 16 * int(shapely.get_num_coordinates(value))
     size = getattr(value, "nbytes", None)
@@ -132,11 +132,11 @@ def extent_of(obstacles: Sequence[Obstacle], raster: Raster | None) -> BaseGeome
         return raster.rectangle()
     if obstacles:
         return shapely.box(*shapely.total_bounds([o.polygon for o in obstacles]))
-    raise MapError("a world without obstacles needs an extent, the area in which the robot must stay.")
+    raise MapError("a world without obstacles needs an extent: give the area in which the robot must stay.")
 
 
 def check_area(name: str, area: BaseGeometry) -> None:
-    """Raise MapError, which names the area, unless it is a valid polygon or multipolygon."""
+    """Raise MapError unless an area is a valid polygon or multipolygon; ``name`` is for the message."""
     if not isinstance(area, Polygon | MultiPolygon):
         raise MapError(f"{name} must be a valid shapely Polygon or MultiPolygon; got {shown(area)}.")
     check_coordinates(area, name)
@@ -150,15 +150,16 @@ def check_size(extent: BaseGeometry) -> None:
     x_min, y_min, x_max, y_max = extent.bounds
     if max(x_max - x_min, y_max - y_min) > LARGEST:
         raise MapError(
-            f"the world is {x_max - x_min:.3g} x {y_max - y_min:.3g} m; expected metres, at most {LARGEST:,.0f} across."
+            f"the world is {x_max - x_min:.3g} x {y_max - y_min:.3g} m, expected at most {LARGEST:,.0f} m across; "
+            "check that its coordinates are in metres."
         )
 
 
 class Layer(NamedTuple):
-    """Obstacles that overlap a range of heights. Ranges with the same obstacles share cached geometry.
+    """Set of the obstacles that overlap a range of heights, used as a key for cached geometry.
 
-    prisms  indices of the obstacles
-    cells   whether the cells of the raster are among them
+    prisms  indices of the obstacles that overlap the range
+    cells   whether the occupied cells of the raster overlap it too
     """
 
     prisms: tuple[int, ...]
@@ -170,16 +171,17 @@ class Layer(NamedTuple):
 class Ground:
     """Obstacles of a world and the extent where a robot must stay, m.
 
-    obstacles            upright prisms; those that enclose solids come last
+    obstacles            upright prisms, including one round each solid; these come last
     raster               occupancy cells, or None
     extent               shapely polygon, m: where the robot must stay; default: the image's rectangle, or the
                          bounding box of the obstacles
-    outside_is_obstacle  whether the area beyond the extent obstructs the camera (as high as the raster's
-                         cells; unlimited without a raster)
-    solids               boxes, cylinders, spheres and hulls in space; ``obstacles`` holds their prisms
+    outside_is_obstacle  whether the area beyond the extent obstructs the camera (at the heights of the raster's
+                         cells; at all heights without a raster)
+    solids               boxes, cylinders, spheres and hulls in space; ``obstacles`` holds the prisms round them
     path                 file that the ground was read from, or None
 
-    Values derived from these are computed on first use, cached, and not pickled. All worlds on this ground share them.
+    Values derived from these fields are computed on first use, cached, and not pickled. All worlds on this ground share
+    them.
     """
 
     obstacles: tuple[Obstacle, ...] = ()
@@ -219,7 +221,7 @@ class Ground:
         self.__dict__.update(state, cache=Cache())
 
     def derived(self, key: tuple[Any, ...], make: Callable[[], T]) -> T:
-        """Return the value of ``make``, cached under ``key``, which must state all inputs except this ground."""
+        """Return ``make()``, cached under ``key``; besides this ground, the key must name all inputs of ``make``."""
         return self.cache.get(key, make)  # type: ignore[no-any-return]
 
     @property
@@ -230,7 +232,7 @@ class Ground:
 
     @property
     def cell(self) -> float:
-        """Return the longest interval, m, for numerical integration along motions: about the spacing of the fields."""
+        """Return the longest step, m, for numerical integration along motions: about the sample spacing of fields."""
         if self.raster is not None:
             return min(self.raster.resolution, 2 * CELL)
         x0, y0, x1, y1 = self.bounds
@@ -238,7 +240,7 @@ class Ground:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Return notes on solids that count as larger prisms for a robot in the plane."""
+        """Return notes (warnings to print) on solids that planning in the plane replaces by larger upright prisms."""
         return not_upright(self.solids)
 
     # Solid parts
@@ -259,7 +261,7 @@ class Ground:
         return any(r != WHOLE for r in ranges)
 
     def layer(self, z: Heights) -> Layer:
-        """Return the obstacles that overlap an open range of heights (z_min, z_max), m."""
+        """Return the set of obstacles that overlap an open range of heights (z_min, z_max), m."""
         low, high = float(z[0]), float(z[1])
         if not low <= high:
             raise OptionError(f"a height range must be (z_min, z_max) with z_min <= z_max; got {shown(z)}.")
@@ -296,14 +298,14 @@ class Ground:
         return self.derived(("solid", layer), make)
 
     def obstruction_field(self, radius: float, z: float) -> Field:
-        """Return, as a field, the fraction of a ball of ``radius`` (m) at height ``z`` (m) that is inside obstacles."""
+        """Return the fraction of a ball of ``radius`` (m) at height ``z`` (m) that is inside obstacles, as a field."""
         z = z if self.has_heights else 0.0
         return self.derived(("obstruction", float(radius), z), lambda: sample_obstruction(self, float(radius), z))
 
     # Distances to solid parts
 
     def free_space(self, z: Heights = WHOLE) -> FreeSpace:
-        """Return the extent without obstacles in a range of heights, indexed for exact distances to its border."""
+        """Return the extent less the obstacles in a range of heights, indexed for exact distances to its border."""
         layer = self.layer(z)
 
         def make() -> FreeSpace:
@@ -312,12 +314,12 @@ class Ground:
         return self.derived(("free", layer), make)
 
     def free_region(self, layer: Layer, closed: BaseGeometry | None = None) -> BaseGeometry:
-        """Return the extent without the obstacles of a layer, and without the region ``closed`` if given, m."""
+        """Return the extent less the obstacles of a layer, and less the region ``closed`` if given, m."""
         solid = self._solid(layer)
         return without(self.extent, solid if closed is None else union([solid, closed]))
 
     def beside_cells(self, layer: Layer) -> FreeSpace | None:
-        """Return the extent without the prisms of a layer, as if no cell were occupied; None without prisms."""
+        """Return the extent less the prisms of a layer, ignoring its occupied cells; None if it has no prisms."""
         if not layer.prisms:
             return None
         solid = union([self.obstacles[i].polygon for i in layer.prisms])
@@ -326,11 +328,13 @@ class Ground:
     def cell_space(
         self, layer: Layer, rest: FreeSpace | None, closed: BaseGeometry | None = None, before: CellSpace | None = None
     ) -> CellSpace | None:
-        """Return the free space of the cells of a layer; None without cells, or if any edge slants.
+        """Return the free space of a layer in the form for cells, in which changes of a few cells cost little.
+
+        Return None if this form does not apply: without cells, or if an edge is not parallel to an axis.
 
         Parameters
         ----------
-        rest : free space that all blocked regions but the cells leave, or None
+        rest : extent less all blocked regions except the cells, or None if only cells block
         closed : region closed to the robot, in addition to the obstacles of the layer, m
         before : free space of other cells on the same grid; its index is reused
         """
@@ -342,13 +346,13 @@ class Ground:
         return CellSpace(raster, rest, lambda: self.free_region(layer, closed), before)
 
     def clearance_field(self, *, z: Heights = WHOLE) -> Field:
-        """Return the signed distance (m) to the border of the free space, sampled; see `World.clearance_field`."""
+        """Return the signed distance (m) to the border of the free space, as a field; see `World.clearance_field`."""
         return self.derived(("clearance", self.layer(z)), lambda: self.sampled_clearance(self.free_space(z), z))
 
     def sampled_clearance(self, free: FreeSpace, z: Heights) -> Field:
-        """Sample the signed distance to the border of a free space, which may exclude more than the obstacles.
+        """Sample the signed distance (m) to the border of a free space, which may exclude more than the obstacles.
 
-        The last result is cached, so after people have moved only samples near them are computed again.
+        The last result is reused: after people have moved, only samples near them are computed again.
         """
         key = ("last clearance", self.layer(z))
         field = sample_clearance(self, free, self.cache.find(key))
@@ -364,6 +368,6 @@ class Ground:
 
 
 def union(geometries: Sequence[BaseGeometry]) -> BaseGeometry:
-    """Return the union of geometries, m. A single geometry is returned unchanged, which saves a tenth of a second."""
+    """Return the union of geometries, m. A single geometry is returned unchanged, which saves time."""
     filled = [geometry for geometry in geometries if not geometry.is_empty]
     return filled[0] if len(filled) == 1 else shapely.union_all(filled)

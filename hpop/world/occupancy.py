@@ -1,4 +1,4 @@
-"""Worlds of occupancy cells in memory, and reuse of derived values, such as distances, when some cells change."""
+"""Build worlds from occupancy cells in memory, and change some cells of a world without computing all values again."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ THRESHOLDS = (19, 65)  # percent up to which a cell is free, and from which it i
 
 
 class FromCells:
-    """Constructors of a world from occupancy cells, and their changes."""
+    """Constructors of a `World` from occupancy cells, and the method that changes some of its cells."""
 
     @classmethod
     def from_cells(
@@ -68,7 +68,7 @@ class FromCells:
         Parameters
         ----------
         data : (H, W) integers
-            Occupancy in percent, 0 to 100, or -1 for an unknown cell; row 0 at the bottom. Of a message:
+            Occupancy in percent, 0 to 100, or -1 for an unknown cell; row 0 at the bottom. From a message ``msg``:
             ``np.reshape(msg.data, (msg.info.height, msg.info.width))``.
         resolution : float
             Side of a cell, m.
@@ -99,19 +99,20 @@ class FromCells:
         )
 
     def updated(self, data: Any, at: tuple[int, int] = (0, 0), *, thresholds: tuple[float, float] = THRESHOLDS) -> Self:
-        """Return the world with other occupancy in a part of its cells.
+        """Return the world with new occupancy in a rectangle of its cells.
 
         Values derived from the cells, such as distances, are computed again only near changed cells, and equal those
-        of a new world. Content stays.
+        of a new world. People, landmarks and zones stay.
 
         Parameters
         ----------
         data : (h, w) integers or bool
-            Occupancy of the part as in :meth:`from_occupancy_grid`, or True for an occupied cell; row 0 at the bottom.
+            Occupancy in the rectangle, as in :meth:`from_occupancy_grid`, or True for an occupied cell; row 0 at the
+            bottom.
         at : (x, y)
-            Column and row of its lower-left cell, as in a map_msgs/OccupancyGridUpdate.
+            Column and row of the rectangle's lower-left cell, as in a map_msgs/OccupancyGridUpdate.
 
-        Raises MapError in a world without cells, for a part that reaches beyond them, and for other data.
+        Raises MapError in a world without cells, for a rectangle that reaches beyond them, and for invalid data.
 
         >>> import hpop
         >>> world = hpop.World.from_cells(np.zeros((3, 4), dtype=bool), 0.5)
@@ -121,14 +122,17 @@ class FromCells:
         world = cast("World", self)
         ground, raster = world.ground, world.raster
         if raster is None:
-            raise MapError("updated needs a world of cells, such as World.from_occupancy_grid(data, 0.05) has")
+            raise MapError(
+                "updated needs a world with occupancy cells, but this one has none; build it with "
+                "World.from_occupancy_grid(data, 0.05), for example"
+            )
         part = occupied_cells(data, thresholds, unknown_is_free=not ground.outside_is_obstacle)
         column, row = _corner(at)
         rows, columns = raster.cells.shape
         if row + part.shape[0] > rows or column + part.shape[1] > columns:
             raise MapError(
                 f"the part of {part.shape[1]} x {part.shape[0]} cells at column {column} and row {row} reaches beyond "
-                f"the map of {columns} x {rows} cells; crop it, or build a world of the larger map"
+                f"the map of {columns} x {rows} cells; crop the part, or build a new world from the larger map"
             )
         cells = raster.cells.copy()
         cells[row : row + part.shape[0], column : column + part.shape[1]] = part
@@ -139,9 +143,9 @@ class FromCells:
 
 
 def occupied_cells(data: Any, thresholds: tuple[float, float], *, unknown_is_free: bool) -> BoolArray:
-    """Return the occupied cells (H, W) of occupancy in percent, -1 for unknown; bool data are returned unchanged.
+    """Return which cells (H, W) are occupied, given occupancy in percent, or -1 for unknown.
 
-    Raises MapError for other data.
+    Data of type bool are returned unchanged. Raises MapError for other data.
     """
     try:
         free, occupied = thresholds
@@ -158,7 +162,7 @@ def occupied_cells(data: Any, thresholds: tuple[float, float], *, unknown_is_fre
         raise MapError(f"data must have rows of one length, got {shown(data)}") from None
     if cells.ndim != 2 or not cells.size:
         raise MapError(
-            f"data must be a 2-D array (height, width) with cells, got shape {cells.shape}; of a message take "
+            f"data must be a 2-D array (height, width) with cells, got shape {cells.shape}; for a message msg use "
             "np.reshape(msg.data, (msg.info.height, msg.info.width))"
         )
     if cells.dtype == np.bool_:
@@ -167,7 +171,7 @@ def occupied_cells(data: Any, thresholds: tuple[float, float], *, unknown_is_fre
         raise MapError(f"data must be integers from {UNKNOWN} to {MOST}, or bool, got {cells.dtype}; round it first")
     if cells.min() < UNKNOWN or cells.max() > MOST:
         wrong = cells.min() if cells.min() < UNKNOWN else cells.max()
-        hint = "; data of uint8 holds unknown cells as 255, take data.astype(np.int8)" if wrong == 255 else ""
+        hint = "; in data of type uint8, 255 is an unknown cell: use data.astype(np.int8)" if wrong == 255 else ""
         raise MapError(f"data must be from {UNKNOWN} (unknown) to {MOST} percent, got {wrong}{hint}")
     return cells >= high if unknown_is_free else (cells < 0) | (cells > low)
 
@@ -185,10 +189,10 @@ MOST_CELLS = 2**31
 
 
 def take_over(before: World, after: World) -> None:
-    """Copy derived values, such as distances, from a world to a changed one, except near cells that differ.
+    """Copy derived values, such as distances, from a world to one in which some cells have changed.
 
-    There they are computed again, so all values equal those derived from scratch. Nothing is copied if obstacles or the
-    grid of cells differ.
+    Values near changed cells are not copied but computed again, so all values equal those derived from scratch. Nothing
+    is copied if obstacles, extent or the grid of cells differ.
     """
     old, new = before.ground, after.ground
     rasters = old.raster, new.raster

@@ -1,4 +1,4 @@
-"""World: the ground and its content, with the free space of a robot and the obstruction of a camera."""
+"""World: obstacles, people, landmarks and zones, with queries about free space and about the camera's surroundings."""
 
 from __future__ import annotations
 
@@ -42,16 +42,17 @@ W = TypeVar("W", bound="World")
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class World(FromCells, FromFiles):
-    """Workspace: a ground and its content, in metres, x right and y up (REP-103). Build one with a ``from_`` method.
+    """Workspace of a robot, in metres, x right and y up (REP-103); build it with a ``from_...`` method.
 
     ground    obstacles, and the extent where the robot must stay
     keep_out  shapely geometry, m: closed to the robot, invisible to the camera
-    notes     on parts that a reader left out or mended, and on solids that are no upright prisms
+    notes     warnings to print: parts that a reader left out or repaired, and solids that are no upright prisms
     content   people, landmarks and zones; see `with_content`
-    source    description of the world's files, see `describe`
+    source    description of the files that the world was read from, see `describe`; None for other worlds
 
-    Derived values are computed on first use, cached (:mod:`hpop.world.ground`), and not pickled. Values of the ground
-    alone are cached with the ground, so worlds with other people in the same building share them.
+    Values derived from these fields are computed on first use, cached (:mod:`hpop.world.ground`), and not pickled.
+    Values that depend only on the ground are cached with it, so worlds with other people in the same building share
+    them.
     """
 
     ground: Ground
@@ -65,8 +66,8 @@ class World(FromCells, FromFiles):
         """Check the geometries, and collect notes."""
         if not isinstance(self.ground, Ground):
             raise MapError(
-                f"ground must be a hpop.world.Ground, of obstacles and an extent; got {shown(self.ground)}. See "
-                "World.from_geojson(path) and World.from_polygons(polygons)."
+                f"ground must be a hpop.world.Ground, with obstacles and an extent; got {shown(self.ground)}. Rather "
+                "build a world with World.from_geojson(path) or World.from_polygons(polygons)."
             )
         check_area("keep_out", self.keep_out)
         object.__setattr__(self, "notes", tuple(dict.fromkeys((*self.notes, *self.ground.notes))))
@@ -91,21 +92,20 @@ class World(FromCells, FromFiles):
         self.__dict__.update(state, cache=Cache(beside=state["ground"].cache))
 
     def derived(self, key: tuple[Any, ...], make: Callable[[], T]) -> T:
-        """Return the value of ``make``, cached with this world under ``key``, which must state all other inputs.
+        """Return ``make()``, cached under ``key``; besides this world, the key must name all inputs of ``make``.
 
-        One thread makes the value while others wait. Values that do not depend on the content belong to
-        `Ground.derived`.
+        One thread computes the value while others wait. For values that depend only on the ground use `Ground.derived`.
         """
         return self.cache.get(key, make)  # type: ignore[no-any-return]
 
     def stand_in(self, kind: type[W]) -> W:
-        """Return this world as an object of another class, which reads its fields differently; both share a cache."""
+        """Return this world as an object of a subclass, which interprets its fields differently; both share a cache."""
         view = object.__new__(kind)  # nothing is checked or computed again
         view.__dict__.update(self.__dict__)
         return view
 
     def uncached(self, **of_ground: Any) -> World:
-        """Return this world without derived values, and with other fields of its ground; they are not checked."""
+        """Return a copy of this world with an empty cache and the given fields of its ground replaced, unchecked."""
         ground = copied(self.ground, cache=Cache(), **of_ground)
         derived = vars(self).keys() - {each.name for each in fields(self)}
         return copied(self, without=derived, ground=ground, cache=Cache(beside=ground.cache))
@@ -127,7 +127,7 @@ class World(FromCells, FromFiles):
         array([1. , 0.5, 0. ])
         """
         if isinstance(extent, BaseGeometry) and extent.is_empty:
-            raise MapError("extent is empty: the robot would have nowhere to be.")
+            raise MapError("extent is empty, so the robot has no room: give a polygon with an area, or leave it out.")
         return cls(Ground(prisms_of(obstacles), extent=_or_nothing(extent)), _or_nothing(keep_out))
 
     @classmethod
@@ -144,16 +144,16 @@ class World(FromCells, FromFiles):
         checked = check_solids(solids)
         if extent is None:
             if not checked:
-                raise MapError("a world without solids needs an extent, the area in which the robot must stay.")
+                raise MapError("a world without solids needs an extent: give the area in which the robot must stay.")
             bounds = np.stack([solid.bounds for solid in checked])
             (x0, y0), (x1, y1) = bounds[:, 0, :2].min(axis=0) - MARGIN, bounds[:, 1, :2].max(axis=0) + MARGIN
             extent = shapely.box(x0, y0, x1, y1)
         elif isinstance(extent, BaseGeometry) and extent.is_empty:
-            raise MapError("extent is empty: the robot would have nowhere to be.")
+            raise MapError("extent is empty, so the robot has no room: give a polygon with an area, or leave it out.")
         return cls(Ground(extent=extent, solids=checked))
 
     def read_from(self, source: Mapping[str, Any]) -> World:
-        """Return this world with a description of its source files, which `dataclasses.replace` would drop."""
+        """Return this world with a description of the files it was read from, which `dataclasses.replace` drops."""
         return copied(self, source=source, ground=copied(self.ground, path=source["path"]))
 
     # Geometry in the plane
@@ -168,7 +168,7 @@ class World(FromCells, FromFiles):
         """Return the convex solids that a robot in space must avoid: obstacles, standing people and keep-out zones.
 
         See `Ground.bodies` for the obstacles. Standing people and keep-out zones are columns from 10 m below the floor
-        to 10 m above it. The border of the extent is no body: it bounds the base only.
+        to 10 m above it. The border of the extent is not among them: it limits only the robot's base.
         """
         return self.derived(("bodies",), lambda: self.ground.bodies + closed_bodies(self.content, self.keep_out))
 
@@ -194,7 +194,7 @@ class World(FromCells, FromFiles):
 
     @property
     def cell(self) -> float:
-        """Return the longest interval, m, for numerical integration along motions: about the spacing of the fields."""
+        """Return the longest step, m, for numerical integration along motions: about the sample spacing of fields."""
         return self.ground.cell
 
     @property
@@ -208,14 +208,14 @@ class World(FromCells, FromFiles):
 
     @property
     def closed(self) -> BaseGeometry:
-        """Return the regions that are closed to the robot but no obstacles, m: keep-out zones and standing people."""
+        """Return the regions, m, closed to the robot that are not obstacles: keep-out zones and standing people."""
         return self.derived(("closed",), lambda: shapely.union_all([self.keep_out, self.content.closed]))
 
     @property
     def for_robots(self) -> World:
-        """Return the world for collision checks of the robot.
+        """Return the world for collision checks of the robot, as prepared by :meth:`keeping`.
 
-        Standing people are enlarged by the margin; people that the robot touches at its start are no obstacles.
+        Standing people are enlarged by the margin, except people that the robot touches at its start.
         """
         content = self.content
         if not content.left and not (content.kept and content.bodies):
@@ -228,9 +228,10 @@ class World(FromCells, FromFiles):
         return self.derived(("for robots",), make)
 
     def keeping(self, margin: float, left: tuple[int, ...] = ()) -> World:
-        """Return the world for a robot that keeps a margin, m, from standing people, except from people ``left``.
+        """Return the world for a robot that keeps a margin, m, from standing people.
 
-        These are indices of people that the robot touches at its start, and may move away from.
+        ``left`` are indices of people that the robot touches at its start; no margin is kept from them, so that the
+        robot can move away.
         """
         content = self.content
         if (content.kept, content.left) == (margin, left):
@@ -241,7 +242,7 @@ class World(FromCells, FromFiles):
 
     @cached_property
     def _kept_clear(self) -> dict[tuple[float, tuple[int, ...]], World]:
-        """Return a cache of the worlds that `keeping` returned, so that each keeps its derived values."""
+        """Return the worlds that `keeping` has returned so far, so that their derived values are reused."""
         return {}
 
     def blocked(self, z_min: float = -math.inf, z_max: float = math.inf) -> BaseGeometry:
@@ -250,7 +251,7 @@ class World(FromCells, FromFiles):
         return self.derived(("blocked", layer), lambda: union([self.solid(z_min, z_max), self.closed]))
 
     def free_space(self, z: Heights = WHOLE) -> FreeSpace:
-        """Return the extent without blocked regions, indexed for exact distances to its border."""
+        """Return the extent less the blocked regions, indexed for exact distances to its border."""
         if self.closed.is_empty:
             return self.ground.free_space(z)
         layer = self.ground.layer(z)
@@ -263,7 +264,7 @@ class World(FromCells, FromFiles):
         return self.derived(("free", layer), make)
 
     def beside_cells(self, layer: Layer) -> FreeSpace:
-        """Return the extent without closed regions and the prisms of a layer, as if no cell were occupied."""
+        """Return the extent less closed regions and the prisms of a layer, ignoring its occupied cells."""
         blocked = union([*(self.obstacles[i].polygon for i in layer.prisms), self.closed])
         return self.derived(("beside cells", layer), lambda: FreeSpace(without(self.extent, blocked)))
 
@@ -281,7 +282,10 @@ class World(FromCells, FromFiles):
     def segments_free(
         self, x0: Column, y0: Column, x1: Column, y1: Column, margin: float, *, z: Heights = WHOLE
     ) -> BoolArray:
-        """Mark segments (M,) in the extent, at least ``margin`` (m, within 1e-9) away from blocked regions."""
+        """Return which straight segments (M,) lie in the extent, at least ``margin`` (m) from blocked regions.
+
+        The margin may be missed by 1e-9 m.
+        """
         if not margin >= 0:
             raise OptionError(f"margin must be a distance of at least 0 m; got {shown(margin)}.")
         columns = (np.asarray(c, dtype=np.float64) for c in (x0, y0, x1, y1))
@@ -290,7 +294,7 @@ class World(FromCells, FromFiles):
 
     @property
     def contents(self) -> frozenset[str]:
-        """Return the names of the kinds of content in this world; a criterion may require one, such as "landmarks"."""
+        """Return the kinds of content that this world has, such as "landmarks"; a criterion may require some."""
         present = {
             "obstacles": self.obstacles or self.raster is not None,
             "keep_out": not (self.keep_out.is_empty and all(z.kind != "keep-out" for z in self.content.zones)),
@@ -305,7 +309,7 @@ class World(FromCells, FromFiles):
         landmarks: Iterable[Landmark] = (),
         zones: Iterable[Zone] = (),
     ) -> World:
-        """Return the world with people, conversations (indices into ``people``), landmarks and zones."""
+        """Return the world with this content instead: people, conversations (indices into people), landmarks, zones."""
         content = Content(people, groups, landmarks, zones)  # type: ignore[arg-type]  # it makes tuples of them
         world = replace(self, content=content)
         return copied(world, source=self.source)
@@ -313,11 +317,11 @@ class World(FromCells, FromFiles):
     # Fields
 
     def clearance_field(self, *, z: Heights = WHOLE) -> Field:
-        """Return the signed clearance as a `Field`: positive in free space, else minus the distance to free space.
+        """Return the signed clearance as a `Field`: positive in free space, else minus the distance to free space, m.
 
-        Sampled exactly every `cell` metres (more coarsely beyond 25 million samples). Clearance changes by at
-        most one metre a metre, so the field is within ``sqrt(2/3) * cell`` (0.82 of a cell) of it everywhere
-        in the extent, and usually far closer: check a result with `clearance`, which is exact.
+        It is sampled exactly every `cell` metres (more coarsely beyond 25 million samples). Clearance changes by at
+        most one metre per metre, so the interpolated field is within ``sqrt(2/3) * cell`` (0.82 of a cell) of the
+        clearance everywhere in the extent, and usually far closer. To check a result use `clearance`, which is exact.
         """
         if self.closed.is_empty:
             return self.ground.clearance_field(z=z)
@@ -328,18 +332,18 @@ class World(FromCells, FromFiles):
     def obstruction(self, pose: Pose, radius: float) -> Column:
         """Return the fraction (M,), in [0, 1], of the ball of ``radius`` (m) round the camera that is inside obstacles.
 
-        In ``pose``, x and y are arrays or CasADi columns, z are numbers. One `Field` is built and cached for each
-        radius and distinct height; at most 16 heights per call. If all obstacles have unlimited height, one field
-        serves all heights.
+        In ``pose``, x and y are arrays or CasADi columns, and z are numbers. One `Field` is built and cached for each
+        radius and height, so a call may have at most 16 distinct heights. If all obstacles have unlimited height, one
+        field serves all heights.
         """
         return obstructed(self, pose, radius)
 
     def obstruction_field(self, radius: float, z: float = 0.0) -> Field:
         """Return a `Field` of the fraction of a ball of ``radius`` (m) at height ``z`` (m) that is inside obstacles.
 
-        Samples are exact, but the spline smooths them. With a spacing of at most a tenth of the radius the field is
-        within .003 of the exact fraction beside straight walls, and within .005 among cells no larger than the radius;
-        see `Field` for the general statement.
+        Samples are exact, but the spline between them smooths. With a spacing of at most a tenth of the radius, the
+        field is within .003 of the exact fraction beside straight walls, and within .005 among cells no larger than the
+        radius; :mod:`hpop.world.fields.field` states the general error.
         """
         radius = real("radius", radius, LEAST, MOST, "a length in m")
         z = real("the height of a camera", z, -MOST, MOST, "a length in m")
@@ -350,8 +354,8 @@ class World(FromCells, FromFiles):
     def describe(self) -> dict[str, Any]:
         """Return a JSON-able description, from which `from_description` builds an identical world.
 
-        A world read from files stores the reader, its options, the absolute path and the SHA-256 of the files; others
-        store coordinates or compressed cells.
+        A world read from files is described by the reader, its options, and the absolute path and SHA-256 of the files.
+        Other worlds are described by coordinates or compressed cells.
         """
         return describe(self)
 

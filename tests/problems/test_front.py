@@ -127,7 +127,8 @@ def test_a_front_that_is_moved_away_finds_its_map_beside_it(tour: Path) -> None:
     (away := tour.parent / "away" / "deeper").mkdir(parents=True)
     moved = (tour / "out" / "front.json").rename(away / "front.json")
     with pytest.raises(
-        MapError, match=r"map of this front is not at .*away/hall.map.*Put it there, or beside the front"
+        MapError,
+        match=r"map of this front is missing: .*away/hall.map.*Put the unchanged file there, or beside the front",
     ):
         rebuilt(moved)
     shutil.copy(tour / "hall.map", away)
@@ -173,7 +174,7 @@ def test_a_front_whose_map_is_nowhere_names_both_places_for_it(tour: Path) -> No
     moved.parent.mkdir(parents=True)
     (tour / "out" / "front.json").rename(moved)
     (tour / "hall.map").rename(tour / "away.map")
-    with pytest.raises(MapError, match="the map of this front is at neither") as error:
+    with pytest.raises(MapError, match="the map of this front is missing: it is neither at") as error:
         rebuilt(moved)
     places = [tour / "hall.map", tour.parent / "far" / "hall.map"]
     assert all(repr(str(place)) in str(error.value) for place in places)

@@ -121,8 +121,8 @@ def test_a_scenario_with_tracks_survives_its_description(made):
         ("{x: 1, y: 1, afterwards: flies}", ScenarioError, "people.0.afterwards", "'gone' or 'stays', got 'flies'"),
         ("{x: 1, y: 1, futures: [{velocity: [1, 0]}]}", ScenarioError, "people.0.futures.0", "key is missing"),
         ("{x: 1, y: 1, futures: [{weight: 0}]}", ScenarioError, "people.0.futures.0.weight", "greater than 0"),
-        ("{x: 1, y: 1, velocity: [1, 0], futures: [{weight: 1}]}", MapError, "people.0", "leave velocity and"),
-        ("{x: 1, y: 1, growth: 0.1}", MapError, "people", "ever less surely there"),
+        ("{x: 1, y: 1, velocity: [1, 0], futures: [{weight: 1}]}", MapError, "people.0", "leave the person's"),
+        ("{x: 1, y: 1, growth: 0.1}", MapError, "people", "becomes ever more uncertain"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_with_people_is_said_at_their_place(made, entry, kind, place, says):

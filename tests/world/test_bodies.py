@@ -228,13 +228,13 @@ def test_too_many_bodies_are_refused_with_their_number(monkeypatch):
     cells = np.zeros((200, 200), dtype=bool)
     cells[::2, ::2] = True
     with pytest.raises(
-        MapError, match=r"the cells of this world are 10,000 convex bodies.*at most 5,000.*larger cells"
+        MapError, match=r"the cells of this world make 10,000 convex bodies.*at most 5,000.*larger cells"
     ):
         _ = World.from_cells(cells, 0.1).bodies
     monkeypatch.setattr(made_bodies, "MOST_BODIES", 3)
-    with pytest.raises(MapError, match="the obstacles of this world are"):
+    with pytest.raises(MapError, match="the obstacles of this world make"):
         _ = World.from_polygons([COMB]).bodies
-    with pytest.raises(MapError, match="the keep-out zones of this world are"):
+    with pytest.raises(MapError, match="the keep-out zones of this world make"):
         _ = World.from_polygons([], extent=HALL, keep_out=COMB).bodies
 
 
@@ -256,7 +256,7 @@ def test_people_who_stand_and_keep_out_zones_are_closed_in_space_but_nothing_sol
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: World.from_solids([]), "needs an extent, the area"),
+        (lambda: World.from_solids([]), "needs an extent: give the area"),
         (lambda: World.from_solids([Box((1, 1, 1))]), r"a list of hpop\.world\.Solid, each a shape with its pose"),
         (lambda: World.from_solids(GIVEN, extent=shapely.Polygon()), "extent is empty"),
         (lambda: World.from_solids(GIVEN, extent="room"), "extent must be a valid shapely Polygon"),

@@ -47,7 +47,7 @@ def test_thresholds_part_free_unknown_and_occupied_cells() -> None:
         ([[0.0, 1.0]], "integers from -1 to 100, or bool, got float64"),
         ([["a"]], "integers from -1 to 100"),
         ([[0, 101]], "from -1 .unknown. to 100 percent, got 101"),
-        (np.array([[0, 255]], np.uint8), r"got 255; data of uint8 holds unknown cells as 255, take data.astype"),
+        (np.array([[0, 255]], np.uint8), r"got 255; in data of type uint8, 255 is an unknown cell: use data.astype"),
         ([[-2]], "got -2"),
         ([[0, 0], [0]], "rows of one length"),
     ],
@@ -73,7 +73,7 @@ def test_a_part_beyond_the_map_and_a_world_without_cells_are_refused() -> None:
     for at in ((-1, 0), (0.5, 0), "a", (1,)):
         with pytest.raises(MapError, match="column"):
             world.updated([[0]], at=at)  # type: ignore[arg-type]
-    with pytest.raises(MapError, match="needs a world of cells"):
+    with pytest.raises(MapError, match="needs a world with occupancy cells"):
         World.from_polygons([shapely.box(0, 0, 1, 1)], extent=shapely.box(0, 0, 3, 3)).updated([[0]])
 
 

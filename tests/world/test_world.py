@@ -68,7 +68,7 @@ def test_multipolygons_become_several_obstacles():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: World.from_polygons([]), "needs an extent, the area in which the robot must stay"),
+        (lambda: World.from_polygons([]), "needs an extent: give the area in which the robot must stay"),
         (lambda: World.from_polygons([], extent=Polygon()), "extent is empty"),
         (lambda: World.from_polygons([LineString([(0, 0), (1, 1)])]), "Polygon"),
         (lambda: World.from_polygons([Polygon([(0, 0), (1, 1), (1, 0), (0, 1)])]), "not valid"),
@@ -112,7 +112,7 @@ def test_a_world_is_not_made_of_anything(wrong):
 @pytest.mark.parametrize("path", [3, None, ["map.yaml"]])
 def test_a_map_is_named_by_its_path(path):
     for read in (World.from_ros_map, World.from_movingai, World.from_geojson):
-        with pytest.raises(MapError, match="named by its path"):
+        with pytest.raises(MapError, match="must be given by its path"):
             read(path)
 
 

@@ -1,8 +1,8 @@
-"""Content of a world: people and their conversations, landmarks to be seen, zones with rules.
+"""Content of a world: people and their conversations, landmarks that viewers want to see, and zones with rules.
 
-Frozen values in metres and radians, world frame. None of them blocks the view of the camera. A standing person blocks
-the robot like a column of its radius; a moving person blocks it at the predicted positions, see
-:mod:`hpop.world.content.people`.
+All values are in metres and radians, in the world frame, and cannot be changed. None of them blocks the view of the
+camera. A standing person blocks the robot like a column of its radius. A moving person blocks it at the predicted
+positions, see :mod:`hpop.world.content.people`.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ ZoneKind = Literal["speed", "keep-out", "one-way"]
 @checked_arguments
 @dataclass(frozen=True)
 class Landmark:
-    """Point of interest: an exhibit, a face, a door.
+    """Point that viewers want to see: an exhibit, a face, a door.
 
     x, y, z  m
-    facing   rad  direction in which its front looks, or None if it looks the same from all sides
-    weight   relative importance, above 0
+    facing   rad  direction in which its front points, or None if it looks the same from all sides
+    weight   importance relative to other landmarks, above 0
     name
     """
 
@@ -63,12 +63,12 @@ class Landmark:
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Zone:
-    """Area with a rule.
+    """Area with a rule for the robot.
 
-    kind       "speed": not faster than ``limit``; "keep-out": not at all; "one-way": only along ``path``
+    kind       "speed": drive no faster than ``limit``; "keep-out": stay out; "one-way": drive only along ``path``
     area       shapely polygon, m
     limit      m/s, of a speed zone
-    path       shapely line, m, of a one-way zone, in the direction that is allowed
+    path       shapely line, m, of a one-way zone; it runs in the permitted direction
     name
     """
 
@@ -109,11 +109,12 @@ class Content:
     """All people, conversations, landmarks and zones of a world.
 
     people
-    groups     conversations: two or more indices into ``people`` each
+    groups     conversations: each a tuple of two or more indices into ``people``
     landmarks
     zones
-    left       set by a problem: indices of people that the robot touches at the start and may move away from
-    kept       set by a problem: m of clearance that the robot keeps from standing people
+    left       set by a `Problem`: indices of standing people that the robot touches at its start. They do not block
+               it, so that it can leave.
+    kept       set by a `Problem`: clearance, m, that the robot keeps from standing people
     """
 
     people: tuple[Person, ...] = ()
@@ -139,12 +140,12 @@ class Content:
         for group in self.groups:
             known = all(is_whole(i) and 0 <= i < len(self.people) for i in group)
             if not known or len(set(group)) < 2 or len(set(group)) != len(group):
-                indices = f"indices 0 to {len(self.people) - 1}" if self.people else "index, but the world has none"
-                raise MapError(f"a group names two or more different people by {indices}; got {shown(group)}.")
+                indices = f"indices 0 to {len(self.people) - 1}" if self.people else "index, but there are no people"
+                raise MapError(f"a group must name two or more different people by {indices}; got {shown(group)}.")
 
     @cached_property
     def closed(self) -> BaseGeometry:
-        """Return the region closed to the robot, m: keep-out zones, and the bodies of standing people."""
+        """Return the region, m, that the robot must not enter: keep-out zones and the bodies of standing people."""
         zones = [zone.area for zone in self.zones if zone.kind == "keep-out"]
         bodies = [_body(person, 0.0) for person in self.people if not person.moves]
         return shapely.union_all([*zones, *bodies]) if zones or bodies else MultiPolygon()
@@ -156,7 +157,7 @@ class Content:
 
     @cached_property
     def kinks(self) -> FloatArray:
-        """Return the sorted times (K,), s, at which any prediction begins, ends or changes its velocity."""
+        """Return the sorted times (K,), s, at which the prediction of any person begins, ends or changes velocity."""
         hypotheses = [hypothesis for person in self.people for _, hypothesis in person.hypotheses]
         tracks = [person.track.times for person in hypotheses if person.track is not None]
         ends = [person.until for person in hypotheses if person.until is not None]
@@ -164,12 +165,12 @@ class Content:
 
     @property
     def fastest(self) -> float:
-        """Return the greatest speed, m/s, of any person."""
+        """Return the greatest predicted speed, m/s, of any person; 0 without people."""
         return max((person.speed for person in self.people), default=0.0)
 
     @property
     def present(self) -> frozenset[str]:
-        """Return the names of the kinds of content in this world; a criterion may require one, such as "groups"."""
+        """Return the kinds of content that this world has, such as "groups"; a criterion may require some of them."""
         kinds = {
             "people": bool(self.people),
             "moving people": any(person.moves for person in self.people),

@@ -1,4 +1,4 @@
-"""Possible futures of a person, and checks of the numbers in content."""
+"""Possible futures (weighted predictions) of a person, and checks of the numbers of people, landmarks and zones."""
 
 from __future__ import annotations
 
@@ -42,14 +42,17 @@ def set_numbers(value: object, what: str, *names: str) -> None:
 def number(what: str, name: str, value: Any, least: float | None = None) -> float:
     """Return a value as a finite float of at least ``least``; MapError otherwise.
 
-    "x" and "y" are limited as coordinates.
+    ``what`` and ``name`` are for the message. Values named "x" or "y" must also be plausible coordinates.
     """
     most = FARTHEST if name in ("x", "y") else MOST
     return float(real(f"{what}: {name}", value, -most if least is None else least, most, error=MapError))
 
 
 def pair(what: str, name: str, value: Any, unit: str) -> tuple[float, float]:
-    """Return a vector (x, y) as two finite floats; MapError otherwise. ``unit`` is only for the message."""
+    """Return a vector (x, y) as two finite floats; MapError otherwise.
+
+    ``what``, ``name`` and ``unit`` are for the message.
+    """
     try:
         x, y = value
     except (TypeError, ValueError):
@@ -58,7 +61,7 @@ def pair(what: str, name: str, value: Any, unit: str) -> tuple[float, float]:
 
 
 def check_radians(what: str, name: str, angle: float) -> None:
-    """Raise MapError for an angle so large that it must be meant in degrees."""
+    """Raise MapError for an angle so large that it was probably given in degrees instead of radians."""
     if advice := not_radians(angle):
         raise MapError(f"{what}: {name} {advice}.")
 
@@ -66,14 +69,15 @@ def check_radians(what: str, name: str, angle: float) -> None:
 @checked_arguments
 @dataclass(frozen=True)
 class Future:
-    """Possible future of a person, with a weight.
+    """One possible future of a person: a predicted motion and its probability (weight).
 
     weight      above 0; the weights of a person's futures are normalised to sum 1
     velocity    (x, y) m/s
-    track       instead of a velocity
+    track       positions over time, instead of a velocity
     until       s   when this future ends; None: when the person's prediction ends
-    x, y        m   where a future without a track begins; None: at the person
-    yaw, afterwards, spread, growth  None: those of the person
+    x, y        m   where this future begins; None: at the person's position. A track must begin there, unless x or y
+                is given; then it may begin anywhere.
+    yaw, afterwards, spread, growth  see `Person`; None: the person's own values
     """
 
     weight: float
@@ -103,21 +107,24 @@ class Future:
 
     @classmethod
     def of(cls, weight: float, person: Person) -> Future:
-        """Return a person with a single prediction as a future of this weight."""
+        """Convert a person with a single prediction to a future with this weight."""
         names = ("velocity", "track", "until", "afterwards", "spread", "growth", "x", "y", "yaw")
         return cls(weight, **{name: getattr(person, name) for name in names})
 
 
 def check_track(what: str, track: object, velocity: tuple[float, float]) -> None:
-    """Raise MapError if a track is of the wrong type, or given in addition to a velocity."""
+    """Raise MapError if a track has the wrong type, or if a velocity is given as well."""
     if not isinstance(track, Track):
         raise MapError(f"{what} needs an hpop.world.Track as its track; got {shown(track)}.")
     if velocity != STANDS:
-        raise MapError(f"{what} has a track and a velocity; the track says how fast, so leave the velocity out.")
+        raise MapError(f"{what} has a track and a velocity; the track already gives the speed: leave the velocity out.")
 
 
 def checked_velocity(what: str, given: tuple[float, float]) -> tuple[float, float]:
-    """Return a velocity, m/s, checked for units. Speeds below `LEAST`, such as the noise of a tracker, become 0."""
+    """Return a velocity (x, y), m/s, as floats; MapError if it is too fast for a person, as in a wrong unit.
+
+    Speeds below `LEAST`, such as the noise of a tracker, become 0.
+    """
     velocity = pair(what, "velocity", given, "m/s")
     speed = math.hypot(*velocity)
     if speed > FASTEST:
@@ -129,18 +136,20 @@ def checked_velocity(what: str, given: tuple[float, float]) -> tuple[float, floa
 
 
 def heading_along(velocity: tuple[float, float]) -> float:
-    """Return the heading of a velocity, rad; 0 at rest."""
+    """Return the direction of a velocity as a heading, rad; 0 for velocity 0."""
     return math.atan2(velocity[1], velocity[0]) if velocity != STANDS else 0.0
 
 
 def checked_futures(what: str, given: Any, looks_ahead: bool) -> tuple[Future, ...]:
-    """Return futures with weights normalised to sum 1.
+    """Check the futures of a person, and return them with weights normalised to sum 1.
 
-    With ``looks_ahead``, a future without a heading gets that of its velocity.
+    With ``looks_ahead``, a future without a heading (yaw) faces in the direction of its velocity.
     """
     futures = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else None
     if futures is None or not all(isinstance(future, Future) for future in futures):
-        raise MapError(f"{what}: futures are a list of hpop.world.Future(weight, velocity=...); got {shown(given)}.")
+        raise MapError(
+            f"{what}: futures must be a list of hpop.world.Future(weight, velocity=...); got {shown(given)}."
+        )
     if looks_ahead:
         futures = tuple(replace(f, yaw=heading_along(f.velocity)) if f.yaw is None else f for f in futures)
     total = math.fsum(future.weight for future in futures)

@@ -43,20 +43,20 @@ WIDEST = 2.0
 @checked_arguments
 @dataclass(frozen=True)
 class Person:
-    """Person with a position, a heading and a prediction; by default a constant velocity without end.
+    """Person with a position, a heading and a predicted motion. By default the velocity is constant for ever.
 
-    x, y        m     now
+    x, y        m     position now
     yaw         rad   heading of the body; default: along the velocity, 0 for a standing person
     velocity    (x, y) m/s
     radius      m     of the body
     name
-    track       waypoints or a recorded track, instead of a velocity; at time 0 it is at (x, y)
+    track       waypoints or a recorded track, instead of a velocity; at time 0 it must be at (x, y)
     futures     several possible futures, instead of a velocity or a track
     spread      m     standard deviation of the position now, along each axis
     growth      m/s   growth of the standard deviation: σ(t)² = spread² + (growth (t + age))², up to ``until``
-    until       s     when the prediction ends, None: never; a track ends it too
-    afterwards  "gone": the person is absent after ``until``; "stays": stands where the prediction ends
-    age         s     age of the prediction now
+    until       s     when the prediction ends, None: never; the end of a track ends it too
+    afterwards  "gone": the person is absent after ``until``; "stays": the person stands where the prediction ends
+    age         s     time since the prediction was made
 
     Raises MapError for contradictory or impossible values.
     """
@@ -96,16 +96,19 @@ class Person:
         for future in self.futures:
             self._check_begin(what, future)
         if self.futures and (self.track is not None or self.velocity != STANDS):
-            raise MapError(f"{what} has futures, which say where each goes: leave velocity and track out.")
+            raise MapError(
+                f"{what} has futures, each with a velocity or track of its own: leave the person's velocity and track "
+                "out."
+            )
 
     def _set_track(self, what: str, track: Track) -> None:
-        """Check that the track passes the person's position, and let the prediction end with the track."""
+        """Check that the track is at the person's position at time 0; end the prediction with the track."""
         check_track(what, track, self.velocity)
         x, y = (float(place) for place in track.at(0.0))
         if math.hypot(self.x - x, self.y - y) > SAME_PLACE:
             raise MapError(
-                f"{what} is at ({self.x:g}, {self.y:g}), but the track has ({x:g}, {y:g}) at time 0; give the same "
-                "place, or hpop.world.Person.along(track), which takes it from the track."
+                f"{what} is at ({self.x:g}, {self.y:g}), but the track is at ({x:g}, {y:g}) at time 0; give the same "
+                "position, or use hpop.world.Person.along(track), which takes the position from the track."
             )
         if self.until is not None and self.until < track.begin:
             raise MapError(
@@ -123,8 +126,8 @@ class Person:
         x, y = (float(place) for place in future.track.at(0.0))
         if math.hypot(self.x - x, self.y - y) > SAME_PLACE:
             raise MapError(
-                f"{what} is at ({self.x:g}, {self.y:g}), but a future's track has ({x:g}, {y:g}) at time 0; begin it "
-                "where the person is, or give that future x and y of its own."
+                f"{what} is at ({self.x:g}, {self.y:g}), but the track of a future is at ({x:g}, {y:g}) at time 0; "
+                "begin the track where the person is, or give that future its own x and y."
             )
 
     @classmethod
@@ -143,12 +146,12 @@ class Person:
 
     @property
     def recorded(self) -> bool:
-        """Return whether the track is a recording rather than a prediction."""
+        """Return whether the person follows a recorded track rather than a prediction."""
         return self.track is not None and self.track.recorded
 
     @property
     def speed(self) -> float:
-        """Return the greatest speed, m/s, of all futures."""
+        """Return the greatest predicted speed, m/s, over all futures."""
         if self.futures:
             return max(person.speed for _, person in self.hypotheses)
         return math.hypot(*self.velocity) if self.track is None else self.track.speed
@@ -164,7 +167,10 @@ class Person:
 
     @cached_property
     def hypotheses(self) -> tuple[tuple[float, Person], ...]:
-        """Return one pair (weight, person) per future. The weights sum to 1; each person has this future only."""
+        """Return one pair (weight, person) per future: the person with this future as the only prediction.
+
+        The weights sum to 1. A person without futures gives one pair, (1.0, person).
+        """
         if not self.futures:
             return ((1.0, self),)
         return tuple((future.weight, self._with(future)) for future in self.futures)
@@ -176,7 +182,7 @@ class Person:
 
     @property
     def begin(self) -> float:
-        """Return the time, s, at which the person first appears: 0, or the begin of a track that begins later.
+        """Return the time, s, at which the person first appears: 0, or the start of a track that starts later.
 
         Raises MapError for a person with several futures.
         """
@@ -184,16 +190,19 @@ class Person:
         return 0.0 if self.track is None else max(self.track.begin, 0.0)
 
     def way(self) -> FloatArray:
-        """Return the predicted path as corners (N, 4): time, s; x, y, m; heading, rad, from there to the next corner.
+        """Return the predicted path as corners (N, 4): time, s; x, y, m; heading, rad, up to the next corner.
 
-        The person moves straight and at constant speed between corners, and stands or is gone after the last. Raises
-        MapError for several futures or a prediction without end; the people of a :class:`hpop.Problem` always have an
-        end.
+        The person moves straight and at constant speed between corners, and stands or is gone after the last one.
+        Raises MapError for several futures or a prediction without end. In a :class:`hpop.Problem` every prediction
+        ends.
         """
         self._check_one("way")
         end = self.settled
         if not math.isfinite(end):
-            raise MapError(f"{named_as('person', self.name)} is predicted for ever: give an end (until).")
+            raise MapError(
+                f"{named_as('person', self.name)} has a prediction without end, so way() would be endless: give the "
+                "time at which the prediction ends (until)."
+            )
         corners = [0.0, end] if self.track is None else [0.0, *self.track.times.tolist(), end]
         times = np.unique(np.clip(corners, 0.0, end))
         x, y = self.at(times)
@@ -226,7 +235,10 @@ class Person:
         return replace(self, x=self.x + x, y=self.y + y, track=shifted_track(self.track), futures=futures)
 
     def at(self, t: Column) -> tuple[Column, Column]:
-        """Return the position (x, y), m, at times t, s; after ``until`` it is constant. For one future only."""
+        """Return the position (x, y), m, at times t, s; it is constant after ``until``.
+
+        Raises MapError for a person with several futures.
+        """
         self._check_one("at")
         if self.track is not None:
             return self.track.at(self._up_to_end(t))
@@ -234,7 +246,10 @@ class Person:
         return self.x + self.velocity[0] * t, self.y + self.velocity[1] * t
 
     def velocity_at(self, t: Column) -> tuple[Column, Column]:
-        """Return the velocity (x, y), m/s, at times t, s; 0 from ``until`` on. For one future only."""
+        """Return the velocity (x, y), m/s, at times t, s; 0 from ``until`` on.
+
+        Raises MapError for a person with several futures.
+        """
         self._check_one("velocity_at")
         if self.velocity == STANDS and self.track is None:
             return STANDS
@@ -245,11 +260,7 @@ class Person:
     def ahead_at(self, t: Column) -> tuple[Column, Column]:
         """Return the unit vector (x, y) in which the person walks or, at rest, faces, at times t, s.
 
-        For one future only.
-
-        For one future only.
-
-        A person who stops keeps the direction of the last movement.
+        A person who stops keeps the direction of the last movement. Raises MapError for a person with several futures.
         """
         self._check_one("ahead_at")
         along = None if self.track is None else self.track.ahead(self._up_to_end(t))
@@ -259,15 +270,19 @@ class Person:
         return math.cos(yaw), math.sin(yaw)
 
     def yaw_at(self, t: Column) -> Column:
-        """Return the heading of the body, rad, at times t, s: along a track, else ``yaw``. For one future only."""
+        """Return the heading of the body, rad, at times t, s: along the track if there is one, else ``yaw``.
+
+        Raises MapError for a person with several futures.
+        """
         self._check_one("yaw_at")
         along = None if self.track is None else self.track.ahead(np.asarray(self._up_to_end(t)))
         return self.yaw if along is None else np.arctan2(along[1], along[0])
 
     def there(self, t: Column) -> Column:
-        """Return 1 where the person is present at times t, s, else 0; the number 1.0 for a person always present.
+        """Return 1 at times t, s, when the person is present, else 0; a single 1.0 for a person who is always present.
 
-        A person is present from a track's first time on, and until ``until`` if gone afterwards.
+        A person with a track is absent before its first time. A person who is "gone" afterwards is absent after
+        ``until``.
         """
         self._check_one("there")
         there: Column = 1.0
@@ -278,14 +293,14 @@ class Person:
         return there
 
     def deviation(self, t: Column) -> Column:
-        """Return the standard deviation σ(t) of the position along each axis, m, at times t, s; 0.0 if certain."""
+        """Return the standard deviation σ(t) of the position along each axis, m, at times t, s; 0 if it is certain."""
         if self.growth == 0.0:
             return self.spread
         grown = self.growth * (self._up_to_end(t) + self.age)
         return np.sqrt(self.spread * self.spread + grown * grown)
 
     def later(self, t: float) -> Person:
-        """Return the person as predicted for ``t`` seconds from now, so that time 0 is then."""
+        """Return the person as predicted ``t`` seconds from now; that moment becomes time 0."""
         if not self.moves:
             return self
         if self.futures:
@@ -305,7 +320,10 @@ class Person:
         return replace(ended, spread=float(self.deviation(t)), growth=0.0, age=0.0)
 
     def _age(self, t: float) -> float:
-        """Return the age, s, of the prediction ``t`` seconds later; unchanged if its uncertainty does not grow."""
+        """Return the age, s, that the prediction will have ``t`` seconds from now.
+
+        The age is left unchanged if the uncertainty does not grow, because then it has no effect.
+        """
         grows = any(person.growth > 0 for _, person in self.hypotheses)
         return self.age + t if grows else self.age
 
@@ -315,22 +333,22 @@ class Person:
     def _check_one(self, name: str) -> None:
         if self.futures:
             raise MapError(
-                f"{named_as('person', self.name)} has {len(self.futures)} futures, so {name}(t) has no single value: "
-                "call it for each (weight, person) of person.hypotheses."
+                f"{named_as('person', self.name)} has {len(self.futures)} futures, so {name} has no single value: "
+                "take it for each (weight, person) of person.hypotheses."
             )
 
 
 def described_person(person: Person) -> dict[str, Any]:
     """Return a JSON-able description of a person; :func:`person_from` turns it into an equal person.
 
-    Attributes of the prediction are left out if they have their default values.
+    Attributes with default values are left out, except position, heading, velocity, radius and name.
     """
     always = ("x", "y", "yaw", "velocity", "radius", "name")
     return {name: _plain(value) for name, value in _attributes(person) if name in always or value != _DEFAULTS[name]}
 
 
 def person_from(data: Mapping[str, Any]) -> Person:
-    """Return a person from a description; MapError, TypeError or LookupError if it is malformed."""
+    """Build a person from a description; MapError, TypeError or LookupError if it is malformed."""
     futures = tuple(Future(**_with_track(future)) for future in data.get("futures", ()))
     return Person(**{**_with_track(data), "futures": futures})
 

@@ -1,7 +1,7 @@
 """Cut predictions of people at walls, at the edge of the map, at a horizon, and before a standing robot.
 
-Recorded tracks are not cut. A prediction is cut where it becomes impossible, so that from some time on nothing changes
-any more. Notes say where each prediction was cut, and whether the person stays there or is gone.
+A prediction is cut where it becomes impossible, so that after some time no person moves any more. Recorded tracks are
+not cut. Notes (warnings to print) say where each prediction was cut, and whether the person then stays or is gone.
 
 A prediction ignores the robot. A person predicted to approach slowly would walk through the robot, and a robot that
 must turn before it can leave would have no path. Such a person is therefore assumed to stop before the robot.
@@ -30,20 +30,20 @@ if TYPE_CHECKING:
     from hpop.world.world import World
 
 TOUCH = 1e-9
-"""m: a shorter part of a path within an area only touches it; a shorter part outside does not leave it."""
+"""Length, m, of a part of a path inside (outside) an area up to which the path only touches (does not leave) it."""
 
 Span = tuple[float, float]
 TALL = (0.0, 1.8)
 """Range of heights, m, in which obstacles stop people."""
 DEEP = 0.1
-"""Depth within an obstacle, m, that is still taken for an inaccurate position beside it."""
+"""Depth within an obstacle, m, up to which a person counts as standing beside it: a small error of the position."""
 SHIFTED = 0.5
 """Depth within an obstacle, m, up to which a walking person is moved out of it: the error of a tracker."""
 AWAY = 1e5
 """Distance, m, by which people who are left out are moved away, so that they affect nothing."""
 MOVED = "shifted to its border"
 LEFT_OUT = "left out"
-STAYS = "who stand there, as the map or the place is off; they block what they cover"
+STAYS = "who stand there: the map or their position must be wrong; they stay and block the space that they cover"
 SAME = 1e-6
 """Difference, s, up to which two times count as equal."""
 DIGITS = 9
@@ -52,8 +52,8 @@ ENDS = {
     "wall": "would walk into an obstacle, and are predicted to stop before it and to stay",
     "map": "leave the map, and are gone from then on",
     "horizon": "are predicted up to the horizon, and {afterwards}",
-    "own": "are predicted up to an end of their own, and {afterwards}",
-    "recorded": "are recorded up to an end, and {afterwards}",
+    "own": "have a prediction that ends, and {afterwards}",
+    "recorded": "have a recording that ends, and {afterwards}",
 }
 AFTERWARDS = {"gone": "are gone from then on", "stays": "stay where they are then"}
 GAP = 0.02
@@ -66,9 +66,9 @@ SIGMAS = 1.645  # standard deviations by which a person of uncertain position st
 
 @dataclass(frozen=True, eq=False)
 class WalkedPath:
-    """Path of a walking person: straight legs with times.
+    """Predicted path of a walking person: straight segments between points with times.
 
-    times   (N,)    s  at its points
+    times   (N,)    s  when the person is at each point
     points  (N, 2)  m
     """
 
@@ -77,7 +77,7 @@ class WalkedPath:
 
     @classmethod
     def of(cls, person: Person, bounds: tuple[float, float, float, float]) -> WalkedPath | None:
-        """Return the path of a person with one future, until it has left the bounds; None for a standing person."""
+        """Return the path of a person with one future, long enough to leave the bounds; None for a standing person."""
         if person.track is not None:
             track = person.track.later(0.0)
             points = np.stack([track.x, track.y], axis=1)
@@ -93,7 +93,7 @@ class WalkedPath:
 
     @cached_property
     def lengths(self) -> FloatArray:
-        """Return the distance (N,), m, of each point from the begin, along the path."""
+        """Return the distance (N,), m, of each point from the start, along the path."""
         return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self.points, axis=0).T))])
 
     def time(self, length: float) -> float:
@@ -108,8 +108,8 @@ class WalkedPath:
     def enters(self, area: BaseGeometry, beyond: float = 0.0) -> float | None:
         """Return the distance along the path, m, at which it first enters an area; None if it never does.
 
-        A path along the border does not enter. A part inside that ends within ``beyond`` m of the begin is ignored:
-        such a person starts inside and steps out.
+        A path along the border does not enter. A part inside that ends within the first ``beyond`` m is ignored: such a
+        person starts inside and steps out.
         """
         for begin, end in self._spans(area):
             if end > beyond and shapely.contains_xy(area, *self._place((begin + end) / 2)):
@@ -117,7 +117,7 @@ class WalkedPath:
         return None
 
     def leaves(self, area: BaseGeometry) -> float | None:
-        """Return the distance along the path, m, at which it leaves an area: 0 if it begins outside, None if never."""
+        """Return the distance along the path, m, at which it leaves an area: 0 if it starts outside, None if never."""
         spans = self._spans(area)
         if not spans:
             stays = self.lengths[-1] == 0.0 and area.covers(shapely.Point(self.points[0]))
@@ -134,7 +134,7 @@ class WalkedPath:
         return x, y
 
     def _spans(self, area: BaseGeometry) -> list[Span]:
-        """Return the sorted (begin, end) distances, m, of the parts of the path inside an area or on its border."""
+        """Return the parts of the path inside an area or on its border: sorted (begin, end) distances along it, m."""
         legs = np.stack([self.points[:-1], self.points[1:]], axis=1)  # (N-1, 2, 2)
         lines: Any = shapely.linestrings(legs)
         shapely.prepare(area)
@@ -165,7 +165,7 @@ class End(NamedTuple):
 
 
 class Inside(NamedTuple):
-    """Person within an obstacle: name, position, m, and what was done, such as `MOVED`, in words for a note."""
+    """Person found within an obstacle: name, position, m, and the treatment (such as `MOVED`) in words for a note."""
 
     who: str
     place: tuple[float, float]
@@ -173,16 +173,19 @@ class Inside(NamedTuple):
 
 
 def bounded(world: World, horizon: float | None = None) -> tuple[tuple[Person, ...], tuple[str, ...]]:
-    """Cut the predictions of a world's people, and return the people with notes on each end. Idempotent.
+    """Cut the predictions of a world's people where they become impossible.
+
+    Return the people, and notes (warnings to print) on the ends of their predictions.
 
     - A person predicted to walk into an obstacle stops a body's radius before it, and stays there.
     - A person who leaves the map is gone from then on.
-    - No prediction goes beyond a horizon, s, if there is one; then the person is as ``afterwards`` says. A standing
-      person stays, and its uncertainty grows no further.
+    - With a horizon, s, no prediction goes beyond it. A walking person is then gone or stays, as its ``afterwards``
+      says. A standing person stays, and its uncertainty grows no further.
     - A walking person who begins within an obstacle is shifted out of it by up to half a metre, or left out if deeper
-      inside. A standing person stays.
+      inside. A person who stands within an obstacle stays.
 
-    Raises MapError if all walking people begin deep within obstacles, or if a standing person grows uncertain for ever.
+    Calling the function again with its own result changes nothing. Raises MapError if all walking people begin deep
+    within obstacles, or if the position of a standing person becomes ever more uncertain without end.
     """
     if not world.content.people:
         return (), ()
@@ -210,7 +213,7 @@ def bounded(world: World, horizon: float | None = None) -> tuple[tuple[Person, .
 
 
 def with_people(world: World, people: tuple[Person, ...]) -> World:
-    """Return the world with its people replaced, in the same order; the same object if nothing changes."""
+    """Return the world with its people replaced by others in the same order; the same object if nothing changes."""
     content = world.content
     if people == content.people:
         return world
@@ -220,8 +223,8 @@ def with_people(world: World, people: tuple[Person, ...]) -> World:
 def _cut(world: World, person: Person, horizon: float | None, who: str) -> tuple[Person, End | None]:
     """Cut the prediction of a person with one future.
 
-    Return the person (the same object if nothing changes) and the end of the prediction; None for a person who never
-    changes.
+    Return the person (the same object if nothing changes) and the end of the prediction. The end is None for a person
+    who never changes.
     """
     if not person.moves:
         return person, None
@@ -262,17 +265,18 @@ def _ending(person: Person, end: End) -> Person:
 
 
 def _standing(person: Person, horizon: float | None, who: str) -> tuple[Person, End | None]:
-    """Return a standing person who leaves or grows uncertain, with the end of this prediction.
+    """Cut the prediction of a standing person who leaves later, or whose position becomes more uncertain.
 
-    A horizon only ends the growth of the uncertainty; the person stays.
+    Return the person and the end of the prediction. A horizon only ends the growth of the uncertainty; the person
+    stays.
     """
     leaves = person.until is not None and person.afterwards == "gone"
     if leaves and person.until == 0.0:
         return person, None
     if person.until is None and horizon is None:
         raise MapError(
-            f"person {who} stands, and is ever less surely there (growth {person.growth:g} m/s): give a time when the "
-            "prediction ends (until), or a horizon."
+            f"person {who} stands, but its position becomes ever more uncertain (growth {person.growth:g} m/s): give "
+            "a time when the prediction ends (until), or a horizon."
         )
     if horizon is not None and not leaves and (person.until is None or person.until > horizon + SAME):
         return replace(person, until=horizon, afterwards="stays"), End(who, horizon, "horizon", "stays")
@@ -309,8 +313,8 @@ def _outside(world: World) -> tuple[World, list[Inside]]:
         one = next(one for one in inside if one.what == LEFT_OUT)
         raise MapError(
             f"person {one.who} begins at ({one.place[0]:.4g}, {one.place[1]:.4g}), within an obstacle"
-            f"{', and so do all the others' if walking > 1 else ''}. People who walk begin where there is room: check "
-            "the place, and that the map and the track have the same origin, axes and unit."
+            f"{', and so do all the others' if walking > 1 else ''}. People who walk must begin in free space: check "
+            "the position, and that the map and the track have the same origin, axes and unit."
         )
     return with_people(world, world.content.people if not inside else tuple(people)), inside
 
@@ -325,14 +329,14 @@ def _way_out(solid: BaseGeometry, place: tuple[float, float]) -> tuple[float, fl
 
 
 def _notes_of_inside(inside: Sequence[Inside]) -> Iterable[str]:
-    """Yield a note for each treatment of people within obstacles."""
+    """Yield a note (a warning to print) for each way in which people within obstacles were treated."""
     for what in dict.fromkeys(one.what for one in inside):
         those = [f"{one.who} at ({one.place[0]:.4g}, {one.place[1]:.4g})" for one in inside if one.what == what]
         yield f"people within an obstacle, {what}: {some(those)}"
 
 
 def _notes(ends: Iterable[End]) -> Iterable[str]:
-    """Yield a note for each kind of end of predictions."""
+    """Yield a note (a warning to print) for each reason why predictions end, with the people concerned."""
     several = dict[tuple[str, str], list[End]]()
     for end in ends:
         several.setdefault((end.why, end.afterwards), []).append(end)
@@ -342,19 +346,19 @@ def _notes(ends: Iterable[End]) -> Iterable[str]:
 
 
 def _note_of(elsewhere: Sequence[str]) -> Iterable[str]:
-    """Yield a note on people who are never on the map."""
+    """Yield a note (a warning to print) on people who are never on the map, if there are any."""
     if elsewhere:
         why = "which may have another origin, other axes or another unit"
         yield f"people who are never on the map, {why}: {some(elsewhere)}"
 
 
 def yielding(person: Person, place: tuple[float, float], reach: float, begin: float = 0.0) -> Person:
-    """Return the person with a prediction that stops before a standing robot; the same object if they never meet.
+    """Return the person, stopped before a standing robot if predicted to reach it; otherwise the same object.
 
     Parameters
     ----------
-    place : (x, y) m, position of the robot's axis
-    reach : m, radius that the robot needs: its body, the margin, and the deviation of its execution
+    place : (x, y) m, position of the robot
+    reach : m, radius of the space that the robot needs: its body, the margin, and its tracking error
     begin : s, when the robot begins to stand there; a person who arrives more than ``WITHIN`` later does not stop
     """
     if not person.futures:
@@ -368,18 +372,18 @@ def yielding(person: Person, place: tuple[float, float], reach: float, begin: fl
 def with_stops(
     people: Sequence[Person], which: Sequence[int], place: tuple[float, float], reach: float
 ) -> tuple[Person, ...]:
-    """Return all people; those with the given indices are predicted to stop before the robot, see :func:`yielding`."""
+    """Return all people, where those with the indices ``which`` stop before the robot as by :func:`yielding`."""
     return tuple(yielding(person, place, reach) if i in which else person for i, person in enumerate(people))
 
 
 def taken_to_stop(people: Sequence[Person], which: Sequence[int]) -> str:
     """Return a note that names the people, given by index, who are assumed to stop before the robot."""
     who = some([repr(people[i].name) if people[i].name else f"number {i}" for i in which])
-    return f"people who would walk up to the robot before it can be away, and are taken to stop before it: {who}"
+    return f"people who would reach the robot before it can leave, and are taken to stop before it: {who}"
 
 
 def _stopped(person: Person, place: tuple[float, float], reach: float, begin: float) -> Person:
-    """Return a person with one future, predicted to stop before coming too near to the standing robot."""
+    """Return a person with one future, changed to stop before coming too near to the standing robot."""
     if person.velocity == STANDS and person.track is None:
         return person
     times = np.arange(0.0, begin + WITHIN, STEP)

@@ -1,11 +1,12 @@
 """Proxemics: positions and directions of people relative to points, and effects of many people on many points.
 
-All functions take columns (N,): NumPy arrays or CasADi symbols. Times are only needed for moving people.
+An effect is any number that a person causes at a point, such as discomfort. All functions take columns (N,): NumPy
+arrays or CasADi symbols. Times are only needed for moving people.
 
 Possible futures enter in two ways. :func:`expected` averages over a person's futures at each moment. By linearity, the
 integral of this mean over time is the mean of the integrals, so effects that add up along motions still add up.
 :func:`worst` is the maximum over people and futures, for criteria of the worst moment; it uses no weights.
-:class:`Blurred` averages an effect over an uncertain place.
+:class:`Blurred` averages an effect over an uncertain position.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ TINY = 1e-9  # m: least distance and deviation, which avoids 0/0
 
 
 def any_moves(people: Iterable[Person]) -> bool:
-    """Return whether any person moves, so that times are needed."""
+    """Return whether any person moves, so that effects depend on time."""
     return any(person.moves for person in people)
 
 
@@ -50,17 +51,17 @@ def offset(person: Person, x: Column, y: Column, t: Column | None) -> tuple[Colu
 
 
 def in_frame(person: Person, x: Column, y: Column, t: Column | None) -> tuple[Column, Column]:
-    """Return points (N,) in the frame of a person, m: ahead, which is where the person walks or faces, and left."""
+    """Return coordinates (N,), m, of points in the frame of a person: ahead (where it walks or faces) and left."""
     dx, dy = offset(person, x, y, t)
     cos, sin = person.ahead_at(t)
     return dx * cos + dy * sin, dy * cos - dx * sin
 
 
 def expected(people: Iterable[Person], effect: Callable[..., Column], *columns: Column | None) -> Column:
-    """Return the sum (N,), over people, of the mean of ``effect(person, *columns)`` over the futures of each person.
+    """Sum an effect over all people (N,): for each person, take the mean of the effect over the person's futures.
 
-    A person counts while present. The effect receives people with one future, and handles their deviation itself. The
-    last column is the time, or None if all people stand.
+    ``effect(person, *columns)`` is called with people who have one future; it must handle the uncertainty of their
+    position itself. A person counts only while present. The last column is the time, or None if all people stand.
     """
 
     def share(hypothesis: tuple[float, Person], *part: Column | None) -> Column:
@@ -94,10 +95,10 @@ def over(
     combine: Callable[[Column, Column], Column],
     *columns: Column | None,
 ) -> Column:
-    """Combine the effects (N,) of items, ``effect(item, *columns)``, with np.add to a sum or np.maximum to a maximum.
+    """Combine the effects (N,) of items, ``effect(item, *columns)``: a sum with np.add, a maximum with np.maximum.
 
     Columns are (N,), or None where an effect does not need them. Arrays are evaluated in blocks, which is several times
-    faster, and equal samples that follow each other only once.
+    faster. Equal consecutive samples are evaluated only once.
     """
     items = tuple(items)
 
@@ -116,7 +117,7 @@ def over(
 
 
 def _once_a_run(function: Callable[..., Column], columns: list[Column | None]) -> Column:
-    """Return the values (N,) of a function that is evaluated once for each run of successive equal samples."""
+    """Return the values (N,) of a function; consecutive equal samples are evaluated only once."""
     given = [column for column in columns if column is not None]
     changes = np.ones(given[0].size, dtype=bool)
     changes[1:] = np.any([column[1:] != column[:-1] for column in given], axis=0)
@@ -128,18 +129,18 @@ def _once_a_run(function: Callable[..., Column], columns: list[Column | None]) -
 
 
 class Blurred:
-    """Mean of a function of the distance to a person of uncertain position.
+    """Mean of a function of the distance to a person whose position is uncertain.
 
     The position is normally distributed about the predicted one, with standard deviation σ along both axes. Let f be a
-    function of the distance that is 0 beyond an end. At distance ν from the predicted position its mean is an integral
-    over Rice's density::
+    function of the distance that is 0 beyond ``end``. At distance ν from the predicted position, the mean of f is an
+    integral over Rice's density::
 
         F₀(ν, σ) = ∫ f(r) r/σ² exp(-(r² + ν²)/2σ²) I₀(rν/σ²) dr
 
-    and the mean of f(r) cos α, α the angle between the offset from the person and a fixed direction, is the cosine of
-    that angle at the predicted place times F₁, the same integral with the Bessel function I₁ in place of I₀. Neither
-    has a closed form, and CasADi has no Bessel functions; so they are sampled once and interpolated by cubic splines.
-    One table then serves numbers and symbols, and is twice differentiable.
+    Let α be the angle between the offset from the person and a fixed direction. The mean of f(r) cos α is cos α at the
+    predicted position times F₁, the same integral with the Bessel function I₁ in place of I₀. Neither integral has a
+    closed form, and CasADi has no Bessel functions. So they are sampled once and interpolated by cubic splines. One
+    table then serves numbers and symbols, and is twice differentiable.
 
     The table's axes are h = sqrt(ν² + (2σ)²), mapped to a finite range, and the share ν/(ν + 2σ). Near the person a
     function of the direction depends on the share alone, and the table covers all distances and deviations.
@@ -199,7 +200,10 @@ def _means(
     nu: FloatArray,
     sigma: FloatArray,
 ) -> FloatArray:
-    """Return the mean (N,) of `Blurred` for each distance and deviation (N,), m, by quadrature with ``count`` nodes."""
+    """Compute the means (N,) that `Blurred` stores, by numerical integration with ``count`` nodes.
+
+    ``nu`` and ``sigma`` (N,) are the distance from the predicted position and the standard deviation, m.
+    """
     from scipy.special import i0e, i1e  # slow to import
 
     nodes, weights = np.polynomial.legendre.leggauss(count)

@@ -130,7 +130,7 @@ def test_a_zone_has_an_area_and_what_its_kind_needs(given, message):
 @pytest.mark.parametrize("group", [(0,), (), (0, 0), (0, 2), (-1, 0), (0, "1"), (0, 1.0), (True, 0), (0, [1]), "01"])
 def test_a_group_is_two_or_more_people_who_are_there(group):
     two = (Person(0.0, 0.0), Person(1.0, 0.0))
-    with pytest.raises(MapError, match="a group names two or more different people by indices 0 to 1"):
+    with pytest.raises(MapError, match="a group must name two or more different people by indices 0 to 1"):
         Content(people=two, groups=(group,))
 
 

@@ -86,7 +86,7 @@ def test_a_horizon_ends_predictions_but_not_what_was_recorded():
         "people who are predicted up to the horizon, and are gone from then on: number 0 after 5 s, number 2 after 5 s",
         "people who are predicted up to the horizon, and stay where they are then: number 1 after 5 s, "
         "number 4 after 5 s",
-        "people who are recorded up to an end, and are gone from then on: number 3 after 9 s",
+        "people who have a recording that ends, and are gone from then on: number 3 after 9 s",
     )
 
 
@@ -138,7 +138,10 @@ def test_who_is_deep_within_an_obstacle_is_left_out_and_the_others_are_there():
     assert math.hypot(people[0].x, people[0].y) > 1e4  # where nobody meets anybody
     assert not people[0].moves
     assert [note for note in notes if "Bob" in note] == ["people within an obstacle, left out: 'Bob' at (5.5, 2)"]
-    with pytest.raises(MapError, match=r"person 'Bob' begins at \(5.5, 2\), within an obstacle. People who walk begin"):
+    with pytest.raises(
+        MapError,
+        match=r"person 'Bob' begins at \(5.5, 2\), within an obstacle. People who walk must begin in free space",
+    ):
         people_of(lost, world=block)
     with pytest.raises(MapError, match="within an obstacle, and so do all the others"):
         people_of(lost, lost, world=block)
@@ -158,7 +161,7 @@ def test_who_leans_on_a_wall_may_walk_away_but_not_through():
 
 
 def test_who_is_ever_less_surely_there_needs_an_end():
-    with pytest.raises(MapError, match=r"ever less surely there .*\(until\), or a horizon"):
+    with pytest.raises(MapError, match=r"becomes ever more uncertain .*\(until\), or a horizon"):
         people_of(Person(1.0, 1.0, growth=0.1, name="Ada"))
 
 

@@ -345,7 +345,7 @@ def test_what_are_no_tracks_is_refused_with_the_file(tmp_path, text, options, me
 def test_a_file_is_regular_small_and_text(tmp_path):
     with pytest.raises(MapError, match="cannot be opened"):
         hpop.read_tracks(tmp_path / "none.csv")
-    with pytest.raises(MapError, match="named by its path; got 3"):
+    with pytest.raises(MapError, match="must be given by its path, a str or Path; got 3"):
         hpop.read_tracks(3)
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(MapError, match="UTF-8"):
