@@ -98,8 +98,11 @@ class PlaneCollision(Collision, Protocol):
     @property
     def turn_part(self) -> float: ...
 
-    def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
-        """Return whether the robot is free at each position (P,) at every yaw, and so during every turn in place."""
+    def clear(self, x: FloatArray, y: FloatArray, beyond: float = 0.0) -> BoolArray:
+        """Return whether each position (P,) is free at every yaw, and so is every turn there.
+
+        With ``beyond``, m, so are all positions within that distance, and all moves between them.
+        """
 
     def differs(self, before: PlaneCollision, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
         """Return a mask (P,) of the positions near which collisions may have changed since an earlier world.

@@ -116,11 +116,11 @@ class LeavingCollision(PlanarCollision):
         """0: turns must not be cut into pieces, since a turn may be free although a piece of it is not."""
         return 0.0
 
-    def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
+    def clear(self, x: FloatArray, y: FloatArray, beyond: float = 0.0) -> BoolArray:
         """Return whether the robot is free at each position (P,) at every yaw, also of the people in contact."""
-        free = super().clear(x, y)
+        free = super().clear(x, y, beyond)
         for leaving in self.left:
-            free &= leaving.body.clear(x, y)
+            free &= leaving.body.clear(x, y, beyond)
         return free
 
     def motions_free(self, motions: Motions) -> BoolArray:

@@ -96,8 +96,11 @@ class PlanarCollision:
         """
         return TURN_SAMPLE
 
-    def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
-        """Return whether each position (P,) is free at every yaw: the circle with each part's reach must be free."""
+    def clear(self, x: FloatArray, y: FloatArray, beyond: float = 0.0) -> BoolArray:
+        """Return whether the circles that the parts sweep about positions (P,), ``beyond`` m larger, are free.
+
+        Then every yaw and turn is free, and every move within ``beyond``.
+        """
         reaches: dict[FreeSpace, float] = {}  # largest reach of the parts at the heights of each free space
         for part in (part.swept for part in self.parts):
             space = self._free_space(part)
@@ -105,7 +108,7 @@ class PlanarCollision:
         free = np.ones(x.size, dtype=bool)
         for space, reach in reaches.items():
             left = np.flatnonzero(free)
-            free[left] = space.clearance(x[left], y[left]) >= reach - TOUCH
+            free[left] = space.clearance(x[left], y[left]) >= reach + beyond - TOUCH
         return free
 
     def differs(self, before: PlaneCollision, x: FloatArray, y: FloatArray, within: float) -> BoolArray:

@@ -140,21 +140,29 @@ class StateGraph(TrajectoryGraph):
         return self.arcs.heads
 
     def batches(self) -> Iterator[tuple[IntArray, IntArray, Motions]]:
-        """Yield all arcs in batches of limited size: their first states, their last states, and their motions."""
+        """Yield tails, heads and motions of all arcs, in batches of bounded size."""
         for part in blocks(self.arcs.heads.size):
-            for _, tails, heads, motions in self._batches(part):
-                yield tails, heads, motions
+            for number, _, tails, heads in self._ends_by_kind(part):
+                yield tails, heads, self.motions(self.kinds[number], tails, heads)
 
-    def _batches(self, part: slice) -> Iterator[tuple[BoolArray, IntArray, IntArray, Motions]]:
-        """Yield the arcs of a range of indices, one batch for each kind of motion.
-
-        A batch is a mask over the range, and the tails, heads and motions of the arcs in the mask.
-        """
+    def _ends_by_kind(self, part: slice) -> Iterator[tuple[int, IntArray, IntArray, IntArray]]:
+        """Yield the arcs of a range by kind: number of the kind, indices in the range, tails and heads."""
         tails, heads = self.arcs.ends(part)
-        for number, kind in sorted(enumerate(self.kinds), reverse=True):
-            own = self.arcs.kinds[part] == number
-            if own.any():
-                yield own, tails[own], heads[own], self.motions(kind, tails[own], heads[own])
+        for number in reversed(range(len(self.kinds))):
+            own = np.flatnonzero(self.arcs.kinds[part] == number)
+            if own.size:
+                yield number, own, tails[own], heads[own]
+
+    def costs_anywhere(self, kind: str, criterion: Criterion) -> IntArray | None:
+        """Return the costs of motions of a kind, in quanta, as a flat table by :meth:`in_place_pairs`.
+
+        None, the default, if they depend on the place.
+        """
+        return None
+
+    def in_place_pairs(self, tails: IntArray, heads: IntArray) -> IntArray:
+        """Return a number (N,) for each motion in place that is equal for motions that differ only in the place."""
+        raise NotImplementedError
 
     @cached_property
     def key(self) -> Hashable:
@@ -251,14 +259,27 @@ class StateGraph(TrajectoryGraph):
         size = self.arcs.heads.size
         made = [Quanta(size) for _ in missing]
 
+        tables = {
+            (number, j): self.costs_anywhere(kind, criteria[j])
+            for number, kind in enumerate(self.kinds)
+            for j in missing
+        }
+        anywhere = {at: costs for at, costs in tables.items() if costs is not None}
+
         def costs(part: slice) -> tuple[slice, list[IntArray]]:
-            counts = [np.empty(part.stop - part.start, np.int64) for _ in missing]
-            for own, _, _, motions in self._batches(part):
-                places = np.flatnonzero(own)
-                for run, portion in motions.portions():
-                    for count, j in zip(counts, missing, strict=True):
-                        count[places[run]] = quantised(motion_costs(criteria[j], portion), criteria[j])
-            return part, counts
+            counts = {j: np.empty(part.stop - part.start, np.int64) for j in missing}
+            for number, own, tails, heads in self._ends_by_kind(part):
+                alike = [j for j in missing if (number, j) in anywhere]
+                pairs = self.in_place_pairs(tails, heads) if alike else tails
+                for j in alike:
+                    counts[j][own] = anywhere[number, j].take(pairs)
+                if len(alike) == len(missing):
+                    continue
+                for run, portion in self.motions(self.kinds[number], tails, heads).portions():
+                    for j in missing:
+                        if j not in alike:
+                            counts[j][own[run]] = quantised(motion_costs(criteria[j], portion), criteria[j])
+            return part, [*counts.values()]
 
         for part, counts in self.spending.each(costs, blocks(size) if missing else (), f"{self.words} was built"):
             for column, count in zip(made, counts, strict=True):

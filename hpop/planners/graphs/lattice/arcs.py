@@ -15,6 +15,8 @@ from hpop.planners.graphs.lattice.grid import steps_from
 if TYPE_CHECKING:
     from hpop.planners.graphs.lattice.graph import StateLattice
 
+ROOM = 1e-6  # m beside a step within which its collision test is not needed, more than any rounding
+
 
 def lattice_arcs(lattice: StateLattice) -> Arcs:
     """Return the free arcs of a lattice.
@@ -64,10 +66,16 @@ def _steps(lattice: StateLattice) -> NDArray[np.int32]:
         )
         steps[lattice.number[rows, columns] * count + stance] = lattice.number[to_rows, to_columns]
 
+    beyond = ROOM + lattice.step * max(math.hypot(*step) for step in lattice.headings.steps)
+
     def blocked(part: slice) -> IntArray:
+        first, last = part.start // count, -(-part.stop // count)
+        x, y = lattice.position(*(axis[first:last] for axis in lattice.cells))
+        is_open = lattice.collision.clear(x, y, beyond)
         tails: IntArray = part.start + np.flatnonzero(steps[part] >= 0)
         if mirrored:
             tails = tails[tails % count < count // 2]
+        tails = tails[~is_open[tails // count - first]]
         place, stance = np.divmod(tails, count)
         station = lattice.station_in[stance]
         ends = (place * lattice.width + station, steps[tails].astype(np.int64) * lattice.width + station)

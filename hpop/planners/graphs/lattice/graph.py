@@ -17,9 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.criteria.base import Criterion
 from hpop.errors import ModelError, OptionError
 from hpop.motions import States
 from hpop.planners.graphs.arcs import MOVE, Arcs, blocks
+from hpop.planners.graphs.lattice.anywhere import costs_anywhere
 from hpop.planners.graphs.lattice.arcs import in_place, lattice_arcs
 from hpop.planners.graphs.lattice.grid import Headings, passed_cells, what_separates
 from hpop.planners.graphs.state_graph import StateGraph, identity
@@ -294,6 +296,15 @@ class StateLattice(StateGraph):
         table[station, to[station, column]] = of_kind[station, column]
         (at, tail), (place, head) = (np.divmod(ids, self.width) for ids in (tails, heads))
         return np.where(at == place, table[tail, head], MOVE)
+
+    def costs_anywhere(self, kind: str, criterion: Criterion) -> IntArray | None:
+        """Return the costs of motions in place by :meth:`in_place_pairs`, or None if they depend on the position."""
+        return None if kind == "move" else costs_anywhere(self, kind, criterion)
+
+    def in_place_pairs(self, tails: IntArray, heads: IntArray) -> IntArray:
+        """Return tail station * S + head station (N,) of motions in place."""
+        pairs: IntArray = tails % self.width * self.width + heads % self.width
+        return pairs
 
     @cached_property
     def arcs(self) -> Arcs:
