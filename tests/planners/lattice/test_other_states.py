@@ -147,5 +147,5 @@ class Undecided(Rising):
 
 
 def test_two_motions_between_the_same_stations_are_refused() -> None:
-    with pytest.raises(ModelError, match="stations 0 and 2 of fixed are joined by a turn and by a slow"):
+    with pytest.raises(ModelError, match="in fixed both a turn and a slow lead from station 0 to station 2"):
         asked(Undecided(radius=0.2), 0.0, 0.0).solve("lattice", step=0.5, headings=4)

@@ -46,7 +46,7 @@ def wall_with_gaps(x0, x1, *gaps):
 @pytest.mark.parametrize("x", [5.0, 5.13])
 def test_a_wall_closes_off_the_start_however_thin(thickness, radius, x):
     text = note(wall_with_gaps(x, x + thickness), DifferentialDrive(radius=radius))
-    assert "a wall closes off the start, however small the robot" in text
+    assert "obstacles enclose the start, even for a robot of no size" in text
     far = float(re.search(r"spans x [\d.]+ to ([\d.]+) m", text)[1])
     assert x - 0.25 - 1e-9 <= far <= x
 
@@ -83,7 +83,7 @@ def test_a_passage_wide_enough_that_the_steps_miss_is_told_from_a_narrow_one():
     # Positions are on whole metres, and the only way is the diagonal from (4, 4) to (5, 5), between two corners.
     walls = [shapely.box(4.6, 0, 5.4, 4.4), shapely.box(3.6, 4.6, 4.4, 8)]
     robot = DifferentialDrive(radius=0.1)
-    assert "positions are connected, but not by steps and turns" in note(walls, robot, step=1.0)
+    assert "there is room for the robot from start to goal, but the steps and turns" in note(walls, robot, step=1.0)
     world = World.from_polygons(walls, extent=shapely.box(0, 0, 10, 8))
     problem = Problem(world, robot, (1.0, 4.0, 0.0), (9.0, 4.0, 0.0), ["length"])
     assert str(Lattice(step=1.0, corner_cutting=True).solve(problem).status) == "complete"
@@ -92,7 +92,7 @@ def test_a_passage_wide_enough_that_the_steps_miss_is_told_from_a_narrow_one():
 def test_a_high_table_is_no_wall_for_a_low_robot():
     table = [(shapely.box(4, 0, 6, 8), (0.6, 0.8))]
     text = note(table, DifferentialDrive(camera_height=1.2))
-    assert "a wall closes off" in text
+    assert "obstacles enclose" in text
     world = World.from_polygons(table, extent=shapely.box(0, 0, 10, 8))
     low = Problem(world, DifferentialDrive(camera_height=0.5), (1, 4, 0), (9, 4, 0), ["length"])
     assert str(Lattice().solve(low).status) == "complete"
@@ -103,4 +103,4 @@ def test_a_long_robot_that_fits_lengthwise_is_not_called_too_wide():
     robot = DifferentialDrive(footprint=((0.5, 0.2), (-0.5, 0.2), (-0.5, -0.2), (0.5, -0.2)))
     corridor = [shapely.box(5, 0, 10, 3.5), shapely.box(5, 4.5, 10, 8)]
     text = note(corridor, robot, goal=(9.0, 4.0, np.pi), step=0.5)
-    assert "positions are connected, but not by steps and turns" in text
+    assert "there is room for the robot from start to goal, but the steps and turns" in text

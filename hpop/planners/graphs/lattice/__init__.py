@@ -1,1 +1,1 @@
-"""The SE(2) lattice: grid positions, headings, steps and motions in place."""
+"""SE(2) lattice: a graph of positions on a grid with headings, connected by steps and by motions in place."""

@@ -1,4 +1,8 @@
-"""The arcs of a lattice: motions in place and steps along headings, with their collision checks in blocks."""
+"""Compute the arcs of a lattice: motions in place and steps along headings that are free of collisions.
+
+Array shapes: P positions, H headings, S stations (a heading with values of the robot's other coordinates, such as the
+pan of a camera), and Z stances (stations that need separate collision checks: all S, or only the H headings).
+"""
 
 from __future__ import annotations
 
@@ -19,9 +23,10 @@ ROOM = 1e-6  # m beside a step within which its collision test is not needed, mo
 
 
 def lattice_arcs(lattice: StateLattice) -> Arcs:
-    """Return the free arcs of a lattice.
+    """Return all collision-free arcs of a lattice.
 
-    Heads are written to a table with a row for each state, in order, so no sort is needed; -1 marks blocked arcs.
+    Heads are first written to a table with a row for each state, in which -1 marks blocked arcs. So the arcs need not
+    be sorted.
     """
     (to, of_kind), places, width = lattice.in_place, lattice.cells[0].size, lattice.width
     lattice.spending.check(lattice.doing, places * width * (to.shape[1] + 1) * (4 + 1 + 4 + 1))
@@ -41,7 +46,10 @@ def lattice_arcs(lattice: StateLattice) -> Arcs:
 
 
 def in_place(lattice: StateLattice) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
-    """Return the heads (S, W) of motions in place from each station, -1 for unused columns, and their kinds (S, W)."""
+    """Return the motions in place at any position, as two tables (S, W) with a row for each station.
+
+    The first has the stations to which motions lead, with -1 in unused columns; the second has their kinds of motion.
+    """
     motions = [*lattice.stations.motions.values()]
     tails, heads = (np.concatenate([ends[side] for ends in motions]) for side in (0, 1))
     kinds = np.repeat(np.arange(1, len(motions) + 1, dtype=np.uint8), [ends[0].size for ends in motions])
@@ -55,11 +63,14 @@ def in_place(lattice: StateLattice) -> tuple[NDArray[np.int32], NDArray[np.uint8
 
 
 def _steps(lattice: StateLattice) -> NDArray[np.int32]:
-    """Return the position (P, Z) one step ahead of each position in each stance, -1 if it is not free."""
+    """Return the position that one step along the heading reaches, for each position and stance (P, Z).
+
+    -1 marks steps that collide or lead off the grid.
+    """
     count, places = lattice.station_in.size, lattice.cells[0].size
     headings = lattice.stations.headings if lattice.collision.posture_matters else np.arange(count)
     steps = np.full(places * count, -1, np.int32)
-    mirrored = not lattice.collision.yaw_matters  # a round robot is free on a move where it is on the move back
+    mirrored = not lattice.collision.yaw_matters  # a round robot may move in both directions or in none
     for stance, heading in enumerate(headings.tolist()):
         rows, columns, to_rows, to_columns = steps_from(
             lattice.free[:, :, stance], lattice.headings.steps[heading], corner_cutting=lattice.corner_cutting
@@ -90,12 +101,12 @@ def _steps(lattice: StateLattice) -> NDArray[np.int32]:
 
 
 def _in_place_free(lattice: StateLattice, to: NDArray[np.int32], of_kind: NDArray[np.uint8]) -> BoolArray:
-    """Mark the motions in place (P, S, W) that are free.
+    """Return which motions in place (P, S, W) are free of collisions.
 
-    If the posture does not matter for collisions, a motion that turns the base is checked as a turn, and any other
-    motion is free because its position is.
+    Collisions may depend only on position and heading, not on other coordinates (the posture). Then a motion that turns
+    the base is checked as a turn, and any other motion is free wherever its state is.
 
-    to, of_kind  (S, W)  heads and kinds, of :func:`in_place`
+    to, of_kind  (S, W)  stations reached, and kinds of motion, from :func:`in_place`
     """
     if lattice.collision.posture_matters:
         return _each_in_place_free(lattice, to, of_kind)
@@ -110,7 +121,10 @@ def _in_place_free(lattice: StateLattice, to: NDArray[np.int32], of_kind: NDArra
 
 
 def _each_in_place_free(lattice: StateLattice, to: NDArray[np.int32], of_kind: NDArray[np.uint8]) -> BoolArray:
-    """Mark the motions in place (P, S, W) that are free by a check of each motion."""
+    """Return which motions in place (P, S, W) are free of collisions, with a separate check for each motion.
+
+    to, of_kind  (S, W)  stations reached, and kinds of motion, from :func:`in_place`
+    """
     stances = lattice.free[lattice.cells]  # (P, S)
     free: BoolArray = stances[:, :, None] & stances[:, to] & (to >= 0)
     sure = lattice.clear[lattice.cells]
@@ -131,10 +145,13 @@ def _each_in_place_free(lattice: StateLattice, to: NDArray[np.int32], of_kind: N
 
 
 def _turns_free(lattice: StateLattice, others: NDArray[np.int32]) -> BoolArray:
-    """Mark the turns (P, H, H - 1) to the other headings that are free.
+    """Return which turns (P, H, H - 1), from each heading to every other, are free of collisions.
 
-    Where all angles between neighbouring headings are multiples of the collision test's ``turn_part``, only turns
-    between neighbours are checked: a longer turn is free if all of these are that it passes.
+    Usually only turns between neighbouring headings are checked, and a longer turn is free if all those that it
+    consists of are free. This gives equal results if the angles between neighbouring headings are multiples of the
+    collision test's ``turn_part``; otherwise each turn is checked.
+
+    others  (H, H - 1)  the other headings, for each heading
     """
     count = lattice.headings.count
     if not lattice.cells[0].size or not _are_multiples(lattice.headings.yaw, lattice.collision.turn_part):
@@ -161,7 +178,10 @@ def _turns_free(lattice: StateLattice, others: NDArray[np.int32]) -> BoolArray:
 
 
 def _are_multiples(yaw: FloatArray, part: float) -> bool:
-    """Return whether all angles between neighbouring headings (H,) are multiples of a part, rad; False for no part."""
+    """Return whether all angles between neighbouring headings (H,), rad, are multiples of ``part``, rad.
+
+    False if ``part`` is 0.
+    """
     if not part > 0.0:
         return False
     parts = np.diff(yaw, append=yaw[0] + 2 * math.pi) / part
@@ -169,7 +189,7 @@ def _are_multiples(yaw: FloatArray, part: float) -> bool:
 
 
 def _passed_sectors(lattice: StateLattice, others: NDArray[np.int32]) -> BoolArray:
-    """Return the sectors (H, H - 1, H) that turns pass: sector h lies between headings h and h + 1."""
+    """Return which sectors each turn passes, as a mask (H, H - 1, H); sector h lies between headings h and h + 1."""
     count = len(others)
     a = np.repeat(np.arange(count), count - 1)
     b = others.ravel()
@@ -181,7 +201,7 @@ def _passed_sectors(lattice: StateLattice, others: NDArray[np.int32]) -> BoolArr
 
 
 def _each_turn_free(lattice: StateLattice, others: NDArray[np.int32]) -> BoolArray:
-    """Mark the turns (P, H, H - 1) to the other headings that are free, checking each of them."""
+    """Return which turns (P, H, H - 1), from each heading to every other, are free, with a check of each turn."""
     count = lattice.headings.count
     free = lattice.free[lattice.cells]
     possible = free[:, :, None] & free[:, others]

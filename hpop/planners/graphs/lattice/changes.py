@@ -1,4 +1,4 @@
-"""Update of a lattice after a change of the world: only states, arcs and costs near the change are computed again."""
+"""Update a cached lattice after the world changed: only states, arcs and costs near the change are computed again."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from hpop.world.geometry.cells import changed_boxes
 from hpop.world.occupancy import take_over
 
 Ids = NDArray[np.int32]
-TURNED = 1.1  # of a robot's reach: turns are checked by slightly larger hulls
-SLACK = 1e-3  # m
-TRIED = 512  # sample of arcs that shows which attributes of a world a criterion reads
-SMOOTHED = 3.0  # field cells from a sample within which the field depends on it, two along each axis
-RIGID = 1e-9  # m: a camera at this constant distance from the base's axis does not move in the base
+TURNED = 1.1  # factor on the robot's radius, as turns are checked by slightly larger hulls
+SLACK = 1e-3  # m: safety margin of distances
+TRIED = 512  # number of arcs on which the attributes of the world that a criterion reads are recorded
+SMOOTHED = 3.0  # field cells: a changed sample affects the field up to two cells along each axis, less than this away
+RIGID = 1e-9  # m: if its distance from the base's axis varies by less, the camera does not move in the base
 
 
 def update(before: StateLattice, after: World, criteria: Sequence[Criterion]) -> StateLattice:
-    """Return the lattice in a changed world; parts that the change leaves unchanged are copied to that world's cache.
+    """Return the lattice in a changed world, and fill the cache of that world with what is still valid.
 
-    States and arcs are checked again where the change may reach them, and costs of these arcs are computed again. If a
-    criterion reads a changed attribute of the world, its costs are computed again for all arcs that the change may
-    affect. All other values are copied, so the result equals a lattice built from scratch. Nothing is copied if nothing
-    was cached or the extent of the map has changed.
+    States and arcs near the change are checked for collisions again, and the costs of these arcs are computed again. If
+    a criterion reads a changed attribute of the world, its costs are computed again for all arcs that the change may
+    affect. All other values are copied, so the result equals a lattice built anew. Nothing is copied if nothing was
+    cached, or if the extent of the map has changed.
     """
     lattice = replace(before, world=after)
     cached = {name: before.cached_part(name) for name in ("clear", "free", "arcs")}
@@ -60,7 +60,7 @@ def update(before: StateLattice, after: World, criteria: Sequence[Criterion]) ->
         affected = None if counts is None else _affected_arcs(criterion, lattice, before.world)
         if counts is not None and affected is not None:
             changed |= affected
-            column = counts.take(origin, mode="clip")  # arcs without an origin are among those that follow
+            column = counts.take(origin, mode="clip")  # new arcs get a wrong cost here, which is replaced below
             for rows, motions in lattice.motions_of(np.flatnonzero(is_new | affected)):
                 costs = quantised(motion_costs(criterion, motions), criterion)
                 needed = np.min_scalar_type(int(costs.max(initial=0)))
@@ -74,7 +74,9 @@ def update(before: StateLattice, after: World, criteria: Sequence[Criterion]) ->
 def _take_over_graph(
     before: StateLattice, lattice: StateLattice, criteria: Sequence[Criterion], near: BoolArray, changed: BoolArray
 ) -> None:
-    """Cache the search graph of a changed lattice with its groups of turns, if those before the change are cached.
+    """Cache the search graph of the changed lattice, reusing what was precomputed for unchanged positions.
+
+    For each position, a search precomputes groups of turns. Nothing is done if the old search graph is not cached.
 
     near     (rows, columns)  mask of the positions near the change
     changed  (m,)  mask of the arcs that are new, or have new costs
@@ -93,16 +95,18 @@ def _take_over_graph(
 
 
 def _longest_step(lattice: StateLattice) -> float:
-    """Return the length, m, of the longest step."""
+    """Return the length, m, of the longest step along any heading."""
     return lattice.step * max(math.hypot(*step) for step in lattice.headings.steps)
 
 
 def _near_changes(
     before: StateLattice, after: StateLattice, within: float, among: BoolArray | None = None
 ) -> BoolArray:
-    """Mark the positions (rows, columns) with a difference between both worlds within a distance, m.
+    """Return the positions near which collisions may differ between two worlds, as a mask (rows, columns).
 
-    among  (rows, columns)  mask of the positions to test; None for all
+    before, after  the lattice in the two worlds
+    within         m  distance from a position within which differences count
+    among          (rows, columns)  mask of the positions to test; None for all
     """
     near = np.ones(before.shape, dtype=np.bool_) if among is None else among.copy()
     rows, columns = np.nonzero(near)
@@ -113,15 +117,19 @@ def _near_changes(
 def _arcs_after_change(
     before: StateLattice, part: StateLattice, lattice: StateLattice, near: BoolArray
 ) -> tuple[Arcs, Ids]:
-    """Return the arcs after a change, and the old index (m,) of each arc, -1 for an arc that was checked again.
+    """Return the arcs of the lattice in the changed world, and the old index (m,) of each arc, -1 for a new one.
 
-    part  lattice of the positions near the change, with arcs that are checked again; arcs elsewhere are the old ones
-    near  (rows, columns)  mask of the positions near the change
+    Near the change, arcs are checked again; elsewhere the old arcs are used.
+
+    before   lattice before the change
+    part     part of the lattice near the change, in the changed world
+    lattice  whole lattice in the changed world
+    near     (rows, columns)  mask of the positions near the change
     """
     from hpop.planners.graphs.lattice.splicing import splice  # numba: on first use
 
     is_new, width = near[lattice.cells], lattice.width
-    place = np.where(is_new, part.number[lattice.cells], before.number[lattice.cells])  # in the part, or before
+    place = np.where(is_new, part.number[lattice.cells], before.number[lattice.cells])  # number in `part` or `before`
     degrees = np.empty((place.size, width), np.int64)
     first = np.empty(place.size, np.int64)
     for source, rows in ((before, ~is_new), (part, is_new)):
@@ -136,7 +144,10 @@ def _arcs_after_change(
 
 
 def _new_ids(of: StateLattice, lattice: StateLattice) -> Ids:
-    """Return, for each state of the lattice ``of``, its id (n,) in ``lattice`` on the same grid; negative if none."""
+    """Return the number in ``lattice`` (n,) of each state of another lattice ``of`` on the same grid.
+
+    The number is negative if ``lattice`` does not have the state.
+    """
     number = lattice.number[of.cells].astype(np.int32)
     ids = number[:, None] * lattice.width + np.arange(lattice.width, dtype=np.int32)
     return ids.ravel().astype(np.int32, copy=False)
@@ -147,14 +158,17 @@ def _as_read_only(array: Any) -> Any:
     return array
 
 
-# Attributes of a world that a criterion reads
+# Find out which attributes of a world a criterion reads: its costs are still valid if none of these has changed
 
 
 class _WatchedWorld(World):
-    """World that records which of its attributes are read, and with which radii its obstruction is computed."""
+    """World that records which of its attributes are read, and for which radii its obstruction is computed.
+
+    All values are those of another world, ``watched``.
+    """
 
     def __getattribute__(self, name: str) -> Any:
-        """Record the attribute, and return the world's."""
+        """Record the name of the attribute, and return its value in the watched world."""
         own = object.__getattribute__(self, "__dict__")
         if name.startswith("__") or "watched" not in own:
             return object.__getattribute__(self, name)
@@ -172,10 +186,11 @@ def _recording(obstruction: Callable[..., Any], radii: set[float]) -> Callable[.
 
 
 def _affected_arcs(criterion: Criterion, lattice: StateLattice, before: World) -> BoolArray | None:
-    """Mark the arcs (m,) with costs in a criterion that a change may affect; return None if it may affect all arcs.
+    """Return which arcs (m,) may have other costs by a criterion after the change; None if all arcs may.
 
-    A sample of arcs shows which attributes of the world a criterion of hpop reads. A criterion of the user may read
-    others on other arcs, so all of its costs may be affected.
+    Costs can differ only if the criterion reads an attribute of the world that has changed. For criteria of hpop, a
+    sample of arcs shows which attributes it reads. A user's criterion may read others on other arcs, so all of its
+    costs may be affected.
     """
     after = lattice.world
     if not type(criterion).__module__.startswith("hpop.") or lacking(criterion.requires, lattice.model, after):
@@ -198,13 +213,16 @@ def _affected_arcs(criterion: Criterion, lattice: StateLattice, before: World) -
 
 
 def _same_content(before: World, after: World) -> bool:
-    """Return whether two worlds share their content, or have no people, objects and zones at all."""
+    """Return whether two worlds have the same people, objects and zones: one shared content object, or none at all."""
     contents = [world.content for world in (before, after)]
     return contents[0] is contents[1] or not any(content.present or content.zones for content in contents)
 
 
 def _attributes_read(criterion: Criterion, lattice: StateLattice) -> tuple[frozenset[str], frozenset[float]] | None:
-    """Return the attributes of the world that a criterion reads, and the radii, m, of obstruction; None if unknown."""
+    """Evaluate a criterion on a sample of arcs and return which attributes of the world it reads.
+
+    Also returns the radii, m, for which it computes the obstruction. None if the evaluation fails.
+    """
     reads, radii = set[str](), set[float]()
     watched = copied(lattice.world.stand_in(_WatchedWorld), watched=lattice.world, reads=reads, radii=radii)
     size = lattice.arcs.heads.size
@@ -218,7 +236,10 @@ def _attributes_read(criterion: Criterion, lattice: StateLattice) -> tuple[froze
 
 
 def _seeing_change(lattice: StateLattice, before: World, radius: float) -> BoolArray | None:
-    """Mark the arcs (m,) on which the obstruction within a radius, m, may have changed; return None if on all."""
+    """Return on which arcs (m,) the obstruction seen by the camera may have changed; None if on all arcs.
+
+    radius  m  largest distance of obstacles that count as obstruction
+    """
     rasters, aside = (before.raster, lattice.world.raster), _camera_aside(lattice)
     if None in rasters or aside is None or before.obstacles or lattice.world.obstacles:
         return None
@@ -239,7 +260,7 @@ def _seeing_change(lattice: StateLattice, before: World, radius: float) -> BoolA
 
 
 def _camera_aside(lattice: StateLattice) -> float | None:
-    """Return the distance, m, of the camera from the base's axis; None if the camera moves relative to the base."""
+    """Return the distance, m, of the camera from the base's vertical axis; None if it varies."""
     states = lattice.stations.states
     camera, base = (lattice.model.pose(body, states) for body in ("camera", "base"))
     aside = np.hypot(camera.x - base.x, camera.y - base.y)

@@ -1,4 +1,4 @@
-"""The graph family of lattices."""
+"""Graph family of the lattice planner: grid positions with headings, connected by steps and motions in place."""
 
 from __future__ import annotations
 
@@ -27,26 +27,27 @@ if TYPE_CHECKING:
     from hpop.motions import Model
     from hpop.problems.problem import Problem
 
-MOST_FIRST = 5_000  # positions of the first stage, with edges built in a fifth of a second
-LARGE = 2  # multiple of these from which on a part is built first; building all of a smaller lattice is as fast
-MOST_IN_TIME = 400  # positions of the first stage among moving people, where tables of costs by tick take time
+MOST_FIRST = 5_000  # positions in the part of a lattice that is searched first; its edges take a fifth of a second
+LARGE = 2  # a part is built first only if the lattice has more than this multiple of the part's positions
+MOST_IN_TIME = 400  # positions in that part among moving people, where costs for each time step take longer
 ANCHORS = ("start", "world")
 
 
 @graph_family("lattice")
 @dataclass(frozen=True)
 class LatticeGraph(GraphFamily):
-    """The SE(2) lattice of a robot in the plane: grid positions, headings, steps and motions in place.
+    """SE(2) lattice of a robot in the plane: positions on a grid with headings, connected by steps and turns.
 
     step            m  distance between neighbouring positions
     headings        number of headings: 4, 8 or 16
     corner_cutting  whether a diagonal move may pass between two blocked positions
-    anchor          position of the grid: the start ("start"), or the corner of the map with the least x and y
+    anchor          a position of the grid: the start ("start"), or the corner of the map with the least x and y
                     ("world"), so that queries with other starts reuse the lattice
 
-    A start or goal beside its states is joined to all positions within 1.5 steps to which the robot can turn, go
-    straight and turn (:mod:`hpop.planners.graphs.joined_ends`). Of a lattice of more than 10,000 positions a part is
-    searched first: 5,000 positions on the shortest paths, 400 where people move.
+    A start or goal that is no state of the lattice is connected to all positions within 1.5 steps that the robot
+    reaches by turning, going straight and turning (:mod:`hpop.planners.graphs.joined_ends`). In a large lattice, a part
+    is searched first: the 5,000 positions on the shortest paths, if there are more than 10,000 positions; among moving
+    people, 400 positions, if there are more than 800.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move"})
@@ -67,14 +68,14 @@ class LatticeGraph(GraphFamily):
             raise OptionError(f"anchor must be one of {', '.join(ANCHORS)}, got {shown(self.anchor)}")
 
     def build(self, problem: Problem, objectives: Objectives, spending: Spending) -> BuiltGraph:
-        """Lay out the lattice and join start and goal to it."""
+        """Return the lattice with start and goals connected to it."""
         lattice = self.lattice(problem, spending)
         return self._built(lattice, problem)
 
     def graphs(
         self, problem: Problem, objectives: Objectives, spending: Spending, *, in_stages: bool = False
     ) -> Iterator[BuiltGraph]:
-        """Yield the whole lattice; if ``in_stages``, first the part of a large lattice near the shortest paths."""
+        """Yield the whole lattice; if ``in_stages`` and it is large, yield the part near the shortest paths before."""
         lattice, moving = self.lattice(problem, spending), people_move(problem)
         if in_stages and (moving or not lattice.costed(objectives.optimised)):
             part = self._part(lattice, problem, MOST_IN_TIME if moving else MOST_FIRST)
@@ -86,11 +87,11 @@ class LatticeGraph(GraphFamily):
         return BuiltGraph(self.ends(lattice, problem), problem, is_large=lattice.cells[0].size > LARGE * MOST_FIRST)
 
     def has_clock(self, problem: Problem) -> bool:
-        """Return True: a robot can hold at the positions of a lattice."""
+        """Return True: a lattice can be searched in time steps, since the robot can wait at its positions."""
         return True
 
     def anchored(self) -> Self:
-        """Return the lattice anchored at the world, which does not depend on the start."""
+        """Return a copy whose grid begins at the corner of the map, so that the lattice is equal for all starts."""
         return replace(self, anchor="world")
 
     def states(self, problem: Problem) -> StateLattice:
@@ -98,12 +99,15 @@ class LatticeGraph(GraphFamily):
         return self.lattice(problem)
 
     def lattice(self, problem: Problem, spending: Spending | None = None) -> StateLattice:
-        """Return the lattice of a problem, to be built within the limits of ``spending``."""
+        """Return the lattice of a problem, without start and goals, to be built within the limits of ``spending``."""
         anchor = start_of(problem)[:2] if self.anchor == "start" else problem.world.bounds[:2]
         return self._lattice(problem.model, problem.world, anchor, spending)
 
     def update(self, before: World, after: World, model: Model, criteria: Sequence[Criterion]) -> None:
-        """Copy the unchanged parts of a lattice that is anchored at the world to the cache of a changed world."""
+        """After the world changed, copy what is still valid of the cached lattice to the new world's cache.
+
+        Does nothing if the lattice depends on the start.
+        """
         if self.anchor == "world":
             update(self._lattice(model, before, before.bounds[:2]), after, criteria)
 
@@ -122,14 +126,17 @@ class LatticeGraph(GraphFamily):
         )
 
     def ends(self, lattice: StateLattice, problem: Problem) -> Ends:
-        """Return the lattice with the problem's start and goals, joined to it if they are no states of it.
+        """Return the lattice with the problem's start and goals, connected to it if they are no states of it.
 
-        Raises QueryError if the start or every goal is blocked or out of reach.
+        Raises QueryError if the start, or every goal, is blocked or cannot be connected.
         """
         return with_ends(lattice, problem, lattice.reach(problem))
 
     def _part(self, lattice: StateLattice, problem: Problem, most: int) -> StateLattice | None:
-        """Return the ``most`` positions on the shortest paths; None for a small lattice, or if there is no path."""
+        """Return the part of a lattice with the ``most`` positions that lie on the shortest paths.
+
+        None for a small lattice, or if there is no path.
+        """
         if lattice.cells[0].size <= LARGE * most:
             return None
         from hpop.planners.graphs.lattice.nearby import cells_near_shortest_paths  # numba: on first use

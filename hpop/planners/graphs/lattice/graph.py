@@ -1,8 +1,9 @@
-"""The SE(2) lattice of a robot in a world: grid positions and the robot's states on them, as a graph.
+"""SE(2) lattice of a robot in a world, as a graph: positions on a grid, and the robot's states at these positions.
 
-Becerra et al. 2020 (arXiv 2002.10696): Type-A edges turn to any other heading at the same position, Type-B edges go one
-step along the heading. A station is a heading with the model's other coordinates; a state is a station at a position.
-Everything is built in array operations; a state's id is position * S + station.
+The edges are those of Becerra et al. 2020 (arXiv 2002.10696): Type-A edges turn to any other heading at the same
+position, Type-B edges go one step along the heading. A robot may have other coordinates, such as the pan of a camera. A
+heading with values of these is called a station, and a state is a station at a position. With S stations, the state at
+a position has the number position * S + station.
 """
 
 from __future__ import annotations
@@ -31,21 +32,21 @@ if TYPE_CHECKING:
     from hpop.models.joints import Stations
     from hpop.problems.problem import Problem
 
-REACH = 1.5 + 1e-9  # steps within which a start or goal beside the lattice is joined to states
+REACH = 1.5 + 1e-9  # in steps: distance within which a start or goal off the lattice is connected to states
 MAX_STATES = 40_000_000
-POSITION = 32  # bytes for laying out a position, without its states
+POSITION = 32  # bytes needed for each position while the lattice is built, without its states
 
 
 @dataclass(frozen=True, eq=False)
 class StateLattice(StateGraph):
-    """Grid positions through an anchor point, axes along the world's, and the robot's free states on them.
+    """Lattice: positions on a grid parallel to the axes of the map, and the robot's collision-free states at them.
 
-    anchor          (x, y) of a grid position, m
-    step            distance of neighbouring positions, m
+    anchor          (x, y) of one position of the grid, m
+    step            m  distance between neighbouring positions
     headings        directions in which the robot stands and moves
-    corner_cutting  whether a diagonal may pass between two blocked positions
-    kept            (rows, columns)  mask of the positions, for a part of a lattice; None for all positions
-    anchored_at     "start" or "world": whether the anchor is the start or the corner of the map
+    corner_cutting  whether a diagonal step may pass between two blocked positions
+    kept            (rows, columns)  mask of the positions, if this is only a part of a lattice; None for all positions
+    anchored_at     whether the anchor is the start ("start"), or the corner of the map ("world")
     """
 
     anchor: tuple[float, float]
@@ -61,19 +62,19 @@ class StateLattice(StateGraph):
         if states > MAX_STATES:
             x_min, y_min, x_max, y_max = self.world.bounds
             raise OptionError(
-                f"a step of {self.step} m in a map of {x_max - x_min:.1f} x {y_max - y_min:.1f} m makes {states:,} "
-                f"states, more than {MAX_STATES:,}; take a larger step"
+                f"a lattice must have at most {MAX_STATES:,} states, got {states:,} with a step of {self.step} m in a "
+                f"map of {x_max - x_min:.1f} x {y_max - y_min:.1f} m; take a larger step"
             )
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options of the lattice, as JSON."""
+        """Options from which the lattice was built, JSON-able."""
         options = {"step": self.step, "headings": self.headings.count, "corner_cutting": self.corner_cutting}
         return options if self.anchored_at == "start" else {**options, "anchor": self.anchored_at}
 
     @property
     def words(self) -> str:
-        """Description of the lattice in words."""
+        """Description of the lattice, for certificates."""
         cutting = "" if self.corner_cutting else "no "
         part = "" if self.kept is None else f"the {self.cells[0].size:,} positions on the shortest ways on "
         views = "" if self.width == self.headings.count else f" and {self.width} stations"
@@ -85,7 +86,10 @@ class StateLattice(StateGraph):
 
     @cached_property
     def key(self) -> Hashable:
-        """Model, anchor, step, headings and corner cutting; None for a part of a lattice, which is not cached."""
+        """Key of the lattice in the cache of its world: model, anchor, step, headings and corner cutting.
+
+        None if it is not cached: for a part of a lattice, and for a model that may change.
+        """
         try:
             model = identity(self.model)
         except TypeError:
@@ -95,20 +99,21 @@ class StateLattice(StateGraph):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Number of arcs that were checked again after a change of the world, by name; {} without a change."""
+        """Statistics: after a change of the world, the number of arcs that were checked again; otherwise empty."""
         rechecked = self.cached_part("rechecked")
         return {} if rechecked is None else {"edges_rechecked": rechecked}
 
     @property
     def is_reused(self) -> bool:
-        """True if the lattice is anchored at the world, so that queries with other starts reuse it."""
+        """True if the lattice does not depend on the start, so that queries with other starts will use it too."""
         return self.anchored_at == "world"
 
     @cached_property
     def stations(self) -> Stations:
-        """Stations of the model, and its motions in place.
+        """Stations of the model (headings with values of its other coordinates), and the motions between them in place.
 
-        Raises ModelError if two motions join the same two stations, as a path of states would be ambiguous.
+        Raises ModelError if two kinds of motion lead from one station to the same other one, since a sequence of states
+        would then not say which motion is meant.
         """
         stations = in_plane(self.model).stations(self.headings.yaw)
         joined: dict[tuple[int, int], str] = {}
@@ -116,47 +121,49 @@ class StateLattice(StateGraph):
             for ends in zip(tails.tolist(), heads.tolist(), strict=True):
                 if ends in joined:
                     raise ModelError(
-                        f"stations {ends[0]} and {ends[1]} of {self.model.name} are joined by a {joined[ends]} and by "
-                        f"a {kind}; give one of them, or a state that distinguishes them"
+                        f"from one state to another in place, a model must have a single kind of motion, but in "
+                        f"{self.model.name} both a {joined[ends]} and a {kind} lead from station {ends[0]} to station "
+                        f"{ends[1]}; leave one of them out, or add a coordinate that distinguishes their ends"
                     )
                 joined[ends] = kind
         return stations
 
     @cached_property
     def width(self) -> int:
-        """Number of stations at a position, S."""
+        """Number S of stations at a position."""
         return int(self.stations.headings.size)
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of motions: moves, then the model's motions in place."""
+        """Names of the kinds of motions: "move", then those of the model's motions in place."""
         return ("move", *self.stations.motions)
 
     @cached_property
     def stance(self) -> IntArray:
-        """Stance (S,) of each station; at a position, all stations of a stance are free, or none is.
+        """Stance (S,) of each station: the number by which stations with equal collisions are grouped.
 
-        The stance is the heading, or the station itself if the posture matters for collisions.
+        At a position, either all stations of a stance are free of collisions or none is. If collisions depend only on
+        position and heading, the stance is the heading; otherwise each station is a stance.
         """
         return np.arange(self.width) if self.collision.posture_matters else self.stations.headings
 
     @cached_property
     def station_in(self) -> IntArray:
-        """One station (Z,) in each stance."""
+        """One station of each stance (Z,), to check for collisions."""
         count = self.width if self.collision.posture_matters else self.headings.count
         stations = np.zeros(count, np.int64)
         stations[self.stance[::-1]] = np.arange(self.width)[::-1]  # the first one
         return stations
 
     def _standing(self, stance: IntArray, x: FloatArray, y: FloatArray) -> States:
-        """Return the states (N,) in stances (N,) at positions x, y (N,), m."""
+        """Return the states (N,) of the robot in given stances (N,) at positions x, y (N,), m."""
         if self.collision.posture_matters:
             return States(**self.stations.states.take(stance).__dict__ | {"x": x, "y": y})
         return States(x=x, y=y, yaw=self.headings.yaw[stance])
 
     @cached_property
     def first(self) -> tuple[int, int]:
-        """Grid coordinates (row, column) of the first cell within the world; the anchor is (0, 0)."""
+        """Row and column, counted from the anchor, of the position of the grid with the least x and y on the map."""
         x_min, y_min, _, _ = self.world.bounds
         return (
             math.ceil((y_min - self.anchor[1]) / self.step - 1e-9),
@@ -165,26 +172,26 @@ class StateLattice(StateGraph):
 
     @cached_property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns of the grid."""
+        """Numbers of rows and columns of the grid."""
         _, _, x_max, y_max = self.world.bounds
         last_row = math.floor((y_max - self.anchor[1]) / self.step + 1e-9)
         last_column = math.floor((x_max - self.anchor[0]) / self.step + 1e-9)
         return max(0, last_row - self.first[0] + 1), max(0, last_column - self.first[1] + 1)
 
     def position(self, rows: IntArray, columns: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return world x, y (P,), m, of grid cells."""
+        """Return x and y (P,), m, on the map of positions given by rows and columns of the grid."""
         x = self.anchor[0] + (columns + self.first[1]) * self.step
         y = self.anchor[1] + (rows + self.first[0]) * self.step
         return np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
 
     @property
     def doing(self) -> str:
-        """Description of the current work, for the note of a limit."""
-        return f"the lattice of step {self.step:g} m was laid out"
+        """Current work, as a clause for notes about limits: "(while) the lattice of step 0.25 m was built"."""
+        return f"the lattice of step {self.step:g} m was built"
 
     @cached_property
     def clear(self) -> BoolArray:
-        """Mask (rows, columns) of positions at which the robot is free at every yaw, and so during every turn."""
+        """Mask (rows, columns) of the positions at which the robot collides at no yaw, and so in no turn."""
         return self.shared("clear", self._clear)
 
     def _clear(self) -> BoolArray:
@@ -202,7 +209,7 @@ class StateLattice(StateGraph):
         return clear
 
     def _rows(self) -> Iterator[slice]:
-        """Yield consecutive ranges of rows with a bounded number of positions."""
+        """Divide the rows of the grid into consecutive ranges with a limited number of positions."""
         return blocks(self.shape[0], max(1, self.shape[1]))
 
     @property
@@ -211,7 +218,7 @@ class StateLattice(StateGraph):
 
     @cached_property
     def free(self) -> BoolArray:
-        """Mask (rows, columns, Z) of positions and stances at which the robot is free."""
+        """Mask (rows, columns, Z): whether the robot is free of collisions at each position in each stance."""
         every = np.broadcast_to(self.clear[:, :, None], (*self.shape, self.station_in.size))
         return self.shared("free", self._free) if self.collision.yaw_matters else every
 
@@ -233,31 +240,34 @@ class StateLattice(StateGraph):
 
     @cached_property
     def cells(self) -> tuple[IntArray, IntArray]:
-        """Rows and columns (P,) of the positions where at least one stance is free."""
+        """Rows and columns (P,) of the positions at which the robot is free in at least one stance."""
         rows, columns = np.nonzero(self.free.any(axis=2))
         return rows, columns
 
     @cached_property
     def number(self) -> IntArray:
-        """Number of each position (rows, columns), -1 if no stance is free there."""
+        """Number of each position (rows, columns), as an index into ``cells``; -1 if the robot is free in no stance."""
         number = np.full(self.shape, -1, dtype=np.int64)
         number[self.cells] = np.arange(self.cells[0].size)
         return number
 
     @property
     def size(self) -> int:
-        """Number of states, P * S."""
+        """Number of states: positions times stations, P * S."""
         return int(self.cells[0].size) * self.width
 
     def state(self, row: int, column: int, station: int) -> int:
-        """Return the id of a state, -1 if it is not free or off the grid."""
+        """Return the number of the state in a station at a grid position; -1 if it collides or is off the grid."""
         inside = 0 <= row < self.shape[0] and 0 <= column < self.shape[1]
         if not inside or not self.free[row, column, self.stance[station]]:
             return -1
         return int(self.number[row, column]) * self.width + station
 
     def near(self, x: float, y: float, radius: float) -> IntArray:
-        """Return the ids (N,), rising, of states within a radius, m, of a position; some may not be free."""
+        """Return the numbers (N,), ascending, of the states within ``radius``, m, of the position (x, y), m.
+
+        All stations of a position are included, also those in which the robot collides.
+        """
         low, high = (self._cell(x + sign * radius, y + sign * radius) for sign in (-1, 1))
         rows, columns = (
             np.arange(max(0, math.floor(a)), min(math.ceil(b) + 1, n))
@@ -270,7 +280,7 @@ class StateLattice(StateGraph):
         return (number[:, None] * self.width + np.arange(self.width)).ravel()
 
     def _cell(self, x: float, y: float) -> tuple[float, float]:
-        """Return the row and column of a point x, y, m, as fractions between positions."""
+        """Return the row and column of a point (x, y), m, as fractional numbers between positions of the grid."""
         return (y - self.anchor[1]) / self.step - self.first[0], (x - self.anchor[0]) / self.step - self.first[1]
 
     def places(self, ids: IntArray) -> IntArray:
@@ -278,18 +288,18 @@ class StateLattice(StateGraph):
         return ids // self.width
 
     def states(self, ids: IntArray) -> States:
-        """Return states (N,), with yaws in [0, 2 pi)."""
+        """Return the states (N,) with the given numbers, with yaws in [0, 2 pi)."""
         position, station = np.divmod(ids, self.width)
         x, y = self.position(self.cells[0][position], self.cells[1][position])
         return States(**self.stations.states.take(station).__dict__ | {"x": x, "y": y})
 
     @cached_property
     def in_place(self) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
-        """Heads (S, W) of motions in place from each station, -1 for unused columns, and their kinds (S, W)."""
+        """Motions in place from each station: stations reached (S, W), -1 in unused columns, and kinds (S, W)."""
         return in_place(self)
 
     def kinds_between(self, tails: IntArray, heads: IntArray) -> IntArray:
-        """Return the kind (N,) of the edges between states: a motion in place, or a move."""
+        """Return the kind (N,) of the motion from each tail (N,) to its head (N,), as an index into ``kinds``."""
         to, of_kind = self.in_place
         table = np.zeros((self.width, self.width), np.int64)
         station, column = np.nonzero(to >= 0)
@@ -308,15 +318,18 @@ class StateLattice(StateGraph):
 
     @cached_property
     def arcs(self) -> Arcs:
-        """Free arcs: motions in place (Type A) and steps along the heading (Type B)."""
+        """All collision-free arcs: motions in place (Type A) and steps along the heading (Type B)."""
         return self.shared("arcs", lambda: lattice_arcs(self))
 
     def cut_corners(self, tails: IntArray, kinds: IntArray, blocked: IntArray) -> BoolArray:
-        """Mark the steps (N,) that pass a blocked state; without corner cutting, these are closed."""
+        """Return which arcs (N,) may not be used because they are steps that pass a blocked state.
+
+        With corner cutting, none. Arguments as for :meth:`.StateGraph.cut_corners`.
+        """
         if self.corner_cutting:
             return np.zeros(tails.size, dtype=np.bool_)
         count = self.stations.headings.size
-        is_blocked = np.zeros(self.size + 1, dtype=np.bool_)  # the last one for states that do not exist
+        is_blocked = np.zeros(self.size + 1, dtype=np.bool_)  # the last entry stands for states that do not exist
         is_blocked[blocked] = True
         position, station = np.divmod(tails, count)
         rows, columns = (axis[position] for axis in self.cells)
@@ -330,13 +343,13 @@ class StateLattice(StateGraph):
         return cut
 
     def reach(self, problem: Problem) -> float:
-        """Return the distance within which ends are joined: one and a half steps, m."""
+        """Return the distance, m, within which start and goals are connected to states: one and a half steps."""
         return REACH * self.step
 
     def edges(self, kind: str) -> tuple[IntArray, IntArray]:
-        """Return tails and heads of all free motions of one kind."""
+        """Return first and last states of all collision-free motions of one kind."""
         return self.arcs.of(self.kinds.index(kind))
 
     def what_separates(self, start: int, goals: list[int]) -> str:
-        """Return the reason why no path leads from a state to the goals, as text: a narrow passage, or a wall."""
+        """Return the reason, as text, why no path leads from a state to the goals: a narrow passage, or a wall."""
         return what_separates(self, start, goals)

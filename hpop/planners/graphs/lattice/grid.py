@@ -1,4 +1,4 @@
-"""The grid under a lattice: positions, headings, steps between positions, and reasons why no path exists."""
+"""Headings of a lattice, steps between positions of its grid, and the reason why no path exists."""
 
 from __future__ import annotations
 
@@ -18,11 +18,10 @@ if TYPE_CHECKING:
 
     from hpop.planners.graphs.lattice.graph import StateLattice
 
-# Plain arrays, no robots: lattices with headings and position grids without (as in the MovingAI benchmarks) use the
-# same steps.
+# Headings and steps know no robot, so grids without headings (as in the MovingAI benchmarks) use them too.
 
 
-# One step along each heading, in cells (columns, rows), counter-clockwise from +x.
+# One step along each heading, as numbers of cells (columns, rows), counter-clockwise from the x axis.
 STEPS_8 = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
 STEPS_16 = (
     (1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1),
@@ -33,9 +32,10 @@ STEPS = {4: STEPS_8[::2], 8: STEPS_8, 16: STEPS_16}
 
 @dataclass(frozen=True)
 class Headings:
-    """Set of 4, 8 or 16 headings, with the grid step along each heading.
+    """The 4, 8 or 16 headings of a lattice, with the step on the grid along each of them.
 
-    The additional headings of 16 follow a knight's move (2, 1): 26.57 and 63.43 degrees, not multiples of 22.5.
+    With 16 headings, the additional ones are those of steps by (2, 1) cells: 26.57 and 63.43 degrees, not multiples of
+    22.5 degrees.
     """
 
     count: int
@@ -45,7 +45,7 @@ class Headings:
 
     @property
     def steps(self) -> tuple[tuple[int, int], ...]:
-        """Cells (columns, rows) of one step along each heading."""
+        """One step along each heading, as numbers of cells (columns, rows)."""
         return STEPS[self.count]
 
     @cached_property
@@ -57,15 +57,15 @@ class Headings:
 def steps_from(
     free: BoolArray, step: tuple[int, int], *, corner_cutting: bool
 ) -> tuple[IntArray, IntArray, IntArray, IntArray]:
-    """Return rows and columns (M,) of the free cells from which one step reaches a free cell, and of the cells reached.
+    """Return all possible steps between free cells: rows and columns (M,) of the first, then of the reached cells.
 
-    Without corner cutting every cell that the step's straight line passes must be free: both orthogonal neighbours of a
-    diagonal, both middle cells of a knight's move.
+    Without corner cutting, the cells that the straight line of the step passes must be free too. A diagonal step passes
+    two cells, and so does a step by (2, 1) cells.
 
     Parameters
     ----------
-    free : (rows, columns) bool
-    step : (columns, rows) of one step
+    free : (rows, columns) whether each cell is free
+    step : numbers of cells (columns, rows) of the step
     """
     dx, dy = step
     rows, columns = np.nonzero(free)
@@ -80,7 +80,9 @@ def steps_from(
 
 
 def passed_cells(step: tuple[int, int]) -> tuple[tuple[int, int], ...]:
-    """Return the cells (columns, rows) that the straight line of a step touches between its ends.
+    """Return the cells that the straight line of a step touches between its ends, relative to the first cell.
+
+    Steps and cells are given as (columns, rows).
 
     >>> passed_cells((1, -1)), passed_cells((-2, 1)), passed_cells((1, 0))
     (((1, 0), (0, -1)), ((-1, 0), (-1, 1)), ())
@@ -95,15 +97,16 @@ def passed_cells(step: tuple[int, int]) -> tuple[tuple[int, int], ...]:
     return ()
 
 
-NEGLIGIBLE = 1e-9  # length of a wide link relative to a narrow one
+NEGLIGIBLE = 1e-9  # length of a link with enough room, where a narrow link has length 1
 
 
 def what_separates(lattice: StateLattice, start: int, goals: list[int]) -> str:
-    """Return the reason why no path leads from a state to any of the goals, as text.
+    """Return the reason, as text, why no path leads from a state to any of the goals: usually a passage is too narrow.
 
-    The text names the widest passage between them: the path with the most room at its narrowest position. Room is the
-    clearance minus the robot's reach; if it is negative, the robot is too wide by twice as much. The widest passage is
-    the path in a maximum spanning tree of the room; of equally wide passages, the shortest narrow part is named.
+    The text gives the place of the widest passage, and by how much it is too narrow. Room at a position is the
+    distance to obstacles minus the robot's radius; if it is negative, the robot is too wide by twice as much. The
+    widest passage is the path whose narrowest position has the most room, found by a maximum spanning tree. Of several
+    such paths, one with the fewest narrow positions is taken.
     """
     from scipy.sparse import csr_array  # on first use: most problems have a path, and the import takes its time
     from scipy.sparse.csgraph import breadth_first_order, dijkstra, minimum_spanning_tree
@@ -126,13 +129,14 @@ def what_separates(lattice: StateLattice, start: int, goals: list[int]) -> str:
     if end < 0:
         x, y = lattice.position(*np.divmod(reached.astype(np.int64), columns))
         return (
-            f"no path: a wall closes off the start, however small the robot; the part of the map that it can reach "
-            f"spans x {x.min():.2f} to {x.max():.2f} m, y {y.min():.2f} to {y.max():.2f} m"
+            f"no path: obstacles enclose the start, even for a robot of no size; the part of the map that can be "
+            f"reached spans x {x.min():.2f} to {x.max():.2f} m, y {y.min():.2f} to {y.max():.2f} m; move the start or "
+            "the goal, or change the map"
         )
     if widest >= 0:
         return (
-            "no path: positions are connected, but not by steps and turns of this lattice; take a smaller step, more "
-            "headings, or allow corner cutting"
+            "no path: there is room for the robot from start to goal, but the steps and turns of this lattice do not "
+            "connect them; take a smaller step, more headings, or allow corner cutting"
         )
     wide = graph(np.where(narrow > widest, NEGLIGIBLE, 1.0), narrow >= widest)
     _, onward = dijkstra(wide, directed=False, indices=begin, return_predecessors=True)
@@ -140,15 +144,16 @@ def what_separates(lattice: StateLattice, start: int, goals: list[int]) -> str:
     x, y = lattice.position(*np.divmod(passage[np.argmin(room[passage])], columns))
     return (
         f"no path: the widest passage between start and goal is too narrow by about {-2 * widest:.2f} m, near "
-        f"({x:.2f}, {y:.2f}); take a smaller robot, a smaller step or open the passage (seen on the lattice, so "
-        f"within {lattice.step} m)"
+        f"({x:.2f}, {y:.2f}); take a smaller robot or a smaller step, or widen the passage (computed at the positions "
+        f"of the lattice, so the place is exact to {lattice.step} m)"
     )
 
 
 def _room_at_positions(lattice: StateLattice) -> FloatArray:
-    """Return the room at each position (rows, columns), m: the clearance minus the reach of the tightest part.
+    """Return the room for the robot at each position (rows, columns), m.
 
-    The room is -inf where even a point collides. A robot that is not round has room wherever some heading is free.
+    Room is the distance to obstacles minus the radius of the robot, for the part of the robot with the least room. It
+    is -inf where even a robot of no size collides, and at least 0 where the robot is free at some heading.
     """
     rows, columns = np.indices(lattice.shape).reshape(2, -1)
     x, y = lattice.position(rows, columns)
@@ -161,7 +166,10 @@ def _room_at_positions(lattice: StateLattice) -> FloatArray:
 
 
 def _neighbour_pairs(lattice: StateLattice, room: FloatArray) -> tuple[IntArray, IntArray]:
-    """Return pairs of neighbouring positions (row * columns + column) between which a point, or the robot, can move."""
+    """Return pairs of positions between which a robot of no size, or the robot itself, can move by one step.
+
+    A position is given by its number, row * columns + column. ``room`` is that of :func:`_room_at_positions`.
+    """
     possible = np.isfinite(room).reshape(lattice.shape)
     ends = np.hstack([np.stack(steps_from(possible, step, corner_cutting=True)) for step in STEPS_8[:4]])
     segments = (*lattice.position(ends[0], ends[1]), *lattice.position(ends[2], ends[3]))
@@ -177,7 +185,10 @@ def _neighbour_pairs(lattice: StateLattice, room: FloatArray) -> tuple[IntArray,
 
 
 def _traced_path(before: NDArray[np.integer[Any]], begin: int, end: int) -> list[int]:
-    """Return the positions from ``end`` back to ``begin``, by the predecessors ``before``."""
+    """Return the positions on the path from ``end`` back to ``begin``.
+
+    before  predecessor of each position on its path from ``begin``
+    """
     path = [end]
     while path[-1] != begin:
         path.append(int(before[path[-1]]))

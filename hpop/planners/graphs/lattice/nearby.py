@@ -1,6 +1,6 @@
-"""The cells of a grid on the shortest paths, which are searched first if the whole grid takes long.
+"""Choose the cells of a large grid that lie on the shortest paths, so that a planner can search these first.
 
-Plain arrays, no robots. Imported on first use only, because importing numba takes a quarter of a second.
+The module is imported on first use only, because importing numba takes a quarter of a second.
 """
 
 from __future__ import annotations
@@ -19,16 +19,17 @@ FAR = np.int64(2**30)  # longer than any path
 def cells_near_shortest_paths(
     free: BoolArray, start: tuple[int, int], goal: tuple[int, int], most: int, *, corner_cutting: bool
 ) -> BoolArray | None:
-    """Mark the free cells that lie on the shortest paths from start to goal; None if there is no path.
+    """Return a mask (rows, columns) of the free cells on the shortest paths from start to goal; None without a path.
 
-    Cells are taken by the length of the shortest path through them; ties go to those nearest to one shortest path,
-    which is marked completely. Without corner cutting, the cells beside its diagonals are marked too.
+    First, one shortest path is marked. Then the cells are marked through which the shortest paths lead, then those with
+    slightly longer paths, and so on; of cells with equal lengths, those nearer to the first path are preferred. Without
+    corner cutting, the cells beside the diagonal steps of the first path are marked too.
 
     Parameters
     ----------
-    free : (rows, columns) bool
+    free : (rows, columns) whether each cell is free
     start, goal : (row, column) of free cells
-    most : number of cells to mark, unless the path has more
+    most : number of cells to mark; more if the first path is longer
 
     >>> cells_near_shortest_paths(np.ones((3, 5), bool), (0, 0), (0, 4), 7, corner_cutting=False).sum(axis=1).tolist()
     [5, 2, 0]
@@ -55,7 +56,11 @@ def cells_near_shortest_paths(
 
 
 def distances_from(free: BoolArray, seeds: IntArray, corner_cutting: bool) -> tuple[IntArray, IntArray]:
-    """Return the distance (rows * columns,) of each cell from the nearest seed, or FAR, and its predecessor, or -1."""
+    """Return the distance of each cell (rows * columns,) from the nearest of the cells ``seeds``, and its predecessor.
+
+    The distance is FAR for a cell that cannot be reached, and the predecessor on the shortest path is -1 for such
+    cells and for seeds.
+    """
     distance = np.full(free.size, FAR)
     before = np.full(free.size, np.int64(-1))
     distance[seeds] = 0
@@ -76,11 +81,13 @@ def fill_distances(
     waiting: NDArray[np.int32],
     filled: IntArray,
 ) -> None:
-    """Fill in the distances and predecessors of all cells, by Dijkstra's algorithm over eight neighbours.
+    """Compute the distances and predecessors of all cells, by Dijkstra's algorithm with eight neighbours for each cell.
 
-    distance, before  (rows * columns,)  with 0 and -1 at the seeds, FAR elsewhere; changed in place
-    waiting           (STEPS, .)  bucket queue of Dial 1969: cells at distance d wait in row d mod STEPS
-    filled            (STEPS,)  number of cells in each row; every step is shorter than STEPS
+    distance  (rows * columns,)  output: distance from the nearest seed; initially 0 at seeds, FAR elsewhere
+    before    (rows * columns,)  output: predecessor; initially -1
+    waiting   (STEPS, .)  bucket queue of Dial 1969: cells at distance d wait in row d mod STEPS, since every step is
+              shorter than STEPS; initially with the seeds in row 0
+    filled    (STEPS,)  number of cells in each row of ``waiting``
     """
     rows, columns = free.shape
     here, empty = 0, 0

@@ -1,6 +1,6 @@
-"""Compiled loop that joins arcs from before a local change with the arcs that were checked again near the change.
+"""Compiled loop that merges the old arcs of a lattice with the arcs that were checked again near a change of the world.
 
-Imported on first use only, because importing numba takes a quarter of a second.
+The module is imported on first use only, because importing numba takes a quarter of a second.
 """
 
 from __future__ import annotations
@@ -27,14 +27,17 @@ def splice(
     out_kinds: NDArray[np.uint8],
     origin: NDArray[np.int32],
 ) -> None:
-    """Write the heads, kinds and origins (m,) of all arcs, position by position.
+    """Merge old and new arcs, position by position, into the arrays ``out_heads``, ``out_kinds`` and ``origin`` (m,).
 
-    first, count  (P,)  first arc of each position, and number of its arcs, before the change or among the new arcs
-    is_new        (P,)  whether the arcs of a position are the new arcs, checked again
-    heads, kinds        of the arcs before the change
-    number        (n,)  id after the change of each state before it, negative for none
-    new_heads, new_kinds, new_number  the same for the new arcs
-    origin              output: index of the arc before the change; -1 for a new arc
+    first, count          (P,)  index of the first arc at each position, and number of its arcs, in the list of old arcs
+                          or, where ``is_new``, of new arcs
+    is_new                (P,)  whether the arcs at a position were checked again, so that the new arcs apply
+    heads, kinds          head state and kind of motion of the old arcs
+    number                (n,)  number after the change of each state before it; negative if it is blocked now
+    new_heads, new_kinds  head state and kind of motion of the new arcs
+    new_number            number, after the change, of each state to which ``new_heads`` refers
+    out_heads, out_kinds  output: head state and kind of motion of all arcs
+    origin                output: index of each arc before the change; -1 for a new arc
     """
     m = 0
     for p in range(first.size):
