@@ -1,4 +1,4 @@
-"""The command line ``hpop``."""
+"""Command line program ``hpop``."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""Page of ``hpop prefer --web``: questions as HTML forms without scripts, served to this machine only.
+"""Web page of ``hpop prefer --web``, which asks a person which of two trajectories is better.
 
-Requests need the token in the address of the page, and pages of another origin cannot answer. An answer names its
-question, so that a repeated answer counts once.
+The page has plain HTML forms without scripts, and is served to this machine only. Requests need the token in the
+address of the page, and pages of other origins cannot answer. Each answer carries the number of its question, so that
+an answer that is sent twice counts once.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ LABELS = {"a": "I prefer a", "b": "I prefer b", "tie": "No difference", "stop": 
 
 
 class Questionnaire(Protocol):
-    """Questions to one person, as the page needs them: the open question, or the result."""
+    """Interface between the page and a series of questions: the current question with its picture, or the result."""
 
     @property
     def number(self) -> int: ...
@@ -70,7 +71,7 @@ class Questionnaire(Protocol):
 
 
 def page_of(questions: Questionnaire) -> str:
-    """Return the HTML page for the open question, or for the result."""
+    """Return the HTML page: the current question with map, table and buttons, or the result after the last question."""
     if questions.is_over:
         result = "".join(f"<p>{html.escape(printable(line))}</p>" for line in questions.result())
         return f"{HEAD}<h1>Thank you</h1>{result}<p>You can close this page.</p>"
@@ -95,18 +96,21 @@ def page_of(questions: Questionnaire) -> str:
 
 
 def _page_of_loss(why: str, address: str) -> str:
-    """Return the HTML page for an answer that could not be saved; its question is still open."""
+    """Return the HTML page which says that an answer could not be saved; a link leads back to the same question."""
     reason = html.escape(printable(why))
     way_back = f"<p><a href={address}>Ask again</a></p>"
     return f"{HEAD}<h1>Please answer again</h1><p>The answer was not saved: {reason}</p>{way_back}"
 
 
 def serve(questions: Questionnaire, port: int, say: Callable[[str], None]) -> None:
-    """Serve the page until the last question is answered and the result was sent; OutputError if the port is taken."""
+    """Serve the page until the last question is answered and the browser has received the result.
+
+    ``say`` prints a line. Raises OutputError if the port is taken.
+    """
     token, lock, over = secrets.token_urlsafe(16), Lock(), Event()
 
     def show(request: Request) -> Response:
-        """Return the page of the question, or of the result, after which the command ends."""
+        """Return the page. Once the page with the result has been sent, the command ends."""
         with lock:
             page = page_of(questions)
             ends = BackgroundTask(over.set) if questions.is_over else None
@@ -118,7 +122,7 @@ def serve(questions: Questionnaire, port: int, say: Callable[[str], None]) -> No
                 questions.answer(word)
 
     async def take(request: Request) -> Response:
-        """Save an answer, and redirect to the page."""
+        """Save the answer from a submitted form, and redirect to the page with the next question."""
         data = await body(request, MOST_BYTES)
         if data is None:
             return Response(status_code=HTTPStatus.REQUEST_ENTITY_TOO_LARGE)

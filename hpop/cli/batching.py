@@ -1,4 +1,4 @@
-"""``hpop batch``: solve many problems by several planners, and summarise the results in one Parquet data set."""
+"""Command ``hpop batch``: solve many problems with several planners, and summarise the results."""
 
 from __future__ import annotations
 
@@ -43,9 +43,10 @@ def batch(
     again: bool,
     imports: tuple[str, ...],
 ) -> None:
-    """Solve every combination of a SPEC, a scenario file with keys that vary, and summarise the results.
+    """Solve many variants of a scenario, and summarise them.
 
-    Results are kept as they come: run the same command again after Ctrl-C or a crash, and it goes on.
+    SPEC is a scenario file in which some keys have several values; every combination of these values is a case. Each
+    result is saved at once. After Ctrl-C or a crash, run the same command again, and it continues.
     """
     from hpop.batches.cases import Specification
     from hpop.batches.results import Results
@@ -55,7 +56,7 @@ def batch(
     from hpop.runtime import sweep
 
     if sum(given is not None for given in (workers, dask, ray)) > 1:
-        raise click.UsageError("give one of --workers, --dask and --ray")
+        raise click.UsageError("give only one of --workers, --dask and --ray")
     user_code.register(imports)
     out = out or Path("out", spec.stem)
     results.check_writable(out)
@@ -82,8 +83,8 @@ def batch(
         try:
             run_cases(cases, out, workers=workers, executor=executor, progress=tell, again=again)
         except KeyboardInterrupt:
-            done = f"{last.done:,} of {last.count:,} cases are" if last is not None else "what was finished is"
-            echo(f"interrupted: {done} saved in {out}; the same command goes on", err=True)
+            done = f"{last.done:,} of {last.count:,} cases are" if last is not None else "all finished cases are"
+            echo(f"interrupted: {done} saved in {out}; run the same command again to continue", err=True)
             sys.exit(INTERRUPTED)
     errors = print_summary(Results(out))
     if errors:
@@ -95,19 +96,19 @@ def batch(
 
 
 def is_batch(folder: Path) -> bool:
-    """Return whether a folder holds the results of a batch rather than a front."""
+    """Return whether a folder was written by ``hpop batch`` (many results) rather than ``hpop plan`` (one front)."""
     return os.path.isdir(folder / "results") and not os.path.exists(folder / results.SAVED)
 
 
 def print_summary(found: Results) -> int:
-    """Print the summary of a batch, draw its figure beside the results, and return the number of failed cases."""
+    """Print the summary of a batch, save its figure beside the results, and return the number of failed cases."""
     from hpop.batches.results import FOLDER
     from hpop.batches.summary import summaries, summary_lines
     from hpop.view import draw_batch
 
     summary = summaries(found)
     if not summary:
-        raise OutputError(f"{found.folder} holds no rows yet; run `hpop batch` again to go on")
+        raise OutputError(f"{found.folder} holds no results yet; run `hpop batch` again to continue")
     for line in summary_lines(summary):
         echo(line)
     with results.output_errors(f"cannot write to {found.folder}", "choose another --out"):

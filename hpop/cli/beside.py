@@ -1,13 +1,13 @@
-"""Processes beside a search: one serves the page of the running search, another draws pictures of a saved front.
+"""Background processes of ``hpop plan``: one serves the page of the running search, another draws pictures.
 
 Drawing takes seconds of Python, which would slow down the search or delay the prompt after Ctrl-C. Both processes read
 only the saved front and the user's own code.
 
 The page of ``hpop plan --web`` is served to this machine only, by :mod:`hpop.cli.live_server`. The command opens the
-port before the search begins, and notifies the server of each saved front; the server ends with the command.
+port before the search begins, and notifies the server of each saved front. The server ends with the command.
 
-``python -P -m hpop.cli.beside all|map FOLDER BYTES [FILE_OR_MODULE ...]`` draws pictures. BYTES limits the memory for a
-field on the map (0: no limit); -P keeps the current folder off the import path.
+``python -P -m hpop.cli.beside all|map FOLDER BYTES [FILE_OR_MODULE ...]`` draws pictures. BYTES limits the memory for
+the grid of obstruction values behind the map (0: no limit). -P keeps the current folder off the import path.
 """
 
 from __future__ import annotations
@@ -37,10 +37,12 @@ LAST = 20.0  # s to wait until the last front is shown
 
 
 class LivePage:
-    """Page that follows the front saved in a folder. At the end of a ``with`` it shows the last front and closes.
+    """Web page that shows the newest front of a running search, served by another process.
 
-    port     0: any free port
-    imports  files and modules with the user's criteria, models and planners
+    Use it in a ``with`` statement: at its end the page shows the last front, and the server ends.
+
+    port 0: any free port folder the front is read from this folder each time that `saved` is called imports files and
+    modules with the user's criteria, models and planners
 
     Raises OutputError if the port is taken.
     """
@@ -69,7 +71,7 @@ class LivePage:
 
     @property
     def is_served(self) -> bool:
-        """Return whether a process serves the page."""
+        """Return whether a process serves the page; False if it could not be started."""
         return self._process is not None
 
     def __enter__(self) -> LivePage:
@@ -88,7 +90,7 @@ class LivePage:
                 self._process.stdin.flush()
 
     def stop(self) -> None:
-        """Let the server show the last front, then close the page."""
+        """Let the server show the last front, then end the server."""
         if self._process is None:
             return
         process, self._process = self._process, None
@@ -103,14 +105,16 @@ class LivePage:
 
 
 NICENESS = 10  # lower priority than the search
-STANDS = 2.0  # s after which the front of a stage is drawn, unless a newer front came
+STANDS = 2.0  # s after which an intermediate front is drawn, unless a newer front came
 
 
 class PicturesBeside:
-    """Process that draws the front saved in a folder. At the end of a ``with`` it is stopped.
+    """Process that draws pictures of the front saved in a folder.
 
-    imports     files and modules with the user's criteria, models and planners
-    max_memory  bytes  limit for a field on the map
+    Use it in a ``with`` statement: at its end the process is stopped.
+
+    imports files and modules with the user's criteria, models and planners max_memory bytes limit for the grid of
+    obstruction values behind the map
     """
 
     def __init__(self, folder: Path, imports: Sequence[str] = (), max_memory: int | None = None) -> None:
@@ -130,14 +134,14 @@ class PicturesBeside:
         self.stop()
 
     def stage(self) -> None:
-        """Draw only the map, unless a newer front comes within a short time."""
+        """Draw only the map, in 2 s (`STANDS`); a call for a newer front before then cancels it."""
         self.stop()
         self._timer = Timer(STANDS, self._begin, ["map"])
         self._timer.daemon = True
         self._timer.start()
 
     def start(self) -> None:
-        """Begin to draw all pictures; if the process cannot be started, there are no pictures."""
+        """Start a process that draws all pictures. If it cannot be started, no pictures are drawn."""
         self.stop()
         self._begin("all")
 
@@ -149,7 +153,7 @@ class PicturesBeside:
             self._process = Popen(command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL, start_new_session=True)
 
     def stop(self) -> None:
-        """Stop drawing, as before a new front is saved, and remove unfinished pictures."""
+        """Stop drawing, and remove unfinished pictures. Called before a new front is saved."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer.join()  # the timer may just have fired
@@ -165,7 +169,7 @@ class PicturesBeside:
 
 
 def draw(which: str, folder: Path, max_memory: int | None, imports: Sequence[str]) -> None:
-    """Draw the front saved in a folder, at low priority: only the map, or all pictures."""
+    """Draw pictures of the front saved in a folder, at low priority: only the map if ``which`` is "map", else all."""
     from hpop.runtime import garbage
 
     garbage.collect_rarely()

@@ -1,8 +1,8 @@
-"""The command line: ``hpop demo``, ``new``, ``look``, ``plan``, ``show``, ``pick``, ``export``, ``explain``, ...
+"""Main command ``hpop``, with ``hpop plan``, ``demo`` and ``check``; the other commands are in modules beside this one.
 
 Heavy modules are imported inside the commands, so that ``hpop --help`` answers at once. Exit codes: 0 done, 2 wrong
-usage, 6 no path, 13 a limit reached before the map was read or a path was found, 130 interrupted by Ctrl-C, SIGTERM or
-SIGHUP (results so far are kept), and those of :mod:`hpop.errors`.
+usage, 6 no path, 13 a limit was reached before the map was read or a path was found, 130 interrupted by Ctrl-C, SIGTERM
+or SIGHUP (results so far are kept), and those of :mod:`hpop.errors`.
 """
 
 from __future__ import annotations
@@ -57,12 +57,12 @@ MOST_PORT = 65_535
 # NumPy starts an OpenBLAS thread for each further core, which spins for 2**26 cycles (25 ms) before it sleeps. 2**20
 # cycles suffice to bridge the pause between two products of large matrices.
 SPIN = "20"
-COLLISIONS = "collision checks are compiled first, once: some 20 seconds, which no time limit includes"
-COMPILING = "the search is compiled beside {}, once for each number and kind of costs"
+COLLISIONS = "compiling collision checks first: about 20 s, once on each machine, not counted in any time limit"
+COMPILING = "the search is compiled in the background {}, once for each number and kind of costs"
 
 
 def _folder(context: click.Context, option: click.Parameter, given: str | None) -> Path | None:
-    """Return the path of a folder. An empty text, as from an unset shell variable, is refused."""
+    """Convert the value of a folder option to a path; refuse an empty text, which an unset shell variable gives."""
     if given == "":
         raise click.BadParameter("expected a folder, got ''; the current folder is '.'", context, option)
     return None if given is None else Path(given)
@@ -81,20 +81,20 @@ def main() -> None:
     "--out", callback=_folder, help="Folder for the front and the pictures; out/SCENARIO by default.", metavar="PATH"
 )
 @click.option(
-    "--workers", type=click.IntRange(1, MOST_WORKERS), help="Processes for planners that sweep, such as weighted-sum."
+    "--workers", type=click.IntRange(1, MOST_WORKERS), help="Processes for planners of many runs, such as weighted-sum."
 )
-@click.option("--dask", metavar="ADDRESS", help="Dask scheduler for planners that sweep, such as tcp://host:8786.")
+@click.option("--dask", metavar="ADDRESS", help="Dask scheduler for these planners, such as tcp://host:8786.")
 @click.option(
     "--checkpoint",
     metavar="FILE",
-    help="File that keeps an exact search: plan again with it to go on after Ctrl-C, a limit or kill -9.",
+    help="File that saves the progress of an exact search. Give it again to continue after Ctrl-C, a limit or kill -9.",
 )
 @click.option(
     "--web",
     "port",
     type=click.IntRange(0, MOST_PORT),
     metavar="PORT",
-    help="Show in a browser what is found while the search runs; on this machine alone. 0 takes any free port.",
+    help="Show results in a browser while the search runs, on this machine only. 0 takes any free port.",
 )
 @verbose_option
 @imports_option
@@ -109,7 +109,10 @@ def plan(
     verbose: bool,
     imports: tuple[str, ...],
 ) -> None:
-    """Plan the SCENARIO (a YAML file): write front.json and pictures to a folder, and print the front."""
+    """Plan a scenario: compute its front and draw pictures.
+
+    Reads the SCENARIO (a YAML file), writes front.json and pictures to a folder, and prints the front.
+    """
     from hpop.runtime import garbage
 
     garbage.collect_rarely()
@@ -129,15 +132,15 @@ def plan(
     click.get_current_context().with_resource(results.held(out))
     if (workers or dask) and not any(map(sweeps, loaded.planners)):
         names = ", ".join(planner.name for planner in loaded.planners)
-        echo(f"note: no planner of the scenario sweeps ({names}), so this process does all the work", err=True)
+        echo(f"note: one process does all the work: no planner of the scenario ({names}) can use several", err=True)
     if checkpoint is not None:
         loaded = replace(loaded, planners=_keeping(loaded.planners, checkpoint))
         if Path(checkpoint).exists():
             echo(f"continuing from {checkpoint}")
     live = None if port is None else click.get_current_context().with_resource(LivePage(port, out, imports))
     if live is not None:
-        missing = "note: --web: the process that serves the page could not be started"
-        echo(f"shown while it runs at {live.address}" if live.is_served else missing, err=True)
+        missing = "note: --web: the process that serves the page could not be started; the search runs without it"
+        echo(f"results of the running search: {live.address}" if live.is_served else missing, err=True)
     # Until the command ends: kernels for the next plan are compiled while this plan's pictures are drawn.
     onset = click.get_current_context().with_resource(kernels_beside(loaded.planners, loaded.problem))
     if onset is not None:
@@ -179,8 +182,8 @@ def plan(
 def demo(context: click.Context, name: str, out: Path | None) -> None:
     """Plan an example that comes with hpop.
 
-    The default is the museum tour. Its scenario and map are copied to the folder, so that you can change them and plan
-    again.
+    NAME is the example, by default the museum tour. Its scenario and map are copied to the folder, so that you can
+    change them and plan again.
     """
     out = out or Path("out", name)
     scenario = examples.copied(name, out)
@@ -210,7 +213,7 @@ for each in listing.COMMANDS:
 def check(plugin: str, imports: tuple[str, ...]) -> None:
     """Run the conformance checks on a criterion, model or planner.
 
-    NAME is FILE.py:NAME or MODULE:NAME of its class, or the name that it is registered by.
+    NAME is FILE.py:NAME or MODULE:NAME of its class, or its registered name.
     """
     from hpop.cli import user_code
     from hpop.testing import conformance, kind_of
@@ -229,7 +232,10 @@ def check(plugin: str, imports: tuple[str, ...]) -> None:
 
 @contextmanager
 def _executor(workers: int | None, dask: str | None) -> Iterator[Executor | None]:
-    """Return the executor for planners that sweep: processes, a Dask cluster, or None for this process."""
+    """Yield the executor for planners that make many independent runs: processes, a Dask cluster, or None.
+
+    With None, this process does all the work.
+    """
     from hpop.runtime import sweep
 
     if dask is not None:
@@ -257,11 +263,11 @@ def _solved(
     *,
     waits: bool,
 ) -> list[Front]:
-    """Solve the problem of a scenario by each planner in turn; return the front after each, which is saved at once.
+    """Run the planners of a scenario in turn; return the joint front after each. Each front is saved at once.
 
-    Fronts of the stages of a planner are saved too, and another process draws the map of a front that is not soon
-    replaced. If kernels must be compiled before the search can continue (``waits``), this process draws the first map
-    meanwhile: this is twice as fast, and imports the libraries that the last pictures need.
+    Intermediate fronts of a planner (its stages) are saved too. If no newer front follows soon, another process draws
+    the map of an intermediate front. If the search must wait until its kernels are compiled (``waits``), this process
+    draws the first map meanwhile: this is twice as fast, and imports the libraries that the last pictures need.
     """
     from hpop.cli import report
 
@@ -280,7 +286,7 @@ def _solved(
             is_first = say.last is None
             keep(front)
             if waits and is_first:
-                with suppress(OutputError):  # the last pictures will report it; the search goes on
+                with suppress(OutputError):  # an error that persists is reported with the last pictures
                     results.draw(scenario.problem, front, out, map_alone=True, max_memory=_most(scenario))
             else:
                 pictures.stage()
@@ -313,14 +319,17 @@ def _draw(scenario: Scenario, front: Front, out: Path, imports: Sequence[str]) -
 
 
 def _most(scenario: Scenario) -> int | None:
-    """Return the largest memory limit of the planners, bytes; None without a limit."""
+    """Return the memory limit for drawing, bytes: the largest of the planners' limits; None if one has no limit."""
     from hpop.planners.spending import common_spending
 
     return common_spending(scenario.planners).limits.max_memory
 
 
 def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:
-    """Return the planners, with the only exact search among them set to save its progress in a file."""
+    """Return the planners, with the only exact search among them set to save its progress in the file ``checkpoint``.
+
+    Raises OptionError if none or several of the planners can save their search.
+    """
     from hpop.base.registry import planners
     from hpop.search.machinery.checkpoint import Checkpoint
 
@@ -328,9 +337,9 @@ def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:
     keeping = [planner for planner in chosen if planner.name in able]
     if len(keeping) != 1:
         raise OptionError(
-            f"--checkpoint keeps the search of one planner that searches exactly ({', '.join(able)}), but the scenario "
-            f"plans with {', '.join(planner.name for planner in chosen)}; "
-            + ("plan with one of them at a time" if keeping else "leave it out, or take one of these")
+            f"--checkpoint saves the search of exactly one of these planners: {', '.join(able)}; the scenario has "
+            f"{', '.join(planner.name for planner in chosen)}; "
+            + ("leave only one of them in it" if keeping else "leave out --checkpoint, or change the planner")
         )
     Checkpoint(checkpoint).checked_path()
     kept: Any = replace(cast(Any, keeping[0]), checkpoint=checkpoint)
@@ -338,7 +347,7 @@ def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:
 
 
 def _tidy(checkpoint: str, front: Front) -> None:
-    """Remove the checkpoint once the complete front is saved; otherwise print how to continue the search."""
+    """Remove the checkpoint file if the front is complete; otherwise print how to continue the search."""
     from hpop.cli import report
 
     file = Path(checkpoint).resolve()

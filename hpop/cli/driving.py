@@ -1,4 +1,4 @@
-"""``hpop drive``: simulate a drive along a trajectory of a saved front, with doors that close, people, and wishes."""
+"""Command ``hpop drive``: simulate a drive along a trajectory, with closed doors, moving people and a viewer's wish."""
 
 from __future__ import annotations
 
@@ -29,14 +29,18 @@ PICTURE, RECORD = "drive.png", "drive.json"
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--events", type=click.Path(path_type=Path), required=True, metavar="YAML", help="Events of the drive.")
-@click.option("--row", metavar="ROW", help="Row to drive: a number, knee, or least NAME. [the events' row, or knee]")
+@click.option(
+    "--row",
+    metavar="ROW",
+    help="Trajectory to drive: a row number, knee, or least NAME. [that of the events file, or knee]",
+)
 @click.option(
     "--deadline",
     type=click.FloatRange(0),
     default=DEADLINE,
     metavar="S",
     show_default=True,
-    help="Seconds of processor time to search for options.",
+    help="Processor time of the search for options after an event, s.",
 )
 @click.option(
     "--speed",
@@ -56,11 +60,12 @@ def drive(
     out: Path | None,
     imports: tuple[str, ...],
 ) -> None:
-    """Simulate a drive along a plan of the front in a FOLDER that `hpop plan` wrote, with events on its way.
+    """Simulate a drive along a trajectory, with events.
 
-    After each event the options are printed: the front of the remaining paths. The robot changes its plan by itself if
-    its path is closed, or if another path is better by a margin and announced in time. Writes a picture, drive.png, and
-    a record that can be replayed, drive.json.
+    FOLDER holds the front that `hpop plan` wrote. After each event the options are printed: the front of
+    trajectories from the robot to the goal. The robot changes its plan by itself if its path is closed, or if
+    another path is better by a margin and can be announced in time. Writes a picture, drive.png, and a record that
+    can be replayed, drive.json.
     """
     from hpop.cli import user_code
     from hpop.drive import follow
@@ -93,7 +98,7 @@ def drive(
 
 
 def _print(happening: Happening, driven: Execution) -> None:
-    """Print an event, its effect on the plan, the options, and the option that is taken."""
+    """Print an event, its effect on the robot's plan, the options, and the option that the robot takes."""
     x, y = (float(getattr(happening.driven.states, name)[-1]) for name in ("x", "y"))
     echo(f"\n{happening.event.at:.1f} s, at ({x:.2f}, {y:.2f}): {happening.event}")
     if happening.change is not None:
@@ -104,23 +109,26 @@ def _print(happening: Happening, driven: Execution) -> None:
         echo(f"  {happening.words}")
     if happening.taken is None:
         open_ahead = driven.plan.duration >= driven.announced.duration
-        waits = "no option can be taken: it waits before the closed part of its path"
-        echo(f"  {'it keeps its plan' if open_ahead else waits}")
+        waits = "no option can be taken: the robot waits before the closed part of its path"
+        echo(f"  {'the robot keeps its plan' if open_ahead else waits}")
     else:
-        echo(f"  {'taken' if happening.asked else 'the robot takes by itself'}: number {happening.taken.index}")
+        echo(
+            f"  {'taken as asked' if happening.asked else 'the robot takes by itself'}: option {happening.taken.index}"
+        )
 
 
 def _consequences(happening: Happening) -> list[str]:
+    """Describe how an event affects the present plan, for the output."""
     change = happening.change
     assert change is not None
     if change.safe_until is None:
         return ["the plan stays open"]
-    stops = "" if change.stops_at is None else f"; it would stand from {change.stops_at:.1f} s on"
+    stops = "" if change.stops_at is None else f"; the robot would stand from {change.stops_at:.1f} s on"
     return [f"the plan is closed ahead: safe until {change.safe_until:.1f} s{stops}{', braking' * change.brakes}"]
 
 
 def _print_options(options: Options, happening: Happening) -> None:
-    """Print a table of options: the present plan, the option taken, the knee, and the least of each cost."""
+    """Print a table of important options: the present plan, the option taken, the knee, and the least of each cost."""
     from rich.console import Console
 
     from hpop.cli.report import header, plain_table, print_wide
@@ -152,7 +160,7 @@ def _print_options(options: Options, happening: Happening) -> None:
 
 
 def _how_far(options: Options) -> str:
-    """Return in words how much better than these options a missing one may be, with advice; "" if none is missing."""
+    """Return the end of a sentence: how much better than these options a missing one may be. "" if none is missing."""
     if options.gap == 0:
         return ""
     if math.isfinite(options.gap):
@@ -161,7 +169,7 @@ def _how_far(options: Options) -> str:
 
 
 def _named(options: Options, happening: Happening) -> dict[int, list[str]]:
-    """Return the indices of the options to print, each with its labels, such as "knee"."""
+    """Return the labels of the options to print, such as "knee" or "taken", by index of the option."""
     names: dict[int, list[str]] = {}
     if options.keep_on is not None:
         names.setdefault(options.keep_on, []).append("present plan")
@@ -173,7 +181,7 @@ def _named(options: Options, happening: Happening) -> dict[int, list[str]]:
 
 
 def _write(driven: Execution, happened: list[Happening], target: Path) -> None:
-    """Write the record and the picture of a drive, also after an error."""
+    """Write the record of a drive, and its picture if an event happened. Called also after an error."""
     from hpop.view.moments import draw_drive
     from hpop.view.save import save_figure
 
@@ -186,10 +194,11 @@ def _write(driven: Execution, happened: list[Happening], target: Path) -> None:
 
 
 def _print_end(driven: Execution) -> None:
+    """Print the time of arrival, or that the robot waits, and the costs of the whole drive."""
     moment = driven.at(max(driven.begin + driven.plan.duration, driven.record[-1]["now"]))
     costs = ", ".join(
         f"{name} {value:.5g}" + f" {criterion.unit}" * (criterion.unit != "1")
         for (name, value), criterion in zip(moment.past.items(), driven.problem.criteria, strict=True)
     )
-    where = "it arrives" if moment.arrived else "it stands before the closed part of its path"
+    where = "the robot arrives" if moment.arrived else "the robot stands before the closed part of its path"
     echo(f"{where} after {moment.planned:.1f} s; the drive cost {costs}")

@@ -1,4 +1,4 @@
-"""Print registered criteria, planners, models, goals and formats, and explain printed words and names."""
+"""Output of the list commands such as ``hpop criteria``, and of ``hpop explain``, which explains printed words."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def print_criteria(console: Console | None = None) -> None:
 
 
 def declared(item: Any) -> str:
-    """Describe a registered type in one line: unit, aggregate and requirements of a criterion, then its fields."""
+    """Describe a registered class in one line: its fields; for a criterion also unit, aggregate and requirements."""
     parts = [_fields(item)] if dataclasses.is_dataclass(item) else [getattr(item, "suffix", "")]
     if hasattr(item, "aggregate"):
         requires = f"requires {', '.join(item.requires)}" if item.requires else ""
@@ -42,9 +42,9 @@ def declared(item: Any) -> str:
 
 
 def print_models(console: Console | None = None) -> None:
-    """Print the registered robots, their parameters, and what they provide to criteria and planners."""
+    """Print the registered robots, their parameters, and the capabilities that criteria and planners may need."""
     console = console or Console()
-    console.print("Models: name, parameters with their defaults, what criteria and planners can ask of it")
+    console.print("Models: name, parameters with their defaults, capabilities that criteria and planners may need")
     for name, cls in registry.models.items():
         _print_entry(console, name, _fields(cls), f"{_first_line(cls)} {_provided(cls)}".strip())
 
@@ -52,15 +52,15 @@ def print_models(console: Console | None = None) -> None:
 def print_goals(console: Console | None = None) -> None:
     """Print the registered goals and their parameters."""
     console = console or Console()
-    console.print("Goals that are no states: name, parameters with their defaults")
+    console.print("Goals other than a single state: name, parameters with their defaults")
     for name, cls in registry.goals.items():
         _print_entry(console, name, _fields(cls), _first_line(cls))
 
 
 def print_planners(console: Console | None = None) -> None:
-    """Print the registered planners, their options, and what they need of a robot."""
+    """Print the registered planners, their options, and the capabilities that they need of a robot."""
     console = console or Console()
-    console.print("Planners: name, options with their defaults, what they need of a model")
+    console.print("Planners: name, options with their defaults, capabilities that they need of a model")
     for name, cls in registry.planners.items():
         needs = ", ".join(sorted(cls.needs))
         _print_entry(console, name, _fields(cls), f"{_first_line(cls)} Needs {needs or 'nothing: any model will do'}.")
@@ -76,7 +76,7 @@ def print_formats(console: Console | None = None) -> None:
 
 
 def _provided(cls: type) -> str:
-    """Return a sentence on what a robot with default parameters provides; "" for a robot without defaults."""
+    """Return a sentence with the states and capabilities of a robot with default parameters; "" without defaults."""
     try:
         made = cls()
     except (TypeError, HpopError):
@@ -101,7 +101,7 @@ def _default(field: dataclasses.Field[Any]) -> str:
 
 
 def _first_line(cls: Any) -> str:
-    """Return the first paragraph of the docstring of a class, on one line, without markup."""
+    """Return the first paragraph of a class's docstring, on one line, without markup."""
     text = " ".join((cls.__doc__ or "").strip().split("\n\n")[0].split())
     return re.sub(r":\w+:`|`", "", text)
 
@@ -117,7 +117,10 @@ REGISTRIES: tuple[Registry[Any], ...] = (
 
 
 def explained(word: str) -> str:
-    """Return the explanation of a word, from the glossary and from types with that name; UnknownName if none."""
+    """Return the explanation of a word: its glossary entries, and the docstrings of registered classes of that name.
+
+    Raises UnknownName, with similar words, if there is neither.
+    """
     meant = _plain(word)
     found = [*_meanings(meant), *_registered(meant)]
     if not found:
@@ -129,14 +132,14 @@ def explained(word: str) -> str:
 
 
 def known() -> str:
-    """Return a sentence that lists the words that can be explained."""
+    """Return a sentence that lists the words and names that `hpop explain` knows."""
     words = ", ".join(entry.word for entry in entries())
     *kinds, last = (each.kind for each in REGISTRIES)
-    return f"Explained are {words}; and the name of each {', '.join(kinds)} and {last}."
+    return f"`hpop explain` knows {words}; and the name of each {', '.join(kinds)} and {last}."
 
 
 def _plain(word: str) -> str:
-    """Normalise a word for look-up: capitals, dashes and blanks do not matter."""
+    """Normalise a word for look-up: ignore capitals, and treat dashes and underscores as blanks."""
     return re.sub(r"[\s_-]+", " ", word.strip().lower())
 
 

@@ -1,4 +1,4 @@
-"""Trajectories for other programs: ``hpop export`` writes files, ``hpop ros`` serves a planner over rosbridge."""
+"""Commands ``hpop export``, which writes trajectories to files, and ``hpop ros``, which serves a planner to ROS 2."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hpop.runtime.status import Status, progress_bar
 
 
 def listed(context: click.Context, option: click.Parameter, given: Sequence[str]) -> list[str]:
-    """Return the names in repeated options with comma-separated lists."""
+    """Split the values of a repeated option at commas; return all names in one list."""
     names = [name.strip() for text in given for name in text.split(",")]
     if not all(names):
         raise click.BadParameter("expected names or numbers between commas, such as knee,3", context, option)
@@ -32,7 +32,7 @@ def listed(context: click.Context, option: click.Parameter, given: Sequence[str]
     multiple=True,
     callback=listed,
     default=["knee"],
-    help="Trajectories: numbers of `hpop show`, knee, or names of criteria for the least in them. [knee]",
+    help="Trajectories: numbers from `hpop show`, knee, or a criterion, for the row with its least value. [knee]",
 )
 @click.option(
     "--format",
@@ -67,10 +67,11 @@ def export(
     camera_frame: str,
     imports: tuple[str, ...],
 ) -> None:
-    """Write trajectories of the front in a FOLDER that `hpop plan` wrote, for other programs.
+    """Write trajectories of a front to files for other programs.
 
-    Files are named after the rows, such as knee_70.tum; knee_70.about.json has the costs and the axes of each file.
-    Existing files are replaced. If a format cannot be written, the others are, and the exit code is not 0.
+    FOLDER holds the front that `hpop plan` wrote. Files are named after the rows, such as knee_70.tum;
+    knee_70.about.json has the costs and the axes of each file. Existing files are replaced. If one format cannot be
+    written, the others still are, and the exit code is not 0.
     """
     from hpop.cli import user_code
     from hpop.export import Frames, save
@@ -88,14 +89,14 @@ def export(
             formats = [name for name in formats if name not in of_world]
             if not formats:
                 raise
-            no_world = error
+            no_world = error  # raised at the end
     out = path.parent / "export" if out is None else out
     written = save(
         problem, front, out, rows=rows, formats=formats, rate=rate, body=body, planned=planned, frames=frames
     )
     echo(f"written to {out}: {', '.join(file.name for file in written)}")
     if no_world is not None:
-        no_world.add_note(f"so {', '.join(of_world)} is not written")
+        no_world.add_note(f"so {', '.join(of_world)}, which needs the map, is not written")
         raise no_world
 
 
@@ -108,14 +109,14 @@ def export(
     default="jazzy",
     metavar="NAME",
     show_default=True,
-    help="Distribution of ROS 2, which says the fields of a result: humble, iron, jazzy, kilted or rolling.",
+    help="Distribution of ROS 2, which decides the fields of a result: humble, iron, jazzy, kilted or rolling.",
 )
 @click.option(
     "--choice",
     default="knee",
     metavar="NAME",
     show_default=True,
-    help="Meaning of an empty planner_id: knee, or a criterion, such as 'fewest turns', for its least.",
+    help="Trajectory for an empty planner_id: knee, or a criterion, such as 'fewest turns', for its least value.",
 )
 @click.option("--frame-id", default="map", metavar="NAME", show_default=True, help="Frame of goals and paths.")
 @click.option(
@@ -149,10 +150,11 @@ def ros(
     options_topic: str,
     imports: tuple[str, ...],
 ) -> None:
-    """Offer the planner of a SCENARIO to ROS 2, as the action ComputePathToPose over rosbridge, until Ctrl-C.
+    """Offer the planner of a scenario to ROS 2 as an action.
 
-    World, robot, criteria and planner are the scenario's; start and goal come with each ROS goal. The scenario itself
-    is planned first, so that kernels are compiled and errors reported before a robot waits.
+    Connects to rosbridge and offers ComputePathToPose until Ctrl-C. The SCENARIO gives world, robot, criteria and
+    planner; each ROS goal gives start and goal. The scenario itself is planned first, so that code is compiled and
+    errors are reported before a robot waits for a path.
     """
     from hpop.cli import user_code
     from hpop.ros.bridge import Bridge, checked_url
@@ -168,7 +170,7 @@ def ros(
     planning = GoalPlanner(loaded.problem, loaded.planners, known)
     with progress_bar() as progress:
         front = planning.rehearsed(progress)
-    if Status.INTERRUPTED in front.status:  # no goal is waiting yet
+    if Status.INTERRUPTED in front.status:  # Ctrl-C before the action was offered
         raise KeyboardInterrupt
     echo(f"planned {scenario}: {len(front):,} trajectories, {front.status}")
     server = PathServer(planning, say=echo)
@@ -179,4 +181,4 @@ def ros(
         raise OutputError(str(error)) from None
     finally:
         server.close()
-    echo("no longer offered")
+    echo(f"the action {action} is no longer offered")

@@ -1,4 +1,4 @@
-"""Commands that list and explain: `hpop criteria`, `models`, `goals`, `planners`, `formats`, `explain`, `schema`."""
+"""Commands that list plugins (``hpop criteria``, ``models``, ``planners``, ...), explain words, or print the schema."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from hpop.cli.terminal import echo, imports_option, user_errors
 @imports_option
 @user_errors
 def criteria(imports: tuple[str, ...]) -> None:
-    """List the criteria: group, unit, how the costs of motions add up, and meaning."""
+    """List the criteria, with units and meaning.
+
+    Each has its group, its unit, and the rule by which the costs of motions add up.
+    """
     from hpop.cli import explain, user_code
 
     user_code.register(imports)
@@ -24,7 +27,10 @@ def criteria(imports: tuple[str, ...]) -> None:
 @imports_option
 @user_errors
 def models(imports: tuple[str, ...]) -> None:
-    """List the robots: parameters, what they provide to criteria and planners, and meaning."""
+    """List the robots, with parameters and meaning.
+
+    Each line also says what the robot provides to criteria and planners.
+    """
     from hpop.cli import explain, user_code
 
     user_code.register(imports)
@@ -35,7 +41,7 @@ def models(imports: tuple[str, ...]) -> None:
 @imports_option
 @user_errors
 def goals(imports: tuple[str, ...]) -> None:
-    """List the goals other than states: parameters and meaning."""
+    """List the goals other than a single state, with their parameters."""
     from hpop.cli import explain, user_code
 
     user_code.register(imports)
@@ -57,7 +63,7 @@ def planners(imports: tuple[str, ...]) -> None:
 @imports_option
 @user_errors
 def formats(imports: tuple[str, ...]) -> None:
-    """List the formats of `hpop export`: file endings, axes and meaning."""
+    """List the formats of `hpop export`, with endings and axes."""
     from hpop.cli import explain, user_code
 
     user_code.register(imports)

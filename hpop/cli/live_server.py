@@ -1,9 +1,9 @@
-"""Process that serves the page of a running search: ``python -P -m hpop.cli.live_server SOCKET FOLDER ...``.
+"""Server process for the page of a running search: ``python -P -m hpop.cli.live_server SOCKET FOLDER ...``.
 
-SOCKET is the number of an inherited listening socket; the arguments after FOLDER name the user's own code. The token is
+SOCKET is the number of an inherited listening socket. The arguments after FOLDER name the user's own code. The token is
 in the environment, because command lines are visible to all users of a machine. Each line on standard input announces a
 new front saved in FOLDER. If several come while the process is busy, only the newest is shown. At the end of the input
-it shows the last front and ends.
+the process shows the last front and ends.
 
 It answers only requests with the token, see :mod:`hpop.runtime.page_server`, and serves only the page and its events.
 """
@@ -56,13 +56,10 @@ SEARCHING = "The search has begun. Its first trajectories will be shown here as 
 
 @dataclass(eq=False)
 class LiveFront:
-    """Front that the page shows, and the requests that wait for the next front.
+    """Newest front of a running search, shared by all open pages; pages wait here for the next front.
 
-    number   of fronts shown so far
-    page     HTML page of the newest front
-    payload  data of the newest front, as one line of JSON
-    ended    whether the search has ended
-    streams  number of open pages that receive events
+    number number of fronts published so far page HTML page of the newest front payload data of the newest front, as one
+    line of JSON ended whether the search has ended streams number of open pages that receive events
     """
 
     number: int = 0
@@ -73,7 +70,7 @@ class LiveFront:
     changed: Condition = field(default_factory=Condition)
 
     def publish(self, payload: dict[str, object]) -> None:
-        """Show a new front."""
+        """Replace the front on the page by a new one, and wake the requests that wait for it."""
         from hpop.view.explorer.payload import SCRIPT
         from hpop.view.single_page import single_page
 
@@ -86,7 +83,7 @@ class LiveFront:
             self.changed.notify_all()
 
     def failed(self, error: Exception) -> None:
-        """Show an error on the page that waits for the first front; later pages keep the front that they show."""
+        """Show an error on the page, but only if it has no front yet; otherwise the last front stays on the page."""
         said = html.escape(printable(f"{SEARCHING} The front found so far cannot be shown: {error!s:.600}"))
         with self.changed:
             if not self.number:
@@ -103,7 +100,7 @@ class LiveFront:
 
     @contextmanager
     def stream(self) -> Iterator[None]:
-        """Count a page as open during the context."""
+        """Count one more open page while the ``with`` block runs."""
         with self.changed:
             self.streams += 1
         try:
@@ -122,8 +119,8 @@ class LiveFront:
 
 
 def server_of(listening: socket.socket, token: str, shown: LiveFront) -> PageServer:
-    """Return a server of the current front on a listening socket."""
-    waiting = ThreadPoolExecutor(CONNECTIONS)  # a thread for each open page
+    """Return a server, on a listening socket, of the page with the current front and of the page's events."""
+    waiting = ThreadPoolExecutor(CONNECTIONS)  # each open page waits for the next front in a thread
 
     def page(request: Request) -> Response:
         if not request.scope["raw_path"].endswith(b"/"):  # the page needs the last slash to find its events
@@ -154,7 +151,7 @@ def server_of(listening: socket.socket, token: str, shown: LiveFront) -> PageSer
 
 
 def follow(shown: LiveFront, folder: Path, imports: Sequence[str], pipe: int) -> None:
-    """Show the newest front of a folder after each message on a pipe; return at the end of the pipe."""
+    """Publish the front saved in a folder after each message on a pipe; return when the pipe is closed."""
     from hpop.cli import results, user_code
 
     user_code.register(imports)

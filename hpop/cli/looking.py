@@ -25,7 +25,7 @@ DPI = 150
 
 
 def _pairs(context: click.Context, option: click.Parameter, given: Sequence[str]) -> dict[str, str]:
-    """Return the values of repeated options NAME=VALUE as text, by name."""
+    """Parse the values NAME=VALUE of a repeated option into a dictionary of texts."""
     texts = {}
     for text in given:
         name, equals, value = text.partition("=")
@@ -36,20 +36,20 @@ def _pairs(context: click.Context, option: click.Parameter, given: Sequence[str]
 
 
 def _map_options(command: Any) -> Any:
-    """Add the options for reading a map, and for the robot's size, to a command."""
+    """Add the options that describe a map file and the robot's radius to a command."""
     for option in (
         click.option("--radius", type=float, metavar="M", help="Radius of the robot, m; 0.3 by default."),
-        click.option("--reader", metavar="NAME", help="Reader of the map, if the file's ending does not tell."),
+        click.option("--reader", metavar="NAME", help="Reader of the map, if the file's ending does not decide it."),
         click.option(
             "--set",
             "options",
             multiple=True,
             metavar="NAME=VALUE",
             callback=_pairs,
-            help="Option of the map's reader, such as polygons=outline (`hpop explain geojson`). Repeatable.",
+            help="Option of the reader, such as polygons=outline; `hpop explain geojson` lists them. Repeatable.",
         ),
         click.option(
-            "--resolution", type=float, metavar="M", help="Metres a pixel of an image, or a unit of a drawing."
+            "--resolution", type=float, metavar="M", help="Metres per pixel of an image, or per unit of a drawing."
         ),
     ):
         command = option(command)
@@ -73,9 +73,9 @@ def look(
 ) -> None:
     """Draw a map or scenario, before planning.
 
-    The picture, in metres, shows free space, start, goal, people, landmarks and zones. If a start or goal is blocked,
-    the nearest free one is printed (exit code 5); if no path leads from the start to a goal, that is printed too (6).
-    For a MAP, start and goal are those that `hpop new` would try first.
+    The picture, in metres, shows free space, start, goal, people, landmarks and zones. If the start or goal is blocked,
+    the nearest free position is printed (exit code 5). If no path leads from the start to a goal, that is printed too
+    (exit code 6). For a MAP, start and goal are those that `hpop new` would try first.
     """
     from hpop.cli import user_code
     from hpop.scenario import load_scenario, new
@@ -83,12 +83,13 @@ def look(
     from hpop.view.save import save_figure
 
     if out is not None and out.suffix.lower() != ".png":
-        raise OutputError(f"the picture is a PNG file, so the name must end in .png, got {shown(str(out))}")
+        raise OutputError(f"--out: expected a name that ends in .png, got {shown(str(out))}; the picture is a PNG file")
     user_code.register(imports)
     if reader is None and new.is_scenario(path):
         if options or resolution is not None or radius is not None:
             raise click.UsageError(
-                "a scenario states the reader of its map and its robot: leave the options out, or change it there"
+                "--set, --resolution and --radius describe a map, but this file is a scenario, which has its own "
+                "values: leave the options out, or change the scenario"
             )
         problem = load_scenario(path).problem
     else:
@@ -111,8 +112,8 @@ def look(
 @click.command()
 @click.argument("path", metavar="MAP", type=click.Path(path_type=Path))
 @click.option("--out", type=click.Path(path_type=Path), metavar="YAML", help="[NAME_scenario.yaml]")
-@click.option("--start", metavar="X,Y[,HEADING]", help="Where it starts, m; far from the goal by default.")
-@click.option("--goal", metavar="X,Y[,HEADING]", help="Where it ends, m; far from the start by default.")
+@click.option("--start", metavar="X,Y[,HEADING]", help="Start of the robot, m; far from the goal by default.")
+@click.option("--goal", metavar="X,Y[,HEADING]", help="Goal of the robot, m; far from the start by default.")
 @_map_options
 @imports_option
 @user_errors
@@ -129,9 +130,9 @@ def new(
 ) -> None:
     """Write a first scenario for a map.
 
-    It has comments, and can be planned as it is. If no path is found, the exit code is 6, or 13 if the time ran out.
-    The schema for editors is written beside it. A MAP is an image, GeoJSON, DXF, PDF, a ROS map or bag, a MovingAI
-    grid, or a file for a reader of your own.
+    The scenario has comments, and can be planned as it is. If no path is found, the exit code is 6, or 13 if the time
+    ran out. The schema for editors is written beside it. A MAP is an image, GeoJSON, DXF, PDF, a ROS map or bag, a
+    MovingAI grid, or a file for a reader of your own.
     """
     from hpop.cli import user_code
     from hpop.scenario import new as scenarios
@@ -152,7 +153,7 @@ def new(
     _write(file, given, draft, chosen=start is None and goal is None)
     for note in problem.world.notes:
         echo(f"note: {note}")
-    echo(f"written: {file}, and {file.with_name(scenarios.SCHEMA)}, by which editors complete and check it")
+    echo(f"written: {file}, and its schema for editors, {file.with_name(scenarios.SCHEMA)}")
     shell, folder = argument(file), argument(Path("out", file.stem))
     if draft.status is None:
         echo(f"the map is {_size(problem)}; next: hpop look {shell}, then hpop plan {shell} --out {folder}")
@@ -169,7 +170,10 @@ def new(
 
 
 def _write(file: Path, given: GivenMap, draft: Draft, *, chosen: bool) -> None:
-    """Write a scenario and its schema; check that the scenario can be loaded, else remove it."""
+    """Write a scenario and its schema to files; remove the scenario again if it cannot be loaded.
+
+    ``chosen`` says that hpop, not the user, chose start and goal.
+    """
     from hpop.scenario import json_schema, load_scenario, new
 
     text = new.scenario_text(given, draft, file.parent, file.name, chosen=chosen)

@@ -1,4 +1,4 @@
-"""Print a picked trajectory with the reason, the preference of a person, or two trajectories to compare."""
+"""Output of ``hpop pick`` and ``hpop prefer``: the picked trajectory, a preference, and two trajectories compared."""
 
 from __future__ import annotations
 
@@ -41,14 +41,13 @@ def picked(
     row: int | None = None,
     preference: Preference | None = None,
 ) -> Picked:
-    """Pick a point of a front by row, priorities, wish or preference, by default the knee; return it with the reason.
+    """Pick a point of a front by row, least costs, wish or preference, by default the knee; return it with the reason.
 
-    at_most     upper bounds of costs: only points within them are considered, unless ``row`` is given
-    least       names of costs to minimise, one after the other
-    wish        values of costs; the nearest point is picked
-    preference  of a person; the point that is best for this person is picked
+    at_most upper bounds of costs: only points within them are considered, unless ``row`` is given least names of costs
+    to minimise; later ones break ties wish values of costs; the point nearest to them is picked preference of a person;
+    the point that is best for this person is picked
 
-    Raises OptionError or UnknownName if there is none.
+    Raises OptionError or UnknownName if no point can be picked.
     """
     if not len(front):
         raise OptionError(f"the front has no trajectories to pick from; its search ended with {front.status!r}")
@@ -58,7 +57,7 @@ def picked(
         asked = [ColumnCondition.of(name, f"<={bound!r}") for name, bound in at_most.items()]
         rows = np.flatnonzero(conditions.met(front, asked))
         if not rows.size:
-            raise OptionError(f"no trajectory to pick: asked for {conditions.in_words(front, asked)}")
+            raise OptionError(f"no trajectory to pick with {conditions.in_words(front, asked)}; raise --at-most")
         part = front.where({name: f"<={bound!r}" for name, bound in at_most.items()}) if at_most else front
         if least:
             point, why = part.lexicographic(least), f"the least {', then '.join(least)}"
@@ -73,7 +72,7 @@ def picked(
                 f"best for you ({preference.question}), probability {best.probability[best.row]:.2f}",
             )
         else:
-            point, why = part.knee(), "the knee, a compromise: deepest below the extremes"
+            point, why = part.knee(), "the knee, a compromise: the deepest point of the front's bend"
     except UnknownColumnError as error:
         hint = "; on the command line --wish NAME=NUMBER does that" * ("only reported" in str(error))
         raise UnknownName(f"{error}{hint}") from None
@@ -84,7 +83,7 @@ def picked(
 
 
 def print_picked(front: Front, choice: Picked, console: Console | None = None, *, saved: Path) -> None:
-    """Print the picked trajectory and the reason, and its costs beside the least and greatest on the front."""
+    """Print the picked trajectory, the reason, and its costs beside the least and greatest costs on the front."""
     console = console or Console()
     point, trajectory = choice.point, choice.point.trajectory
     lasts = f"{trajectory.duration:.1f} s as planned, {trajectory.execution().duration:.1f} s executed"
@@ -110,12 +109,12 @@ def _say(console: Console, line: str) -> None:
 
 
 MOST_NEAR = 8
-MUCH, LITTLE = 0.5, 0.1  # of the range of a cost on the front
-SMALL = 0.01  # of the cost itself: a smaller difference is "a little", whatever the range
+MUCH, LITTLE = 0.5, 0.1  # shares of a cost's range on the front: differences that are "much" and "a little"
+SMALL = 0.01  # share of the cost itself: a smaller difference is "a little", whatever the range
 
 
 def loaded_preference(path: Path | None) -> Preference | None:
-    """Return the preference saved in a file; None without a file."""
+    """Load the preference of a person from a file; return None for None."""
     if path is None:
         return None
     with output_errors(f"cannot read {path}", "give the file that `hpop prefer` wrote"):
@@ -123,12 +122,12 @@ def loaded_preference(path: Path | None) -> Preference | None:
 
 
 def print_preference(person: Preference, front: Front, console: Console | None = None) -> None:
-    """Print the best trajectory for a person, its probability, and the weights of the costs."""
+    """Print the best trajectory for a person, the probability that it is best, and the weights of the costs."""
     console = console or Console()
     best = person.best(front)
     asked = f"{person.question}, from {counted(len(person.answers), 'answer')}"
     if person.answers and not person.can_be_seen:
-        _say(console, f"no preference can be seen ({asked}): random answers would look alike; ask more questions")
+        _say(console, f"no preference can be seen ({asked}): random answers would look the same; ask more questions")
     table = plain_table()
     table.add_column("cost")
     table.add_column("share", justify="right")
@@ -152,7 +151,7 @@ def print_preference(person: Preference, front: Front, console: Console | None =
 
 
 def pair_table(front: Front, pair: Sequence[int]) -> Table:
-    """Return a table of the costs of two rows and of their differences in words."""
+    """Return a table that compares the costs of two rows of a front, with each difference in words."""
     table = plain_table()
     for column in ("", "a", "b"):
         table.add_column(column, justify="right" if column else "left", no_wrap=True)
@@ -163,7 +162,7 @@ def pair_table(front: Front, pair: Sequence[int]) -> Table:
 
 
 class Difference(NamedTuple):
-    """One cost of two trajectories a and b, formatted, with the difference in words."""
+    """One cost of two trajectories a and b: both values as text, and the difference in words."""
 
     name: str
     unit: str
@@ -178,7 +177,7 @@ class Difference(NamedTuple):
 
 
 def differences(front: Front, pair: Sequence[int]) -> list[Difference]:
-    """Return each cost of two rows of a front, with the difference in words."""
+    """Compare two rows of a front: return the two values of each cost, and their difference in words."""
     found = []
     span = np.ptp(front.costs, axis=0)
     for j, (name, unit) in enumerate(zip(front.names, front.units, strict=True)):

@@ -1,4 +1,4 @@
-"""``hpop prefer``: ask a person which of two trajectories is better, until the best one for this person is known."""
+"""Command ``hpop prefer``: ask a person which of two trajectories is better, until the best one for them is known."""
 
 from __future__ import annotations
 
@@ -34,7 +34,11 @@ MOST_PORT = 65_535
 
 
 class Asking:
-    """Questions to one person about the trajectories of a front; each answer is saved at once."""
+    """Series of questions to one person about the trajectories of a front; each answer is saved at once.
+
+    most the largest number of questions why reason why no more questions are asked; "" while they go on pair rows of
+    the two trajectories of the current question; None after the last
+    """
 
     def __init__(self, person: Preference, problem: Problem, front: Front, file: Path, most: int) -> None:
         self.person, self.problem, self.front, self.file, self.most = person, problem, front, file, most
@@ -43,12 +47,12 @@ class Asking:
 
     @property
     def number(self) -> int:
-        """Return the number of the present question, from 1."""
+        """Return the number of the current question, counted from 1."""
         return len(self.person.answers) + 1
 
     @property
     def words(self) -> str:
-        """Return the text of the question."""
+        """Return the text of the current question, with its number."""
         return f"{self.number}. {WORDS[self.person.question]}"
 
     @property
@@ -57,7 +61,7 @@ class Asking:
         return self.pair is None
 
     def answer(self, word: str) -> None:
-        """Save an answer (a, b or tie), or stop the questions."""
+        """Save an answer (a, b or tie) and choose the next question; "stop" ends the questions."""
         assert self.pair is not None
         if word == "stop":
             self.pair, self.why = None, "as asked"
@@ -71,14 +75,14 @@ class Asking:
         self.pair = self._next()
 
     def differences(self) -> list[Difference]:
-        """Return the costs of the two trajectories of the present question."""
+        """Compare the costs of the two trajectories of the current question."""
         from hpop.cli.picking import differences
 
         assert self.pair is not None
         return differences(self.front, self.pair)
 
     def picture(self) -> bytes:
-        """Return a map with the two trajectories of the present question, as PNG."""
+        """Return a PNG image: a map with the two trajectories of the current question."""
         import numpy as np
 
         from hpop.view import draw_map
@@ -91,7 +95,7 @@ class Asking:
         return data.getvalue()
 
     def result(self) -> list[str]:
-        """Return the result as lines of text."""
+        """Return the result in words: the person's best trajectory, or a warning that no preference can be seen."""
         best = self.person.best()
         said = f"For you: trajectory {best.row}, the best one with probability {best.probability[best.row]:.2f}."
         return [said] if self.person.can_be_seen else [f"No preference can be seen so far. {said}"]
@@ -113,9 +117,16 @@ class Asking:
 @click.option(
     "--question", type=click.Choice([PREFER, COMFORT]), default=PREFER, show_default=True, help="Question to ask."
 )
-@click.option("--most", type=click.IntRange(1, 200), default=QUESTIONS, show_default=True, help="Questions, at most.")
-@click.option("--seed", type=click.IntRange(0), metavar="N", help="Random seed of left and right. [any]")
-@click.option("--web", is_flag=True, help="Ask on a page in a browser, on this machine alone.")
+@click.option(
+    "--most", type=click.IntRange(1, 200), default=QUESTIONS, show_default=True, help="Largest number of questions."
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(0),
+    metavar="N",
+    help="Random seed, which decides which trajectory is a and which b. [any]",
+)
+@click.option("--web", is_flag=True, help="Ask on a page in a browser, on this machine only.")
 @click.option("--port", type=click.IntRange(0, MOST_PORT), default=0, metavar="PORT", help="Port of the page. [any]")
 @imports_option
 @user_errors
@@ -129,11 +140,12 @@ def prefer(
     port: int,
     imports: tuple[str, ...],
 ) -> None:
-    """Ask a person which of two trajectories they prefer, of the front in a FOLDER that `hpop plan` wrote.
+    """Ask a person to choose between pairs of trajectories.
 
-    Each question is the most informative one. Asking ends when the best trajectory is known, after --most questions, or
-    with "stop". After Ctrl-C the answers are kept, and the command continues where it ended. The answers and the
-    inferred weights of costs are written to a file, for `hpop show --preference` and a scenario's `choose`.
+    FOLDER holds the front that `hpop plan` wrote. Each question is the most informative one. Asking ends when the best
+    trajectory is known, after --most questions, or with "stop". After Ctrl-C the answers are kept, and the same command
+    continues. The answers and the inferred weights of costs are written to a file, for `hpop show --preference` and
+    `choose` in a scenario.
     """
     from hpop.cli import user_code
     from hpop.cli.asking_page import serve
@@ -159,7 +171,10 @@ def prefer(
 
 
 def _person(front: Front, file: Path, question: str, seed: int | None) -> Preference:
-    """Return the preference saved in a file, to continue its questions, or a new preference."""
+    """Load the preference in a file, to continue its questions; if there is no file, begin a new preference.
+
+    Raises StudyError if the file has answers to another question, or another seed.
+    """
     from hpop.base.randomness import seed_of
     from hpop.preference import Preference
 
@@ -172,19 +187,19 @@ def _person(front: Front, file: Path, question: str, seed: int | None) -> Prefer
         person = Preference.load(file).on(front)
     if person.question != question or not person.ties:
         raise StudyError(
-            f"{file} has answers to another question ({person.question}); give --out for a file of its own, or remove "
-            "that one"
+            f"{file} has answers to another question ({person.question}); give another --out, or remove that file"
         )
     if seed is not None and seed != person.seed:
         raise StudyError(
-            f"{file} was begun with --seed {person.seed}, got {seed}; leave it out to continue, or give another --out"
+            f"{file} was begun with --seed {person.seed}, got {seed}; leave out --seed to continue, or give another "
+            "--out"
         )
-    echo(f"continuing after {len(person.answers)} answers in {file}; for another person give another --out")
+    echo(f"continuing after {len(person.answers)} answers in {file}; if this is another person, give another --out")
     return person
 
 
 def _ask(asking: Asking, picture: Path) -> None:
-    """Ask the questions on the terminal, and write a map of each pair to a file."""
+    """Ask the questions on the terminal. Meanwhile a file holds a map of the two trajectories."""
     from rich.console import Console
 
     from hpop.cli.picking import pair_table
@@ -204,7 +219,7 @@ def _ask(asking: Asking, picture: Path) -> None:
 
 
 def _answered() -> str:
-    """Return the typed answer: a, b, tie or stop; the end of the input means stop."""
+    """Ask for an answer until it is a, b, tie or stop; return it. The end of the input means stop."""
     while True:
         click.echo("a, b, tie or stop? ", nl=False)
         line = sys.stdin.readline()

@@ -38,7 +38,7 @@ MOST_MEASURED = {4: 20_000, 5: 4_000, 6: 1_000, 7: 100}  # most points of a hype
 
 
 def marks(front: Front, preference: Preferring | None = None) -> dict[int, list[str]]:
-    """Return the rows that have a label, such as the knee, each with all its labels."""
+    """Return the labels of marked rows, such as "knee", by row number."""
     names: dict[int, list[str]] = {}
     for label, point in front.named(preference).items():
         names.setdefault(point.index, []).append(label)
@@ -55,14 +55,11 @@ def print_front(
     preference: Preferring | None = None,
     most_rows: int = MOST_ROWS,
 ) -> None:
-    """Print the front, the executed costs of its marked trajectories, the notes and the certificate.
+    """Print notes, the front, planned and executed costs of its marked trajectories, the status and the certificate.
 
-    Parameters
-    ----------
-    saved : file with the whole front, for the text
-    verbose : whether to print statistics of the search
-    preference : of a person; the best trajectory for that person is marked "for you"
-    most_rows : number of rows of the table, in addition to the marked ones
+    Parameters ---------- saved : file with the whole front, named in the output verbose : whether to print statistics
+    of the search preference : of a person; the best trajectory for that person is marked "for you" most_rows : number
+    of rows of the table, in addition to the marked ones
     """
     console = console or Console()
 
@@ -105,12 +102,11 @@ def print_front(
 
 @dataclasses.dataclass(frozen=True)
 class Contribution:
-    """Contribution of one planner to the front.
+    """Contribution of one planner to the joint front of several planners.
 
-    points  number of points of the final front that this planner found first
-    found   number of points of the front after this planner
-    before  hypervolume of the front before this planner, 0 for the first
-    after   hypervolume of the front after this planner; NaN if it would take minutes to compute
+    points number of points of the final front that this planner found first found number of points of the front after
+    this planner before hypervolume of the front before this planner, 0 for the first after hypervolume of the front
+    after this planner; NaN if it would take minutes to compute
     """
 
     planner: str
@@ -162,9 +158,10 @@ def _hypervolumes(fronts: Sequence[Front], scale: Sequence[Front]) -> list[float
 class StageLines:
     """Printer of one line for each front of a running search, so that a user sees the front grow.
 
-    For hypervolumes, costs are scaled so that the first front with points has ideal 0 and nadir 1; the reference point
-    is 1.1. So the hypervolume of an improved front is never smaller. None is printed for a front that leaves this box,
-    as may happen after a first front of a few close points.
+    The line has the time, the number of trajectories and the hypervolume. Costs are scaled so that the first front with
+    points has ideal 0 and nadir 1; the reference point is 1.1. So the hypervolume of an improved front is never
+    smaller. No hypervolume is printed for a front that leaves this box, as may happen after a first front of a few
+    close points.
     """
 
     def __init__(self) -> None:
@@ -235,7 +232,7 @@ def print_wide(console: Console, table: Table) -> None:
 
 
 def plain_table() -> Table:
-    """Return an empty table in the style of the command line."""
+    """Return an empty table with the layout of all tables of the command line."""
     return Table(box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
 
 
@@ -245,11 +242,12 @@ def header(name: str, unit: str) -> Text:
 
 
 def _labels(names: Sequence[str]) -> Text:
-    """Return names below each other."""
+    """Return labels as text, one on each line."""
     return Text("\n".join(map(printable, names)))
 
 
 def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence[str]]) -> Table:
+    """Return the table of a front: row number, costs, reported values, order of stops on a tour, and labels."""
     table = plain_table()
     table.add_column("#", justify="right")
     for name, unit in zip(front.names, front.units, strict=True):
@@ -270,7 +268,7 @@ def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence
 
 
 def visit_order(front: Front, row: int) -> str:
-    """Return the numbers of the stops that a trajectory visits, counted from 1, in the order of its visits."""
+    """Return the order in which a trajectory visits the stops of a tour, as numbers counted from 1, such as "2 1 3"."""
     visits = front.provenance[row].get("visits")
     numbers = {name: i for i, name in enumerate(_stop_names(front), 1)}
     listed = [visit for visit in visits if isinstance(visit, dict)] if isinstance(visits, list) else []
@@ -284,7 +282,7 @@ def _stop_names(front: Front) -> tuple[str, ...]:
 
 
 def shown_rows(front: Front, most: int, marked: Iterable[int] = ()) -> list[int]:
-    """Return all rows of a short front; of a long one the marked rows and up to ``most`` rows that differ most."""
+    """Return the rows to print: all rows of a short front, else the marked ones and up to ``most`` that differ most."""
     if len(front) <= most:
         return list(range(len(front)))
     return sorted(differing(front.costs, most, always=sorted({*marks(front), *marked})))
@@ -309,14 +307,14 @@ def _executed_table(problem: Problem, front: Front, names: Mapping[int, Sequence
 
 
 def is_complete(front: Front) -> bool:
-    """Return whether its planners have found everything that they can find."""
+    """Return whether every planner of a front has found all that it can find, or has shown that no path exists."""
     from hpop.frontier.union import JOINT
 
     return set(front.status.split(JOINT)) <= {Status.COMPLETE, Status.NO_PATH}
 
 
 def why_nothing(status: str) -> str:
-    """Return the reason why a front has no points, with advice, from its status."""
+    """Return the reason why a front has no points, with advice, for a status such as "time limit"."""
     from hpop.frontier.union import JOINT
 
     ways: dict[str, str] = {
@@ -324,7 +322,7 @@ def why_nothing(status: str) -> str:
         Status.LABEL_LIMIT: "raise max_labels, or make the graph smaller (a larger step, fewer samples)",
         Status.MEMORY_LIMIT: "raise max_memory (bytes), or make the graph smaller (a larger step, fewer samples)",
         Status.POINT_LIMIT: "raise max_points",
-        Status.RUN_LIMIT: "give it more runs, or another seed",
+        Status.RUN_LIMIT: "raise the planner's number of runs, or change its seed",
         Status.NO_PATH: "the notes say what is in the way",
         Status.COMPLETE: "the notes say why candidates were dropped; try another planner, such as 'lattice'",
     }
@@ -346,7 +344,9 @@ def numbers(values: FloatArray, quantum: float) -> list[str]:
 
 
 def number(value: float, quantum: float, more: int = 0) -> str:
-    """Format a cost: counts as whole numbers, 0 below half a quantum, else four significant digits plus ``more``.
+    """Format a cost: 0 below half a quantum, counts as whole numbers, others with three decimals plus ``more``.
+
+    Values below 0.1 get four significant digits plus ``more`` instead.
 
     >>> number(3.0, 1.0), number(41.29117, 1e-6), number(0.01234567, 1e-6), number(3e-8, 1e-6)
     ('3', '41.291', '0.01235', '0')

@@ -33,7 +33,7 @@ PICTURES = ("map.png", "front.png", "trace.png", "where.png", "side.png", "state
 
 @contextmanager
 def output_errors(what: str, way_out: str) -> Iterator[None]:
-    """Turn an error of reading or writing a file into an OutputError with advice, ``way_out``."""
+    """Turn an error of reading or writing a file into an OutputError that ends with the advice ``way_out``."""
     from hpop.frontier import FrontFileError
 
     try:
@@ -45,7 +45,7 @@ def output_errors(what: str, way_out: str) -> Iterator[None]:
 
 
 def check_writable(out: Path) -> None:
-    """Raise OutputError if results cannot be written to a folder; used before a search, leaves no files."""
+    """Raise OutputError if results cannot be written to a folder. Used before a search; leaves no files behind."""
     with output_errors(f"cannot write to {out}", "choose another --out"):
         there = next(folder for folder in (out, *out.absolute().parents) if folder.exists() or folder.is_symlink())
         with TemporaryFile(dir=there) as file:
@@ -57,10 +57,11 @@ def check_writable(out: Path) -> None:
 
 @contextmanager
 def held(out: Path) -> Iterator[None]:
-    """Lock a folder, created if missing, during the context, so that no second plan overwrites its results.
+    """Lock a folder while the ``with`` block runs, so that no second command overwrites its results.
 
-    The system releases the lock when the process ends. On file systems without locks the folder is not locked. Created
-    folders that stay empty are removed. Raises OutputError if another process has the lock.
+    The folder is created if it is missing, and removed again if it stays empty. The system releases the lock when
+    the process ends. On file systems without locks the folder is not locked. Raises OutputError if another
+    process has the lock.
     """
     with output_errors(f"cannot write to {out}", "choose another --out"):
         made = [folder for folder in (out, *out.parents) if not folder.exists()]
@@ -98,7 +99,7 @@ def _opened(out: Path) -> int | None:
 
 
 def _holder(out: Path) -> str:
-    """Return the number of the process that has locked a folder, as text; "" if the system does not tell."""
+    """Return the process that has locked a folder, such as " (process 123)"; "" if the system does not tell."""
     inode = f":{out.stat().st_ino}"
     with suppress(OSError):
         for _, kind, _, _, process, file, *_ in map(str.split, Path("/proc/locks").read_text().splitlines()):
@@ -108,7 +109,10 @@ def _holder(out: Path) -> str:
 
 
 def save(front: Front, out: Path) -> None:
-    """Write the front (to a new folder if this fails), and remove pictures and pages of earlier fronts."""
+    """Write a front to a folder, and remove the pictures and pages of earlier fronts.
+
+    If this fails, the front is saved in a new temporary folder, and an OutputError names it.
+    """
     try:
         with output_errors(f"cannot write to {out}", "choose another --out"):
             out.mkdir(parents=True, exist_ok=True)
@@ -126,14 +130,14 @@ def save(front: Front, out: Path) -> None:
 
 
 def save_page(problem: Problem, front: Front, saved: Path, preference: Preference | None = None) -> Path:
-    """Write the explorer page beside the file of a front."""
+    """Write the explorer page (front.html) into the folder of a saved front; return its path."""
     from hpop.view import save_explorer
 
     return save_explorer(problem, front, saved.with_name(PAGE), saved=saved, preference=preference)
 
 
 def page_payload(saved: Path) -> dict[str, Any]:
-    """Return the data of the page of a saved front."""
+    """Return the data that the explorer page shows for a saved front."""
     from hpop.problems.front import Front
     from hpop.problems.problem import Problem
     from hpop.view.explorer.payload import payload
@@ -153,7 +157,7 @@ def draw(
 ) -> list[str]:
     """Draw only the map, or all pictures and the page; return the names of the files.
 
-    If this fails, an OutputError says that the front is saved.
+    If drawing fails, an OutputError says that the front itself is saved.
     """
     drawn: list[Path] | None = None
     try:
@@ -169,7 +173,7 @@ def draw(
 
 
 def loaded(folder: Path) -> tuple[Path, Front]:
-    """Load a saved front, given by its folder or its file; return the path of the file, and the front."""
+    """Load a saved front, given its folder or its file; return the path of the file, and the front."""
     from hpop.problems.front import Front
 
     path = folder / SAVED if os.path.isdir(folder) else folder
@@ -178,7 +182,10 @@ def loaded(folder: Path) -> tuple[Path, Front]:
 
 
 def problem_of(path: Path, front: Front) -> Problem:
-    """Return the problem of a saved front; UnknownName if a criterion of the user is not imported."""
+    """Rebuild the problem that is stored with a saved front.
+
+    Raises UnknownName if a criterion of the user is not imported.
+    """
     from hpop.problems.problem import Problem
 
     try:

@@ -1,4 +1,4 @@
-"""``hpop ride``: show the viewer's view along trajectories of a front, as a page, in a headset, or as a video."""
+"""Command ``hpop ride``: show the viewer's view along trajectories, as a page, in a headset, or as a video."""
 
 from __future__ import annotations
 
@@ -26,9 +26,11 @@ def video_options(command: Any) -> Any:
     for option in (
         click.option("--width", type=int, default=WIDTH, metavar="N", help=f"Pixels of a video's width. [{WIDTH}]"),
         click.option("--fps", type=float, default=FPS, metavar="N", help=f"Frames a second. [{FPS:g}]"),
-        click.option("--frames", type=click.Path(path_type=Path), metavar="FOLDER", help="Its frames as PNG files."),
         click.option(
-            "--video", type=click.Path(path_type=Path), metavar="MP4", help="Write a video all round of one row."
+            "--frames", type=click.Path(path_type=Path), metavar="FOLDER", help="Write its frames as PNG files."
+        ),
+        click.option(
+            "--video", type=click.Path(path_type=Path), metavar="MP4", help="Write a 360 degree video of one row."
         ),
     ):
         command = option(command)
@@ -45,13 +47,13 @@ def film(
     fps: float,
     width: int,
 ) -> None:
-    """Make a video of one row (by default the knee), or its frames as files, or both; print what was written."""
+    """Write a 360 degree video of one row (by default the knee), its frames as PNG files, or both; print the names."""
     from hpop.problems.named_rows import named_rows
     from hpop.view import save_frames, save_video
     from hpop.view.ride.scene import ViewScene
 
     if len(rows) > 1:
-        raise click.UsageError(f"a video is of one row, got {len(rows)}: {', '.join(rows)}; make one of each")
+        raise click.UsageError(f"a video shows one row, got {len(rows)}: {', '.join(rows)}; run the command for each")
     (row,) = named_rows(front, rows or ["knee"])
     for note in ViewScene.of(problem).notes:
         echo(f"note: {note}")
@@ -68,7 +70,7 @@ KNEE = ["knee"]
 
 
 def _rows(context: click.Context, option: click.Parameter, given: Sequence[str]) -> list[str]:
-    """Return the rows in repeated options with comma-separated lists."""
+    """Split the values of the repeated option --rows at commas; return all rows in one list."""
     rows = [row.strip() for text in given for row in text.split(",")]
     if not all(rows):
         raise click.BadParameter("expected ROW or ROW,ROW, such as knee,3", context, option)
@@ -76,13 +78,19 @@ def _rows(context: click.Context, option: click.Parameter, given: Sequence[str])
 
 
 def _page_options(command: Any) -> Any:
-    """Add the options for the page, and for serving it to a headset, to a command."""
+    """Add the options for writing the page, and for serving it to a headset, to a command."""
     for option in (
-        click.option("--port", type=click.IntRange(0, 65535), default=PORT, metavar="N", help=f"To serve on. [{PORT}]"),
-        click.option("--cable", is_flag=True, help="Serve it to this machine, and to a headset on its cable (adb)."),
-        click.option("--serve", is_flag=True, help="Serve it to a headset in the network, over https: hpop[serve]."),
-        click.option("--open", "opens", is_flag=True, help="Write it and open it in a browser."),
-        click.option("--blind", is_flag=True, help="Leave numbers and names of criteria out of the page."),
+        click.option(
+            "--port", type=click.IntRange(0, 65535), default=PORT, metavar="N", help=f"Port to serve on. [{PORT}]"
+        ),
+        click.option(
+            "--cable", is_flag=True, help="Serve the page to this machine, and to a headset on its cable (adb)."
+        ),
+        click.option(
+            "--serve", is_flag=True, help="Serve the page to headsets in the network, over https (hpop[serve])."
+        ),
+        click.option("--open", "opens", is_flag=True, help="Write the page and open it in a browser."),
+        click.option("--blind", is_flag=True, help="Leave costs and names of criteria out of the page."),
         click.option("--out", type=click.Path(path_type=Path), metavar="HTML", help=f"[FOLDER/{RIDE}]"),
     ):
         command = option(command)
@@ -117,18 +125,21 @@ def ride(
     width: int,
     imports: tuple[str, ...],
 ) -> None:
-    """Show the viewer's view along trajectories of the front in a FOLDER that `hpop plan` wrote.
+    """Show the viewer's view along trajectories of a front.
 
-    Writes a page, one file that needs no network, to ride along trajectories and compare them. With --serve or --cable
-    the page is served until Ctrl-C instead; with --video or --frames a 360 degree video of one row is made.
+    FOLDER holds the front that `hpop plan` wrote. Writes a page, one file that needs no network, to ride along
+    trajectories and compare them. With --serve or --cable the page is served until Ctrl-C instead. With --video or
+    --frames a 360 degree video of one row is made.
     """
     from hpop.cli import user_code
 
     filmed, served = video is not None or frames is not None, serve or cable
     if filmed and (served or out is not None or blind or opens):
-        raise click.UsageError("--video and --frames make a video, without a page: leave the page's options out")
+        raise click.UsageError(
+            "--video and --frames make no page: leave out --serve, --cable, --out, --blind and --open"
+        )
     if served and (out is not None or opens or (serve and cable)):
-        raise click.UsageError("give one of --serve, --cable, and --out or --open")
+        raise click.UsageError("give only one of --serve and --cable; a served page has no --out and no --open")
     user_code.register(imports)
     path, front = loaded(folder)
     problem = problem_of(path, front)
@@ -141,7 +152,7 @@ def ride(
 
 
 def _say(problem: Problem, front: Front, rows: Sequence[str]) -> str:
-    """Print the trajectories of a page, and notes on inexact drawings; return the number of trajectories as text."""
+    """Print the letter of each trajectory on the page, and notes on inexact drawings; return their number as text."""
     from hpop.problems.named_rows import named_rows
     from hpop.view.ride.scene import ViewScene
 

@@ -1,4 +1,4 @@
-"""Commands for a saved front: ``hpop show`` and ``hpop pick``."""
+"""Commands for a saved front: ``hpop show`` prints and checks it, ``hpop pick`` chooses one trajectory."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hpop.base.text import counted
 from hpop.cli import results
 from hpop.cli.batching import is_batch, print_summary
 from hpop.cli.results import PAGE, loaded, problem_of
@@ -29,7 +30,7 @@ PAIR = "NAME=NUMBER"
 
 
 def _numbers(context: click.Context, option: click.Parameter, given: Sequence[str]) -> dict[str, float]:
-    """Return the numbers of repeated options such as turns=5, by name."""
+    """Parse the values NAME=NUMBER of a repeated option, such as turns=5, into a dictionary."""
     found: dict[str, float] = {}
     for text in given:
         name, _, number = text.rpartition("=")
@@ -44,7 +45,7 @@ def _numbers(context: click.Context, option: click.Parameter, given: Sequence[st
 
 
 def _names(context: click.Context, option: click.Parameter, given: Sequence[str]) -> list[str]:
-    """Return the names in repeated options with comma-separated lists."""
+    """Split the values of a repeated option at commas; return all names in one list."""
     names = [name.strip() for text in given for name in text.split(",")]
     if not all(names):
         raise click.BadParameter("expected NAME or NAME,NAME, such as sickness,rotation", context, option)
@@ -67,9 +68,11 @@ also_option = click.option(
 @click.option(
     "--rows", type=click.IntRange(1), metavar="N", help="Rows of the table, with all marked ones; 20 if left out."
 )
-@click.option("--all", "every", is_flag=True, help=f"Check all trajectories of a front of more than {MOST_CHECKED:,}.")
-@click.option("--web", is_flag=True, help=f"Write {PAGE}, to choose from in a browser, beside the front.")
-@click.option("--open", "opens", is_flag=True, help="Write it and open it in a browser.")
+@click.option(
+    "--all", "every", is_flag=True, help=f"Check all trajectories, even if there are more than {MOST_CHECKED:,}."
+)
+@click.option("--web", is_flag=True, help=f"Write {PAGE} beside the front, a page to choose a trajectory in a browser.")
+@click.option("--open", "opens", is_flag=True, help="Write this page and open it in a browser.")
 @verbose_option
 @imports_option
 @user_errors
@@ -84,12 +87,11 @@ def show(
     verbose: bool,
     imports: tuple[str, ...],
 ) -> None:
-    """Print the front in a FOLDER that `hpop plan` wrote, then re-evaluate its costs and check it for collisions.
+    """Print and check the front that `hpop plan` wrote.
 
-    Of a front of more than 10,000 trajectories, 10,000 spread over it are checked, and all of the table; --all checks
-    all.
-
-    Of a FOLDER that `hpop batch` wrote, print the summary.
+    Its costs are evaluated again, and its trajectories are checked for collisions. If the front in FOLDER has more than
+    10,000 trajectories, those of the table and 10,000 others, spread over the front, are checked; --all checks all. For
+    a FOLDER that `hpop batch` wrote, the summary is printed.
     """
     from hpop.batches.results import Results
     from hpop.cli import picking, report, user_code
@@ -118,7 +120,7 @@ def show(
     number = report.how_many(front) if checked is None else f"{checked.size:,} of {report.how_many(front)}"
     echo(f"verified: costs re-evaluated, ends and collisions checked for {number}")
     if checked is not None:
-        echo("note: those checked are spread over the front, with all of the table; --all checks all trajectories")
+        echo("note: checked were the table and trajectories spread over the front; --all checks all trajectories")
     if web or opens:
         page = results.save_page(problem, more, path, preference)
         echo(f"written: {page}, to choose from in a browser")
@@ -133,14 +135,14 @@ def show(
     metavar=PAIR,
     multiple=True,
     callback=_numbers,
-    help="Only trajectories that cost no more, such as turns=5. Repeatable.",
+    help="Only trajectories with at most this cost, such as turns=5. Repeatable.",
 )
 @click.option(
     "--least",
     metavar="NAME",
     multiple=True,
     callback=_names,
-    help="The least of this cost; ties are broken by the next. Repeatable.",
+    help="The trajectory with the least of this cost; further names break ties. Repeatable.",
 )
 @click.option(
     "--wish",
@@ -154,7 +156,7 @@ def show(
     "--knee", is_flag=True, help="The knee: the compromise farthest below the plane through the extremes. [default]"
 )
 @preference_option
-@click.option("--csv", type=click.Path(path_type=Path), metavar="FILE", help="Write what the camera does, executed.")
+@click.option("--csv", type=click.Path(path_type=Path), metavar="FILE", help="Write the camera's motion, as executed.")
 @also_option
 @imports_option
 @user_errors
@@ -170,10 +172,10 @@ def pick(
     also: list[str],
     imports: tuple[str, ...],
 ) -> None:
-    """Pick one trajectory of the front in a FOLDER that `hpop plan` wrote, and give the reason.
+    """Pick one trajectory of a front, and give the reason.
 
-    Give one of --least, --wish, --row, --knee and --preference; --at-most limits the choice. --at-most and --wish may
-    name criteria added by --also.
+    FOLDER holds the front that `hpop plan` wrote. Give one of --least, --wish, --row, --knee and --preference;
+    --at-most limits the choice. --at-most and --wish may name criteria added by --also.
     """
     from hpop.cli import picking, user_code
 
@@ -199,7 +201,7 @@ def pick(
 
 
 def _spread(front: Front, shown: Iterable[int]) -> IntArray:
-    """Return the rows of a large front to verify: the rows of the table, and others evenly spread over the front."""
+    """Return the rows of a large front to verify: those of the table, and others evenly spread over the front."""
     import numpy as np
 
     return np.unique([*np.linspace(0, len(front) - 1, MOST_CHECKED).round().astype(np.int64), *shown])
@@ -211,11 +213,11 @@ def _refuse_faults(path: Path, faults: list[str]) -> None:
         echo(f"fault: {fault}", err=True)
     if faults:
         more = f", {MOST_FAULTS} of them listed" if len(faults) > MOST_FAULTS else ""
-        raise OutputError(f"{path} does not hold what it claims ({len(faults)} faults{more}); plan again")
+        raise OutputError(f"the front saved in {path} is wrong ({counted(len(faults), 'fault')}{more}); plan again")
 
 
 def _with_further(problem: Problem, front: Front, also: Sequence[str]) -> Front:
-    """Return the front with the further criteria ``also`` evaluated and reported."""
+    """Return the front with the criteria ``also`` evaluated on its trajectories, as reported values."""
     from hpop.problems import evaluation
 
     with status.progress_bar() as progress:

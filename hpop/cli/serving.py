@@ -29,7 +29,7 @@ DAYS = 7
 
 
 class Certificate(NamedTuple):
-    """Self-signed certificate for some IP addresses, with its key, both as PEM."""
+    """Self-signed certificate for some IP addresses, with its private key (both PEM) and its SHA-256 fingerprint."""
 
     pem: bytes
     key: bytes
@@ -37,10 +37,9 @@ class Certificate(NamedTuple):
 
 
 class OnePage(PageServer):
-    """Server of one page, under an address with a token.
+    """Server of one page, at an address that contains a secret token.
 
-    page   HTML, as bytes
-    names  further names of this machine that requests may use
+    page HTML, as bytes names further names of this machine that requests may use
     """
 
     def __init__(
@@ -61,7 +60,7 @@ class OnePage(PageServer):
 
 
 def own_address() -> str:
-    """Return the address of this machine in its network, else 127.0.0.1; nothing is sent."""
+    """Return the IP address of this machine in its network, or 127.0.0.1 without a network. Nothing is sent."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))  # an address of documentation (RFC 5737)
@@ -81,8 +80,8 @@ def certificate_for(*hosts: str) -> Certificate:
         from cryptography.hazmat.primitives.asymmetric import ec
     except ImportError as error:
         raise OutputError(
-            f"certificates are made with cryptography, the extra hpop[serve] ({error}); pip install 'hpop[serve]', or "
-            "take --cable, which needs no certificate"
+            f"https needs the package cryptography, which is missing ({error}); pip install 'hpop[serve]', or use a "
+            "headset on a cable (hpop ride --cable), which needs no https"
         ) from None
     key = ec.generate_private_key(ec.SECP256R1())
     name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "hpop ride")])
@@ -108,9 +107,10 @@ def certificate_for(*hosts: str) -> Certificate:
 
 
 def context_of(certificate: Certificate) -> ssl.SSLContext:
-    """Return the SSL context of a certificate.
+    """Return an SSL context with a certificate and its key.
 
-    While the context reads the key, a file holds it that only its owner may read.
+    Python's ssl module reads keys only from files, so a temporary file holds it meanwhile, which
+    only its owner may read.
     """
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     with TemporaryDirectory(prefix="hpop-") as folder:

@@ -1,4 +1,4 @@
-"""``hpop study score``, ``report`` and ``power``: tables and tests of answers, and the number of people needed."""
+"""Commands ``hpop study score``, ``report`` and ``power``: tables of answers, tests, number of people needed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def score(folder: Path) -> None:
     """Make tables of the answers; print medians.
 
     Writes answers.csv, scores.csv, choices.csv and answers.sqlite; free text of participants goes to remarks.csv only.
-    Exit code 17 if the front of the study has changed since.
+    The exit code is 17 if the front has changed since the study began.
     """
     from hpop.study import Answers, Design
     from hpop.study.design_file import FILE
@@ -63,7 +63,7 @@ def score(folder: Path) -> None:
 def report(folder: Path, named: str, method: str, correction: str | None, out: Path | None) -> None:
     """Test a score of the answers; write a report.
 
-    The report has a page, tables, figures, and the code that repeats them.
+    The report has a page, tables, figures, and code that repeats the analysis.
     """
     from hpop.study import Answers, analyse
     from hpop.study.folder import REPORT, front_of
@@ -83,10 +83,10 @@ def report(folder: Path, named: str, method: str, correction: str | None, out: P
 
 
 def _score(text: str) -> tuple[str, str]:
-    """Split FORM.SCORE into the names of the form and of the score."""
+    """Split FORM.SCORE into the id of the questionnaire and the name of its score."""
     form, _, name = text.partition(".")
     if not form or not name:
-        raise click.UsageError(f"--score is a form and a score of it, such as ssq.total, got {text!r}")
+        raise click.UsageError(f"--score: expected FORM.SCORE, such as ssq.total, got {text!r}")
     return form, name
 
 
@@ -94,15 +94,22 @@ def _score(text: str) -> tuple[str, str]:
 @click.option(
     "--effect",
     metavar="SD,SD",
-    help="Shift of each stimulus, in standard deviations; one number: of the last stimulus.",
+    help="Shift of each stimulus, in standard deviations. A single number shifts only the last stimulus.",
 )
 @click.option("--people", type=int, metavar="N", help="Number of people; by default the least number is computed.")
 @click.option("--stimuli", type=int, metavar="K", help="Number of stimuli. [3]")
-@click.option("--correlation", type=float, metavar="R", help="Between two answers of one person. [0.5]")
+@click.option("--correlation", type=float, metavar="R", help="Correlation between two answers of one person. [0.5]")
 @click.option("--test", metavar="NAME", help="friedman, wilcoxon or kruskal. [friedman; wilcoxon for two stimuli]")
-@click.option("--target", type=float, default=0.8, metavar="SHARE", help="Power that the least number reaches. [0.8]")
-@click.option("--pilot", type=click.Path(path_type=Path), metavar="DIR", help="Draw people from this study's answers.")
-@click.option("--score", "named", metavar="FORM.SCORE", help="Score of the pilot. [ssq.total]")
+@click.option(
+    "--target", type=float, default=0.8, metavar="SHARE", help="Power to reach, if --people is left out. [0.8]"
+)
+@click.option(
+    "--pilot",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Folder of a pilot study: simulated people are drawn from its answers.",
+)
+@click.option("--score", "named", metavar="FORM.SCORE", help="Score of the pilot study to use. [ssq.total]")
 @click.option("--seed", type=int, default=0, metavar="N", help="Random seed of the simulation. [0]")
 @user_errors
 def power(
@@ -118,22 +125,22 @@ def power(
 ) -> None:
     """Compute how many people a study needs.
 
-    Or the probability that --people people find a difference, by simulation before the study. Give --effect, the
-    smallest difference that would matter, or --pilot.
+    With --people, compute the power instead: the probability that so large a study finds the difference. Both are
+    simulated before the study. Give --effect, the smallest difference that would matter, or --pilot.
     """
     from hpop.study import Answers
     from hpop.study import power as simulated
 
     if (effect is None) == (pilot is None):
-        raise click.UsageError("give --effect or --pilot, one of them")
+        raise click.UsageError("give either --effect or --pilot")
     shifts = None if effect is None else _shifts(effect)
     several = len(shifts) if isinstance(shifts, list) else 3
     if stimuli is not None and (pilot is not None or (isinstance(shifts, list) and stimuli != several)):
         raise click.UsageError(
-            "--stimuli goes with one number as --effect: a pilot, and several numbers, say how many there are"
+            "give --stimuli only with a single number for --effect: --pilot, or several numbers, set it already"
         )
     if (correlation if effect is None else named) is not None:
-        raise click.UsageError("--correlation goes with --effect, and --score with --pilot")
+        raise click.UsageError("give --correlation only with --effect, and --score only with --pilot")
     found = simulated(
         shifts,
         n=people,
@@ -148,16 +155,20 @@ def power(
 
 
 def _shifts(text: str) -> Any:
-    """Return a number, or a list of numbers between commas; "observed" is returned as text and refused later."""
+    """Parse the value of --effect: a number, or a list of numbers between commas.
+
+    "observed" is returned as text; the power analysis refuses it with a reason.
+    """
     if text == "observed":
         return text
     try:
         several = [float(part) for part in text.split(",")]
     except ValueError:
-        raise click.UsageError(f"--effect is a number or several between commas, such as 0.5, got {text!r}") from None
+        raise click.UsageError(f"--effect: expected a number, or numbers between commas, got {text!r}") from None
     if several == [0.0] or (len(several) > 1 and len(set(several)) == 1):
         raise click.UsageError(
-            f"--effect {text} is no difference, which no study finds; give the smallest that would matter, such as 0.5"
+            f"--effect {text} means no difference, which no study can find; give the smallest difference that would "
+            "matter, such as 0.5"
         )
     return several if len(several) > 1 else several[0]
 

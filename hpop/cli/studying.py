@@ -1,4 +1,4 @@
-"""``hpop study``: a study in which people judge trajectories, from its design to its tables."""
+"""Commands ``hpop study``: run a study in which people judge trajectories, from its design to tables of answers."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ for _command in (power, report, score):
 
 
 def _strata(context: click.Context, option: click.Parameter, given: Sequence[str]) -> dict[str, list[str]]:
-    """Return the levels of each stratum, from repeated options such as sex=f,m."""
+    """Parse the values NAME=LEVEL,LEVEL of the repeated option --strata, such as sex=f,m; return the levels by name."""
     found: dict[str, list[str]] = {}
     for text in given:
         name, _, levels = text.partition("=")
         if not name or not levels or name in found:
             raise click.BadParameter(
-                f"expected NAME=LEVEL,LEVEL, each once, such as sex=f,m, got {text!r}", context, option
+                f"expected NAME=LEVEL,LEVEL, such as sex=f,m, and each NAME once, got {text!r}", context, option
             )
         found[name] = levels.split(",")
     return found
@@ -67,18 +67,20 @@ def _strata(context: click.Context, option: click.Parameter, given: Sequence[str
     metavar="ROW,ROW",
     multiple=True,
     callback=listed,
-    help="Rows to show: numbers of `hpop show`, knee, names of criteria for the least in them; view is the still view "
-    "from the start, a baseline. [the knee and two others]",
+    help="Rows to show: numbers from `hpop show`, knee, or a criterion, for the row with its least value; view is a "
+    "baseline, the still view from the start. [the knee and two others]",
 )
-@click.option("--count", type=int, metavar="N", help="Number of rows; rows that differ most from --rows are added.")
-@click.option("--by", metavar="NAME", help="Measure of the difference: costs, or paths. [costs]")
+@click.option(
+    "--count", type=int, metavar="N", help="Number of rows in all; those that differ most from --rows are added."
+)
+@click.option("--by", metavar="NAME", help="Difference by which --count adds rows: of costs, or of paths. [costs]")
 @click.option(
     "--share",
     type=float,
     metavar="SHARE",
-    help="Add only rows of similar duration: the longest at most this fraction longer than the shortest, such as 0.1.",
+    help="Add only rows of similar duration: 0.1 lets the longest last at most 10 % longer than the shortest.",
 )
-@click.option("--participants", type=int, required=True, metavar="N", help="How many people take part.")
+@click.option("--participants", type=int, required=True, metavar="N", help="Number of people who take part.")
 @click.option(
     "--order",
     default="permutations",
@@ -90,7 +92,7 @@ def _strata(context: click.Context, option: click.Parameter, given: Sequence[str
     multiple=True,
     metavar="NAME=A,B",
     callback=_strata,
-    help="Stratum balanced within orders: sex=f,m. Repeatable.",
+    help="Property of people that is balanced within each order, such as sex=f,m. Repeatable.",
 )
 @click.option("--consent", type=click.Path(path_type=Path), required=True, metavar="FILE", help="Text of the consent.")
 @click.option(
@@ -101,8 +103,12 @@ def _strata(context: click.Context, option: click.Parameter, given: Sequence[str
     default=["ssq,comfort"],
     help="Questionnaires: ssq, vrsq, fms, comfort, naturalness, mssq, or files of your own. [ssq,comfort]",
 )
-@click.option("--comparisons/--no-comparisons", default=True, help="Whether pairs are compared at the end. [yes]")
-@click.option("--rest", type=float, default=180.0, metavar="S", help="Rest between stimuli, at least. [180]")
+@click.option(
+    "--comparisons/--no-comparisons",
+    default=True,
+    help="Whether participants compare pairs of stimuli at the end. [yes]",
+)
+@click.option("--rest", type=float, default=180.0, metavar="S", help="Least rest between stimuli. [180]")
 @click.option("--video", is_flag=True, help="Show 360 degree videos in your own player instead of rides in the page.")
 @click.option("--language", default="en", metavar="CODE", help="Language of the pages. [en]")
 @click.option("--words", type=click.Path(path_type=Path), metavar="FILE", help="Texts of the pages in that language.")
@@ -127,10 +133,10 @@ def init(
     words: Path | None,
     seed: int,
 ) -> None:
-    """Begin a study of rows of a front.
+    """Begin a study of some trajectories of a front.
 
-    Writes the design, the schedule, the stimuli, a page for each participant, and a copy of the front to a new folder
-    DIR.
+    Writes the design, the schedule, the stimuli, a page for each participant, and a copy of the front
+    to a new folder DIR.
     """
     from hpop.study import Design, Protocol
     from hpop.study import folder as folders
@@ -169,10 +175,10 @@ def init(
 @click.option("--network", is_flag=True, help="Serve headsets in the network too, over https: needs hpop[serve].")
 @user_errors
 def serve(folder: Path, port: int, network: bool) -> None:
-    """Serve the pages, and save each answer.
+    """Serve the pages to participants, and save each answer.
 
     Runs until Ctrl-C. Pages are served to this machine, and to a headset on a cable after `adb reverse`; with --network
-    to other machines too.
+    also to other machines.
     """
     from hpop.cli.serving import EVERYWHERE, certificate_for, context_of, own_address
     from hpop.runtime.page_server import LOCAL
@@ -208,9 +214,9 @@ def serve(folder: Path, port: int, network: bool) -> None:
 @folder_argument
 @user_errors
 def check(folder: Path) -> None:
-    """Look for faults of the front, pages and answers.
+    """Look for faults in the front, pages and answers.
 
-    Exit code 17 if the front, stimuli, pages or answers of the study in DIR have faults.
+    The exit code is 17 if the front, stimuli, pages or answers of the study in DIR have faults.
     """
     from hpop.study.folder import check as checked
 
@@ -230,7 +236,7 @@ def check(folder: Path) -> None:
 @click.argument("participant")
 @user_errors
 def replace(folder: Path, participant: str) -> None:
-    """Replace a drop-out by the next person.
+    """Replace a person who dropped out by another one.
 
     PARTICIPANT is the id of the person who dropped out, such as p07. Answers so far are kept.
     """
@@ -246,10 +252,10 @@ def replace(folder: Path, participant: str) -> None:
 @click.option("--yes", is_flag=True, help="Do not ask for a confirmation.")
 @user_errors
 def withdraw(folder: Path, participant: str, yes: bool) -> None:
-    """Delete a PARTICIPANT, and make tables and reports again.
+    """Delete all data of a PARTICIPANT who withdraws.
 
-    PARTICIPANT is the id of the person who withdraws, such as p07. All data of that person are deleted, after a
-    confirmation or with --yes. The next person takes the place, under another id.
+    PARTICIPANT is an id, such as p07. The data are deleted after a confirmation, or with --yes; tables and reports are
+    made again without them. The next person takes the place, under another id.
     """
     from hpop.study import withdraw as withdrawn
     from hpop.study.leaving import known_of
@@ -270,7 +276,7 @@ def withdraw(folder: Path, participant: str, yes: bool) -> None:
 
 
 def _check_words(language: str, path: Path | None) -> None:
-    """Raise StudyError if texts of the pages are missing: in the file, or in those of hpop for this language."""
+    """Raise StudyError if texts of the pages are missing: in the file, or in hpop's own texts for this language."""
     from hpop.study.words import checked_file
     from hpop.study.words import words as shipped
 
@@ -282,7 +288,7 @@ def _check_words(language: str, path: Path | None) -> None:
 
 @contextmanager
 def _beside(check: Callable[[], None]) -> Iterator[None]:
-    """Run a check before the context, and raise one StudyError for the faults of both."""
+    """Run a check, then the ``with`` block. If one or both raise StudyError, raise one StudyError with all messages."""
     said = []
     try:
         check()
@@ -299,7 +305,7 @@ def _beside(check: Callable[[], None]) -> Iterator[None]:
 def _rows(
     front: Front, asked: list[str], count: int | None, by: str | None, share: float | None
 ) -> list[str | NamedRow]:
-    """Return the rows named on the command line and, up to ``count``, further rows that differ most from them."""
+    """Return the rows named by --rows and, up to ``count`` in all, further rows that differ most from them."""
     from hpop.study import pick
     from hpop.study.conditions import VIEW
 

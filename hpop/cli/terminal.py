@@ -1,6 +1,6 @@
-"""Helpers of all commands: output that is safe for the terminal, common options, and one message per error.
+"""Helpers for all commands: output that is safe for the terminal, common options, and one message per error.
 
-Text may hold names and values out of files, so control characters are escaped.
+Text may hold names and values from files, so control characters are escaped.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def echo(text: str, *, err: bool = False) -> None:
 
 @contextmanager
 def warnings_as_notes() -> Iterator[None]:
-    """Print warnings of hpop as notes, without the line of Python that caused them."""
+    """Print warnings of hpop as notes on standard error, without the line of Python that caused them."""
     with warnings.catch_warnings():
         usual = warnings.showwarning
 
@@ -55,6 +55,7 @@ class Commands(click.Group):
 
 @contextmanager
 def _quoted() -> Iterator[None]:
+    """Escape control characters in the message of a click error that is raised in the ``with`` block."""
     try:
         yield
     except click.ClickException as error:
@@ -63,7 +64,7 @@ def _quoted() -> Iterator[None]:
 
 
 def open_page(page: Path) -> None:
-    """Open a page in the browser, or print that there is no browser."""
+    """Open a page in the browser; if there is no browser, print what to do."""
     import webbrowser
 
     try:
@@ -84,7 +85,8 @@ imports_option = click.option(
     "imports",
     metavar="FILE_OR_MODULE",
     multiple=True,
-    help="Python of your own, FILE.py or a module: criteria, planners, models, goals, readers, formats. Repeatable.",
+    help="Your own Python code, FILE.py or a module, with criteria, planners, models, goals, readers or formats. "
+    "Repeatable.",
 )
 
 verbose_option = click.option(
@@ -96,12 +98,12 @@ preference_option = click.option(
     "person",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Preference of a person, a file of `hpop prefer`: the best trajectory for that person is marked.",
+    help="Preference of a person, a file that `hpop prefer` wrote: the best trajectory for that person is marked.",
 )
 
 
 def user_errors(command: F) -> F:
-    """Make a command end with one message and an exit code, without a traceback, after a mistake of the user."""
+    """Decorate a command: a mistake of the user ends it with one message and an exit code, without a traceback."""
 
     @wraps(command)
     def guarded(*args: Any, **kwargs: Any) -> Any:

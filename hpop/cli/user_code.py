@@ -1,4 +1,4 @@
-"""Python code of the user, named on the command line, and imported before a scenario or a front is read.
+"""Import of the user's own Python code, named on the command line, before a scenario or a front is read.
 
 Scenarios and fronts themselves run no code. A file is imported under its own name, with its folder on the import path,
 so that worker processes and pickles find it.
@@ -27,14 +27,14 @@ from hpop.planners.base import Planner, make_planner
 REGISTRIES: tuple[Registry[Any], ...] = (criteria, planners, models, goals, readers, formats)
 HOME = Path(__file__).parents[1]
 """Folder of the package hpop."""
-FORM = "give FILE.py, or MODULE as seen from this folder"
+FORM = "give FILE.py, or a MODULE that Python can import from this folder"
 
 
 def register(specs: Iterable[str]) -> None:
     """Import files (``FILE.py``) and modules that register criteria, planners, models, goals, readers or formats.
 
-    Raises OwnCodeError if one cannot be imported or registers nothing, and an error of the registry for an invalid
-    declaration or a name that is taken, with file and line.
+    Raises OwnCodeError if one cannot be imported or registers nothing. An invalid declaration, or a name that is taken,
+    raises the error of its registry, with file and line.
     """
     for spec in dict.fromkeys(specs):
         before, module = list(_registered()), imported(spec)
@@ -51,7 +51,7 @@ def register(specs: Iterable[str]) -> None:
 
 
 def _registered() -> Iterator[Any]:
-    """Yield the registered types that do not belong to hpop."""
+    """Yield all registered classes that are not part of hpop."""
     for registry in REGISTRIES:
         yield from registry.own().values()
 
@@ -66,7 +66,7 @@ def named(spec: str) -> Criterion | Model | Planner:
     known = {name: registry[name] for registry in (planners, models, criteria) for name in registry}
     if not colon and spec not in known:
         if _is_file(spec):
-            raise CriterionError(f"{spec!r} does not say what to check: give {spec}:NAME, with the name of its class")
+            raise CriterionError(f"{spec!r} names only a file: give {spec}:NAME, with the class to check")
         raise _unregistered(spec, known)
     try:
         found: Any = _named_in(imported(source), name) if colon else known[spec]
@@ -76,11 +76,11 @@ def named(spec: str) -> Criterion | Model | Planner:
         made = found() if isinstance(found, type) else found
     except TypeError as error:
         absent = ", ".join(required_parameters(found)) if is_dataclass(found) else ""
-        why = f"it has none for {absent}" if absent else str(error)
+        why = f"there is none for {absent}" if absent else str(error)
         kind = next((registry.error for registry in (planners, models) if found in registry.values()), CriterionError)
         raise kind(
-            f"{spec} needs defaults for all its parameters to be checked by its name: {why}. Make one in a file of "
-            f"your own, such as mine = {getattr(found, '__name__', spec)}(...), and give FILE.py:mine"
+            f"{spec} can be checked by its name only if all its parameters have defaults: {why}. Create one in a file, "
+            f"such as mine = {getattr(found, '__name__', spec)}(...), and give FILE.py:mine"
         ) from None
     if isinstance(made, Model):
         return made
@@ -88,21 +88,21 @@ def named(spec: str) -> Criterion | Model | Planner:
 
 
 def _unregistered(spec: str, known: Mapping[str, Any]) -> UnknownName:
-    """Return the error for a name that is not registered, with advice on how to check such a class."""
+    """Return the error for a name that is not registered, with advice on how to register or name the class."""
     packages = ("criteria", "planners", "models")
     home = [file for package in packages for file in HOME.glob(f"{package}/**/*.py") if file.stem == spec]
     if os.path.isfile(f"{spec}.py"):
-        way_out = f"{spec}.py is in this folder: hpop check {spec}.py:NAME, with the name of its class or its own"
+        way_out = f"{spec}.py is in this folder: give {spec}.py:NAME, where NAME is the class or its registered name"
     elif home and spec.isidentifier():
         package = home[0].relative_to(HOME).parts[0]
         way_out = (
-            f"{home[0]} is there, but hpop.{package} does not import it: name its class in "
-            f"{HOME / package}/__init__.py, among its imports"
+            f"{home[0]} exists, but hpop.{package} does not import it: add its class to the imports of "
+            f"{HOME / package}/__init__.py"
         )
     else:
-        way_out = "one of your own is not imported yet: hpop check FILE.py:NAME, or give --import FILE.py as well"
+        way_out = "for a class of your own, give FILE.py:NAME, or its name with --import FILE.py"
         if own := [name for name, thing in known.items() if not _is_at_home(thing)]:
-            way_out = f"not of hpop are {some(own)}; {way_out}"
+            way_out = f"your own are {some(own)}; {way_out}"
     return UnknownName(
         f"no criterion, model or planner called {shown(spec)} is imported.{did_you_mean(spec, known)} `hpop criteria`, "
         f"`hpop models` and `hpop planners` list what there is; {way_out}"
@@ -115,7 +115,7 @@ def _is_at_home(thing: Any) -> bool:
 
 
 def _named_in(module: ModuleType, name: str) -> Any:
-    """Return the attribute of a module, or the type that the module has registered, by its name."""
+    """Return an attribute of a module by its name, or a type that the module has registered under that name."""
     if not hasattr(module, name):
         for registry in REGISTRIES:
             item = registry.own().get(name)
@@ -127,11 +127,11 @@ def _named_in(module: ModuleType, name: str) -> Any:
 def imported(spec: str) -> ModuleType:
     """Import a ``FILE.py``, or a module by its dotted name as seen from the current folder, and return it.
 
-    Raises OwnCodeError, or the HpopError that the code raises, with file and line.
+    Raises OwnCodeError; an HpopError that the code itself raises keeps its type, and gets file and line.
     """
     source, _, name = spec.rpartition(":")
     if source and name.isidentifier():
-        raise OwnCodeError(f"cannot import {spec!r}: it is imported as a whole; give {source}")
+        raise OwnCodeError(f"cannot import {spec!r}: a file or module is imported as a whole; give {source}")
     is_file = _is_file(spec)
     if not is_file:
         _look_in(Path.cwd())
@@ -156,8 +156,8 @@ def _placed(file: Path) -> str:
     """
     if os.path.isdir(file):
         raise OwnCodeError(
-            f"cannot import {str(file)!r}: it is a folder; give a file in it, such as {file / 'NAME.py'}, or MODULE as "
-            "seen from where you are"
+            f"cannot import {str(file)!r}: it is a folder; give a file in it, such as {file / 'NAME.py'}, or a MODULE "
+            "that Python can import from this folder"
         )
     if not os.path.isfile(file):
         raise OwnCodeError(f"cannot import {str(file)!r}: there is no such file; {FORM}")
@@ -171,11 +171,11 @@ def _placed(file: Path) -> str:
 
 
 def _only(name: str, file: Path) -> None:
-    """Raise OwnCodeError if another module has the name of this file."""
+    """Raise OwnCodeError if Python would import another module under the name of this file."""
     try:
         found = find_spec(name)
     except ValueError:  # __main__ and other modules without an origin
-        other = "a part of Python"
+        other = "part of Python"
     else:
         if found is None or found.origin is None:  # a plain folder gives way to a file
             return
@@ -205,7 +205,7 @@ def _reported(error: BaseException, spec: str, *, is_file: bool) -> HpopError:
     if isinstance(error, SystemExit):
         way_out = "; put code that runs it as a program below if __name__ == '__main__'"
     elif isinstance(error, ImportError) and "relative import" in text:
-        way_out = "; it is part of a package: give PACKAGE.MODULE, as seen from this folder"
+        way_out = "; the file is part of a package: give PACKAGE.MODULE, as imported from this folder"
     else:
         way_out = "" if place or is_file else f"; {FORM}"
     return OwnCodeError(f"cannot import {spec!r}: {what}{way_out}")

@@ -69,7 +69,7 @@ def test_ctrl_c_keeps_what_is_finished_and_the_same_command_goes_on(
 def test_mistakes_are_told_without_a_trace(specification: Path) -> None:
     out = specification.parent / "out"
     both = run("batch", specification, "--out", out, "--workers", "2", "--ray", "auto")
-    assert (both.exit_code, "give one of --workers, --dask and --ray" in both.stderr) == (2, True)
+    assert (both.exit_code, "give only one of --workers, --dask and --ray" in both.stderr) == (2, True)
     specification.write_text(SPECIFICATION.replace("step: [1.0", "stepp: [1.0"))
     typo = run("batch", specification, "--out", out)
     assert typo.exit_code not in (0, 1)

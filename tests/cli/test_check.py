@@ -65,7 +65,7 @@ def test_a_criterion_at_home_that_its_package_does_not_import_is_told(
     (here / "criteria/comfort").mkdir(parents=True)
     (here / "criteria/comfort/glint.py").touch()
     monkeypatch.setattr(user_code, "HOME", here)
-    refused(run("check", "glint"), 7, "glint.py is there, but hpop.criteria does not import it: name its class in")
+    refused(run("check", "glint"), 7, "glint.py exists, but hpop.criteria does not import it: add its class to")
 
 
 def test_a_criterion_with_negative_costs_fails_by_name(
@@ -81,14 +81,14 @@ def test_a_criterion_with_negative_costs_fails_by_name(
     ("spec", "code", "said"),
     [
         ("turnz", 7, "Did you mean 'turns'?"),
-        ("glare", 7, "one of your own is not imported yet: hpop check FILE.py:NAME, or give --import FILE.py as well"),
+        ("glare", 7, "for a class of your own, give FILE.py:NAME, or its name with --import FILE.py"),
         ("odd_plugin", 7, "odd_plugin.py is in this folder: hpop check odd_plugin.py:NAME"),
         ("whole", 7, "`hpop criteria`, `hpop models` and `hpop planners` list what there is"),
         ("odd_plugin:Gone", 8, "Gone"),
         ("odd_plugin:number", 8, "declare a class with @hpop.criterion"),
         ("odd_plugin:Needy", 8, "needs defaults"),
-        ("serial_arm", 9, "it has none for urdf, tip, acceleration. Make one in a file"),
-        ("hpop.models:MobileArm", 9, "it has none for arm."),
+        ("serial_arm", 9, "there is none for urdf, tip, acceleration. Create one in a file"),
+        ("hpop.models:MobileArm", 9, "there is none for arm."),
         ("no_such_plugin:Mine", 14, "cannot import 'no_such_plugin'"),
         (":Mine", 14, "cannot import"),
         ("broken_plugin:Mine", 14, "SyntaxError"),

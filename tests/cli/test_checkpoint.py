@@ -117,15 +117,15 @@ def test_it_survives_kill_9_while_a_checkpoint_is_written(tmp_path, warm):
 @pytest.mark.parametrize(
     ("planner", "said"),
     [
-        ({"rrt": {"runs": 1}}, "plans with rrt; leave it out, or take one of these"),
-        ([{"lattice": {}}, {"roadmap": {}}], "plans with lattice, roadmap; plan with one of them at a time"),
-        ([{"lattice": {}}, {"lattice": {"step": 0.5}}], "plan with one of them at a time"),
+        ({"rrt": {"runs": 1}}, "the scenario has rrt; leave out --checkpoint, or change"),
+        ([{"lattice": {}}, {"roadmap": {}}], "the scenario has lattice, roadmap; leave only one of them"),
+        ([{"lattice": {}}, {"lattice": {"step": 0.5}}], "leave only one of them"),
     ],
 )
 def test_planners_that_keep_no_search_or_several_are_refused(tmp_path, planner, said):
     result = plan(write(tmp_path, planner), "out", "--checkpoint", tmp_path / "search.ckpt")
     assert result.exit_code == 10
-    assert result.stderr.startswith("error: --checkpoint keeps the search of one planner")
+    assert result.stderr.startswith("error: --checkpoint saves the search of exactly one of these planners")
     assert "(any-angle, exact, lattice, roadmap)" in result.stderr
     assert said in result.stderr
     assert os.listdir(tmp_path) == ["room.yaml"]

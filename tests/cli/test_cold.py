@@ -57,7 +57,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.proof
 def test_a_first_answer_comes_before_the_search_is_compiled(folder: Path) -> None:
     cold = (folder / "cold").read_text()
-    assert cold.count("the search is compiled beside after a first answer and its map, once") == 1
+    assert cold.count("the search is compiled in the background after a first answer and its map, once") == 1
     first, *_, last = re.findall(r"(?<= s  )lattice: .*", cold)
     assert first.endswith("unfinished")
     assert last.endswith("complete")

@@ -17,8 +17,9 @@ from hpop.planners.lattice import Lattice
 from hpop.problems.front import Front
 from hpop.search.machinery import beside
 
-AFTER = "the search is compiled beside after a first answer and its map, once for each number and kind of costs\n"
-AT_ONCE = "the search is compiled beside from now on, once for each number and kind of costs\n"
+ONCE = "once for each number and kind of costs\n"
+AFTER = f"the search is compiled in the background after a first answer and its map, {ONCE}"
+AT_ONCE = f"the search is compiled in the background from now on, {ONCE}"
 LATTICE = "\n  lattice: {step: 0.5}"
 WEIGHTS = "\n- weighted-sum: {step: 0.5}"
 

@@ -45,13 +45,13 @@ def test_what_happens_is_printed_drawn_and_can_be_told_again(folder: Path, tmp_p
         "1.0 s, at",
         "close: 'north'",
         "no options: none is open",
-        "it waits before the closed part of its path",
+        "the robot waits before the closed part of its path",
         "open: 'south'",
     ):
         assert words in done.output
     assert (tmp_path / "drive.png").read_bytes().startswith(b"\x89PNG")
     again = hpop.drive.load(tmp_path / "drive.json")
-    ended = re.search(r"it arrives after ([\d.]+) s", done.output)
+    ended = re.search(r"the robot arrives after ([\d.]+) s", done.output)
     assert ended is not None
     assert float(ended[1]) == pytest.approx(again.plan.duration, abs=0.06)
     assert float(ended[1]) > 60

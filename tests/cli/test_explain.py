@@ -69,8 +69,10 @@ def test_no_word_has_two_meanings() -> None:
 
 def test_an_unknown_word_names_the_nearest_before_all(run: Callable[..., Result], refused: Callable[..., None]) -> None:
     result = run("explain", "hypervolum")
-    refused(result, 7, "unknown word 'hypervolum'. Did you mean 'hypervolume'? Explained are front, certificate, ")
-    assert "Explained are front, certificate, " in run("explain").stdout
+    refused(
+        result, 7, "unknown word 'hypervolum'. Did you mean 'hypervolume'? `hpop explain` knows front, certificate, "
+    )
+    assert "`hpop explain` knows front, certificate, " in run("explain").stdout
 
 
 def test_a_plan_ends_with_where_its_words_are_explained(plan: Callable[..., Result], room: Path) -> None:

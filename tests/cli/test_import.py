@@ -131,7 +131,7 @@ def test_a_criterion_is_checked_by_its_file_its_module_or_its_name(hpop: Hpop, m
 def test_a_check_of_an_unknown_name_tells_what_was_imported(hpop: Hpop, mine: Path) -> None:
     done = hpop("check", "warmth", "--import", "ways.py", cwd=mine)
     assert done.returncode == 7
-    assert "my_way; one of your own is not imported yet" in done.stderr
+    assert "my_way; for a class of your own, give" in done.stderr
 
 
 def test_the_example_is_planned_as_it_says(hpop: Hpop, tmp_path: Path) -> None:
@@ -145,8 +145,8 @@ def test_the_example_is_planned_as_it_says(hpop: Hpop, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "named", "status", "said"),
     [
-        (None, "gone.py", 14, "there is no such file; give FILE.py, or MODULE"),
-        (None, "gone", 14, "No module named 'gone'; give FILE.py, or MODULE"),
+        (None, "gone.py", 14, "there is no such file; give FILE.py, or a MODULE"),
+        (None, "gone", 14, "No module named 'gone'; give FILE.py, or a MODULE"),
         ("import hpop\nclass :\n", "own.py", 14, "own.py, line 2: SyntaxError: invalid syntax"),
         ("import hpop\nimport gone\n", "own.py", 14, "own.py, line 2: ModuleNotFoundError: No module named 'gone'"),
         ("\n\n1 / 0\n", "own", 14, "own.py, line 3: ZeroDivisionError: division by zero"),
@@ -159,7 +159,7 @@ def test_the_example_is_planned_as_it_says(hpop: Hpop, tmp_path: Path) -> None:
         (WAY, "queue.py", 14, "its name is taken by the module 'queue'"),
         (WAY, "moocore.py", 14, "its name is taken by the module 'moocore'"),
         (WAY, "own.v2.py", 14, "NAME.py, with no other dot"),
-        (WAY, "own.py:Way", 14, "it is imported as a whole; give own.py"),
+        (WAY, "own.py:Way", 14, "a file or module is imported as a whole; give own.py"),
         (WAY, "own.txt", 14, "rename it to NAME.py"),
         (WAY, ".", 14, "it is a folder; give a file in it, such as NAME.py"),
     ],

@@ -241,7 +241,7 @@ def test_a_look_at_a_scenario_draws_it_and_tells_of_ends_that_cannot_be_used(
 def test_a_look_whose_file_is_no_png_by_its_name_is_refused(
     run: Callable[..., Result], refused: Callable[..., None], room: Path, name: str
 ) -> None:
-    refused(run("look", room / "room.yaml", "--out", room / name), 12, "the name must end in .png, got")
+    refused(run("look", room / "room.yaml", "--out", room / name), 12, "--out: expected a name that ends in .png, got")
     assert not (room / name).exists()
 
 

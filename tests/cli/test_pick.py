@@ -99,7 +99,7 @@ def test_it_says_why_and_what_it_costs(run: Run, folder: Path, front: Front) -> 
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (["--at-most", "turns=-1"], 10, "no trajectory to pick: asked for turns <= -1, which none has: the nearest, "),
+        (["--at-most", "turns=-1"], 10, "no trajectory to pick with turns <= -1, which none has: the nearest, "),
         (["--at-most", "turnz=5"], 7, "Did you mean 'turns'?"),
         (["--at-most", "turns=nan"], 10, "must be a finite number"),
         (["--wish", "turns=inf"], 10, "finite"),

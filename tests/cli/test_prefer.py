@@ -76,7 +76,7 @@ def test_who_cannot_go_on_is_told_before_the_first_question(folder: Path, run: R
     assert run("prefer", folder, "--seed", "1", typed="a\n").exit_code == 0
     again = run("prefer", folder, "--seed", "2", typed="a\n")
     assert again.exit_code == 17
-    assert "was begun with --seed 1, got 2; leave it out to continue" in again.output
+    assert "was begun with --seed 1, got 2; leave out --seed to continue" in again.output
 
 
 @pytest.mark.usefixtures("without_pictures")

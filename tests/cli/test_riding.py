@@ -47,7 +47,7 @@ def test_frames_alone(run: Run, folder: Path, tmp_path: Path) -> None:
     ("arguments", "code", "said"),
     [
         (["--video", "it.mp4", "--rows", "7"], None, "the front has rows 0 to 1"),
-        (["--video", "it.mp4", "--rows", "0,1"], 2, "a video is of one row, got 2: 0, 1"),
+        (["--video", "it.mp4", "--rows", "0,1"], 2, "a video shows one row, got 2: 0, 1"),
         (["--video", "it.mp4", "--rows", "best"], None, "no row is called 'best'"),
         (["--video", "it.avi"], None, "must end in .mp4"),
         (["--video", "it.mp4", "--width", "65"], None, "multiple of 4, got 65; 64 is one"),

@@ -151,7 +151,7 @@ def test_a_huge_front_is_checked_in_part_and_says_so(
     said = run("show", saved, "--rows", 1).stdout
     assert f"{len(named)} of {len(front)} trajectories shown" in said
     assert f"checked for {len(checked)} of {len(front)} trajectories\n" in said
-    assert "note: those checked are spread over the front, with all of the table; --all checks all" in said
+    assert "note: checked were the table and trajectories spread over the front; --all checks all" in said
 
     edited(saved, lambda d: moved_cost(d, left_out, 1e-7))
     assert "verified" in run("show", saved, "--rows", 1).stdout

@@ -202,8 +202,8 @@ def test_power_is_asked_before_a_study_and_never_after(study: Study) -> None:
     for wrong, said in {
         "": "give --effect or --pilot",
         "--effect some": "such as 0.5",
-        "--effect 0": "is no difference, which no study finds",
-        "--effect 1,1,1": "is no difference",
+        "--effect 0": "means no difference, which no study can find",
+        "--effect 1,1,1": "means no difference",
         "--effect 0,1 --stimuli 3": "say how many there are",
         "--effect 1 --score ssq.total": "--score with --pilot",
         "--pilot s --correlation 0.5": "--correlation goes with --effect",

@@ -73,7 +73,7 @@ def test_two_workers_find_the_same_front_and_the_report_says_what_each_planner_a
 ) -> None:
     there = plan(scenario, "two", "--workers", "2")
     assert there.exit_code == 0, there.output
-    assert "no planner of the scenario sweeps" not in there.output
+    assert "no planner of the scenario" not in there.output
     assert points(scenario, "two") == alone
     assert alone["count"] > 1
     assert "What each planner added" in there.stdout
@@ -98,7 +98,10 @@ def test_a_dask_scheduler_may_be_named(scenario: Path, alone: Any) -> None:
 
 def test_workers_without_a_planner_that_sweeps_are_noted(scenario: Path) -> None:
     scenario.write_text(SCENARIO.replace("weighted-sum: {step: 0.5}", "any-angle: {step: 0.5}").split("  - epsilon")[0])
-    assert "no planner of the scenario sweeps (any-angle, lattice)" in plan(scenario, "out", "--workers", "2").output
+    assert (
+        "no planner of the scenario (any-angle, lattice) can use several"
+        in plan(scenario, "out", "--workers", "2").output
+    )
 
 
 def test_where_no_workers_can_be_had_one_process_plans_and_says_so(
