@@ -64,7 +64,7 @@ def test_asking_goes_on_where_it_ended_and_the_end_of_the_input_stops(folder: Pa
     assert [answer.chosen is None for answer in answers] == [False, True, False]
     other = run("prefer", folder, "--question", "comfort", typed="a\n")
     assert other.exit_code == 17
-    assert "another question (prefer); give --out" in other.output
+    assert "another question (prefer); give another --out" in other.output
 
 
 @pytest.mark.usefixtures("without_pictures")

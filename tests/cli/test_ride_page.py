@@ -85,7 +85,7 @@ def test_a_blind_page_holds_no_numbers_of_criteria_and_no_names(run: Run, folder
         (["--rows", "best"], 7, "no row is called 'best'"),
         (["--serve", "--cable"], 2, "give only one of --serve and --cable"),
         (["--cable", "--out", "it.html"], 2, "a served page has no --out and no --open"),
-        (["--video", "it.mp4", "--blind"], 2, "without a page"),
+        (["--video", "it.mp4", "--blind"], 2, "--video and --frames make no page"),
         (["--out", "/proc/nowhere/it.html"], 12, "the ride cannot be written to /proc/nowhere/it.html"),
     ],
 )

@@ -200,13 +200,13 @@ def test_power_is_asked_before_a_study_and_never_after(study: Study) -> None:
     assert observed.exit_code == 17
     assert "observed power is not given" in observed.output
     for wrong, said in {
-        "": "give --effect or --pilot",
-        "--effect some": "such as 0.5",
+        "": "give either --effect or --pilot",
+        "--effect some": "expected a number, or numbers between commas",
         "--effect 0": "means no difference, which no study can find",
         "--effect 1,1,1": "means no difference",
-        "--effect 0,1 --stimuli 3": "say how many there are",
-        "--effect 1 --score ssq.total": "--score with --pilot",
-        "--pilot s --correlation 0.5": "--correlation goes with --effect",
+        "--effect 0,1 --stimuli 3": "or several numbers, set it already",
+        "--effect 1 --score ssq.total": "--score only with --pilot",
+        "--pilot s --correlation 0.5": "give --correlation only with --effect",
     }.items():
         done = study("power", *wrong.split())
         assert (done.exit_code, said in done.output) == (2, True), done.output
