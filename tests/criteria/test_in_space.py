@@ -225,5 +225,5 @@ def test_rays_are_refused_on_symbols_in_words():
     for name in ("optic_flow", "landmark_blindness"):
         world = ROOM.with_content(landmarks=[Landmark(1.0, 0.0)])
         criterion = make_criterion(name)
-        with pytest.raises(OptionError, match="rays in space are cast on numbers"):
+        with pytest.raises(OptionError, match="rays in space need positions as numbers"):
             criterion.cost(replace(symbols.motions, world=world))

@@ -106,7 +106,7 @@ def test_what_is_not_upright_is_the_prism_round_it_in_the_plane_and_noted_once()
     (note,) = world.notes
     assert "2 of 4 (ladder, solid 3)" in note
     assert [body.name for body in world.bodies] == ["table", "shelf", "ladder", "solid 3"]
-    assert "the prism round each" in note
+    assert "each counts as the upright prism" in note
     assert replace(world, keep_out=shapely.box(0, 0, 0.5, 0.5)).notes == (note,)
     assert World.from_description(world.describe()).notes == (note,)
     low, high = 2.0 - math.sin(0.5) - 0.1 * math.cos(0.5), 2.0 + math.sin(0.5) + 0.1 * math.cos(0.5)

@@ -1,4 +1,4 @@
-"""Compiled loops of fields: cubic B-splines, and the volume of obstacles in a ball."""
+"""Compiled loops for fields: values of cubic B-splines, and the volume of obstacles in a ball."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ Four = tuple[float, float, float, float]
 def _primitive(t: float, d: float, r: float, a: float) -> float:
     """Return an antiderivative, over the angle psi, of (r^2 - rho^2)^(3/2) along a line at distance d from the camera.
 
-    rho is the distance of a point on the line, t = d tan(psi) its position along the line, and a = sqrt(r^2 - d^2).
+    rho is the distance from the camera to a point on the line, t = d tan(psi) the position of the point along the line,
+    and a = sqrt(r^2 - d^2).
     """
     sin_u = min(max(t / a, -1.0), 1.0)
     cos_u = math.sqrt(1.0 - sin_u * sin_u)
@@ -43,8 +44,8 @@ def ball_volumes(
     slab (S + 1,): the edges of slab s are slab[s]:slab[s + 1]; heights (S, 2) m: its bottom and top
 
     An edge from p to q adds the part of the ball over the triangle (camera, p, q), between bottom and top, with the
-    sign of the triangle's orientation. It is the difference of two volumes from height 0 to height c, a function odd in
-    c; terms that do not depend on c are computed once.
+    sign of the triangle's orientation. This part is the difference of two volumes between the camera's height and a
+    height c, one for c = top and one for c = bottom; terms that do not depend on c are computed once.
     """
     for k in range(x.size):
         total = 0.0
@@ -113,9 +114,9 @@ def spline(
 ) -> None:
     """Add to out (M,) the values of the cubic B-spline at M points inside the grid.
 
-    coefficients (H, W); row, column (M,): the sample before each point, within [1, n - 3]; up, right (M,): the position
-    beyond this sample, in steps. NaN gives NaN. The kernel is short, because the first plan waits until it is compiled;
-    array operations prepare its inputs.
+    coefficients (H, W); row, column (M,): the sample before each point, within [1, n - 3]; up, right (M,): the distance
+    of the point from this sample, in grid steps. NaN gives NaN. The kernel is short, because the first plan waits until
+    it is compiled; array operations prepare its inputs.
     """
     for k in range(row.size):
         across, along = _weights(right[k]), _weights(up[k])

@@ -33,9 +33,9 @@ AT_ONCE = 256  # blocks computed together
 
 
 class GridPoints(NamedTuple):
-    """Symbolic points in grid steps, clamped to the grid.
+    """Points as CasADi symbols, in grid steps (column and row of the padded samples), clamped to the grid.
 
-    u, v    (M, 1) each
+    u, v    (M, 1) each: column and row
     points  (2, M)  u and v as one matrix, for CasADi's MX; None for SX
     shape   of the input columns
     """
@@ -49,11 +49,11 @@ class GridPoints(NamedTuple):
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Field:
-    """Scalar field: samples on a uniform grid, as a cubic B-spline.
+    """Scalar field over the plane: samples on a uniform grid, joined and slightly smoothed by a cubic B-spline.
 
     values   (H, W)        samples; row 0 has the lowest y of the field's frame
     spacing  float         m     distance of neighbouring samples
-    origin   (x, y, yaw)   m, m, rad   where values[0, 0] was sampled, and the direction of the rows
+    origin   (x, y, yaw)   m, m, rad   position of values[0, 0], and the direction along a row
 
     >>> field = Field(np.full((4, 5), 7.0), spacing=0.1)
     >>> field(np.array([0.0, 0.15, 99.0]), np.array([0.0, 0.2, 0.0])).round(12)
@@ -78,12 +78,12 @@ class Field:
 
     @property
     def nbytes(self) -> int:
-        """Return the bytes of the samples."""
+        """Return the memory of the samples, bytes."""
         coefficients: FloatArray = self.__dict__["_coefficients"]
         return coefficients.nbytes
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the samples; a copy builds the CasADi function again on first use."""
+        """Return samples, spacing and origin; a copy builds its CasADi function again on first use."""
         return {"values": self.values, "spacing": self.spacing, "origin": self.origin}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -101,7 +101,7 @@ class Field:
 
     @property
     def coefficients(self) -> FloatArray:
-        """Return the samples with a border of PAD repeated ones on each side, (H + 2 PAD, W + 2 PAD)."""
+        """Return the samples, padded on each side with PAD copies of the outermost ones, (H + 2 PAD, W + 2 PAD)."""
         padded: FloatArray = self.__dict__["_coefficients"]
         return padded
 
@@ -136,7 +136,7 @@ class Field:
         return out.reshape(shape)
 
     def coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the padded samples. A lazy field first computes those that the points (M,), in grid steps, need."""
+        """Return the padded samples. A lazy field first computes those near the points (M,), given in grid steps."""
         return self.coefficients
 
     def places(self, x: Column, y: Column) -> GridPoints:
@@ -167,7 +167,7 @@ class Field:
         return lift(values, size)
 
     def _build(self) -> Any:
-        """Build this spline as a CasADi function: equal coefficients, uniform knots."""
+        """Build a CasADi function that evaluates this spline."""
         import casadi  # slow to import
 
         rows, columns = self.coefficients.shape
@@ -223,7 +223,7 @@ class LazyField(Field):
         sample: Callable[[FloatArray, FloatArray], FloatArray],
         within: tuple[float, float] = (0.0, 1.0),
     ) -> None:
-        """Set up a field without samples; ``sample(x, y)`` returns the values (N,) at nodes of the grid, m.
+        """Set up a field without samples; ``sample(x, y)`` returns the values (N,) at grid points (x, y), m.
 
         ``within`` is a lower and an upper bound of all values.
         """
@@ -261,7 +261,7 @@ class LazyField(Field):
 
     @property
     def coefficients(self) -> FloatArray:
-        """Compute all samples and return them with their repeated border, (H + 2 PAD, W + 2 PAD)."""
+        """Compute all samples and return them padded, (H + 2 PAD, W + 2 PAD)."""
         self._fill(np.ones_like(self.__dict__["_asked"]))
         return super().coefficients
 
@@ -285,7 +285,7 @@ class LazyField(Field):
         return super().coefficients
 
     def _fill(self, wanted: Any) -> None:
-        """Compute the samples of those marked blocks that are missing; one thread at a time."""
+        """Compute the missing samples of the marked blocks, one thread at a time."""
         with self.__dict__["_lock"]:
             self._filled(wanted)
 
@@ -296,7 +296,7 @@ class LazyField(Field):
             self._sampled(blocks[begin : begin + AT_ONCE])
 
     def _sampled(self, blocks: IntArray) -> None:
-        """Compute the samples that blocks (B, 2), given by row and column and sorted by row, still need."""
+        """Compute the missing samples of blocks (B, 2), which are given by row and column and sorted by row."""
         asked, whole = (self.__dict__[name] for name in ("_asked", "_whole"))
         corners = blocks * BLOCK - PAD
         first = max(int(corners[0, 0]) - 1, 0)
@@ -317,7 +317,7 @@ class LazyField(Field):
 
 
 class TiledField(LazyField):
-    """Lazy field that computes its samples in large square tiles, as a Fourier transform yields them.
+    """Lazy field that computes its samples in large square tiles, because one Fourier transform yields a whole tile.
 
     >>> tiles = []
     >>> def sample(rows, columns):
@@ -345,9 +345,9 @@ class TiledField(LazyField):
         self._begin(shape, spacing, origin, (0.0, 1.0), _side=side, _sample=sample, _reads=reads, _made=made)
 
     def take_over(self, before: TiledField, boxes: IntArray) -> None:
-        """Copy the samples of an equal field, made before a change, that do not depend on changed inputs.
+        """Copy all tiles that do not depend on changed inputs from ``before``, the field before the change.
 
-        ``boxes`` (B, 4) bound these inputs: first row and column, last row + 1 and last column + 1.
+        ``boxes`` (B, 4) enclose the changed inputs: first row and column, last row + 1 and last column + 1.
         """
         inside, old = (field.__dict__["_whole"][PAD:-PAD, PAD:-PAD] for field in (self, before))
         for i, j in np.argwhere(before.__dict__["_made"] & ~self.__dict__["_made"]).tolist():
@@ -359,7 +359,7 @@ class TiledField(LazyField):
                 self.__dict__["_made"][i, j] = True
 
     def _tile_of(self, i: int, j: int) -> tuple[slice, slice]:
-        """Return the rows and columns of the nodes in tile [i, j]."""
+        """Return the rows and columns of the samples in tile [i, j]."""
         side, shape = self.__dict__["_side"], self.__dict__["_whole"][PAD:-PAD, PAD:-PAD].shape
         rows, columns = (slice(k * side, min((k + 1) * side, n)) for k, n in zip((i, j), shape, strict=True))
         return rows, columns
@@ -390,7 +390,7 @@ class TiledField(LazyField):
 
 
 def _tile(nodes: IntArray, side: int, shape: tuple[int, ...]) -> IntArray:
-    """Return the row and column of the tile (N, 2) nearest to each node (N, 2); a node in the grid lies in its tile."""
+    """Return row and column (N, 2) of the tile that holds each sample (N, 2), or of the nearest tile if none does."""
     return np.clip(nodes // side, 0, np.array(shape) - 1)
 
 

@@ -1,8 +1,8 @@
 """Obstruction phi: the fraction of a ball round the camera that is inside obstacles.
 
-``phi(p) = volume(ball(p, r) and O) / volume(ball(p, r))`` (Becerra et al. 2020). There are three ways to compute it:
-for polygons in closed form, for cells as a convolution of the occupancy with the closed form of one cell, and for
-solids in space by rays. The first two are exact up to rounding.
+``phi(p) = volume(ball(p, r) and O) / volume(ball(p, r))`` with obstacles O (Becerra et al. 2020). For polygons it is
+computed in closed form, for cells as a convolution of the occupancy with the closed form of one cell, and for solids in
+space by rays. The first two are exact up to rounding.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from hpop.world.world import World
 
 NOISE = 1e-9
-"""Rounding of the FFT: values below are 0."""
+"""Value below which a result of the FFT counts as 0: it is rounding."""
 BLOCK = 256
 """Polygons whose neighbours are searched together."""
 ROUNDING = 1e-12
-"""Rounding of the closed form: values below are 0."""
-PER_RADIUS = 10  # nodes
+"""Value below which a result of the closed form counts as 0: it is rounding."""
+PER_RADIUS = 10  # nodes of the grid per radius of the ball
 RAYS = 1000  # per node, over the ball: errors at edges and corners are one or two thousandths
 MOST = 1 << 22  # most nodes in the cache, 64 MB
 SIDE = 1 << 20  # nodes on either side of the middle that a key can number
@@ -44,11 +44,11 @@ CUBICS = 0.5 * np.array([[0.0, 2.0, 0.0, 0.0], [-1.0, 0.0, 1.0, 0.0], [2.0, -5.0
 
 
 class RasterBalls:
-    """Obstructed fraction at cell centres, by FFT, tile by tile.
+    """Obstructed fraction of the ball round each cell centre, computed tile by tile as a convolution by FFT.
 
-    The kernel is the exact obstruction by a single cell at every offset, so the result is exact for the union of the
-    occupied squares at any resolution. Tiles overlap by the kernel's width. NumPy's transforms are used because
-    importing scipy.signal takes longer than convolving a building.
+    The kernel of the convolution is the exact obstruction by a single cell at every offset. So the result is exact for
+    the union of the occupied squares at any resolution. Tiles overlap by the kernel's width. NumPy's transforms are
+    used because importing scipy.signal takes longer than convolving a building.
 
     raster               occupied cells, with their heights
     radius               m, of the ball
@@ -68,11 +68,11 @@ class RasterBalls:
 
     @property
     def side(self) -> int:
-        """Return the number of cells along a tile."""
+        """Return the number of cells along a side of a tile."""
         return self._tile - self._overlap
 
     def values(self, rows: slice, columns: slice) -> FloatArray:
-        """Return the obstructed fractions, in [0, 1], at the cells of a tile, which begins at multiples of its side."""
+        """Return the obstructed fractions, in [0, 1], at the cells of a tile; tiles begin at multiples of `side`."""
         height, width = rows.stop - rows.start, columns.stop - columns.start
         cells = self._cells(rows, columns)
         product = self._transform * np.fft.rfft2(cells, (self._tile, self._tile))
@@ -81,7 +81,7 @@ class RasterBalls:
         return np.clip(np.where(np.abs(phi) < NOISE, 0.0, phi), 0.0, 1.0)
 
     def spans(self, rows: slice, columns: slice) -> list[tuple[int, int]]:
-        """Return the ranges of rows and columns of the cells that the balls of a tile reach, also beyond the image."""
+        """Return the ranges of rows and of columns that the balls of a tile reach; they may lie beyond the image."""
         border = self._border
         return [
             (part.start - border, min(part.start + self._tile - border, size + border))
@@ -103,7 +103,7 @@ class RasterBalls:
 def _transform_of_cell(
     resolution: float, z_min: float, z_max: float, radius: float, camera_z: float
 ) -> tuple[int, int, NDArray[np.complex128]]:
-    """Return the reach of a ball in cells, the side of a tile, and the transform of the obstruction by one cell."""
+    """Return the reach of a ball, cells; the side of a tile, cells; the Fourier transform of one cell's obstruction."""
     reach = math.ceil(radius / resolution + 0.5)
     offsets = np.arange(-reach, reach + 1) * resolution
     half = resolution / 2
@@ -164,7 +164,10 @@ def polygon_obstruction(obstacles: Sequence[Obstacle], x: Column, y: Column, z: 
 def prism_obstruction(
     parts: Sequence[BaseGeometry], heights: FloatArray, x: Column, y: Column, z: Column, radius: float
 ) -> FloatArray:
-    """Return :func:`polygon_obstruction` (M,) for prisms without overlaps, as :func:`disjoint_prisms` returns them."""
+    """Return the obstructed fraction (M,) of the ball round each camera position, like :func:`polygon_obstruction`.
+
+    The obstacles are prisms that do not overlap, as :func:`disjoint_prisms` returns them.
+    """
     from hpop.world.fields._kernels import ball_volumes  # numba is slow to import
 
     columns = (np.asarray(c, dtype=np.float64) for c in (x, y, z))
@@ -225,8 +228,8 @@ def _groups(polygons: Sequence[Polygon]) -> list[IntArray]:
 def _tiles(x: FloatArray, y: FloatArray, radius: float) -> tuple[IntArray, IntArray, NDArray[np.object_]]:
     """Sort points by square tiles of side 2 r, so that points of a tile need the same obstacles.
 
-    Return the order of the points, the begin of each tile in this order (T + 1,), and the boxes (T,) that the balls of
-    each tile can reach.
+    Return the order of the points, the index (T + 1,) at which each tile begins in this order, and the boxes (T,) that
+    the balls of each tile can reach.
     """
     side = 2.0 * radius
     column, row = np.floor(x / side), np.floor(y / side)
@@ -251,11 +254,11 @@ def _edges(geometries: Sequence[BaseGeometry]) -> tuple[FloatArray, IntArray]:
 
 
 class SolidBalls:
-    """Fraction of the ball of ``radius`` m round a point that is filled by solids.
+    """Fraction of the ball of ``radius`` m round a point that solids fill, as a function of the point.
 
     The fraction changes slowly: by at most 3/4 when the centre moves by the radius. Rays measure it at the nodes of a
     grid, a tenth of the radius apart, and smooth cubics (Catmull and Rom 1974) interpolate. A node is computed when a
-    point near it is first read; its value does not depend on the order of reading.
+    point near it is first needed. Its value does not depend on the order of the points.
     """
 
     def __init__(self, surfaces: Surfaces, radius: float) -> None:
@@ -266,7 +269,7 @@ class SolidBalls:
 
     @property
     def nbytes(self) -> int:
-        """Return the bytes of the nodes computed so far."""
+        """Return the memory of the nodes computed so far, bytes."""
         return self._keys.nbytes + self._values.nbytes
 
     def __call__(self, places: FloatArray) -> FloatArray:
@@ -307,6 +310,6 @@ class SolidBalls:
 
 
 def filled(world: World, radius: float) -> SolidBalls:
-    """Return a function of points: the fraction of a ball of ``radius`` m that a world's solids fill. Cached."""
+    """Return the function of points that gives the fraction of a ball of ``radius`` m that solids fill; cached."""
     ground = world.ground
     return ground.derived(("filled balls", radius), lambda: SolidBalls(surfaces_of(world), radius))

@@ -26,16 +26,16 @@ if TYPE_CHECKING:
 MAX_NODES = 25_000_000
 """Largest number of samples of a field; larger worlds are sampled more coarsely."""
 FINENESS = 10
-"""Least number of samples of the obstruction per radius of its ball."""
+"""Least number of samples of the obstruction along a radius of the ball."""
 MAX_HEIGHTS = 16
 """Largest number of distinct camera heights in one call of `World.obstruction`."""
 PAD = 3
 SAMPLE = 8
 """Bytes of a sample."""
 WHOLE = 250_000
-"""Number of clearance samples up to which all are computed at once; above it only those that are read."""
+"""Number of clearance samples up to which all are computed at once; in larger fields only those that are read."""
 BLOCK = 8
-"""Nodes along a side of a block whose clearance is computed, or copied, as a whole."""
+"""Samples along a side of a block whose clearance is computed, or copied, as a whole."""
 SLACK = 1e-6
 """Tolerance, m, when deciding whether an edge is near enough to change a sample."""
 CLEARANCE = "the clearance was sampled"
@@ -43,10 +43,10 @@ OBSTRUCTION = "the obstruction was sampled"
 
 
 def sample_clearance(ground: Ground, free: FreeSpace, last: tuple[FreeSpace, Field] | None) -> Field:
-    """Sample the signed clearance, to some cells beyond the extent; see `World.clearance_field`.
+    """Sample the signed clearance on a grid that reaches some cells beyond the extent; see `World.clearance_field`.
 
     ``last`` is a previous free space of this ground with its samples. Samples with an unchanged nearest edge are
-    copied, equal to the last bit; blocks with other samples are computed again.
+    copied, since they would be equal to the last bit. Blocks with other samples are computed again.
     """
     spacing = _spacing(ground, math.inf)
     border = max(4 * spacing, 0.5)
@@ -73,7 +73,7 @@ def sample_clearance(ground: Ground, free: FreeSpace, last: tuple[FreeSpace, Fie
 
 
 def _near(edges: FloatArray, clearance: FloatArray, xs: FloatArray, ys: FloatArray) -> BoolArray:
-    """Mark blocks of nodes (ys, xs) where the old clearance (H, W), m, may be wrong near changed edges (E, 4), m."""
+    """Mark blocks of grid points (ys, xs) where changed edges (E, 4) may have changed the old clearance (H, W), m."""
     rows, columns = (np.arange(0, size, BLOCK) for size in clearance.shape)
     if not len(edges):
         return np.zeros((rows.size, columns.size), dtype=bool)
@@ -98,13 +98,16 @@ def obstructed(world: World, pose: Pose, radius: float) -> Column:
     if not world.has_heights:
         return world.obstruction_field(radius)(x, y)
     if is_symbolic(pose.z):
-        raise OptionError("obstruction needs camera heights as numbers; in this world they are variables.")
+        raise OptionError(
+            "obstruction needs camera heights as numbers, but here they are variables of an optimisation; use a "
+            "planner on a graph, or obstacles of unlimited height."
+        )
     z = np.round(np.asarray(pose.z, dtype=np.float64), 9)
     heights = distinct(z)
     if heights.size > MAX_HEIGHTS:
         raise OptionError(
             f"obstruction needs a field for each camera height, at most {MAX_HEIGHTS}; got "
-            f"{heights.size} distinct heights. Round the heights, or use obstacles of the whole height."
+            f"{heights.size} distinct heights. Round the heights, or use obstacles of unlimited height."
         )
     if heights.size == 1:
         return world.obstruction_field(radius, float(heights[0]))(x, y)

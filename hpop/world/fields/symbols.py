@@ -1,8 +1,8 @@
-"""Fields in CasADi formulas: each evaluation becomes a quadratic, with coefficients from a CasADi function.
+"""Fields in CasADi formulas: each evaluation becomes a quadratic, whose coefficients a CasADi function computes.
 
 While a formula is built from CasADi's scalar symbols (SX), each evaluation of a field becomes a quadratic expansion
-about a point, with eight new symbols: the point and the coefficients. To evaluate the formula, compute the points
-first, and let :class:`Quadratics` compute the coefficients there. Then the value and its first and second derivatives
+about a point, with eight new symbols: the point and the coefficients. To evaluate the formula, first compute the
+points, then let :class:`Quadratics` compute the coefficients there. Then the value and its first and second derivatives
 equal those of the field.
 """
 
@@ -29,11 +29,11 @@ NUMBERS = 8  # of a quadratic: point (2), value, gradient (2), curvature (3)
 
 @dataclass(frozen=True)
 class Looks:
-    """Evaluations of fields by one formula, in order.
+    """Record of the K evaluations of fields in one formula, in order.
 
-    fields   K fields
-    places   K points (2,) of SX, grid steps
-    numbers  K columns (NUMBERS,) of SX: the symbols of each quadratic
+    fields   the field of each evaluation
+    places   the point (2,) of each, SX expressions in grid steps
+    numbers  the symbols (NUMBERS,) of each quadratic, SX
     """
 
     fields: list[Field] = field(default_factory=list)
@@ -41,7 +41,7 @@ class Looks:
     numbers: list[Any] = field(default_factory=list)
 
     def take(self, into: Field, u: Any, v: Any) -> Any:
-        """Return the value of a field at a point (u, v), in grid steps, as a quadratic in SX scalars."""
+        """Record an evaluation at (u, v), in grid steps, and return its value: a quadratic with new SX symbols."""
         number = casadi.SX.sym("look", NUMBERS)
         self.fields.append(into)
         self.places.append(casadi.vertcat(u, v))
@@ -56,7 +56,7 @@ _OPEN: ContextVar[Looks | None] = ContextVar("looks", default=None)
 
 @contextmanager
 def looking() -> Iterator[Looks]:
-    """Collect the evaluations of fields that happen inside the context."""
+    """Record all evaluations of fields with scalar symbols inside this context."""
     looks = Looks()
     token = _OPEN.set(looks)
     try:
@@ -69,16 +69,19 @@ def look(into: Field, u: Any, v: Any) -> Any:
     """Return the values (M, 1), SX, of a field at points (M, 1) in grid steps."""
     looks = _OPEN.get()
     if looks is None:
-        raise TypeError("a field on scalar symbols is read inside hpop.world.fields.symbols.looking()")
+        raise TypeError(
+            "a field can be evaluated with scalar CasADi symbols (SX) only inside the context "
+            "hpop.world.fields.symbols.looking(); use that, or MX symbols"
+        )
     return casadi.vertcat(*(looks.take(into, u[i], v[i]) for i in range(u.numel())))
 
 
 class Quadratics(casadi.Callback):
     """CasADi function from points (2, size), in grid steps, to quadratic expansions of a field (NUMBERS, size).
 
-    It is much faster than three CasADi splines; see :func:`hpop.world.fields._kernels.quadratics`. After a limit has
-    passed it returns NaN, on which solvers stop; an exception would only make CasADi print an error. CasADi does not
-    keep the function alive: keep a reference as long as an expression uses it.
+    It is much faster than three CasADi splines; see :func:`hpop.world.fields._kernels.quadratics`. When the time or
+    memory limit of the plan is exceeded, it returns NaN, on which solvers stop; an exception would only make CasADi
+    print an error. CasADi does not keep the function alive: keep a reference as long as an expression uses it.
     """
 
     def __init__(self, field: Field, size: int) -> None:

@@ -10,7 +10,7 @@ from hpop.runtime.compiled import lean
 def inside_cells(
     cells: BoolArray, xs: FloatArray, ys: FloatArray, x: FloatArray, y: FloatArray, out: BoolArray
 ) -> None:
-    """Mark in out (M,) the points strictly inside free cells: all cells that touch the point are free.
+    """Write to out (M,) whether each point is strictly inside the free region: all cells that touch it are free.
 
     xs (W + 1,) and ys (H + 1,) are the coordinates, m, of the lines between columns and between rows.
     """

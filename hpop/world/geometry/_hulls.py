@@ -1,4 +1,4 @@
-"""Compiled loop that compares convex hulls with the edges of a tree. Imported on first use, as numba takes long."""
+"""Compiled loop that tests whether convex hulls come near edges. Imported on first use, as importing numba is slow."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hpop.base.arrays import FloatArray, IntArray
 from hpop.runtime.compiled import lean
 
 MEETS, CLEAR, UNSURE = 0, 1, 2
-THIN = 1e-3  # area of a hull in squares of its perimeter, below which its half-planes are not trusted at its ends
+THIN = 1e-3  # area of a hull over its squared perimeter; thinner hulls are too thin for the test by half-planes
 
 
 @lean
@@ -52,9 +52,9 @@ def make_hull(points: FloatArray, hull: FloatArray) -> int:
 def meets_within(
     hull: FloatArray, normals: FloatArray, size: int, grown: float, ax: float, ay: float, bx: float, by: float
 ) -> bool:
-    """Return whether the segment from a to b meets the intersection of a hull's half-planes, each moved out by grown.
+    """Return whether the segment from a to b meets a hull whose sides have been moved outwards by ``grown``, m.
 
-    normals  (size, 3)  x, y and offset of each half-plane, m
+    normals  (size, 3)  outward unit normal (x, y) of each side, and its offset from the origin, m
     """
     first, last = 0.0, 1.0
     for i in range(size):
@@ -74,7 +74,7 @@ def meets_within(
 
 @lean
 def square_away(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
-    """Return the squared distance, m2, of a point from the segment from a to b."""
+    """Return the squared distance, m², from a point to the segment from a to b."""
     wx, wy, dx, dy = x - ax, y - ay, bx - ax, by - ay
     length2 = dx * dx + dy * dy
     if length2 > 0.0:
@@ -86,7 +86,7 @@ def square_away(x: float, y: float, ax: float, ay: float, bx: float, by: float) 
 
 @lean
 def crosses(hull: FloatArray, ax: float, ay: float, bx: float, by: float) -> bool:
-    """Return whether the segment between the first two corners of a hull crosses that from a to b."""
+    """Return whether the segment between the first two corners of a hull crosses the segment from a to b."""
     x, y, u, v = hull[0, 0], hull[0, 1], hull[1, 0], hull[1, 1]
     p = (u - x) * (ay - y) - (v - y) * (ax - x)
     q = (u - x) * (by - y) - (v - y) * (bx - x)
@@ -110,12 +110,13 @@ def compare_hulls(
     slack: float,
     out: NDArray[np.uint8],
 ) -> None:
-    """Compare the convex hulls of corners (N, c, 2), m, with all edges; see `EdgeTree` for edges, members and boxes.
+    """Test how near the edges of a tree come to the convex hulls of corners (N, c, 2), m.
 
-    Writes to out (N,) UNSURE if ``slack`` decides, else MEETS if an edge comes closer than ``margin``, or, without a
-    margin, passes through the interior; else CLEAR. A hull that is MEETS before the call is left out.
+    The result for each hull is written to out (N,), which must be CLEAR before the first call. It becomes MEETS if an
+    edge comes closer than ``margin``, m, or, without a margin, passes through the interior. It becomes UNSURE if the
+    answer depends on rounding, up to ``slack``, m. Hulls that are MEETS before the call are skipped.
 
-    waiting, points (c, 2), hull (2 c, 2), normals (2 c, 3) are scratch memory; waiting has an entry for each level
+    See `EdgeTree` for edges, members and boxes. waiting, points (c, 2), hull (2 c, 2), normals (2 c, 3) are scratch.
     """
     inner, width = len(boxes) - len(members), members.shape[1]
     for n in range(len(corners)):

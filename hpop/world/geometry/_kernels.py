@@ -1,4 +1,4 @@
-"""Compiled loops of geometry: the nearest edge of a tree, and rays that enter and leave convex bodies."""
+"""Compiled loops for geometry: distances to the nearest of many edges, and rays that enter and leave convex bodies."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hpop.runtime.compiled import kernel, lean
 PARALLEL = 1e-15  # sine of the angle below which a line counts as parallel to a plane
 TOUCH = 1e-6  # m: a body that a ray enters sooner counts as containing the origin, as a camera's case does
 WIDER = 1e-6  # rad by which a cone is widened against rounding
-NOWHERE = (1.0, 0.0)  # an interval that begins after its end
+NOWHERE = (1.0, 0.0)  # an empty interval
 
 
 @lean
@@ -133,7 +133,7 @@ def within_reach(rounds: FloatArray, o: tuple[float, ...], reach: float, found: 
 
 @lean
 def bundle(directions: FloatArray) -> tuple[float, float, float, float]:
-    """Return a cone round rays (K, 3): unit axis x, y, z and half opening, rad; 4 if the rays go almost all round."""
+    """Return a cone that holds rays (K, 3): unit axis x, y, z and half opening, rad; 4 for rays in most directions."""
     x = y = z = 0.0
     for k in range(len(directions)):
         x, y, z = x + directions[k, 0], y + directions[k, 1], z + directions[k, 2]
@@ -305,8 +305,8 @@ def filled(
 ) -> None:
     """Write to out (N,) the fraction of the ball of ``radius`` m round each centre (N, 3) that bodies fill.
 
-    It is the mean, over rays in directions (K, 3), of the sum of (high³ - low³) / radius³ over the intervals inside
-    bodies; overlaps count once.
+    The fraction is a mean over rays in directions (K, 3). Each ray contributes the sum of (high³ - low³) / radius³ over
+    the intervals in which it is inside bodies; overlaps count once.
     """
     near = np.empty(len(rounds), np.int64)
     lows, highs = np.empty(len(rounds)), np.empty(len(rounds))

@@ -1,4 +1,4 @@
-"""Compiled loop that finds the lines of sight that bodies block, with few divisions per line."""
+"""Compiled loop that counts the lines of sight that bodies in space block, with few divisions per line."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ def _faced(
 ) -> tuple[int, int]:
     """Copy the planes of a body to sorted_, from row ``room`` on: first those that face a point, then all others.
 
-    Return the row after the planes that face the point, and the row after all planes. The last column becomes the
-    distance of the point behind each plane, m. Nothing is copied for a body that no ray can enter: one that contains
-    the point, or that lies behind the cone of rays.
+    Return the row after the planes that face the point o, and the row after all planes. The last column becomes the
+    distance of the point behind each plane, m. Nothing is copied for a body that no ray from the point can enter: one
+    that contains the point, or that lies behind the cone of rays.
     """
     front, back = room, room + last - first
     for k in range(first, last):
@@ -60,8 +60,8 @@ def _faced(
 def _enters(planes: FloatArray, first: int, front: int, last: int, d: tuple[float, ...], reach: float) -> bool:
     """Return whether a ray enters a convex body before ``reach``, m; `_faced` has sorted the planes of the body.
 
-    A ray inside the body has crossed all planes that face the point and none of the others; this needs few divisions.
-    The planes of a hull's bounding box come first, because most rays that miss the hull miss the box.
+    A ray is inside the body once it has crossed all planes that face the origin and none of the others; this test needs
+    few divisions. The planes of a hull's bounding box come first, because most rays that miss the hull miss the box.
     """
     low, middle = 0.0, min(front, first + BOX)
     for k in range(first, middle):
@@ -109,8 +109,8 @@ def blocked(
 ) -> None:
     """Write to out (N,) the fraction of rays from each origin (N, 3) that enter a body before ``reach`` (N, K), m.
 
-    directions (N, K, 3): unit vectors. The bodies are those of a world, and those of the robot ("own"). The latter move
-    with frames: poses (B, N, 4, 4).
+    directions (N, K, 3): unit vectors. Bodies are those of the world, and those of the robot ("own"). Each body of the
+    robot moves with a frame: poses (B, N, 4, 4). See `Surfaces` for planes, begin and rounds.
     """
     count, own_count = len(rounds), len(own_rounds)
     near, some = np.empty(max(count, own_count), np.int64), np.empty(count + own_count, np.int64)

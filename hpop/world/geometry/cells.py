@@ -1,8 +1,8 @@
-"""Free space of occupancy cells. Its border comes straight from the cells, so that a few changed cells cost little.
+"""Free space among occupancy cells. Its border comes directly from the cells, so that a few changed cells cost little.
 
-Free cells end at the border of the image. Other blocked regions, such as keep-out zones, make a second free space; the
-clearance of a point is the lesser of its clearances in both. Values equal those of :class:`.planar.FreeSpace`, which is
-built as soon as the region, its edges, or distances of blocked points are needed.
+Free cells end at the border of the image. Other blocked regions, such as keep-out zones, bound a second free space; the
+clearance of a point is the smaller of its clearances in both. Values equal those of :class:`.planar.FreeSpace`, which
+is built as soon as the region, its edges, or distances of blocked points are needed.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.world.geometry.planar import TOLERANCE, EdgeTree, FreeSpace
 from hpop.world.geometry.shapes import Raster
 
-BITS = 15  # of a grid coordinate in the key of an edge
-MOST_ADDED = 8  # an index is built anew once a share of 1 / 8 of its edges has been added
+BITS = 15  # bits of a grid coordinate in the integer that identifies an edge
+MOST_ADDED = 8  # an index is built anew once 1 / 8 of its edges has been added or removed
 
 
 def border_edges(cells: BoolArray) -> IntArray:
@@ -60,12 +60,12 @@ def _keys(edges: IntArray) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class ChangingEdges:
-    """Index of edges that change: the tree is built once; later edges are removed from it or added in a second tree.
+    """Index of edges that change. The tree is built once; later, edges are removed from it or added in a second tree.
 
     keys   (E,)  sorted integers of the edges in ``whole``
     place  (E,)  row of each of these edges in ``whole``
-    whole        tree when it was built
-    tree         ``whole`` with removed edges infinitely far away
+    whole        the tree as it was built
+    tree         ``whole`` with removed edges moved infinitely far away
     added        tree of the added edges, or None
     """
 
@@ -84,7 +84,7 @@ class ChangingEdges:
         return cls(keys[place], place, tree, tree)
 
     def updated(self, raster: Raster, edges: IntArray) -> ChangingEdges:
-        """Return the index for other edges (E, 4): only removed and added ones are treated, unless they are many."""
+        """Return the index for new edges (E, 4), built from the removed and added ones only, unless they are many."""
         keys = _keys(edges)
         order = np.argsort(keys)
         now = keys[order]
@@ -103,7 +103,7 @@ class ChangingEdges:
         return distance if self.added is None else np.minimum(distance, self.added.distance(x, y))
 
     def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
-        """Update the relation (N,) of the convex hulls of corners (N, c, 2), m, to the edges."""
+        """Update whether the convex hulls of corners (N, c, 2), m, meet the edges; see `compare_hulls` for results."""
         for tree in (self.tree, self.added):
             if tree is not None:
                 tree.compare(corners, margin, relation)
@@ -124,7 +124,7 @@ def _placed(raster: Raster, edges: IntArray) -> FloatArray:
 
 
 class CellSpace(FreeSpace):
-    """Free space of the cells of a raster that is not rotated, less other blocked regions if there are any."""
+    """Free cells of a raster that is not rotated, less other blocked regions if there are any."""
 
     raster: Raster
     rest: FreeSpace | None
@@ -142,9 +142,9 @@ class CellSpace(FreeSpace):
 
         Parameters
         ----------
-        rest : free space that all blocked regions but the cells leave, or None
+        rest : free space if only the other blocked regions count, not the cells; None without such regions
         outline : function that returns the whole free region, m
-        before : space of a raster on the same grid; its index is reused
+        before : free space of a raster on the same grid; its index is reused
         """
         vars(self).update(raster=raster, rest=rest, outline=outline)
         edges = border_edges(raster.cells)
@@ -157,13 +157,13 @@ class CellSpace(FreeSpace):
 
     @property
     def nbytes(self) -> int:
-        """Return the bytes of the index."""
+        """Return the approximate memory of the index, bytes."""
         edges: IntArray = vars(self)["grid_edges"]
         return 12 * edges.nbytes
 
     @cached_property
     def whole(self) -> FreeSpace:
-        """Return the free space as one region."""
+        """Return the same free space as a `FreeSpace` with one region."""
         return FreeSpace(self.outline())
 
     @property
@@ -211,7 +211,7 @@ class CellSpace(FreeSpace):
         return result
 
     def differs(self, before: FreeSpace, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
-        """Mark points (M,) with a changed free space within a distance, m: where it may differ from a previous one."""
+        """Mark points (M,) where the free space within a distance, m, may differ from a previous free space."""
         changed = self.changed_cells(before)
         if changed is None:
             return super().differs(before, x, y, within)
@@ -235,7 +235,7 @@ class CellSpace(FreeSpace):
         return free if self.rest is None else free & self.rest.shapes_free(shapes, margin)
 
     def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
-        """Update the relation (N,) of the convex hulls of corners (N, c, 2), m, to the border."""
+        """Update whether the convex hulls of corners (N, c, 2), m, meet the border; see `compare_hulls` for results."""
         if self.index is not None:
             self.index.compare(corners, margin, relation)
         if self.rest is not None:
@@ -258,7 +258,7 @@ class CellSpace(FreeSpace):
 
 
 def changed_boxes(before: Raster, after: Raster) -> FloatArray | None:
-    """Return boxes (B, 4), m, that hold all cells that differ, one for each block; None for different grids."""
+    """Return boxes (B, 4), m, that enclose all changed cells, one per block of cells; None for different grids."""
     if not on_one_grid(before, after):
         return None
     blocks = changed_blocks(before.cells, after.cells)
@@ -278,7 +278,7 @@ BLOCK = 32  # cells along a side of a block in which changes count as one
 
 
 def changed_blocks(before: BoolArray, after: BoolArray) -> IntArray:
-    """Return the bounds (B, 4) of the changed cells in each block: first row, first column, and both ends."""
+    """Return bounds (B, 4) of the changed cells per block: first row, first column, last row + 1, last column + 1."""
     rows, columns = np.nonzero(before != after)
     if not rows.size:
         return np.zeros((0, 4), np.int64)

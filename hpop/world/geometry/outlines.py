@@ -1,9 +1,10 @@
 """Outlines of cells and polygons: traced round occupied cells, and checked before the library GEOS processes them.
 
 GEOS cannot be interrupted, and its time grows fast with the input. Joining squares takes more than linear time (a
-minute for 800 x 800 cells of noise), so only the borders of cells become rings here. Mending an outline takes at least
-quadratic time in its crossings; testing an outline takes time in proportion to the pairs of segments with overlapping
-boxes. Both are counted here with NumPy, exactly up to rounding, and refused above a bound.
+minute for 800 x 800 cells of noise), so only the borders of cells become rings here. Mending an outline (making a
+self-crossing polygon valid) takes at least quadratic time in its crossings. Testing an outline takes time in proportion
+to the pairs of segments with overlapping boxes. Crossings and pairs are counted here with NumPy, exactly up to
+rounding, and outlines with too many are refused.
 """
 
 from __future__ import annotations
@@ -29,11 +30,11 @@ Large real maps have thousands; noise has more than this.
 MOST_MENDED = 1_000
 """Largest number of crossings of an outline that is mended."""
 MOST_SQUARES = 5 * MOST_MENDED**2
-"""Largest sum, over the outlines of a file, of the squared number of crossings: some seconds of mending."""
+"""Largest sum, over the outlines of a file, of their squared numbers of crossings: some seconds of mending."""
 MOST_JOINED = 100_000
 """Largest number of crossings of outlines that are joined."""
 MOST_NEAR = 200_000
-"""Largest number of pairs of segments of a line whose strips overlap."""
+"""Largest number of overlaps of a line that is widened to a strip with itself."""
 MOST_PAIRS = 20_000_000
 """Largest number of pairs of segments whose bounding boxes overlap."""
 AT_ONCE = 1_000_000
@@ -90,7 +91,7 @@ def _lowest(rings: NDArray[np.object_]) -> IntArray:
 
 
 def check_mendable(outline: BaseGeometry, what: str) -> int:
-    """Return the number of times an outline crosses itself.
+    """Return the number of times an outline crosses itself, after checking that it can be mended in reasonable time.
 
     Raises MapError for more than `MOST_MENDED` crossings, or too many points where it touches itself.
     """
@@ -102,11 +103,11 @@ def check_mendable(outline: BaseGeometry, what: str) -> int:
 
 
 def check_mendable_together(crossings: Sequence[int], what: str) -> None:
-    """Raise MapError for outlines that each can be mended, but take too long together."""
+    """Raise MapError for outlines that would take too long to mend together, given the crossings of each."""
     if sum(count * count for count in crossings) > MOST_SQUARES:
         raise MapError(
             f"{what}: {len(crossings):,} of its outlines cross themselves {sum(crossings):,} times in all, up to "
-            f"{max(crossings):,} times each; expected a floor plan. Simplify them, or leave them out."
+            f"{max(crossings):,} times each; a floor plan has far fewer crossings. Simplify them, or leave them out."
         )
 
 
@@ -135,14 +136,17 @@ def _may_cross(count: Any) -> Any:
 
 
 def _bound(what: str, does: str, most: int, counts: Iterator[int]) -> int:
-    """Return the sum of counts; raise MapError as soon as it is above ``most``."""
+    """Return the sum of counts; raise MapError as soon as it is above ``most``.
+
+    ``what`` and ``does`` are for the message, such as "a line of plan.dxf" and "crosses itself".
+    """
     found = 0
     for count in counts:
         found += count
         if found > most:
             raise MapError(
-                f"{what} {does} at least {found:,} times; expected a floor plan, at most {most:,} times. Simplify it, "
-                "or leave it out."
+                f"{what} {does} at least {found:,} times; expected at most {most:,} times in a floor plan. Simplify "
+                "it, or leave it out."
             )
     return found
 
@@ -163,8 +167,8 @@ def _pairs(segments: FloatArray, what: str, margin: float = 0.0) -> Iterator[tup
         looked += int(np.count_nonzero(later))
         if looked > MOST_PAIRS:
             raise MapError(
-                f"{what} has {len(segments):,} segments that lie across one another; expected a floor plan. Simplify "
-                "it, or leave it out."
+                f"{what} has {len(segments):,} segments, too many of which lie across one another for a floor plan. "
+                "Simplify it, or leave it out."
             )
         yield segments[first[later] + begin], segments[second[later]]
         begin += step

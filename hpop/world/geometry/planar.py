@@ -1,7 +1,7 @@
 """Distances in the plane: trees and grids of edges, and the clearance of points and segments in a free region.
 
-The free region is the extent without obstacles and keep-out zones; its border consists of their outlines and that of
-the extent. Points use a tree of boxes, other shapes use a tree of GEOS, and rays visit the buckets of a grid. All
+The free region is the extent less obstacles and keep-out zones. Its border consists of their outlines and the outline
+of the extent. Distances of points use a tree of boxes, other shapes a tree of GEOS, and rays the buckets of a grid. All
 distances are exact.
 """
 
@@ -21,13 +21,13 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray, distinct
 
 LEAF = 4  # pieces of edges in a leaf
 ROUNDING = 8  # units in the last place by which boxes are enlarged against rounding
-BITS = 16  # of each coordinate, for sorting pieces
+BITS = 16  # bits of each coordinate by which pieces are sorted
 TOLERANCE = 1e-9
 """m by which a segment may come closer to the border than its margin."""
 SLACK = 2.0**-40
-"""Distance from the border within which GEOS decides about a hull, relative to the largest coordinate."""
+"""Distance between hull and border within which GEOS decides, relative to the largest coordinate."""
 GRID = 2.0**-43
-"""Rounding of free regions with slanting edges, relative to the largest coordinate: 1e-10 m in 1 km."""
+"""Grid to which free regions with slanting edges are rounded, relative to the largest coordinate: 1e-10 m in 1 km."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ class EdgeTree:
         return out
 
     def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
-        """Update the relation (N,) of the convex hulls of corners (N, c, 2) to the edges, see `compare_hulls`."""
+        """Update whether the convex hulls of corners (N, c, 2), m, meet the edges; see `compare_hulls` for results."""
         from hpop.world.geometry._hulls import compare_hulls  # numba is slow to import
 
         levels, count = len(self.members).bit_length() + 1, corners.shape[1]
@@ -117,8 +117,8 @@ def _curve(points: FloatArray) -> IntArray:
 def without(region: BaseGeometry, blocked: BaseGeometry) -> BaseGeometry:
     """Return a region less a blocked region, m.
 
-    Slanting edges are first snapped to a fine grid. Otherwise GEOS may silently lose whole polygons if edges almost
-    coincide, as edges of cells on a rotated map do: once in a thousand small maps.
+    If there are slanting edges, coordinates are snapped to a fine grid. Otherwise GEOS may silently lose whole polygons
+    where edges almost coincide, as edges of cells on a rotated map do: once in a thousand small maps.
     """
     points, ring = shapely.get_coordinates(shapely.get_rings(shapely.get_parts([region, blocked])), return_index=True)
     slanting = np.diff(points, axis=0).all(axis=1) & (np.diff(ring) == 0)
@@ -183,7 +183,7 @@ class FreeSpace:
         return found
 
     def signed_clearance(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return `clearance` for points inside, and minus the distance to the free region for all others."""
+        """Return the distance (m) to the border for points inside the free region, and minus this distance outside."""
         return np.where(self.contains(x, y), 1.0, -1.0) * self.distance(x, y)
 
     def segments_free(self, x0: FloatArray, y0: FloatArray, x1: FloatArray, y1: FloatArray, margin: float) -> BoolArray:
@@ -214,7 +214,8 @@ class FreeSpace:
     def hulls_free(self, corners: FloatArray, margin: float) -> BoolArray:
         """Mark the convex hulls of corners (N, c, 2), m, in the free region, at least ``margin`` (m) from its border.
 
-        The result is that of :meth:`shapes_free`, which is asked only about hulls that touch the border or its margin.
+        The result is that of :meth:`shapes_free`, which is called only for hulls whose distance from the border is the
+        margin up to rounding.
         """
         from hpop.world.geometry._hulls import CLEAR, UNSURE  # numba is slow to import
 
@@ -228,7 +229,7 @@ class FreeSpace:
         return free
 
     def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
-        """Update the relation (N,) of the convex hulls of corners (N, c, 2), m, to the border."""
+        """Update whether the convex hulls of corners (N, c, 2), m, meet the border; see `compare_hulls` for results."""
         if len(self.edges):
             self._nearest.compare(corners, margin, relation)
 
@@ -243,7 +244,7 @@ def convex_hulls(corners: FloatArray) -> NDArray[np.object_]:
 
 
 def _distinct(edges: FloatArray) -> FloatArray:
-    """Return each edge of (N, 2, 2), m, once, as rows (E, 4) that are the same for both directions."""
+    """Return the different edges among (N, 2, 2), m, as rows (E, 4); an edge and its reverse count as one."""
     (x0, y0), (x1, y1) = edges[:, 0].T, edges[:, 1].T
     swapped = (x0 > x1) | ((x0 == x1) & (y0 > y1))
     return np.unique(np.where(swapped[:, None, None], edges[:, ::-1], edges).reshape(-1, 4), axis=0)
@@ -260,7 +261,7 @@ _COPIES = _Copies()
 
 
 def _own(space: FreeSpace) -> BaseGeometry:
-    """Return a copy of the region, prepared for this thread alone.
+    """Return a copy of the region that only this thread uses, prepared for fast queries.
 
     Queries change the state of a prepared geometry, so two threads would corrupt memory (libgeos/geos#825).
     """
@@ -290,7 +291,7 @@ def _first_point(shapes: NDArray[np.object_]) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, eq=False)
 class EdgeGrid:
-    """Edges, sorted into the square buckets that they cross, for rays that go from bucket to bucket.
+    """Grid of square buckets, each with the edges that cross it, for rays that go from bucket to bucket.
 
     edges    (E, 4)    m   x0, y0, x1, y1; at least one
     corner   (x, y)    m   lower-left corner of bucket [0, 0]

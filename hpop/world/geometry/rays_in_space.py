@@ -1,7 +1,7 @@
 """Rays in space against boxes, cylinders, spheres and convex hulls, for cameras that rise and tilt.
 
-Each body is convex, so a line is inside it along one interval, with ends in closed form; kernels compute many rays at
-once. For cameras of fixed height the planar methods (:mod:`hpop.world.sight.bearings`,
+Each body is convex, so a line is inside it along one interval, whose ends are known in closed form. Compiled loops
+compute many rays at once. For cameras of fixed height the planar methods (:mod:`hpop.world.sight.bearings`,
 :mod:`hpop.world.sight.visibility`, fields of obstruction) are faster and have gradients.
 """
 
@@ -33,7 +33,7 @@ RAYS = "rays were cast"
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """Convex bodies for rays: each is the intersection of half-spaces with a cylinder or a ball.
+    """Convex bodies in the form that rays need: each is the intersection of half-spaces with a cylinder or a ball.
 
     planes  (P, 4)    outward unit normal of each half-space, and its distance from the origin, m; body by body
     begin   (B + 1,)  index of each body's first plane
@@ -88,8 +88,8 @@ class Surfaces:
     ) -> FloatArray:
         """Return the fraction (N,) of rays from origins (N, 3), m, that enter a body before ``reach`` (N, K), m.
 
-        Rays have unit directions (N, K, 3). Bodies are these surfaces, and those of the robot: ``own``, each body of
-        which moves with a frame, poses (B, N, 4, 4).
+        Rays have unit directions (N, K, 3). Bodies are these surfaces, and those of the robot, ``own``. Each of the
+        latter moves with a frame: poses (B, N, 4, 4).
         """
         from hpop.world.geometry._sight_in_space import blocked  # numba is slow to import
 
@@ -138,7 +138,7 @@ class Surfaces:
 
 
 def surfaces_of(world: World) -> Surfaces:
-    """Return the surfaces of the solids of a world; cached with its ground."""
+    """Return the surfaces of all obstacles of a world as convex bodies; cached with its ground."""
     ground = world.ground
     return ground.derived(("bodies for rays",), lambda: Surfaces.of(ground.bodies))
 
@@ -147,7 +147,8 @@ def rows(vector: Vector, size: int) -> FloatArray:
     """Stack the x, y and z of a vector, columns or numbers, into rows (N, 3); OptionError for CasADi symbols."""
     if any(map(is_symbolic, vector)):
         raise OptionError(
-            "rays in space are cast on numbers, and here places are variables of a program; take a planner on a graph."
+            "rays in space need positions as numbers, but here they are variables of an optimisation; use a planner on "
+            "a graph."
         )
     return np.stack([np.broadcast_to(column, (size,)) for column in vector], axis=1)
 
@@ -155,7 +156,7 @@ def rows(vector: Vector, size: int) -> FloatArray:
 def over_sphere(count: int, width: float = 2.0 * math.pi, height: float = math.pi) -> FloatArray:
     """Return unit vectors (count, 3), spread evenly over directions round the x axis; by default over all directions.
 
-    ``width`` is the angle about the z axis, and ``height`` the angle up and down, in which they lie, rad.
+    They lie within ``width``, an angle about the z axis, and ``height``, an angle up and down, rad.
     """
     number = np.arange(count) + 0.5
     z = math.sin(0.5 * height) * (2.0 * number / count - 1.0)

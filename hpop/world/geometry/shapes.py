@@ -24,18 +24,18 @@ from hpop.world.geometry.solids import Solid
 MAX_CELLS = 100_000_000
 """Largest number of cells of a raster that is read, such as 500 m x 500 m at 0.05 m."""
 VANISHING = 1e-100
-"""m; the product of two such small coordinates underflows to 0."""
+"""Size of a coordinate, m, below which products of two coordinates underflow to 0."""
 SMALLEST, LARGEST = 0.1, 1e6
 """Least and greatest longer side of a map that is read, m."""
 
 
 def check_prisms(obstacles: Any) -> tuple[Obstacle, ...]:
-    """Return the obstacles of a world as a tuple, or raise `MapError`."""
+    """Return the obstacles of a world as a tuple; `MapError` unless all are `Obstacle`."""
     prisms = tuple(obstacles) if isinstance(obstacles, Iterable) else (obstacles,)
     if not all(isinstance(prism, Obstacle) for prism in prisms):
         raise MapError(
-            f"obstacles must be hpop.world.Obstacle prisms; got {shown(obstacles)}. Build a world by "
-            "World.from_geojson(path), World.from_polygons([...]) or another of these methods."
+            f"obstacles must be hpop.world.Obstacle prisms; got {shown(obstacles)}. Rather build a world with "
+            "World.from_geojson(path), World.from_polygons([...]) or another from_... method."
         )
     return prisms
 
@@ -72,13 +72,13 @@ def check_pose(origin: Any) -> tuple[float, float, float]:
 def check_coordinates(geometry: BaseGeometry | NDArray[np.object_], what: str) -> None:
     """Raise MapError for coordinates beyond any building, or so small that their products underflow.
 
-    ``what`` names them.
+    ``what`` names the geometry in the message.
     """
     away = np.abs(shapely.get_coordinates(geometry))
     if not (away <= FARTHEST).all():
         raise MapError(f"{what} must have finite coordinates, within {FARTHEST:,.0f} m of the origin; shift it there.")
     if (near := away[(away > 0) & (away < VANISHING)]).size:
-        raise MapError(f"{what} has a coordinate of {near[0]:g} m, which GEOS cannot multiply; write 0.")
+        raise MapError(f"{what} has a coordinate of {near[0]:g} m, too small for GEOS to compute with; write 0.")
 
 
 def check_positive(name: str, value: Any) -> float:
@@ -87,7 +87,7 @@ def check_positive(name: str, value: Any) -> float:
 
 
 def check_inside(point: Any) -> tuple[float, float] | None:
-    """Return a point (x, y), m, as floats, or None for None; `MapError` for anything else."""
+    """Return the option ``inside``, a point (x, y), m, as floats; None stays None, `MapError` for anything else."""
     if point is None:
         return None
     try:
@@ -112,12 +112,12 @@ def check_size(height: int, width: int, what: str) -> None:
 
 
 def check_span(height: int, width: int, resolution: float, path: Any) -> None:
-    """Raise MapError if a map's resolution makes it smaller than a robot or larger than a country."""
+    """Raise MapError if the resolution (m per cell) makes a map smaller than a robot or larger than a country."""
     side = max(height, width) * resolution
     if not SMALLEST <= side <= LARGEST:
         raise MapError(
             f"{path}: a resolution of {resolution:g} m makes {width} x {height} cells a map {side:.3g} m across; "
-            "resolution is the side of a cell in m, such as 0.05."
+            "give the side of a cell in m as resolution, such as 0.05."
         )
 
 
@@ -141,7 +141,7 @@ class Obstacle:
 
     polygon       shapely Polygon   m   outline in the world frame, holes allowed
     z_min, z_max  float             m   -inf and inf: unlimited height
-    solid         Solid or None     the solid that this prism encloses; None for a prism of its own
+    solid         Solid or None     the solid that this prism encloses; None if the obstacle is itself a prism
     name          str               shown in messages
     """
 
@@ -161,7 +161,7 @@ class Obstacle:
         check_joinable([self.polygon], "an obstacle")
         if not self.polygon.is_valid:
             reason = shapely.is_valid_reason(self.polygon)
-            raise MapError(f"an obstacle's outline is not valid ({reason}); see shapely.make_valid.")
+            raise MapError(f"an obstacle's outline is not valid ({reason}); repair it with shapely.make_valid.")
         z_min, z_max = check_heights((self.z_min, self.z_max))
         object.__setattr__(self, "z_min", z_min)
         object.__setattr__(self, "z_max", z_max)
@@ -180,7 +180,9 @@ class Obstacle:
 def prisms_of(obstacles: Any) -> tuple[Obstacle, ...]:
     """Return prisms from shapely polygons, each alone or as (polygon, (z_min, z_max)), m; MapError otherwise."""
     if not isinstance(obstacles, Iterable) or (isinstance(obstacles, np.ndarray) and not obstacles.ndim):
-        raise MapError(f"obstacles must be a list of shapely polygons; got {shown(obstacles)}. Put one in brackets.")
+        raise MapError(
+            f"obstacles must be a list of shapely polygons; got {shown(obstacles)}. Put a single polygon in brackets."
+        )
     prisms = list[Obstacle]()
     for item in obstacles:
         shape, heights = item if isinstance(item, tuple) and len(item) == 2 else (item, (None, None))
@@ -198,7 +200,7 @@ def prisms_of(obstacles: Any) -> tuple[Obstacle, ...]:
 class Raster:
     """Occupancy cells, each an upright square prism.
 
-    cells         (H, W) bool   True is an obstacle; row 0 at the bottom: y grows with the row
+    cells         (H, W) bool   True is an obstacle; row 0 is at the bottom, so y grows with the row
     resolution    float         m     side of a cell
     origin        (x, y, yaw)   m, m, rad   lower-left corner of cell [0, 0], world frame
     z_min, z_max  float         m     heights of all occupied cells

@@ -25,7 +25,7 @@ from hpop.base.text import printable, shown
 from hpop.errors import MapError
 
 SAGITTA = 1e-3
-"""Largest distance, m, between a circle and the polygon that replaces it; relative to radii of more than 1 m."""
+"""Largest distance, m, between a circle and the polygon that replaces it; relative to the radius if above 1 m."""
 ORTHONORMAL = 1e-6
 """Tolerance of the axes of a pose, which have length 1 and are at right angles."""
 TILT = 1e-9
@@ -33,7 +33,7 @@ TILT = 1e-9
 MOST_SOLIDS = 5_000
 """Largest number of solids of a world."""
 MARGIN = 1.0
-"""m from the solids to the border of the extent, if none is given: room for a robot beside them."""
+"""Distance, m, from the solids to the border of the extent if no extent is given: room for a robot beside them."""
 MOST_POINTS = 100_000
 """Largest number of points of a hull: some tenths of a second."""
 
@@ -41,7 +41,7 @@ MOST_POINTS = 100_000
 @checked_arguments
 @dataclass(frozen=True)
 class Box:
-    """Box centred at its origin, along its axes.
+    """Box centred at the origin of its frame, with sides along the axes.
 
     size  (x, y, z)  m
     """
@@ -60,7 +60,7 @@ class Box:
         return corners
 
     def support(self, directions: FloatArray) -> FloatArray:
-        """Return the distance (N,), m, from the centre to the farthest point of the box in unit directions (N, 3)."""
+        """Return how far (N,), m, the box reaches from its centre in each unit direction (N, 3)."""
         reach: FloatArray = np.abs(directions) @ (np.array(self.size) / 2)
         return reach
 
@@ -68,7 +68,7 @@ class Box:
 @checked_arguments
 @dataclass(frozen=True)
 class Cylinder:
-    """Cylinder centred at its origin, along z.
+    """Cylinder centred at the origin of its frame, with its axis along z.
 
     radius, length  m
     """
@@ -87,7 +87,7 @@ class Cylinder:
         return np.concatenate([np.c_[rim, np.full(len(rim), z)] for z in (-self.length / 2, self.length / 2)])
 
     def support(self, directions: FloatArray) -> FloatArray:
-        """Return the distance (N,), m, from centre to farthest point of the cylinder in unit directions (N, 3)."""
+        """Return how far (N,), m, the cylinder reaches from its centre in each unit direction (N, 3)."""
         x, y, z = directions.T
         reach: FloatArray = self.radius * np.hypot(x, y) + self.length / 2 * np.abs(z)
         return reach
@@ -96,7 +96,7 @@ class Cylinder:
 @checked_arguments
 @dataclass(frozen=True)
 class Sphere:
-    """Ball centred at its origin.
+    """Ball centred at the origin of its frame.
 
     radius  m
     """
@@ -107,14 +107,14 @@ class Sphere:
         object.__setattr__(self, "radius", _length("a sphere's radius", self.radius))
 
     def support(self, directions: FloatArray) -> FloatArray:
-        """Return the distance (N,), m, from the centre to the farthest point of the ball in unit directions (N, 3)."""
+        """Return how far (N,), m, the ball reaches from its centre in each unit direction (N, 3): its radius."""
         return np.full(len(directions), self.radius)
 
 
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Hull:
-    """Convex hull of points, with a volume; points that are not its corners are dropped.
+    """Convex hull of points that are not all in one plane; points that are not corners of the hull are dropped.
 
     points  (V, 3)  m
     """
@@ -129,13 +129,11 @@ class Hull:
         except (TypeError, ValueError):
             points = np.empty(0)
         if points.ndim != 2 or points.shape[1] != 3 or not 4 <= len(points) <= MOST_POINTS:
-            raise MapError(
-                f"a hull is made of points (V, 3) in m, 4 to {MOST_POINTS:,} of them; got {shown(self.points)}."
-            )
+            raise MapError(f"a hull needs 4 to {MOST_POINTS:,} points, an array (V, 3) in m; got {shown(self.points)}.")
         if not (np.abs(points) <= MOST).all():
             raise MapError(f"a hull's points must be finite numbers, at most {MOST:,.0f} m from its origin.")
         flat = MapError(
-            "a hull needs four points that are not in one plane: it has no volume. Give a thin box instead."
+            "a hull needs four points that are not in one plane, or it has no volume. Use a thin box instead."
         )
         if np.ptp(points, axis=0).min() < LEAST:
             raise flat
@@ -147,7 +145,7 @@ class Hull:
 
     @property
     def corners(self) -> FloatArray:
-        """Return its corners (V, 3), m."""
+        """Return the corners (V, 3), m."""
         return self.points
 
     @cached_property
@@ -169,7 +167,7 @@ class Hull:
         return float(np.einsum("ij,ij->", np.cross(a, b), c)) / 6
 
     def support(self, directions: FloatArray) -> FloatArray:
-        """Return the distance (N,), m, from the origin to the farthest point of the hull in unit directions (N, 3)."""
+        """Return how far (N,), m, the hull reaches from the origin of its frame in each unit direction (N, 3)."""
         reach: FloatArray = (self.points @ directions.T).max(axis=0)
         return reach
 
@@ -180,10 +178,10 @@ Shape = Box | Cylinder | Sphere | Hull
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """Shape with a pose.
+    """Solid body in space: a shape with a pose.
 
     shape
-    pose   (4, 4)  homogeneous, m: from the shape's frame to the world's, or to that of the link that carries it
+    pose   (4, 4)  homogeneous, m: from the frame of the shape to the frame of the world, or of a robot link
     name
 
     >>> can = Solid(Cylinder(radius=0.03, length=0.14), pose_at((1.0, 2.0, 0.07)), "can")
@@ -209,26 +207,29 @@ class Solid:
         Raises MapError for a sphere.
         """
         if isinstance(self.shape, Sphere):
-            raise MapError("a sphere has no corners; ask for its outline, its bounds, or its radius.")
+            raise MapError("a sphere has no corners; use its outline, its bounds or its radius.")
         corners: FloatArray = self.shape.corners @ self.pose[:3, :3].T + self.pose[:3, 3]
         return corners
 
     @cached_property
     def bounds(self) -> FloatArray:
-        """Return the bounding box (2, 3), m: the least and the greatest x, y and z; exact."""
+        """Return the exact bounding box (2, 3), m: the least x, y and z, and the greatest x, y and z."""
         reach = self.shape.support(self.pose[:3, :3])
         away = self.shape.support(-self.pose[:3, :3])
         return frozen(np.stack([self.pose[:3, 3] - away, self.pose[:3, 3] + reach]))
 
     @property
     def heights(self) -> tuple[float, float]:
-        """Return (z_min, z_max), m; exact."""
+        """Return the exact heights (z_min, z_max), m."""
         low, high = self.bounds[:, 2].tolist()
         return low, high
 
     @cached_property
     def outline(self) -> Polygon:
-        """Return the outline from above, m: exact for boxes and hulls, else a polygon round it within `SAGITTA`."""
+        """Return the outline as seen from above, m: exact for boxes and hulls, else a polygon that encloses it.
+
+        The polygon is at most `SAGITTA` larger.
+        """
         if isinstance(self.shape, Sphere):
             return shapely.Polygon(self.pose[:2, 3] + _rim(self.shape.radius))
         outline: Polygon = shapely.convex_hull(shapely.MultiPoint(self.corners[:, :2]))  # type: ignore[assignment]
@@ -285,14 +286,14 @@ def check_solids(solids: Any) -> tuple[Solid, ...]:
 
 
 def not_upright(solids: Sequence[Solid]) -> tuple[str, ...]:
-    """Return a note on the solids that planning in the plane takes for larger ones; empty if all are upright prisms."""
+    """Return a note (a warning to print) on solids that are no upright prisms; empty if there are none."""
     names = [solid.name or f"solid {place}" for place, solid in enumerate(solids) if not solid.is_upright]
     if not names:
         return ()
     listed = ", ".join([*(printable(name)[:40] for name in names[:8]), *["..."] * (len(names) > 8)])
     return (
-        f"solids that are no upright prisms, {len(names):,} of {len(solids):,} ({listed}): a robot in the plane, its "
-        "clearance and obstruction take the prism round each.",
+        f"solids that are no upright prisms, {len(names):,} of {len(solids):,} ({listed}): for a robot in the plane, "
+        "and for its clearance and obstruction, each counts as the upright prism that encloses it.",
     )
 
 
@@ -314,7 +315,7 @@ def pose_at(
     if quaternion is not None:
         turned = _numbers("a quaternion (x, y, z, w)", quaternion, 4)
         if not LEAST <= math.hypot(*turned) <= MOST:
-            raise MapError(f"a quaternion (x, y, z, w) has length 1; got {shown(quaternion)}.")
+            raise MapError(f"a quaternion (x, y, z, w) must have length 1; got {shown(quaternion)}.")
         pose[:3, :3] = Rotation.from_quat(turned).as_matrix()
     else:
         angles = _numbers("roll, pitch and yaw", rpy, 3)
@@ -342,7 +343,7 @@ def _checked_pose(pose: Any, name: str) -> FloatArray:
 
 
 def _numbers(what: str, vector: Any, count: int) -> tuple[float, ...]:
-    """Return ``count`` finite floats, or raise MapError."""
+    """Return a vector as ``count`` finite floats; MapError otherwise, which names the vector as ``what``."""
     try:
         values = tuple(vector)
     except TypeError:

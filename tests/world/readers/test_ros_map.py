@@ -266,7 +266,7 @@ def test_the_image_is_found_beside_the_yaml_whatever_the_working_directory(tmp_p
         ({"resolution": -0.05}, "above 0"),
         ({"resolution": ".nan"}, "above 0"),
         ({"resolution": "1.0e-9"}, r"map\.yaml: a resolution of 1e-09 m makes 3 x 2 cells a map 3e-09 m across"),
-        ({"resolution": "1.0e+9"}, r"map 3e\+09 m across; resolution is the side of a cell in m, such as 0\.05"),
+        ({"resolution": "1.0e+9"}, r"map 3e\+09 m across; give the side of a cell in m as resolution, such as 0\.05"),
         ({"resolution": ".inf"}, "above 0"),
         ({"resolution": "fine"}, "resolution must be a number"),
         ({"resolution": "true"}, "resolution must be a number"),
