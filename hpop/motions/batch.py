@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, reduce
 from itertools import chain, islice
@@ -18,7 +18,6 @@ from hpop.motions.bodies import Body, Instants, Rate, first_derivative, second_d
 from hpop.motions.laws import Law, Phase, is_curve, slopes, stands
 from hpop.motions.model import Model
 from hpop.motions.quadrature import (
-    INTEGRATED,
     Nodes,
     ValuesAt,
     adaptive_integrals,
@@ -28,11 +27,9 @@ from hpop.motions.quadrature import (
     panel_counts,
     pieces_of,
     quadrature_nodes,
-    runs,
     timed,
 )
 from hpop.motions.states import States, picked_states, reverse_indices
-from hpop.runtime import limits
 
 if TYPE_CHECKING:
     from hpop.world import World
@@ -334,26 +331,6 @@ class Motions:
             own = owner[first]
             largest[own] = np.maximum(np.maximum.reduceat(inside, first), largest[own])
         return largest
-
-    def portions(self) -> Iterator[tuple[slice, Motions]]:
-        """Yield parts of the batch, as slice and batch, each with so few panels that criteria can share its nodes."""
-        if not self.whole or self.panels is not None or self._symbolic or self._adaptive:
-            yield slice(0, len(self)), self
-            return
-        counts = [panel_counts(self, phase, timed=self.t0 is not None) for phase in self.phases]
-        for run in runs(np.sum(counts, axis=0)):
-            if run.start:
-                limits.check(INTEGRATED)
-            yield run, self if run.stop - run.start == len(self) else self._some(run)
-
-    def _some(self, run: slice) -> Motions:
-        return replace(
-            self,
-            start=self.start.take(run),
-            end=self.end.take(run),
-            t0=None if self.t0 is None else self.t0[run],
-            turns=None if self.turns is None else (self.turns[0][run], self.turns[1][run]),
-        )
 
     def _instants(
         self, phase: Phase, u: Column, owner: IntArray | None, known: dict[str, Column] | None = None

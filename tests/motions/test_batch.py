@@ -318,15 +318,6 @@ def test_limits_are_asked_between_the_blocks_of_a_long_motion(monkeypatch):
 
     monkeypatch.setattr("hpop.motions.quadrature.AT_ONCE", 500)
     moves = long_moves()
-    for read in (moves.integrate, moves.worst, lambda rate: list(moves.portions())):
+    for read in (moves.integrate, moves.worst):
         with pytest.raises(Late), limits.within(Limits()):
             read(lambda s: np.exp(-s.base.x))
-
-
-def test_portions_are_all_motions_in_order(monkeypatch):
-    monkeypatch.setattr("hpop.motions.quadrature.AT_ONCE", 12)
-    moves = long_moves()
-    runs = list(moves.portions())
-    assert [(run.start, run.stop) for run, _ in runs] == [(0, 1), (1, 2), (2, 4)]  # panels: 5; 20,000; 10 and 1
-    costs = np.concatenate([some.integrate(lambda s: s.base.x) for _, some in runs])
-    np.testing.assert_allclose(costs, moves.integrate(lambda s: s.base.x), rtol=1e-12)

@@ -215,8 +215,7 @@ class StateGraph(TrajectoryGraph):
             for begin in range(0, own.size, BATCH):
                 rows = own[begin : begin + BATCH]
                 motions = self.motions(kind, tails[rows], self.arcs.heads[places[rows]].astype(np.int64))
-                for run, portion in motions.portions():
-                    yield places[rows][run], portion
+                yield places[rows], motions
 
     @property
     def is_reused(self) -> bool:
@@ -275,10 +274,10 @@ class StateGraph(TrajectoryGraph):
                     counts[j][own] = anywhere[number, j].take(pairs)
                 if len(alike) == len(missing):
                     continue
-                for run, portion in self.motions(self.kinds[number], tails, heads).portions():
-                    for j in missing:
-                        if j not in alike:
-                            counts[j][own[run]] = quantised(motion_costs(criteria[j], portion), criteria[j])
+                motions = self.motions(self.kinds[number], tails, heads)
+                for j in missing:
+                    if j not in alike:
+                        counts[j][own] = quantised(motion_costs(criteria[j], motions), criteria[j])
             return part, [*counts.values()]
 
         for part, counts in self.spending.each(costs, blocks(size) if missing else (), f"{self.words} was built"):
