@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from hpop.base.arrays import IntArray
+from hpop.base.arrays import BoolArray, IntArray, numbered
 from hpop.runtime.compiled import lean
 from hpop.runtime.status import Budget
 from hpop.search.graph import Graph
 from hpop.search.machinery.slices import Clock
-from hpop.search.machinery.turns import (
+from hpop.search.machinery.turn_costs import (
     GROUP_COLUMNS,
     OFFSET,
     SIZE,
-    SPARE,
+    SLOTS,
     TURNS,
-    Groups,
     no_dearer_than_two,
-    number_groups,
-    separate_turns,
+    with_zero,
     write_turn_costs,
 )
+from hpop.search.machinery.turns import Groups, number_groups, separate_turns
 
 
 def take_over_groups(before: Graph, graph: Graph, nodes: IntArray) -> None:
@@ -51,7 +50,6 @@ def _updated(groups: Groups, before: Graph, graph: Graph, nodes: IntArray) -> Gr
     is_new = order >= whole.size
     rows = np.zeros((order.size, GROUP_COLUMNS), np.int64)
     rows[:, OFFSET], rows[:, SIZE] = np.concatenate(first)[order], np.concatenate([old_sizes, new_sizes])[order]
-    rows[1:, TURNS] = np.cumsum(rows[:-1, SIZE] ** 2)
 
     # Arcs of the changed nodes are separated into turns and plain arcs; the others keep their plain arcs.
     tables = (graph.indptr, graph.heads, graph.costs, groups.column, np.arange(n), np.arange(n), rows[is_new])
@@ -74,9 +72,7 @@ def _updated(groups: Groups, before: Graph, graph: Graph, nodes: IntArray) -> Gr
 
     turns = np.zeros((graph.criteria, 0), np.int64)
     if groups.turns.size:
-        turns = np.zeros((graph.criteria, int((rows[:, SIZE] ** 2).sum()) + SPARE), np.int64)
-        _copy_runs(groups.turns, groups.rows[whole], turns, rows[~is_new])
-        clock.call(write_turn_costs, *tables, turns)
+        turns = _written_turns(groups, whole, rows, is_new, tables, clock)
         differ = [clock.call(turns_differ, rows, dearest, turns, j) for j in range(alike.size)]
         alike &= groups.alike | ~np.array(differ)
     elif not alike.all():
@@ -124,14 +120,23 @@ def _sizes_of_changed_groups(groups: Groups, graph: Graph, nodes: IntArray, cloc
     return sizes if are_ranges else None
 
 
-def _copy_runs(before: IntArray, old: IntArray, turns: IntArray, new: IntArray) -> None:
-    """Copy the turns of groups, with old and new rows (g, 3), between two tables (k, t), many groups at once."""
-    pairs = old[:, SIZE] ** 2
-    ends = [table[:, TURNS] + pairs for table in (old, new)]
-    parted = (old[1:, TURNS] != ends[0][:-1]) | (new[1:, TURNS] != ends[1][:-1])
-    begins = np.flatnonzero(np.append(True, parted)[: len(old)])
-    for begin, end in pairwise([*begins.tolist(), len(old)]):
-        turns[:, new[begin, TURNS] : ends[1][end - 1]] = before[:, old[begin, TURNS] : ends[0][end - 1]]
+def _written_turns(
+    groups: Groups, whole: IntArray, rows: IntArray, is_new: BoolArray, tables: tuple[Any, ...], clock: Clock
+) -> IntArray:
+    """Return the table of turns of the groups that stay (``whole``) and of new groups, and write their offsets to rows.
+
+    tables  first arguments of :func:`write_turn_costs`, with the rows of the new groups
+    """
+    offsets, first, which = np.unique(groups.rows[whole, TURNS], return_index=True, return_inverse=True)
+    pairs = groups.rows[whole[first], SIZE] ** 2
+    table, pair = numbered(pairs)
+    new = tables[-1]
+    turns = np.zeros((len(groups.turns), table.size + int((new[:, SIZE] ** 2).sum())), np.int64)
+    turns[:, : table.size] = groups.turns[:, offsets[table] + pair]
+    slots = np.zeros((SLOTS, 3), np.int64)
+    _, used = clock.call(write_turn_costs, *tables, 0, table.size, turns, slots)
+    rows[~is_new, TURNS], rows[is_new] = (np.cumsum(pairs) - pairs)[which], new
+    return with_zero(turns[:, :used])
 
 
 @lean

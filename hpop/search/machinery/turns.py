@@ -27,21 +27,26 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import IntArray, inserted
+from hpop.base.arrays import IntArray, inserted, numbered
 from hpop.runtime.compiled import kernel, lean
-from hpop.runtime.status import Status
 from hpop.search.graph import Graph
 from hpop.search.machinery.slices import PARTS, Clock
+from hpop.search.machinery.turn_costs import (
+    GROUP_COLUMNS,
+    OFFSET,
+    SIZE,
+    TURNS,
+    NoRoom,
+    check_room,
+    no_dearer_than_two,
+    shared_turns,
+)
 
-OFFSET, SIZE, TURNS, GROUP_COLUMNS = range(4)
+__all__ = ["GROUP_COLUMNS", "OFFSET", "SIZE", "TURNS", "Groups", "NoRoom"]
+
 MOST = 1024  # a turn raises its cost by less
-SPARE = 8  # columns of turns for nodes that are added
 CACHED = 2**26  # bytes of tables up to which a graph keeps them for its next query
 NODE, ARC = 24, 8  # bytes of a node in groups, also while they are searched, and of an arc that is no turn
-
-
-class NoRoom(Exception):
-    """Error of groups that need more memory than the budget of the search has."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,10 +59,10 @@ class Groups:
     step        amount by which a turn raises this cost
     nodes       (n,)      node of the graph at each new number
     new_number  (n,)      new number of each node of the graph
-    rows        (g, 3)    for each group: first node, number of nodes, offset in ``turns``
+    rows        (g, 3)    for each group: first node, number of nodes, offset in ``turns``; groups may share an offset
     dearest     (g, k)    for each group and cost: the largest cost of a turn
     alike       (k,)      for each cost: True if the turns of each group cost the same
-    turns       (k, t)    costs of turns, one per ordered pair of nodes of a group, then spare columns; empty if alike
+    turns       (k, t)    costs of turns, one per ordered pair of nodes of a group, then a column of 0; empty if alike
     start       (n + 1,)  the plain arcs of node v are start[v] : start[v + 1]
     heads       (m,)      heads of the plain arcs, in new numbers
     origin      (m,)      indices of the plain arcs in the graph
@@ -109,7 +114,7 @@ class Groups:
         if name not in cache:
             cache[name] = cls._computed(graph.base, column, clock)
         groups: Self | None = cache[name]
-        _check_room(clock, 0 if groups is None else groups.nbytes)
+        check_room(clock, 0 if groups is None else groups.nbytes)
         return None if groups is None else groups._with_added_nodes(graph, graph.base)
 
     def _with_added_nodes(self, graph: Graph, base: Graph) -> Self:
@@ -118,7 +123,7 @@ class Groups:
         ends = np.arange(base.nodes, graph.nodes)
         rows = np.zeros((more, GROUP_COLUMNS), np.int64)
         rows[:, OFFSET], rows[:, SIZE] = ends, 1
-        rows[:, TURNS] = int((self.rows[:, SIZE] ** 2).sum()) + np.arange(more)
+        rows[:, TURNS] = max(0, self.turns.shape[1] - 1)  # they do not turn
         new_number = np.concatenate([self.new_number, ends])
         tails = np.searchsorted(graph.indptr, j, side="right") - 1
         order = np.argsort(new_number[tails], kind="stable")
@@ -134,22 +139,24 @@ class Groups:
             new_number=new_number,
             rows=np.concatenate([self.rows, rows]),
             dearest=np.concatenate([self.dearest, zeros]),
-            turns=self._turns_beside(more),
             start=at + np.append(0, np.cumsum(counts)),
             heads=inserted(self.heads, before, new_number[graph.heads[j[order]]].astype(np.int32)),
             origin=inserted(origin, before, j[order].astype(np.int32)),
         )
 
-    def _turns_beside(self, more: int) -> IntArray:
-        """Return the table of turns with columns for ``more`` single nodes, which do not turn."""
-        pairs = int((self.rows[:, SIZE] ** 2).sum())
-        if not self.turns.size or pairs + more <= self.turns.shape[1]:
-            return self.turns
-        return np.concatenate([self.turns, np.zeros((len(self.turns), more), np.int64)], axis=1)
+    def unshared(self) -> Self:
+        """Return the same groups, each with its own columns of turns."""
+        if not self.turns.size:
+            return self
+        rows = self.rows.copy()
+        group, pair = numbered(self.rows[:, SIZE] ** 2)
+        rows[:, TURNS] = np.cumsum(rows[:, SIZE] ** 2) - rows[:, SIZE] ** 2
+        turns = self.turns[:, np.append(self.rows[group, TURNS] + pair, self.turns.shape[1] - 1)]
+        return replace(self, rows=rows, turns=turns)
 
     @classmethod
     def _computed(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
-        _check_room(clock, graph.nodes * NODE)
+        check_room(clock, graph.nodes * NODE)
         group = np.full(graph.nodes, -1)
         entered = np.zeros(graph.nodes, np.bool_)
         entered[graph.heads] = True
@@ -161,10 +168,10 @@ class Groups:
         rows = np.zeros((count, GROUP_COLUMNS), np.int64)
         rows[:, SIZE] = np.bincount(group, minlength=count)
         rows[1:, OFFSET] = np.cumsum(rows[:-1, SIZE])
-        rows[1:, TURNS] = np.cumsum(rows[:-1, SIZE] ** 2)
         groups = cls._with_arcs(graph, column, step, nodes, rows, graph.arcs - turns, clock)
         worst = np.array([aggregate == "max" for aggregate in graph.aggregates])
-        checks = [(part, groups.turns, groups.alike, worst) for part in _table_parts(rows)]
+        _, distinct = np.unique(rows[:, TURNS], return_index=True)
+        checks = [(part, groups.turns, groups.alike, worst) for part in np.array_split(rows[distinct], PARTS)]
         return groups if all(clock.call_all(no_dearer_than_two, checks)) else None
 
     @classmethod
@@ -172,7 +179,7 @@ class Groups:
         """Return groups of one node each; all arcs are plain."""
         groups: Self | None = graph.cache.get("single nodes")
         if groups is not None:
-            _check_room(clock, groups.nbytes)
+            check_room(clock, groups.nbytes)
             return groups
         rows = np.zeros((graph.nodes, GROUP_COLUMNS), np.int64)
         rows[:, OFFSET], rows[:, SIZE] = np.arange(graph.nodes), 1
@@ -186,7 +193,7 @@ class Groups:
         cls, graph: Graph, column: int, step: int, nodes: IntArray, rows: IntArray, plain: int, clock: Clock
     ) -> Self:
         most = graph.nodes * NODE + rows.nbytes + plain * ARC
-        _check_room(clock, most)
+        check_room(clock, most)
         new_number = np.empty(graph.nodes, np.int64)
         new_number[nodes] = np.arange(graph.nodes)
         start = np.empty(graph.nodes + 1, np.int64)
@@ -197,16 +204,8 @@ class Groups:
         m = clock.call(separate_turns, *tables, start, heads, origin, dearest, alike)
         turns = np.zeros((graph.criteria, 0), np.int64)
         if not alike.all():
-            pairs = int((rows[:, SIZE] ** 2).sum())
-            _check_room(clock, most + graph.criteria * pairs * dearest.itemsize)
-            turns = np.zeros((graph.criteria, pairs + SPARE), np.int64)
-            clock.call_all(write_turn_costs, [(*tables[:-1], part, turns) for part in _table_parts(rows)])
+            turns = shared_turns(graph.criteria, tables, most, clock)
         return cls(column, step, nodes, new_number, rows, dearest, alike, turns, start, heads[:m], origin[:m])
-
-
-def _check_room(clock: Clock, memory: int) -> None:
-    if clock.exceeded(0, memory, record=False) is Status.MEMORY_LIMIT:
-        raise NoRoom
 
 
 def _added_arcs(graph: Graph, base: Graph) -> IntArray:
@@ -231,10 +230,6 @@ def _turns_are_at_ends(graph: Graph, column: int) -> bool:
     first = (tails >= graph.base.nodes) & ~np.isin(tails, heads)
     last = (heads >= graph.base.nodes) & ~np.isin(heads, tails)
     return bool((first | last)[graph.costs[j, column] > 0].all())
-
-
-def _table_parts(rows: IntArray) -> list[IntArray]:
-    return np.array_split(rows, PARTS)
 
 
 @lean
@@ -329,48 +324,3 @@ def separate_turns(
                         alike[j] = alike[j] and costs[a, j] == costs[first, j]
     start[len(nodes)] = m
     return m
-
-
-@kernel
-def write_turn_costs(
-    indptr: IntArray,
-    heads: NDArray[np.int32],
-    costs: IntArray,
-    column: int,
-    nodes: IntArray,
-    new_number: IntArray,
-    rows: IntArray,
-    turns: IntArray,
-) -> None:
-    """Write the costs of all turns to `turns` (k, t); other arguments as in :class:`Groups`."""
-    for g in range(len(rows)):
-        offset, size = rows[g, OFFSET], rows[g, SIZE]
-        for p in range(offset, offset + size):
-            u = nodes[p]
-            for a in range(indptr[u], indptr[u + 1]):
-                to = new_number[heads[a]] - offset
-                if costs[a, column] > 0 and heads[a] != u and 0 <= to < size:
-                    for j in range(len(turns)):
-                        turns[j, rows[g, TURNS] + (p - offset) * size + to] = costs[a, j]
-
-
-@kernel
-def no_dearer_than_two(rows: IntArray, turns: IntArray, alike: NDArray[np.bool_], worst: NDArray[np.bool_]) -> bool:
-    """Return whether no turn costs more than two turns in a row between the same nodes, in any cost.
-
-    worst  (k,)  True for a cost that is a maximum
-    """
-    dearer = False
-    for j in range(len(alike)):
-        if alike[j]:
-            continue
-        for g in range(len(rows)):
-            size = rows[g, SIZE]
-            for u in range(size):
-                ahead = rows[g, TURNS] + u * size
-                for v in range(size):
-                    first, after = turns[j, ahead + v], rows[g, TURNS] + v * size
-                    for w in range(size):
-                        second = turns[j, after + w]
-                        dearer |= turns[j, ahead + w] > (max(first, second) if worst[j] else first + second)
-    return not dearer

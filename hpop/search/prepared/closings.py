@@ -30,7 +30,7 @@ class ClosedArcs:
     """Mask of the closed arcs of a graph, with groups of turns that follow it.
 
     closed  (m,)  True for a closed arc
-    whole         groups of turns while all arcs are open
+    whole         groups of turns while all arcs are open, unshared, as the costs of closed turns change
     turns   (g,)  number of closed turns of each group
     """
 

@@ -225,7 +225,7 @@ class Prepared:
         self.is_target[self.targets] = True
         clock = Clock(UNLIMITED, progress)
         clock.report("bounds")
-        groups = Groups.of(graph, clock)
+        groups = Groups.of(graph, clock).unshared()
         h, self.onward = costs_to_go(graph, self.targets, clock, groups)
         reached = h[0] < UNREACHABLE
         far = int(

@@ -142,7 +142,7 @@ def test_a_lattice_on_changing_cells_equals_one_that_is_built_anew(seed: int) ->
         np.testing.assert_array_equal(own, new)
         assert own.dtype == new.dtype
     np.testing.assert_array_equal(costs.costs, expected.costs)
-    groups, new_groups = groups_of_turns(costs), groups_of_turns(expected)
+    groups, new_groups = groups_of_turns(costs).unshared(), groups_of_turns(expected).unshared()
     for field in fields(groups):
         np.testing.assert_array_equal(getattr(groups, field.name), getattr(new_groups, field.name), field.name)
 

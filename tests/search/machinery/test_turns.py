@@ -103,3 +103,36 @@ def test_groups_that_do_not_fit_the_memory_are_refused_before_it_is_taken():
     tracemalloc.stop()
     assert status is Status.MEMORY_LIMIT
     assert taken < 50_000 * 40  # what numbers the groups; bounds would take 80 bytes a node more
+
+
+def cliques(kinds: np.ndarray, size: int) -> Graph:
+    """Return groups of nodes in a chain; the turns of a group cost 1 to 2 by its kind."""
+    random = np.random.default_rng(0).integers(1_000, 2_000, (int(kinds.max()) + 1, size, size))
+    a, b = (axis.ravel() for axis in np.nonzero(~np.eye(size, dtype=bool)))
+    first = size * np.arange(len(kinds))[:, None]
+    chain = np.arange(0, size * (len(kinds) - 1), size)
+    tails, heads = np.append((first + a).ravel(), chain), np.append((first + b).ravel(), chain + size)
+    turns = np.stack([random[kinds][:, a, b].ravel(), np.ones(a.size * len(kinds), int)], axis=1)
+    return Graph.from_arcs(size * len(kinds), tails, heads, np.concatenate([turns, np.tile([5, 0], (len(chain), 1))]))
+
+
+@pytest.mark.parametrize(("kinds", "number"), [(3, 400), (700, 700), (1_100, 1_100)], ids=["few", "many", "all"])
+def test_groups_with_equal_turns_share_their_costs(kinds, number):
+    """1,100 groups of 8 nodes need a larger table than the first one."""
+    kind = np.random.default_rng(1).permutation(np.arange(number) % kinds)
+    graph = cliques(kind, 8)
+    groups = groups_of(graph)
+    assert groups is not None
+    own = groups.unshared()
+    assert own.turns.shape == (2, number * 64 + 1)
+    assert kinds <= np.unique(groups.rows[:, 2]).size <= number
+    assert groups.turns.shape[1] == 64 * np.unique(groups.rows[:, 2]).size + 1
+    table = np.zeros((graph.nodes, 8), int)
+    turning = graph.costs[:, 1] > 0
+    tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
+    table[tails[turning], graph.heads[turning] % 8] = graph.costs[turning, 0]
+    for each in (groups, own):
+        for (first, size, begin), expected in zip(each.rows, table.reshape(-1, 64), strict=True):
+            assert each.turns[0, begin : begin + size**2].tolist() == expected.tolist(), first
+    if kinds == 3:
+        assert np.unique(groups.rows[:, 2]).size == 3

@@ -1,0 +1,137 @@
+"""Costs of the turns of groups (:mod:`.machinery.turns`), in a table whose columns equal groups share.
+
+On a lattice most positions have the same turns, so the table is small and stays in the processor's cache.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.base.arrays import IntArray
+from hpop.runtime.compiled import kernel
+from hpop.runtime.status import Status
+from hpop.search.machinery.slices import Clock
+
+OFFSET, SIZE, TURNS, GROUP_COLUMNS = range(4)
+FEW_PAIRS = 2**16  # columns of the table of turns at first; with shared offsets they suffice for most graphs
+SLOTS, PROBES = 2**12, 8  # of the hash table of groups
+CHECKSUM = 2**40 - 1
+
+
+class NoRoom(Exception):
+    """Error of groups that need more memory than the budget of the search has."""
+
+
+def check_room(clock: Clock, memory: int) -> None:
+    """Raise NoRoom if some bytes exceed the clock's memory budget."""
+    if clock.exceeded(0, memory, record=False) is Status.MEMORY_LIMIT:
+        raise NoRoom
+
+
+def shared_turns(criteria: int, tables: tuple[Any, ...], memory: int, clock: Clock) -> IntArray:
+    """Return the table of turns of all groups, and write their offsets; equal groups share an offset.
+
+    tables  first arguments of :func:`write_turn_costs`; memory  bytes in use
+    """
+    rows = tables[-1]
+    pairs = int((rows[:, SIZE] ** 2).sum())
+    turns = np.zeros((criteria, min(pairs, FEW_PAIRS)), np.int64)
+    slots, done, used = np.zeros((SLOTS, 3), np.int64), 0, 0
+    while True:
+        done, used = clock.call(write_turn_costs, *tables, done, used, turns, slots)
+        if done == len(rows):
+            break
+        columns = min(pairs, 4 * turns.shape[1])
+        check_room(clock, memory + (columns + turns.shape[1]) * criteria * turns.itemsize)
+        larger = np.zeros((criteria, columns), np.int64)
+        larger[:, :used] = turns[:, :used]
+        turns = larger
+    return with_zero(turns[:, :used])
+
+
+def with_zero(turns: IntArray) -> IntArray:
+    """Return a table of turns with the column of 0 that ends it."""
+    return np.concatenate([turns, np.zeros((len(turns), 1), np.int64)], axis=1)
+
+
+@kernel
+def write_turn_costs(
+    indptr: IntArray,
+    heads: NDArray[np.int32],
+    costs: IntArray,
+    column: int,
+    nodes: IntArray,
+    new_number: IntArray,
+    rows: IntArray,
+    first: int,
+    used: int,
+    turns: IntArray,
+    slots: IntArray,
+) -> tuple[int, int]:
+    """Write the costs of turns from group `first` on to `turns` (k, t), and their offsets to `rows`.
+
+    Groups with equal costs share an offset where :data:`PROBES` slots suffice to find it. Returns the number of groups
+    that are done, fewer than all where `turns` is full, and the number of columns in use; other arguments are as in
+    :class:`Groups`.
+
+    slots  (SLOTS, 3)  hash table of groups: checksum + 1, offset, size; 0 before the first call
+    """
+    for g in range(first, len(rows)):
+        offset, size = rows[g, OFFSET], rows[g, SIZE]
+        end = used + size * size
+        if end > turns.shape[1]:
+            return g, used
+        turns[:, used:end] = 0
+        for p in range(offset, offset + size):
+            u = nodes[p]
+            for a in range(indptr[u], indptr[u + 1]):
+                to = new_number[heads[a]] - offset
+                if costs[a, column] > 0 and heads[a] != u and 0 <= to < size:
+                    for j in range(len(turns)):
+                        turns[j, used + (p - offset) * size + to] = costs[a, j]
+        checksum = np.int64(size)
+        for j in range(len(turns)):
+            for i in range(used, end):
+                checksum = ((checksum << 5) ^ (checksum >> 13) ^ turns[j, i]) & CHECKSUM
+        rows[g, TURNS] = used
+        for probe in range(PROBES):
+            slot = (checksum + probe) % SLOTS
+            if slots[slot, 0] == 0:
+                slots[slot, 0], slots[slot, 1], slots[slot, 2] = checksum + 1, used, size
+                break
+            other = slots[slot, 1]
+            same = slots[slot, 0] == checksum + 1 and slots[slot, 2] == size
+            for j in range(len(turns) if same else 0):
+                for i in range(size * size):
+                    same = same and turns[j, other + i] == turns[j, used + i]
+            if same:
+                rows[g, TURNS] = other
+                break
+        if rows[g, TURNS] == used:
+            used = end
+    return len(rows), used
+
+
+@kernel
+def no_dearer_than_two(rows: IntArray, turns: IntArray, alike: NDArray[np.bool_], worst: NDArray[np.bool_]) -> bool:
+    """Return whether no turn costs more than two turns in a row between the same nodes, in any cost.
+
+    worst  (k,)  True for a cost that is a maximum
+    """
+    dearer = False
+    for j in range(len(alike)):
+        if alike[j]:
+            continue
+        for g in range(len(rows)):
+            size = rows[g, SIZE]
+            for u in range(size):
+                ahead = rows[g, TURNS] + u * size
+                for v in range(size):
+                    first, after = turns[j, ahead + v], rows[g, TURNS] + v * size
+                    for w in range(size):
+                        second = turns[j, after + w]
+                        dearer |= turns[j, ahead + w] > (max(first, second) if worst[j] else first + second)
+    return not dearer
