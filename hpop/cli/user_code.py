@@ -17,21 +17,31 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from hpop.base.registry import Registry, criteria, formats, goals, models, planners, readers, required_parameters
+from hpop.base.registry import (
+    Registry,
+    criteria,
+    formats,
+    goals,
+    graphs,
+    models,
+    planners,
+    readers,
+    required_parameters,
+)
 from hpop.base.text import shown, some
 from hpop.criteria.base import Criterion, make_criterion
 from hpop.errors import CriterionError, HpopError, OwnCodeError, UnknownName, did_you_mean, own_location
 from hpop.motions import Model
 from hpop.planners.base import Planner, make_planner
 
-REGISTRIES: tuple[Registry[Any], ...] = (criteria, planners, models, goals, readers, formats)
+REGISTRIES: tuple[Registry[Any], ...] = (criteria, planners, graphs, models, goals, readers, formats)
 HOME = Path(__file__).parents[1]
 """Folder of the package hpop."""
 FORM = "give FILE.py, or a MODULE that Python can import from this folder"
 
 
 def register(specs: Iterable[str]) -> None:
-    """Import files (``FILE.py``) and modules that register criteria, planners, models, goals, readers or formats.
+    """Import files (``FILE.py``) and modules that register criteria, planners, graphs or other plugins of hpop.
 
     Raises OwnCodeError if one cannot be imported or registers nothing. An invalid declaration, or a name that is taken,
     raises the error of its registry, with file and line.
@@ -41,8 +51,8 @@ def register(specs: Iterable[str]) -> None:
         inside = f"{module.__name__}."
         if not any(item not in before or f"{item.__module__}.".startswith(inside) for item in _registered()):
             raise OwnCodeError(
-                f"{spec} ({getattr(module, '__file__', None) or 'no file'}) registers no criterion, planner, model, "
-                "goal, reader or format; declare one, such as a class with @hpop.criterion"
+                f"{spec} ({getattr(module, '__file__', None) or 'no file'}) registers no criterion, planner, graph, "
+                "model, goal, reader or format; declare one, such as a class with @hpop.criterion"
             )
     for registry in REGISTRIES:
         own = registry.own()

@@ -38,6 +38,21 @@ class MyLattice(Lattice):
 
 readers.add("my_map", lambda path: hpop.World.from_ros_map(path))
 """
+GRAPH = """\
+from dataclasses import dataclass
+from typing import ClassVar
+from hpop.planners.graphs import GraphFamily, RoadmapGraph, graph_family
+
+@graph_family("few")
+@dataclass(frozen=True)
+class Few(GraphFamily):
+    "A roadmap of twelve samples."
+
+    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move"})
+
+    def build(self, problem, objectives, spending):
+        return RoadmapGraph(samples=12, neighbours=12, seed=1).build(problem, objectives, spending)
+"""
 OWN = [("turns, length", "my_way, length"), ("lattice: {step: 0.5}", "weighted-sum: {step: 0.5}")]
 
 
@@ -121,6 +136,14 @@ def test_planners_and_readers_of_several_modules_come_along(
     assert "my_way  m, sum" in hpop("criteria", *both, cwd=room).stdout
 
 
+def test_a_graph_of_the_user_is_searched(hpop: Hpop, room: Path, write: Callable[..., None], mine: Path) -> None:
+    (mine / "few.py").write_text(GRAPH)
+    write(room, ("lattice: {step: 0.5}", "exact: {on: {few: {}}}"))
+    planned = hpop("plan", "room.yaml", "--out", "out", "--import", "mine/few.py", cwd=room)
+    assert planned.returncode == 0, planned.stderr
+    assert "roadmap of 12 samples" in Front.load(room / "out" / "front.json").certificate
+
+
 def test_a_criterion_is_checked_by_its_file_its_module_or_its_name(hpop: Hpop, mine: Path) -> None:
     for named in (["ways.py:Way"], ["ways:Way"], ["my_way", "--import", "ways.py"]):
         done = hpop("check", *named, cwd=mine)
@@ -153,7 +176,12 @@ def test_the_example_is_planned_as_it_says(hpop: Hpop, tmp_path: Path) -> None:
         ("def f():\n    return {}['x']\nf()\n", "own.py", 14, "own.py, line 2: KeyError: 'x'"),
         ("raise SystemExit\n", "own.py", 14, "own.py, line 1: SystemExit; put code that runs it as a program"),
         ("from . import ways\n", "own.py", 14, "give PACKAGE.MODULE"),
-        ("import hpop.criteria\n", "own.py", 14, "registers no criterion, planner, model, goal, reader or format"),
+        (
+            "import hpop.criteria\n",
+            "own.py",
+            14,
+            "registers no criterion, planner, graph, model, goal, reader or format",
+        ),
         (WAY.replace("my_way", "turns"), "own.py", 8, "own.py, line 4: criterion name 'turns' is taken by hpop."),
         (WAY.replace('"C"', '"X"'), "own.py", 8, "own.py, line 4: criterion 'my_way' (Way): group must be one of"),
         (WAY, "queue.py", 14, "its name is taken by the module 'queue'"),
