@@ -60,6 +60,9 @@ FORMATS = """# Export formats
 
 For people who read exported files: the axes, units and columns of each format. [Export](export.md) is the guide.
 `make reference` writes this page from the code; do not edit it.
+
+In the table, a *body* is the part of the robot whose poses are exported, such as the camera. *Stamps* are the times of
+messages. REP-103 is the convention of ROS for axes and units.
 """
 
 
@@ -69,7 +72,8 @@ def formats_reference() -> str:
     rows = [{"format": f"`{name}`", "ending": f"`{one.suffix}`", "axes": one.axes} for name, one in known.items()]
     parts = [FORMATS, table(rows), ""]
     for name, one in known.items():
-        parts.append(f"## `{name}`\n\n{text(inspect.cleandoc(one.__doc__))}\n")
+        said = text(inspect.cleandoc(one.__doc__)).removeprefix("Return ")
+        parts.append(f"## `{name}`\n\n{said[0].upper()}{said[1:]}\n")
     return "\n".join(parts)
 
 

@@ -41,9 +41,17 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         ),
         _entry(
             "knee, compromise",
-            """The compromise that hpop proposes: the trajectory that lies deepest in the bend of the front. Beyond a
-            knee, a small gain in one cost takes a large loss in another. You need not take it: `hpop pick` chooses by
-            your own rule.""",
+            """The compromise that hpop proposes. With two costs, the front is a curve that bends towards low costs, and
+            the knee is the point deepest in the bend. If you leave the knee, a small gain in one cost takes a large
+            loss in another. You need not take it: `hpop pick` chooses by your own rule.""",
+        ),
+        _entry(
+            "point, row",
+            """A trajectory of the front with its costs. Tables number the rows from 0.""",
+        ),
+        _entry(
+            "provenance",
+            """Says how a point of the front was found: by which planner, with which options.""",
         ),
         _entry(
             "marked",
@@ -90,14 +98,15 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         ),
         _entry(
             "gap",
-            """Says how good the result of a stopped search is: the most by which a missing trajectory can be better, as
-            a share of each cost. A gap of 0 says that none is missing; 0.05 says that a missing one is at most 5 %
+            """Says how good the result of a stopped search is. It bounds how much better a missing trajectory can be,
+            as a share of each cost. With a gap of 0, none is missing. With a gap of 0.05, a missing one is at most 5 %
             better.""",
         ),
         _entry(
             "supported, supported point, unsupported",
-            """A supported point is the best point of the front for some weights of the costs. A point in a dent of the
-            front is optimal too, but it is best for no weights: it is unsupported, and weighted sums never find it.""",
+            """A supported point has the least weighted sum of the costs for some choice of weights. Other points of the
+            front are unsupported: they are optimal trade-offs too, but for every choice of weights another point has a
+            smaller sum. So a search by weighted sums never finds them.""",
         ),
         _entry(
             "eps, epsilon, tolerance",
@@ -111,8 +120,9 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         ),
         _entry(
             "exact, local optima",
-            """Exact: proved to be the best among all paths of the graph that was searched, such as a grid of poses. A
-            local optimum is better than all similar trajectories; a very different one may be better still.""",
+            """Exact is a claim about the graph that was searched, such as a grid of poses: no other path on it is
+            better than a returned one in one cost and as good in the others. A local optimum is better than all similar
+            trajectories; a very different one may be better still.""",
         ),
     ),
     "Costs": (
@@ -170,6 +180,15 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
             arms.""",
         ),
         _entry(
+            "guide, guides",
+            """A path that random trees find before the roadmap of an arm is made. Guides show where its samples are
+            worth drawing.""",
+        ),
+        _entry(
+            "warm start, warm_start",
+            """A path of another planner, from which a planner such as `smoothing` starts to improve.""",
+        ),
+        _entry(
             "joined",
             """A start or goal between the poses of a grid is joined to poses nearby, so that trajectories begin and end
             exactly where you asked.""",
@@ -197,9 +216,9 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
     "People who move": (
         _entry(
             "prediction, horizon",
-            """Where a person is expected to be from now on: at a constant velocity, along waypoints, on a recorded
-            track, or by one of several hypotheses. A prediction ends after `horizon` seconds; from then on the person
-            is gone, or stays.""",
+            """Where a person is expected to be from now on. The person walks at a constant velocity, along waypoints,
+            on a recorded track, or by one of several hypotheses. A prediction ends after `horizon` seconds; from then
+            on the person is gone, or stays.""",
         ),
         _entry(
             "clock, tick",
@@ -226,8 +245,8 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         _entry(
             "drive, plan, announced",
             """A drive executes a trajectory of a front, and may change it on the way (`hpop drive`). The plan is the
-            trajectory that is driven if nothing changes. The announced path is the one that leads to the goal, even if
-            a part of it is closed now.""",
+            trajectory that is driven if nothing changes. The announced path is the whole planned path to the goal, even
+            if a part of it is closed now.""",
         ),
         _entry(
             "option, options, leaves at, next turn, same side, keeps on",
@@ -237,9 +256,9 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         ),
         _entry(
             "commit",
-            """The state at which options begin: the first one after the deadline (the time given to the search) at
-            which the robot can leave its plan, straight on or by stopping to turn. The plan stays as it is until then,
-            so the motion never jumps.""",
+            """The state at which options begin. The search has some time, the deadline. The commit is the first state
+            after it at which the robot can leave its plan, straight on or by stopping to turn. Until then the plan
+            stays as it is, so the motion never jumps.""",
         ),
         _entry(
             "wish, hurry",
@@ -248,6 +267,15 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         ),
     ),
     "Maps": (
+        _entry(
+            "scenario",
+            """A text file (YAML) with one planning problem: map, robot, start, goal, criteria and planner. `hpop plan`
+            solves it.""",
+        ),
+        _entry(
+            "reader",
+            """The part of hpop that reads one kind of map, such as `image` or `geojson`.""",
+        ),
         _entry(
             "free space, usable",
             """The positions at which the whole robot touches no obstacle, keep-out zone, standing person or border. A

@@ -170,13 +170,17 @@ OUT_OF_CAMERA = np.array([0.5, -0.5, -0.5, 0.5])  # axes of a glTF camera (right
 def glb(given: Exported) -> bytes:
     """Return the world and an animated camera as binary glTF 2.0, for Blender, three.js and other viewers.
 
-    Right-handed, y up, m: the world's (x, y, z) is (x, z, -y). A node (``camera_link``) has the poses as translation
-    and rotation (quaternion x, y, z, w), linear between keys; the camera in it looks along -z. If a body other than the
-    camera is exported, the node has that body's frame (x ahead, y left, z up) and no camera. Times are float32 seconds
-    from the start, strictly increasing: of poses with equal float32 times the last is kept. Obstacles are prisms; walls
-    of unlimited height are a storey high. Each predicted future of a walking person is an animated node, named with the
-    future's weight; its size is 0 while the person is absent. ``asset.extras`` has the costs, and notes on inexact
-    shapes.
+    Axes are right-handed with y up, in m: a point (x, y, z) of the world becomes (x, z, -y).
+
+    - Camera: the node ``camera_link`` has the poses as translation and rotation (quaternion x, y, z, w). Between two
+      poses they are interpolated. The camera in this node looks along -z. If a body other than the camera is exported,
+      the node has that body's frame (x ahead, y left, z up) and no camera.
+    - Times are float32 seconds from the start, and always increase. Of several poses with equal float32 times, only
+      the last is kept.
+    - Obstacles are prisms. Walls without an upper end are a storey high.
+    - People: each predicted future of a walking person is an animated node, named with the weight of this future.
+      Its size is 0 while the person is absent.
+    - Costs, and notes on inexact shapes, are in ``asset.extras``.
     """
     file = _File()
     seen, body = given.poses, given.frames.of(given.body)

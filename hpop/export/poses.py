@@ -18,11 +18,17 @@ CSV_AXES = (
 def pose_csv(given: Exported) -> bytes:
     """Return a table of poses, in the world's frame, for spreadsheets and scripts.
 
-    Columns ``t`` (s, from the start), ``x``, ``y``, ``z`` (m), ``qx``, ``qy``, ``qz``, ``qw`` (unit quaternion that
-    turns the world's axes to those of the body: x ahead, y left, z up; signs are chosen so that interpolation takes the
-    shorter way), ``v`` (m/s, the velocity along the direction ahead), ``yaw_rate`` (rad/s, about the vertical,
-    counter-clockwise). Right-handed, z up (REP-103). Lines that begin with ``#`` state the axes and the costs:
-    ``pandas.read_csv(file, comment="#")``. Numbers read back as equal float64.
+    Columns:
+
+    - ``t``: time from the start, s
+    - ``x``, ``y``, ``z``: position, m; axes are right-handed with z up (REP-103)
+    - ``qx``, ``qy``, ``qz``, ``qw``: unit quaternion that turns the world's axes to those of the body (x ahead, y left,
+      z up); its sign is chosen so that interpolation takes the shorter way
+    - ``v``: velocity along the direction ahead, m/s
+    - ``yaw_rate``: rate of turning about the vertical, rad/s, counter-clockwise
+
+    Lines that begin with ``#`` state the axes and the costs, so read it with ``pandas.read_csv(file, comment="#")``.
+    Numbers read back as equal float64.
     """
     seen = given.poses
     table = np.column_stack([seen.times, seen.positions, seen.quaternions, seen.speeds, seen.yaw_rates])
@@ -40,10 +46,17 @@ JSON_AXES = (
 def pose_json(given: Exported) -> bytes:
     """Return a JSON object of poses, in the world's frame, with its costs, for web pages and scripts.
 
-    ``times`` (s, from the start), ``positions`` [x, y, z] (m), ``quaternions`` [x, y, z, w] (unit; they turn the
-    world's axes to those of the body: x ahead, y left, z up), ``yaws`` (rad, continuous), ``speeds`` (m/s, along the
-    direction ahead), ``yaw_rates`` (rad/s), a row per pose; ``axes`` states this. Right-handed, z up (REP-103). Strict
-    JSON in UTF-8; numbers read back as equal float64.
+    These keys have one entry for each pose:
+
+    - ``times``: s, from the start
+    - ``positions``: [x, y, z] in m; axes are right-handed with z up (REP-103)
+    - ``quaternions``: [x, y, z, w], unit quaternions that turn the world's axes to those of the body (x ahead, y left,
+      z up)
+    - ``yaws``: rad, without jumps at a full turn
+    - ``speeds``: m/s, along the direction ahead
+    - ``yaw_rates``: rad/s, counter-clockwise
+
+    The key ``axes`` states this in words. The file is strict JSON in UTF-8. Numbers read back as equal float64.
     """
     seen = given.poses
     told = {
@@ -80,9 +93,10 @@ HEAD = "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x 
 def euroc(given: Exported) -> bytes:
     """Return a ground truth table as in the EuRoC MAV data sets, for evo and visual-inertial tools.
 
-    Columns: time in whole nanoseconds from the start, position (m), unit quaternion with w first; one line of headings.
-    Right-handed, z up (REP-103); the axes of the body are x ahead, y left, z up. Burri et al. 2016, The EuRoC micro
-    aerial vehicle datasets, IJRR 35(10).
+    After one line of headings, the columns are: time from the start in whole nanoseconds, position in m, and unit
+    quaternion with w first. Axes are right-handed with z up (REP-103). The axes of the body are x ahead, y left, z up.
+
+    Source: Burri et al. 2016, The EuRoC micro aerial vehicle datasets, IJRR 35(10).
     """
     seen = given.poses
     lines = [HEAD]
@@ -103,9 +117,11 @@ TUM_AXES = (
 def tum(given: Exported) -> bytes:
     """Return lines ``timestamp tx ty tz qx qy qz qw`` of the TUM RGB-D benchmark, for evo and SLAM tools.
 
-    s from the start, m, unit quaternion; right-handed, z up (REP-103). The axes of the body are x ahead, y left, z up,
-    not those of a picture (z ahead), which some SLAM systems write. Lines that begin with ``#`` state the axes and the
-    costs. Sturm et al. 2012, A benchmark for the evaluation of RGB-D SLAM systems, IROS.
+    Each line has the time from the start in s, the position in m, and a unit quaternion. Axes are right-handed with z
+    up (REP-103). The axes of the body are x ahead, y left, z up. Some SLAM systems write other axes of the camera, with
+    z ahead. Lines that begin with ``#`` state the axes and the costs.
+
+    Source: Sturm et al. 2012, A benchmark for the evaluation of RGB-D SLAM systems, IROS.
     """
     seen = given.poses
     said = "".join(f"# {line}\n" for line in [*given.statement(TUM_AXES), "timestamp tx ty tz qx qy qz qw"])
@@ -122,9 +138,9 @@ UNITY_AXES = (
 def unity_csv(given: Exported) -> bytes:
     """Return a table for Unity: left-handed, x right, y up, z ahead, m.
 
-    Columns ``t`` (s, from the start), ``x``, ``y``, ``z`` (m), ``qx``, ``qy``, ``qz``, ``qw``, as a transform's
-    ``position`` and ``rotation`` take them. A point (x, y, z) of the world becomes (-y, z, x), a quaternion (q_y, -q_z,
-    -q_x, q_w): ahead, left, up become forward, -right, up, as in the ROS-TCP-Connector (FLU to RUF). A heading of 0,
+    Columns are ``t`` (s, from the start), ``x``, ``y``, ``z`` (m), and ``qx``, ``qy``, ``qz``, ``qw``. Assign them to
+    the ``position`` and ``rotation`` of a transform. A point (x, y, z) of the world becomes (-y, z, x). A quaternion
+    becomes (q_y, -q_z, -q_x, q_w). Unity's ROS-TCP-Connector converts in this way, too (FLU to RUF). A heading of 0,
     along the world's x, looks along +z. Lines that begin with ``#`` state the axes and the costs.
     """
     seen = given.poses
@@ -145,10 +161,10 @@ UNREAL_AXES = (
 def unreal_csv(given: Exported) -> bytes:
     """Return a table for Unreal Engine: left-handed, x along the world's x, y to its right, z up, cm.
 
-    Columns ``t`` (s, from the start), ``x``, ``y``, ``z`` (cm), ``pitch``, ``yaw``, ``roll`` (degrees, as in an
-    FRotator: pitch up, yaw clockwise from above, roll to the right). A point (x, y, z) m of the world becomes (100 x,
-    -100 y, 100 z); yaw changes its sign and is continuous, so that it may exceed 180. Lines that begin with ``#`` state
-    the axes and the costs.
+    Columns are ``t`` (s, from the start), ``x``, ``y``, ``z`` (cm), and ``pitch``, ``yaw``, ``roll`` (degrees). Angles
+    are those of an FRotator: pitch up, yaw clockwise from above, roll to the right. A point (x, y, z) of the world, in
+    m, becomes (100 x, -100 y, 100 z). Yaw changes its sign. It does not jump at a full turn, so it may exceed 180.
+    Lines that begin with ``#`` state the axes and the costs.
     """
     seen = given.poses
     angles = [pitch_of(seen.quaternions), -seen.yaws, roll_of(seen.quaternions)]

@@ -153,7 +153,7 @@ def _qos() -> list[Any]:
 def bag(given: Exported) -> Mapping[str, bytes]:
     """Return a bag of ROS 2, a folder with ``metadata.yaml`` (version 9) and an MCAP file; needs the extra ``bags``.
 
-    Topics, axes, units and times are those of the format ``mcap``; ``ros2 bag play knee_70_bag`` plays it.
+    Topics, axes, units and times are those of the format ``mcap``. ``ros2 bag play knee_70_bag`` plays the bag.
     """
     return bag_files(given)
 
@@ -162,12 +162,18 @@ def bag(given: Exported) -> Mapping[str, bytes]:
 def mcap(given: Exported) -> bytes:
     """Return an MCAP file of ROS 2 messages, for Foxglove and MCAP readers; needs the extra ``bags``.
 
-    ``/plan`` (nav_msgs/Path, of the base, or of the body without a base: poses at the ends of motions, and between
-    these about every 5 cm or 45 degrees; the pose of a hold occurs twice, at its begin and its end), ``/camera_pose``
-    (geometry_msgs/PoseStamped; ``/base_pose`` of a base), ``/tf`` (the base in ``map``, and moving bodies on it),
-    ``/tf_static`` (the camera, if fixed to the base), ``/costs`` (diagnostic_msgs/DiagnosticArray, a key and a value
-    per criterion). Right-handed, z up (REP-103), m, quaternions x, y, z, w. ``camera_link`` looks along its x: it is no
-    optical frame. Stamps are s and ns from the start, as are the times at which messages are sent.
+    The file has these topics:
+
+    - ``/plan`` (nav_msgs/Path): the path of the base, or of the exported body if the robot has no base. It has poses at
+      the ends of motions, and between them about every 5 cm or 45 degrees. A hold (a wait) has two equal poses, at its
+      begin and at its end.
+    - ``/camera_pose`` (geometry_msgs/PoseStamped), or ``/base_pose`` if the base is exported: the poses along the way.
+    - ``/tf``: the base in ``map``, and moving bodies on it. ``/tf_static``: the camera, if it is fixed to the base.
+    - ``/costs`` (diagnostic_msgs/DiagnosticArray): a key and a value for each criterion.
+
+    Axes are right-handed with z up (REP-103), in m; quaternions are x, y, z, w. The frame ``camera_link`` looks along
+    its x axis, with y left and z up. ROS cameras also have an optical frame, which looks along its z axis; this file
+    has none. Stamps, and the times at which messages are sent, count in s and ns from the start.
     """
     return bag_files(given)[f"{FOLDER}.mcap"]
 
@@ -183,11 +189,12 @@ DIGITS = 9  # behind the point: 1 nm, without exponents, which YAML 1.1 reads as
 def nav2_yaml(given: Exported) -> bytes:
     """Return the goal of Nav2's ``FollowPath`` action: the path of the base as YAML, ready to be sent.
 
-    ``ros2 action send_goal --stdin /follow_path nav2_msgs/action/FollowPath < knee_70.nav2.yaml``. ``path`` is a
-    nav_msgs/Path in the frame of the world (``map``): poses of the base at the ends of each motion, and between these
-    about every 5 cm or 45 degrees; m, quaternion x, y, z, w, right-handed, z up (REP-103); components that are left out
-    are 0. A turn in place is a sequence of poses at one position. There are no stamps, which controllers ignore:
-    speeds and holds are lost.
+    Send it with ``ros2 action send_goal --stdin /follow_path nav2_msgs/action/FollowPath < knee_70.nav2.yaml``.
+
+    ``path`` is a nav_msgs/Path in the frame of the world (``map``). It has poses of the base at both ends of each
+    motion, and between them about every 5 cm or 45 degrees. A turn in place is a sequence of poses at one position.
+    Axes are right-handed with z up (REP-103), in m; quaternions are x, y, z, w. Components that are left out are 0.
+    The file has no times, which controllers ignore anyway. So speeds and holds (waits) are lost.
 
     Raises OptionError for a robot without a base.
     """
