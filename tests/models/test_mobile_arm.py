@@ -328,11 +328,11 @@ def test_it_is_made_again_from_its_description_with_joints_by_name(robot, home):
 
 REFUSED: dict[str, dict[str, Any]] = {
     "arm must be a serial arm": {"arm": BASE},
-    "carried by a base in the plane that has no joints": {"base": arm6()},
+    "base must be a model in the plane without joints": {"base": arm6()},
     "such as base=DifferentialDrive": {"base": hpop.PanTilt()},
-    "the camera is the arm's": {"base": hpop.DifferentialDrive(view="unwound")},
+    "view and field_of_view of the base must not be set": {"base": hpop.DifferentialDrive(view="unwound")},
     "Did you mean 'home'": {"folded": "hoem"},
-    "the folded arm is": {"folded": (0.0, 0.0)},
+    "the folded arm must be given as": {"folded": (0.0, 0.0)},
     "base_to_shoulder": {"folded": (9.0, *(0.0,) * 5)},
 }
 
@@ -347,7 +347,7 @@ def test_an_arm_whose_joint_is_called_as_a_state_of_the_base_is_refused(tmp_path
     arm = crane(tmp_path)
     text = (tmp_path / "crane.urdf").read_text().replace('name="swing"', 'name="yaw"')
     (tmp_path / "crane.urdf").write_text(text)
-    with pytest.raises(ModelError, match="'yaw' has the name of a state of the base"):
+    with pytest.raises(ModelError, match="must not have names of states of the base, but a joint is called 'yaw'"):
         MobileArm(hpop.SerialArm.from_urdf(tmp_path / "crane.urdf", tip="eye", acceleration=2.0), BASE)
     assert MobileArm(arm, BASE, folded=(0.0,) * 4).joints == arm.joints
 

@@ -1,4 +1,4 @@
-"""A mobile base that carries an arm with a camera in its hand."""
+"""Robot model "mobile_arm": a mobile base that carries an arm with a camera at its end."""
 
 from hpop.models.mobile_arm.model import MobileArm
 

@@ -1,10 +1,9 @@
-"""Collision tests of a mobile base with an arm: of the base in the plane, and of the links in space.
+"""Collision tests of a mobile base with an arm: of the base in the plane, and of the arm's links in space.
 
-The base is tested against obstacles, keep-out zones and the border of the extent, as without an arm. Links are tested
-against solids, one another and the base. For the links, base and arm form one chain with x, y and yaw as first joints.
-A
-drive, a turn in place and a reach each change these joints linearly, so proofs for an arm's motions hold for all of
-them.
+The base is tested with obstacles, keep-out zones and the border of the map, as without an arm. Links are tested with
+the solids of the world, with each other and with the base. For them, base and arm form one chain, whose first joints
+are x, y and yaw. Straight moves, turns in place and reaches change these joints linearly, so the proofs for an arm's
+motions hold for all of them.
 """
 
 from __future__ import annotations
@@ -25,14 +24,14 @@ from hpop.motions import Collision, Motions, States, StateSpace
 from hpop.world import World
 from hpop.world.geometry.solids import Cylinder, Hull, Solid
 
-BASE = 3  # joints by which the base moves, and the frame that moves with it
-PLATFORM = "mobile base"  # name of the base among the links in messages
+BASE = 3  # number of joints for the base, and the number of the frame that moves with it
+PLATFORM = "mobile base"  # name of the base as a link, in messages
 
 
 def carried_chain(space: StateSpace, chain: Chain) -> Chain:
-    """Return the chain of an arm on a base with states x, y, yaw as joints without speed limits.
+    """Return the chain of base and arm: x, y and yaw of the base (``space``) as three joints before those of the arm.
 
-    Frame 0 of the arm is the base.
+    The joints of the base have no speed limits. Frame 0 of the arm's own chain must be the frame of the base.
     """
     return Chain(
         names=(*space.names, *chain.names),
@@ -49,7 +48,7 @@ def carried_chain(space: StateSpace, chain: Chain) -> Chain:
 
 
 def carried_parts(parts: Sequence[ArmPart], platform: Sequence[Prism]) -> tuple[ArmPart, ...]:
-    """Return the solids of an arm in the frames of the carried chain, and the solids of the base."""
+    """Return the collision solids of arm and base, in the frames of the chain of :func:`carried_chain`."""
     return (
         *(replace(part, frame=BASE + part.frame) for part in parts),
         *(ArmPart(PLATFORM, BASE, upright_solid(prism)) for prism in platform),
@@ -57,9 +56,9 @@ def carried_parts(parts: Sequence[ArmPart], platform: Sequence[Prism]) -> tuple[
 
 
 def upright_solid(prism: Prism) -> Solid:
-    """Return an upright prism of a base as a solid in the base's frame.
+    """Return a collision part of the base, an upright prism, as a solid in the frame of the base.
 
-    A cylinder if it has one corner, else a hull.
+    A part with one corner is a cylinder, any other the convex hull of its corners.
     """
     pose, (z_min, z_max) = np.eye(4), (prism.z_min, prism.z_max)
     if len(prism.corners) == 1:
@@ -72,9 +71,9 @@ def upright_solid(prism: Prism) -> Solid:
 def touching_platform(
     chain: Chain, parts: Sequence[ArmPart], apart: frozenset[Pair], platform: Sequence[Prism]
 ) -> frozenset[Pair]:
-    """Return the pairs of a link and the base that touch in each of 10,000 random states of the arm, hence by design.
+    """Return the links that touch the base by design: in each of 10,000 random states of the arm.
 
-    Parts and frames are those of the arm's own chain.
+    Each is returned as a pair of the link and the base. Parts and frames are those of the arm's own chain.
     """
     links = dict.fromkeys(part.link for part in parts)
     known = apart | {pair_of(*pair) for pair in combinations(links, 2)}
@@ -83,7 +82,7 @@ def touching_platform(
 
 @dataclass(frozen=True, eq=False)
 class BaseAndLinks:
-    """Collision test that needs both the base and the links to be free."""
+    """Collision test of a mobile arm: the robot is free if both its base and the links of its arm are."""
 
     base: Collision
     links: Collision
@@ -102,13 +101,13 @@ class BaseAndLinks:
         return free
 
     def why_blocked(self, state: States) -> str:
-        """Return what blocks one state and a remedy, without the final full stop; "" if the state is free."""
+        """Return a text, without final full stop: what blocks one state (1,) and a remedy; "" if the state is free."""
         return self.base.why_blocked(state) or self.links.why_blocked(state)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Links(ArmCollision):
-    """Collision test of the links; the base is tested against the links only."""
+    """Collision test of the links of a mobile arm; its base is tested with the links, but not with the world."""
 
     def _outer_pairs(self) -> Iterator[tuple[int, int]]:
         return ((a, b) for a, b in super()._outer_pairs() if self.parts[a].link != PLATFORM)
@@ -116,7 +115,7 @@ class Links(ArmCollision):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LinksJudge(ArmJudge):
-    """Judge of the links by python-fcl; the base is tested against the links only."""
+    """Collision test of the links for verification; the base is tested with the links, but not with the world."""
 
     @cached_property
     def _pairs(self) -> list[tuple[int, int]]:
@@ -126,10 +125,10 @@ class LinksJudge(ArmJudge):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MobileCollision(BaseAndLinks):
-    """Collision test for planning: exact for a base on straight moves, proved for the links.
+    """Collision test of a mobile arm for planning: exact for straight moves of the base, proved for the links.
 
-    platform  prisms of the base
-    world
+    platform  collision parts of the base
+    world     obstacles and zones
     """
 
     links: Links
@@ -138,11 +137,11 @@ class MobileCollision(BaseAndLinks):
 
     @property
     def is_uncompiled(self) -> bool:
-        """True if kernels must be compiled first."""
+        """True if kernels must be compiled at the first call, which takes some 20 s."""
         return self.links.is_uncompiled
 
     def clearance(self, states: States) -> FloatArray:
-        """Return the distance (N,), m, of the robot from the world: a lower bound, by a circle round the base."""
+        """Return a lower bound (N,), m, on the distance between robot and world; the base counts as a circle."""
         x, y = np.asarray(states.x, float), np.asarray(states.y, float)
         around = [self.world.clearance(x, y, z=(part.z_min, part.z_max)) - part.reach for part in self.platform]
         return np.asarray(np.maximum(0.0, np.min([self.links.clearance(states), *around], axis=0)))

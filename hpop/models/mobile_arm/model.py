@@ -1,4 +1,4 @@
-"""Mobile base that carries an arm with a camera in its hand."""
+"""Robot model "mobile_arm": a base in the plane that carries an arm with a camera at its end."""
 
 from __future__ import annotations
 
@@ -68,10 +68,10 @@ from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 from hpop.world.geometry.solids import Shape
 
-AXIS = Mount()  # of the base, on the floor
-UNFOLDED = 1e-6  # rad or m: largest deviation of a joint of a folded arm
-REACH = "reach"  # law of the arm
-CARRIES = frozenset({"base", "plane", "rigid"})  # what a base provides that can carry an arm
+AXIS = Mount()  # position of the body "base": on the axis, on the floor
+UNFOLDED = 1e-6  # rad or m: by how much a joint of a folded arm may differ from its folded value
+REACH = "reach"  # name of the arm's law
+CARRIES = frozenset({"base", "plane", "rigid"})  # capabilities of a base that can carry an arm
 
 
 @model("mobile_arm")
@@ -79,15 +79,14 @@ CARRIES = frozenset({"base", "plane", "rigid"})  # what a base provides that can
 class MobileArm(OnBase, Model):
     """Base in the plane that carries an arm; states x, y (m), yaw (rad) and the arm's joints.
 
-    arm     its ``base`` is the position of its root on the mobile one: x ahead of the axis, y to the left, z above the
-            floor; it has the camera, and its ``field_of_view``
-    base    a model in the plane without joints; the camera and the mast of a differential drive are left out
-    folded  the arm while the base drives: the name of one of its states, or its joints in order or by name
+    arm     serial arm. Its ``base`` is the pose of its root link on the mobile base: x ahead of the axis, y to the
+            left, z above the floor. The arm carries the camera, and its ``field_of_view`` applies
+    base    model in the plane without joints; the camera and mast of a differential drive are left out
+    folded  state of the arm while the base moves: the name of a state, or joint values in order or by name
 
     The base stands while the arm moves ("reach"), and the arm is folded while the base moves. The base moves from rest
-    to rest, by the laws by which it executes its plans. From one position to another, the arm is folded, the base
-    drives (a differential drive turns, moves and turns), and the arm reaches out. At one position the arm reaches from
-    posture to posture.
+    to rest, by its executed laws. To get from one position to another, the arm folds, the base drives (a differential
+    drive turns, moves and turns), and the arm reaches out. At one position, the arm reaches from state to state.
     """
 
     name: ClassVar[str]
@@ -107,40 +106,43 @@ class MobileArm(OnBase, Model):
 
     @cached_property
     def _rest(self) -> dict[str, float]:
-        """Joints of the folded arm by name."""
+        """Joint values of the folded arm, rad or m, by name."""
         state = self.arm.space.state(self.folded, what="folded arm")
         return {name: float(getattr(state, name)[0]) for name in self.joints}
 
-    # What it is made of
+    # Structure
 
     @property
     def provides(self) -> frozenset[str]:
-        """Bodies, joints, and the heading and wheels of the base; no lattice has its states."""
+        """Capabilities: "base", "camera", "tool", "joints", and "heading" and "wheels" if the base has them.
+
+        "plane" is not among them, so that no lattice is built for this robot.
+        """
         return frozenset({"base", "camera", "tool", "joints"}) | (self.base.provides & {"heading", "wheels"})
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Joints of the arm."""
+        """Names of the arm's joints."""
         return self.arm.joints
 
     @property
     def field_of_view(self) -> FieldOfView | None:
-        """Field of view of the camera in the hand."""
+        """Field of view of the arm's camera, (horizontal, vertical) rad, or None for all round."""
         return self.arm.field_of_view
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Assumptions about the robot, as text."""
+        """Sentences on assumptions about the robot, to be printed with every front."""
         own = (
             f"the link {shown(next(link for link in pair if link != PLATFORM))} touches the base that carries the arm "
-            f"in each of {SAMPLES:,} states drawn, so that collision is not looked at"
+            f"in each of {SAMPLES:,} random states, so this pair is not checked for collisions"
             for pair in sorted(self._touching)
         )
         return (*self.arm.notes, *own)
 
     @cached_property
     def space(self) -> StateSpace:
-        """States of the base and the joints, as far apart as the base moves while they change."""
+        """States of base and arm; in distances a joint counts as the distance that the base drives in its time."""
         plane, joints, chain = self.base.space, self.arm.space, self.arm.chain
         return StateSpace(
             (*plane.names, *joints.names),
@@ -154,36 +156,36 @@ class MobileArm(OnBase, Model):
 
     @cached_property
     def laws(self) -> Mapping[str, Law]:
-        """Executed laws of the base except curves, and "reach" of the arm: each from rest to rest."""
+        """Motion laws: the executed laws of the base except curves, and the arm's "reach"; all from rest to rest."""
         base = self.base
         kinds = [base.executed.get(kind, kind) for kind, law in base.laws.items() if not is_curve(law)]
         return {**{kind: base.laws[kind] for kind in kinds}, REACH: self.arm.laws[REACH]}
 
     @cached_property
     def chain(self) -> Chain:
-        """The joints of the arm after two slides and a turn of the base."""
+        """Chain of joints from the world to the tip: x, y and yaw of the base, then the joints of the arm."""
         return carried_chain(self.base.space, self.arm.chain)
 
     @property
     def platform(self) -> tuple[Prism, ...]:
-        """Upright parts of the base: its body without a mast."""
+        """Collision parts of the base, without the mast of its own camera."""
         return self.base.body_parts
 
     @cached_property
     def parts(self) -> tuple[ArmPart, ...]:
-        """Collision geometry: links of the arm, and the body of the base."""
+        """Collision geometry: solids of the arm's links and of the base."""
         return carried_parts(self.arm.parts, self.platform)
 
     @cached_property
     def apart(self) -> frozenset[Pair]:
-        """Pairs of links, the base included, without collision tests."""
+        """Pairs of links that are not tested for collision with each other; the base counts as a link."""
         return self.arm.apart | self._touching
 
     @cached_property
     def _touching(self) -> frozenset[Pair]:
         return touching_platform(self.arm.chain, self.arm.parts, self.arm.apart, self.platform)
 
-    # How it moves
+    # Motion
 
     @cached_property
     def _kinematics(self) -> Kinematics:
@@ -194,19 +196,19 @@ class MobileArm(OnBase, Model):
         return RigidPose(AXIS, states) if body == "base" else self._kinematics.pose(body, states)
 
     def twist(self, body: str, states: States, rates: States) -> Twist:
-        """Return the twist of a body."""
+        """Return the velocity and angular velocity of the base, the camera or the tool."""
         if body == "base":
             return RigidTwist(AXIS, states, rates)
         return self._kinematics.twist(body, states, rates)
 
     def twist_rate(self, body: str, states: States, rates: States, changes: States) -> Twist:
-        """Return the derivative of the twist of a body."""
+        """Return the acceleration and angular acceleration of the base, the camera or the tool."""
         if body == "base":
             return RigidTwistRate(AXIS, states, rates, changes)
         return self._kinematics.twist_rate(body, states, rates, changes)
 
     def body(self, name: str, motions: Motions) -> Body:
-        """Return a body's motion in each motion, in closed form where the law of the base has one."""
+        """Return how a body moves in each motion, in closed form if the law of the base has one."""
         if isinstance(motions.law, Reach):
             return standing(name, motions) if name == "base" else ArmBody(name, self._kinematics, motions)
         if not is_planar(motions.law):
@@ -214,25 +216,26 @@ class MobileArm(OnBase, Model):
         return rigid_body(name, AXIS, motions) if name == "base" else self._carried(name, motions)
 
     def _carried(self, name: str, motions: Motions) -> Body:
-        """Return the motion of a body in the hand while the base moves."""
+        """Return how the camera or the tool moves while the base moves and the arm is at rest."""
         turns = "yaw" in motions.law.varies
         return replace(turned_body(name, motions), steady=not turns, upright=True)
 
     def extent(self, motions: Motions) -> tuple[Column, Column]:
-        """Return bounds (M,), m and rad, on how far any body moves and turns."""
+        """Return upper bounds (M,), m and rad, on how far any body moves and turns in each motion."""
         if isinstance(motions.law, Reach):
             return self.arm.extent(motions)
         return motion_bounds(motions, self._lever)
 
     @cached_property
     def _lever(self) -> float:
-        """Bound on the distance of any body from the axis, m."""
+        """Upper bound on the distance of camera and tool from the axis of the base, m."""
         return float(levers(self.chain)[self.space.names.index("yaw")])
 
     def connect(self, a: States, b: States) -> list[Leg]:
-        """Return the legs: the arm folds, the base drives, the arm reaches out; without a drive one reach.
+        """Return the motions from states a to b: the arm folds, the base drives, the arm reaches out.
 
-        Joints that are NaN in b are left as they are, folded where the base has moved.
+        If the base need not move, there is one reach only. A joint whose value in b is NaN keeps its value; it stays
+        folded if the base has moved.
         """
         drives = np.any([leg.present for leg in self._drive(a, b)], axis=0)
         fold = self._reach(a, {name: np.where(drives, value, np.nan) for name, value in self._rest.items()})
@@ -240,21 +243,24 @@ class MobileArm(OnBase, Model):
         return [fold, *drive, self._reach(drive[-1].end, b.__dict__)]
 
     def _drive(self, a: States, b: States) -> list[Leg]:
-        """Return the legs of the base from states a (M,) to the positions and headings of b, as they are executed."""
+        """Return the base's motions, by its executed laws, from states a (M,) to the positions and headings of b."""
         legs = legs_of_joints(self.space, self.base.connect(a, b), a, b, ())
         return [leg._replace(kind=self.base.executed.get(leg.kind, leg.kind)) for leg in legs]
 
     def _reach(self, a: States, joints: Mapping[str, Column]) -> Leg:
-        """Return the leg from states a (M,) to values of the joints, where these are numbers."""
+        """Return the arm's motion from states a (M,) to joint values; a joint whose value is NaN does not move."""
         (leg,) = self.arm.connect(a, States(**{name: joints[name] for name in self.joints}))
         return leg._replace(end=States(**a.__dict__ | leg.end.__dict__))
 
     def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
-        """Return the plan, which moves from rest to rest already; consecutive runs in one line become one."""
+        """Return the plan, since its motions already go from rest to rest; runs in one straight line are joined.
+
+        Also return the times (n+1,), s, at which the robot passes the planned states.
+        """
         return rest_to_rest_execution(trajectory, {kind: kind for kind in self.base.executed.values()})
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Yield what the base cannot do, joints beyond their limits, and drives with an unfolded arm."""
+        """Yield a text for each fault: motions that the base cannot execute, joints beyond limits, an unfolded arm."""
         yield from self.base.faults(trajectory)
         states, count = trajectory.states, max(1, len(trajectory))
         start, end = states.take(slice(0, count)), states.take(slice(-count, None))
@@ -264,62 +270,71 @@ class MobileArm(OnBase, Model):
             yield f"drives with its arm unfolded in motion {i}, a {trajectory.kinds[i]}"
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Return motions (M,) that are doubtful for the base, for the arm, or for both together."""
+        """Return a mask (M,) of the motions that base or arm may be unable to execute, or with an unfolded arm."""
         found = self.base.doubtful(law, start, end) | self.arm.doubtful(self.arm.laws[REACH], start, end)
         return found | self._is_unfolded(start) if law.kind in self._drives else found
 
     @property
     def _drives(self) -> frozenset[str]:
-        """Laws of the base."""
+        """Kinds of motion in which the base moves: the names of all laws but "reach"."""
         return frozenset(self.laws) - {REACH}
 
     def _is_unfolded(self, states: States) -> BoolArray:
-        """Return in which states (N,) the arm is not folded."""
+        """Return a mask (N,) of the states in which the arm is not folded."""
         rest = States(**{name: np.full(states.size, value) for name, value in self._rest.items()})
         off = self.arm.space.differences(rest, states).values()
         return np.asarray(np.any([np.abs(column) > UNFOLDED for column in off], axis=0))
 
-    # Where it collides
+    # Collision tests
 
     def bodies(self, states: States) -> list[tuple[Shape, FloatArray]]:
-        """Return the shapes of the parts and their poses (N, 4, 4), which may hide things from the camera."""
+        """Return the shapes of the collision solids and their poses (N, 4, 4); they can hide things from the camera."""
         placed = frames(self.chain, states)
         return [(part.solid.shape, placed[part.frame] @ part.solid.pose) for part in self.parts]
 
     def collision(self, world: World) -> MobileCollision:
-        """Return the collision test: of the base in the plane, with certificates for the links."""
+        """Return the collision test for planning: of the base in the plane, with proofs for the links."""
         links = Links(self.chain, self.parts, self.apart, world)
         return MobileCollision(PlanarCollision(self.platform, world), links, self.platform, world)
 
     def judge(self, world: World) -> BaseAndLinks:
-        """Return the judge by python-fcl: the base every 5 cm or 3 degrees, the links every 1 mm."""
+        """Return the collision test for verification, by python-fcl.
+
+        States are sampled every 5 cm or 3 degrees for the base, and every 1 mm for the links.
+        """
         links = LinksJudge(self.chain, self.parts, self.apart, world)
         return BaseAndLinks(SolidCollision(self.platform, world), links)
 
     def describe(self) -> dict[str, Any]:
-        """Return JSON-able parameters, enough to build the same robot."""
+        """Return name and parameters for JSON, enough to build an equal robot; arm and base are described likewise."""
         given = {one.name: getattr(self, one.name) for one in fields(self)}
         return {self.name: {name: v.describe() if isinstance(v, Model) else v for name, v in given.items()}}
 
 
 def _check_parts(arm: Any, base: Any) -> None:
+    """Raise ModelError for an arm and a base that cannot form a mobile arm."""
     if not isinstance(arm, SerialArm):
-        raise ModelError(f"arm must be a serial arm, arm=SerialArm(...); got {shown(arm)}")
+        raise ModelError(f"arm must be a serial arm, arm=SerialArm(...), got {shown(arm)}")
     if not isinstance(base, PlanarModel) or not base.provides >= CARRIES:
         raise ModelError(
-            "an arm is carried by a base in the plane that has no joints of its own, such as "
-            f"base=DifferentialDrive(...); got {shown(base)}"
+            f"base must be a model in the plane without joints, such as base=DifferentialDrive(...), got {shown(base)}"
         )
     camera = with_optional_members(base, MODEL_DEFAULTS).mounts.get("camera")
     if (camera is not None and camera.view is not None) or base.field_of_view is not None:
-        raise ModelError("the camera is the arm's: leave view out of its base, and give field_of_view to the arm")
+        raise ModelError(
+            "view and field_of_view of the base must not be set, because the arm carries the camera; leave view out, "
+            "and set field_of_view for the arm"
+        )
     if taken := [name for name in arm.joints if name in base.space.names]:
         raise ModelError(
-            f"the arm's joint {shown(taken[0])} has the name of a state of the base; rename it in the URDF"
+            "joints of the arm must not have names of states of the base, but a joint is called "
+            f"{shown(taken[0])}; rename it in the URDF"
         )
     if taken := [kind for kind in base.laws if kind == REACH]:
-        raise ModelError(f"a law of the base is called {taken[0]!r}, which is the arm's law; rename it")
+        raise ModelError(
+            f"no law of the base may be called {taken[0]!r}, the name of the arm's law; rename the base's law"
+        )
     if any(part.link == PLATFORM for part in arm.parts):
         raise ModelError(
-            f"a link of the arm is called {PLATFORM!r}, which is the name of its base; rename it in the URDF"
+            f"no link of the arm may be called {PLATFORM!r}, which is the name of the base; rename it in the URDF"
         )

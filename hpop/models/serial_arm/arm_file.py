@@ -1,7 +1,7 @@
-"""Arms from URDF and SRDF files: read once, assembled, with hashes for saved fronts, and notes on oddities.
+"""Arm from its URDF and SRDF files: the chain of joints up to the tip, solids, named states, file hashes and notes.
 
-SRDFs are written for several variants of a robot, so links and joints that they name need not exist. A misspelt name
-looks the same as such a name, so both give a note.
+Notes are sentences for the user on oddities in the files. An SRDF is often written for several variants of a robot, so
+links and joints that it names need not exist. Since a misspelt name looks like such a name, both give a note.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ from hpop.world.geometry.solids import Hull, Solid
 
 MOVING = ("revolute", "prismatic", "continuous")
 LONGEST_MIMICRY = 20
-"""Longest row of joints that mimic one another; longer ones may be rings."""
+"""Longest sequence of joints that mimic the next one; a longer sequence may be a circle."""
 Place = tuple[int, FloatArray]
-"""Frame of the chain, and a pose in it."""
+"""Number of a frame of the chain, and a pose (4, 4) in this frame."""
 MOST_NAMED = 8
 """Largest number of names in a note."""
 Values = tuple[float, ...]
-NO_SRDF = "states have names in an SRDF, and none was given as srdf"
+NO_SRDF = "states get their names from an SRDF, and no file was given as srdf"
 ROUNDED = 5e-4
-"""Tolerance, rad or m, of values beyond a limit for lack of decimals: 1.5708 stands for half of pi."""
+"""Tolerance, rad or m, for values of named states that rounding has moved beyond a limit, such as 1.5708 for pi/2."""
 
 
 class Assembly(NamedTuple):
-    """Arm that results from a URDF and a choice of its tip.
+    """Arm that results from a URDF and the choice of its tip.
 
-    chain   joints that move, with the body "tool"
-    places  frame that carries each link, and the pose of the link in this frame
-    stands  value, rad or m, of each joint that could move but is fixed
+    chain   joints that move, with the body "tool" at the tip
+    places  by link: the frame that carries it, and its pose in this frame
+    stands  by joint that could move but is fixed: its value, rad or m
     """
 
     chain: Chain
@@ -53,15 +53,17 @@ class Assembly(NamedTuple):
 def assemble(
     robot: Robot, tip: str, base: FloatArray, fixed: Mapping[str, float], acceleration: float | Mapping[str, float]
 ) -> Assembly:
-    """Return the chain from the root of a robot to a tip; the root has the pose ``base`` (4, 4) in the world.
+    """Return the chain of moving joints from the root of a robot to the link ``tip``.
 
-    Joints in ``fixed`` stand at their value, joints outside the chain at 0 or the limit nearest to it.
+    base          (4, 4)  pose of the root in the world
+    fixed         values of joints that do not move; other joints outside the chain are at 0, or at the nearest limit
+    acceleration  rad/s² or m/s², largest acceleration of all joints, or of each by name
     """
     given = {"fixed": fixed, "acceleration": acceleration if isinstance(acceleration, Mapping) else {}}
     for parameter, name in ((parameter, name) for parameter, values in given.items() for name in values):
         if name not in robot.joints:
             raise robot.file.error(
-                f"{parameter} gives a value for the joint {shown(name)}, which does not exist; its joints are "
+                f"{parameter} must name joints of this file, got {shown(name)}; its joints are "
                 f"{', '.join(map(shown, robot.joints))}." + did_you_mean(name, robot.joints)
             )
     ancestry = robot.ancestry(tip)
@@ -69,7 +71,10 @@ def assemble(
     for joint in joints:
         _check_moves(robot, joint)
     if not joints:
-        raise robot.file.error(f"no joint between {shown(robot.root)} and the tip {shown(tip)} moves")
+        raise robot.file.error(
+            f"at least one joint between the root {shown(robot.root)} and the tip {shown(tip)} must move; give another "
+            "tip, or take joints out of fixed"
+        )
     numbers = {joint.name: i for i, joint in enumerate(joints, 1)}
     stands = _fixed_values(robot, numbers, fixed)
     places: dict[str, Place] = {robot.root: (0, base)}
@@ -99,7 +104,7 @@ def assemble(
 
 
 def displacement(joint: UrdfJoint, value: float) -> FloatArray:
-    """Return the pose (4, 4) of a joint's child at a value, in the joint's frame."""
+    """Return the pose (4, 4) of a joint's child link, in the frame of the joint, when the joint has a value."""
     pose = np.eye(4)
     if joint.kind == "prismatic":
         pose[:3, 3] = value * joint.axis
@@ -111,7 +116,11 @@ def displacement(joint: UrdfJoint, value: float) -> FloatArray:
 
 
 def parts_of(robot: Robot, places: Mapping[str, Place], hulls: Callable[[UrdfMesh], list[Hull]]) -> Iterator[ArmPart]:
-    """Yield the solids of the links, each in the frame with which it moves."""
+    """Yield the collision solids of all links, each in the frame of the chain that carries it.
+
+    places  frame and pose of each link
+    hulls   reads a mesh file and returns its convex pieces
+    """
     for link, geometries in robot.links.items():
         frame, pose = places[link]
         for geometry in geometries:
@@ -121,9 +130,9 @@ def parts_of(robot: Robot, places: Mapping[str, Place], hulls: Callable[[UrdfMes
 
 
 def touching_by_design(robot: Robot, places: Mapping[str, Place]) -> frozenset[Pair]:
-    """Return pairs of links that touch by design.
+    """Return the pairs of links that touch by design: neighbours in the tree of links, and links fixed to one frame.
 
-    Joined directly or through links without solids, or fixed to one frame.
+    Links are also neighbours if only links without solids are between them.
     """
     solid = [link for link, shapes in robot.links.items() if shapes]
     pairs = {pair_of(a, b) for a, b in combinations(solid, 2) if places[a][0] == places[b][0]}
@@ -137,7 +146,7 @@ def touching_by_design(robot: Robot, places: Mapping[str, Place]) -> frozenset[P
 
 
 def _joints_from_root(robot: Robot) -> Iterator[UrdfJoint]:
-    """Yield all joints, each after the joint of its parent."""
+    """Yield all joints, from the root outwards: each joint after the one that moves its parent link."""
     below: dict[str, list[UrdfJoint]] = {}
     for joint in robot.joints.values():
         below.setdefault(joint.parent, []).append(joint)
@@ -149,22 +158,26 @@ def _joints_from_root(robot: Robot) -> Iterator[UrdfJoint]:
 
 
 def _check_moves(robot: Robot, joint: UrdfJoint) -> None:
-    """Raise ModelError for a joint between root and tip that arms cannot have."""
-    way_out = f"if it stands, give its value in fixed, as {{{joint.name}: 0.0}}; or give another tip"
+    """Raise ModelError for a joint between root and tip that an arm cannot have, such as one that mimics another."""
+    way_out = f"if it does not move, give its value in fixed, as {{{joint.name}: 0.0}}; or give another tip"
     if joint.kind not in MOVING:
         raise robot.file.error(
-            f"joint {shown(joint.name)}, between the root and the tip, is {joint.kind}; the joints of an arm must "
-            f"be fixed, {', '.join(MOVING)}: {way_out}"
+            f"joints between the root and the tip must be fixed, {', '.join(MOVING)}, but joint {shown(joint.name)} "
+            f"is {joint.kind}; {way_out}"
         )
     if joint.mimic is not None:
         raise robot.file.error(
-            f"joint {shown(joint.name)}, between the root and the tip, mimics {shown(joint.mimic.joint)}; the "
-            f"joints of an arm move by themselves: {way_out}"
+            f"joints between the root and the tip must move independently, but joint {shown(joint.name)} mimics "
+            f"{shown(joint.mimic.joint)}; {way_out}"
         )
 
 
 def _fixed_values(robot: Robot, moving: Mapping[str, int], fixed: Mapping[str, float]) -> dict[str, float]:
-    """Return the value, rad or m, of every joint that could move but is fixed; a mimicking joint follows its leader."""
+    """Return the value, rad or m, of each joint outside the chain; a joint that mimics another follows it.
+
+    moving  names of the joints of the chain
+    fixed   values that the user has given
+    """
     stands: dict[str, float] = {}
 
     def value(joint: UrdfJoint, followed: tuple[str, ...] = ()) -> float:
@@ -174,8 +187,8 @@ def _fixed_values(robot: Robot, moving: Mapping[str, int], fixed: Mapping[str, f
             leader = joint.mimic.joint
             if leader not in robot.joints or leader in moving or len(followed) == LONGEST_MIMICRY:
                 raise robot.file.error(
-                    f"joint {shown(joint.name)} mimics {shown(leader)}, which moves or is not a fixed joint; give "
-                    f"its value in fixed, as {{{joint.name}: 0.0}}"
+                    f"joint {shown(joint.name)} mimics {shown(leader)}, but may only mimic a joint that does not move; "
+                    f"give its value in fixed, as {{{joint.name}: 0.0}}"
                 )
             return joint.mimic.factor * value(robot.joints[leader], (*followed, joint.name)) + joint.mimic.offset
         if joint.kind == "continuous" or joint.low is None or joint.high is None:
@@ -189,79 +202,83 @@ def _fixed_values(robot: Robot, moving: Mapping[str, int], fixed: Mapping[str, f
 
 
 def _limits(robot: Robot, joint: UrdfJoint) -> tuple[float, float]:
-    """Return the least and the greatest value; half a turn either way for a joint without limits."""
+    """Return the lower and upper limit of a joint; -pi and pi for a continuous joint, which has none."""
     if joint.kind == "continuous":
         return -math.pi, math.pi
     if joint.low is None or joint.high is None or joint.low >= joint.high:
         got = "none" if joint.low is None else f"lower {joint.low:g}, upper {joint.high:g}"
         raise robot.file.error(
-            f"joint {shown(joint.name)} needs limits, got {got}; add <limit lower=... upper=... velocity=.../>, or "
-            "make a revolute joint without end stops continuous"
+            f"joint {shown(joint.name)} must have limits with lower below upper, got {got}; add <limit lower=... "
+            "upper=... velocity=.../>, or, for a joint without end stops, set its type to continuous"
         )
     return joint.low, joint.high
 
 
 def _speed(robot: Robot, joint: UrdfJoint) -> float:
+    """Return the largest speed of a joint, rad/s or m/s; ModelError if the URDF gives none."""
     if joint.speed is None or not joint.speed > 0:
         unit = "m/s" if joint.kind == "prismatic" else "rad/s"
         raise robot.file.error(
-            f'joint {shown(joint.name)} needs a greatest speed; add velocity="..." in {unit} to its <limit>'
+            f'joint {shown(joint.name)} must have a largest speed above 0; add velocity="..." in {unit} to its <limit>'
         )
     return joint.speed
 
 
 def _acceleration(robot: Robot, joint: UrdfJoint, given: float | Mapping[str, float]) -> float:
+    """Return the largest acceleration of a joint from the option ``acceleration``, rad/s² or m/s²."""
     if not isinstance(given, Mapping):
         return given
     if joint.name not in given:
-        raise robot.file.error(f"acceleration gives no value for joint {shown(joint.name)}; give one for each joint")
+        raise robot.file.error(
+            f"acceleration must have a value for each joint, but has none for {shown(joint.name)}; add one"
+        )
     return given[joint.name]
 
 
 def unknown_name_notes(robot: Robot, semantics: Semantics) -> Iterator[str]:
-    """Yield notes on links, joints and groups in an SRDF that neither the URDF nor the SRDF defines."""
+    """Yield a note for the user on links, joints and groups that an SRDF names, but that are defined nowhere."""
     links = {link for pair in semantics.disabled | semantics.enabled for link in pair} | semantics.lonely
     if strange := sorted(links - robot.links.keys()):
-        yield _unknown_note("says which links never collide also of", strange, robot.links)
+        yield _unknown_note("lists pairs of links with", strange, robot.links)
     joints = {joint for values in semantics.states.values() for joint in values} - semantics.loose
     if strange := sorted(joints - robot.joints.keys()):
-        yield _unknown_note("gives, in its states, values of the joints", strange, robot.joints)
+        yield _unknown_note("has named states with values for the joints", strange, robot.joints)
     for state, group in sorted(semantics.grouped):
         if group not in semantics.groups:
             near = did_you_mean(group, semantics.groups)
             yield (
-                f"the state {shown(state)} of the SRDF is one of the group {shown(group)}, which the SRDF does not "
-                f"define.{near} It has {_names_text(sorted(semantics.groups)) or 'none'}"
+                f"the named state {shown(state)} of the SRDF belongs to the group {shown(group)}, which the SRDF does "
+                f"not define.{near} Its groups: {_names_text(sorted(semantics.groups)) or 'none'}"
             )
 
 
 def passive_joint_notes(joints: Iterable[str], semantics: Semantics) -> Iterator[str]:
-    """Yield notes on joints between root and tip that the SRDF calls passive, though they are planned for."""
+    """Yield a note for the user on joints of the arm that the SRDF calls passive (not driven by a motor)."""
     if passive := sorted(semantics.passive & {*joints}):
         yield (
-            f"the SRDF says that the joints {_names_text(passive)} are not driven (passive_joint), but the arm moves "
-            f"by them: give their values in fixed, as {{{passive[0]}: 0.0}}"
+            f"the SRDF says that no motor drives the joints {_names_text(passive)} (passive_joint), but they are "
+            f"planned to move: give their values in fixed, as {{{passive[0]}: 0.0}}"
         )
 
 
 def invalid_limit_notes(robot: Robot) -> Iterator[str]:
-    """Yield notes on joint limits that contradict one another and are ignored."""
+    """Yield a note for the user on each joint with contradictory limits, some of which are ignored."""
     yield from (joint.doubt for joint in robot.joints.values() if joint.doubt)
 
 
 def missing_collision_notes(robot: Robot) -> Iterator[str]:
-    """Yield notes on links without collision geometry: the visible ones, or all if no link has any."""
+    """Yield a note for the user on links that are not tested for collisions, because they have no geometry for it."""
     if not any(robot.links.values()):
         yield "no link of the URDF has <collision> geometry: motions of the arm are not checked for collisions"
     elif bare := sorted(robot.bare):
         yield (
-            f"the links {_names_text(bare)} have <visual> but no <collision> geometry in the URDF: they are not held "
-            "against obstacles"
+            f"the links {_names_text(bare)} have <visual> but no <collision> geometry in the URDF: they are not "
+            "checked for collisions"
         )
 
 
 def _unknown_note(what: str, strange: list[str], known: Iterable[str]) -> str:
-    """Return a note on names in the SRDF that the URDF does not have; ``what`` says where the SRDF has them."""
+    """Return a note on names in the SRDF that the URDF does not have; ``what`` says where the SRDF uses them."""
     near = "".join(did_you_mean(name, known) for name in strange[:MOST_NAMED])
     return (
         f"the SRDF {what} {_names_text(strange)}, which the URDF does not have: is it the SRDF of another robot?{near}"
@@ -269,20 +286,21 @@ def _unknown_note(what: str, strange: list[str], known: Iterable[str]) -> str:
 
 
 def _names_text(names: list[str]) -> str:
+    """Return names as text, separated by commas; after eight names, only the number of the others."""
     more = [f"{len(names) - MOST_NAMED:,} more"] if len(names) > MOST_NAMED else []
     return ", ".join([*map(shown, names[:MOST_NAMED]), *more])
 
 
 class ArmFile(NamedTuple):
-    """Contents of an arm's files.
+    """Arm as read from its files.
 
     chain    moving joints, with the bodies "tool" and "camera"
-    parts    solids of the links
-    apart    pairs of links without collision tests: they touch by design, or the SRDF excludes them
-    notes    oddities in the files that do not prevent their use
-    states   values of the chain's joints by the name of a state
-    unnamed  reasons why other names in the SRDF are no states; under "" the reason for all further names
-    hashes   SHA-256 of the URDF, then of its meshes in the order of their names in it
+    parts    collision solids of the links
+    apart    pairs of links that are not tested for collision: they touch by design, or the SRDF excludes them
+    notes    sentences for the user on oddities in the files that do not prevent their use
+    states   values of the chain's joints, by the name of each named state
+    unnamed  by names of the SRDF that cannot be used as named states: the reason; under "" the reason for other names
+    hashes   SHA-256 of the URDF, then of its meshes in the order in which it names them
     srdf_hash  SHA-256 of the SRDF, or None
     """
 
@@ -307,9 +325,17 @@ def read_arm(
     fixed: Mapping[str, float],
     acceleration: float | Mapping[str, float],
 ) -> ArmFile:
-    """Return an arm with its root at the pose ``base`` (4, 4) in the world and ``camera`` (4, 4) at its tip.
+    """Read an arm from its files.
 
-    Raises ModelError for a file that is no arm, and for files that are missing or not to be trusted.
+    urdf, srdf    paths of the files
+    packages      folders of mesh files, by package
+    tip           name of the last link
+    camera        (4, 4)  pose of the camera in the frame of the tip
+    base          (4, 4)  pose of the root link in the world
+    fixed         values of joints that do not move
+    acceleration  rad/s² or m/s², largest acceleration of all joints, or of each by name
+
+    Raises ModelError for missing or invalid files.
     """
     robot = read_urdf(urdf)
     assembly = assemble(robot, tip, base, fixed, acceleration)
@@ -346,11 +372,10 @@ def read_arm(
 
 
 def _named_states(chain: Chain, semantics: Semantics) -> dict[str, Values]:
-    """Return the named states that give every joint of the chain.
+    """Return those named states of an SRDF that give a value to every joint of the chain.
 
-    Values at most ROUNDED beyond a limit are moved to it.
-
-    Other states beyond limits are refused when they are used: MoveIt's own SRDF of the Panda has one.
+    Values at most ``ROUNDED`` beyond a limit are moved to the limit. States farther beyond a limit are returned too.
+    They are refused only when they are used, because MoveIt's own SRDF of the Panda has one.
     """
     found = {}
     for name, values in semantics.states.items():
@@ -363,9 +388,9 @@ def _named_states(chain: Chain, semantics: Semantics) -> dict[str, Values]:
 
 
 def _incomplete_states(chain: Chain, semantics: Semantics) -> dict[str, str]:
-    """Return, by name, the reason why a state of the SRDF is not usable: it lacks joints of the chain."""
+    """Return, by name, why named states of an SRDF cannot be used: they give no value to some joints of the chain."""
     lacking = {
         name: ", ".join(joint for joint in chain.names if joint not in values)
         for name, values in semantics.states.items()
     }
-    return {name: f"the SRDF's state of this name lacks {joints}" for name, joints in lacking.items() if joints}
+    return {name: f"this state of the SRDF has no value for {joints}" for name, joints in lacking.items() if joints}

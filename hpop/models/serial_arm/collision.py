@@ -1,4 +1,4 @@
-"""Collisions of an arm with the world and with itself, with proofs; and pairs of links that always touch."""
+"""Proved collision test of an arm with the world and with itself, and the search for links that always touch."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 NEAR = 1e-3  # m: a motion is blocked only if it comes nearer than this
-KEPT = 5e-4  # m: least distance of free states and motions
+KEPT = 5e-4  # m: smallest distance in free states and motions
 ROUNDING = 1e-6  # m: subtracted from proved distances, for floating-point errors
-AT_ONCE = 256  # motions in one call of a kernel, which Ctrl-C waits for
-BEND = 1e-4  # m: largest distance of the pieces of a curve from their chords
-MOST_PIECES = 4096  # of a curve; beyond, a larger distance from chords is subtracted from distances
-CLOSE = 1e-6  # relative: largest error of clearances, below the distance
-MISSED = 1e-5  # m: largest error of least clearances, above the distance
-SAMPLES = 10_000
-FEW = 100  # samples that decide most pairs
+AT_ONCE = 256  # motions in one call of a kernel; Ctrl-C has to wait for the end of the call
+BEND = 1e-4  # m: a curve is cut into pieces that are at most this far from their chords
+MOST_PIECES = 4096  # most pieces of a curve; a longer curve has pieces farther from their chords
+CLOSE = 1e-6  # relative: by how much a clearance may be too small
+MISSED = 1e-5  # m: by how much the smallest clearance along a motion may be too large
+SAMPLES = 10_000  # random states in which links that always touch are looked for
+FEW = 100  # first random states, which decide most pairs
 SEED = 1
 
 
@@ -36,19 +36,21 @@ SEED = 1
 class ArmCollision:
     """Collision test of an arm in a world, for states and whole motions.
 
-    chain
+    chain  joints of the arm
     parts  solids on its links
-    apart  pairs of links that may touch
-    world
+    apart  pairs of links that may touch each other
+    world  obstacles
 
-    A state is free if all joints are within their limits and no two solids are nearer than 0.5 mm. A motion that is
-    called free is free all along, which is proved and not sampled (:mod:`hpop.models.serial_arm.certificate`); a
-    blocked one comes nearer than 1 mm somewhere, and between these it may be either. So each state of a free motion is
-    free. Laws with states that do not change evenly are tested in pieces, by the distance of a piece from its chord:
-    exact bounds where second derivatives by the share change linearly, as those of cubic splines do. Joints are
-    compared with their limits at the ends of pieces.
+    A state is free if all joints are within their limits and no two solids are closer than 0.5 mm. A motion that is
+    called free keeps that distance all along. This is proved, not sampled (:mod:`hpop.models.serial_arm.certificate`),
+    so each state of a free motion is free. A blocked motion comes closer than 1 mm somewhere. A motion with a smallest
+    distance between 0.5 and 1 mm may be called free or blocked.
 
-    Solids that never move, such as the base of the arm, are not tested against standing ones.
+    A curved motion, such as a spline, is cut into pieces. The chord of each piece is tested, and its largest distance
+    from the piece is subtracted. This is exact if second derivatives change linearly, as those of cubic splines do.
+    Joints are compared with their limits at the ends of pieces.
+
+    Solids that never move, such as the base of the arm, are not tested with obstacles.
     """
 
     chain: Chain
@@ -62,10 +64,11 @@ class ArmCollision:
 
     @cached_property
     def _scene(self) -> ArmScene:
-        """All pairs of bodies that must not touch; stored with the world, which outlives the model."""
+        """Arrays of all bodies, with the pairs that must not touch; cached in the world, which outlives the model."""
         return self.world.derived(("arm", self.chain, self.parts, self.apart), self._scene_with_pairs)
 
     def _scene_with_pairs(self) -> ArmScene:
+        """Return the arrays of all bodies; pairs are links that may not touch, and links with obstacles in reach."""
         scene = scene_of(self.chain, self.parts, self._solids)
         inside = within_reach(scene, self.chain, NEAR)
         own = [
@@ -76,13 +79,13 @@ class ArmCollision:
         return paired(scene, [*own, *((a, b) for a, b in self._outer_pairs() if inside[a, b])])
 
     def _outer_pairs(self) -> Iterator[tuple[int, int]]:
-        """Yield pairs of a moving part and a solid of the world."""
+        """Yield all pairs of a moving part of the arm and a solid of the world, as numbers of bodies."""
         size = len(self.parts)
         return ((a, size + b) for a, b in product(range(size), range(len(self._solids))) if self.parts[a].frame)
 
     @cached_property
     def _outer_scene(self) -> ArmScene:
-        """Scene for clearance: also solids out of reach, without pairs of own links."""
+        """Arrays for clearances: pairs of a moving part and any solid of the world, without pairs of two links."""
         return paired(self._scene, [*self._outer_pairs()])
 
     @property
@@ -112,9 +115,9 @@ class ArmCollision:
         return free
 
     def clearance(self, states: States) -> FloatArray:
-        """Return the distance (N,), m, of the arm from the world: a lower bound, exact to a millionth and 1e-6 m.
+        """Return the distance (N,), m, between the arm and the solids of the world; inf if there are none.
 
-        Its own links do not count; inf in an empty world.
+        It is a lower bound, too small by at most a millionth plus 1e-6 m. Distances between links do not count.
         """
         from hpop.models.serial_arm.certificate import nearest  # numba, on first use
 
@@ -125,9 +128,9 @@ class ArmCollision:
         return np.maximum(0.0, least - ROUNDING)
 
     def least_clearance(self, motions: Motions, most: float) -> FloatArray:
-        """Return the least clearance (M,), m, along each motion, at most ``most``: proved to 0.01 mm.
+        """Return the smallest clearance (M,), m, along each motion, cut off at ``most`` and proved to 0.01 mm.
 
-        For laws that are straight in the space of the joints. A motion and its reverse have equal values.
+        The motions must be straight in joint space. A motion and its reverse have exactly equal values.
         """
         from hpop.models.serial_arm.distances import closest  # numba, on first use
 
@@ -142,7 +145,7 @@ class ArmCollision:
         return np.asarray(np.maximum(0.0, least - ROUNDING)[which])
 
     def separations(self, states: States, within: float) -> Separations:
-        """Return distances of solids nearer than ``within`` m in states (N,), with gradients by the joints."""
+        """Return the distance of each pair of solids closer than ``within`` m, in states (N,), with its gradient."""
         from hpop.models.serial_arm.distances import near_pairs  # numba, on first use
 
         rows, room = self._rows(states), 64 * states.size
@@ -155,7 +158,7 @@ class ArmCollision:
             room = found
 
     def why_blocked(self, state: States) -> str:
-        """Return what blocks one state and a remedy, without the final full stop; "" if the state is free."""
+        """Return a text, without final full stop: what blocks one state (1,) and a remedy; "" if the state is free."""
         row = self._rows(state)
         if not self._is_within(row)[0]:
             return self._limit_reason(row[0])
@@ -163,15 +166,16 @@ class ArmCollision:
         if pair < 0:
             return ""
         names = [self._body_name(b) for b in self._scene.pairs[pair].tolist()]
-        return f"{names[1]} touches {names[0]}, or is nearer than {1000 * KEPT:g} mm. Take another posture"
+        return f"{names[1]} touches {names[0]}, or is closer than {1000 * KEPT:g} mm. Choose other joint values"
 
     def _body_name(self, body: int) -> str:
+        """Return the name of a body for messages: "the link NAME" or "the obstacle NAME"."""
         if body < len(self.parts):
             return f"the link {self.parts[body].link!r}"
         return f"the obstacle {self._solids[body - len(self.parts)].name!r}"
 
     def _limit_reason(self, row: FloatArray) -> str:
-        """Return which joint is beyond its limits, in words."""
+        """Return a text on the first joint that is beyond its limits in a row of joint values (n,)."""
         chain = self.chain
         k = int(np.flatnonzero(~self._each_within(row[None])[0])[0])
         unit = "m" if chain.sliding[k] else "rad"
@@ -187,17 +191,21 @@ class ArmCollision:
         return np.stack([np.asarray(getattr(states, name), np.float64) for name in self.chain.names], axis=1)
 
     def _each_within(self, rows: FloatArray) -> BoolArray:
-        """Return whether each joint is within its limits in each row (N, n)."""
+        """Return whether each joint is within its limits in each row of joint values (N, n)."""
         ranged = (rows >= self.chain.low - 1e-9) & (rows <= self.chain.high + 1e-9)
         return np.asarray(ranged | (self.chain.turning & np.isfinite(rows)), np.bool_)
 
     def _is_within(self, rows: FloatArray) -> BoolArray:
+        """Return whether all joints are within their limits in each row of joint values (N,)."""
         return np.asarray(self._each_within(rows).all(axis=1))
 
     def _blocking_pairs(
         self, start: FloatArray, end: FloatArray, deviation: FloatArray, near: float, kept: float
     ) -> IntArray:
-        """Return the pair that blocks each segment (M,), -1 where it is free."""
+        """Return the number of the pair of bodies that blocks each motion (M,), or -1 if the motion is free.
+
+        The arguments are those of :func:`certificate.blocked_by`.
+        """
         from hpop.models.serial_arm.certificate import blocked_by  # numba, on first use
 
         found = np.full(len(start), -1)
@@ -208,7 +216,7 @@ class ArmCollision:
     # Curves
 
     def _curves_free(self, motions: Motions) -> BoolArray:
-        """Return which curves are free, by testing chords of pieces that bend little."""
+        """Return which curved motions (M,) are free, by testing the chords of pieces that are close to their chords."""
         law, start, end = motions.law, motions.start, motions.end
         most = np.max(
             [self._second_derivatives(law, start, end, np.full(len(motions), share)) for share in (0.0, 0.5, 1.0)],
@@ -228,7 +236,7 @@ class ArmCollision:
         return np.asarray(np.bincount(owner, ~free, minlength=len(motions)) == 0)
 
     def _values_on_curve(self, law: Law, start: States, end: States, share: FloatArray) -> FloatArray:
-        """Return joint values (M, n) at a share of each motion."""
+        """Return the joint values (M, n) when a share (M,) of each motion is done."""
         return self._rows(
             States(
                 **{
@@ -239,7 +247,7 @@ class ArmCollision:
         )
 
     def _second_derivatives(self, law: Law, start: States, end: States, share: FloatArray) -> FloatArray:
-        """Return absolute second derivatives (M, n) of the joints by the share."""
+        """Return the absolute second derivatives (M, n) of the joints with respect to the share of the motion done."""
         bends = np.zeros((share.size, len(self.chain)))
         for k, name in enumerate(self.chain.names):
             if name in law.varies:
@@ -251,14 +259,15 @@ class ArmCollision:
 
 
 def _slices(size: int) -> Iterator[slice]:
+    """Return slices that divide ``size`` motions into blocks, one for each call of a kernel."""
     return (slice(i, i + AT_ONCE) for i in range(0, size, AT_ONCE))
 
 
 def always_touching(chain: Chain, parts: Sequence[ArmPart], apart: frozenset[Pair]) -> frozenset[Pair]:
-    """Return pairs of links, not in ``apart``, that touch in each of 10,000 states drawn within the joints' limits.
+    """Return the pairs of links, not in ``apart``, that touch in each of 10,000 random states within the joint limits.
 
-    They would block the arm everywhere. Pairs that touch now and then are real collisions. Pairs that never touched are
-    tested nonetheless, since samples prove nothing about other states.
+    Such pairs would block the arm everywhere, so callers do not test them. Pairs that touch in some states are real
+    collisions. Pairs that touch in none are tested as well, because samples prove nothing about other states.
     """
     from hpop.models.serial_arm.certificate import blocked_by  # numba, on first use
 

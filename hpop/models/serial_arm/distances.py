@@ -1,26 +1,26 @@
-"""Distances between an arm and its surroundings: least ones along motions, and gradients of near ones (compiled).
+"""Distances of an arm: the smallest one along each motion, and gradients of small ones (compiled kernels).
 
-**Least distances along motions**, to a proved tolerance. On the segment q(s) = start + s Δ, s in [0, 1], let n be a
-direction that separates a body from an obstacle at a test. At a distance δ of s from the test, the points p of the body
-leave the plane of the obstacle against n by at least
+**Smallest distance along a motion**, within a proved tolerance. A motion is a segment in joint space: q(s) = start +
+s Δ, with s from 0 to 1. At a test, let n be a direction that separates a body from an obstacle, by a plane at right
+angles to n. When s differs from the tested one by δ, all points p of the body are beyond the plane by at least
 
     min over p of n·(p + δ p') - ½ A δ²
 
-with p' = v + ω x p for all points at once, so the minimum is a support point of the body in the direction n + δ (n x
-ω). It is concave in δ, hence above the chord between δ = 0 and the end of the interval. A bounds |p''|: the second
-derivative by two joints is no longer than the distance from the axis of the later one. So bounds are of second order,
-and intervals near a least distance need be no shorter than its curvature requires.
+Here p' = v + ω x p is the velocity per unit of s, so the minimum is attained at the support point of the body in the
+direction n + δ (n x ω). The minimum is concave in δ, hence above the chord between δ = 0 and the end of the interval. A
+is an upper bound on |p''|: a second derivative by two joints is at most the distance from the axis of the later joint.
+The bound is of second order, so intervals near the smallest distance need not be very short.
 
-Each interval is tested in its middle; the ends of the motion are tested first. Parts that prove to be farther than the
-least distance so far, less the tolerance, are cut out. The remaining parts are tested later, for the remaining
-obstacles.
+The ends of a motion are tested first, then each interval in its middle. Parts of it that are proved to be farther away
+than the smallest distance so far, less the tolerance, are cut out. The remaining parts are tested later, only for the
+obstacles that are not proved yet.
 
-**Gradients.** A distance is that of :mod:`hpop.models.serial_arm.gjk` to a billionth. Let p be the point of b nearest
-to a, and n the direction from p to the point of a. The distance changes by -n·(∂p/∂q) with a joint that carries b and
-not a. This is its gradient if no other points are as near. Where edges or faces are parallel, it is the gradient of one
-pair of nearest points.
+**Gradients.** Distances are computed by :mod:`hpop.models.serial_arm.gjk`, to a billionth. Let p be the point of body b
+nearest to body a, and n the direction from p to the nearest point of a. The derivative of the distance by a joint that
+carries b, but not a, is -n·(∂p/∂q). This is the gradient if the nearest points are unique. Where edges or faces are
+parallel, it is the gradient for one pair of nearest points.
 
-Imported on first use only, because importing numba takes half a second.
+Import this module on first use only, because importing numba takes half a second.
 """
 
 from __future__ import annotations
@@ -35,15 +35,16 @@ from hpop.models.serial_arm.gjk import support
 from hpop.models.serial_arm.scene import ArmScene
 from hpop.runtime.compiled import kernel, lean
 
-PRECISE = 1e-6  # relative: largest error of a least distance along a motion, below the true one
-NEARLY_EXACT = 1e-9  # relative: likewise, for distances with gradients
+PRECISE = 1e-6  # relative: by how much a smallest distance along a motion may be too small
+NEARLY_EXACT = 1e-9  # relative: by how much a distance with a gradient may be too small
 
 
 @lean
 def _bounds(scene: ArmScene, b: int, moved: FloatArray, slides: FloatArray) -> tuple[float, float]:
-    """Return bounds on the speed and acceleration of a body's points per unit of s, given |Δ| (n,).
+    """Return upper bounds on the first and second derivatives by s of the points of body b along a motion.
 
-    slides (n,) are the largest absolute values of the joints; joints that slide lengthen the arm.
+    moved   (n,)  absolute changes |Δ| of the joints
+    slides  (n,)  largest absolute values of the joints, because extended slides lengthen the arm
     """
     before = 0.0
     for k in range(scene.frames[b]):
@@ -64,7 +65,10 @@ def _bounds(scene: ArmScene, b: int, moved: FloatArray, slides: FloatArray) -> t
 
 @lean
 def _twists(scene: ArmScene, way: FloatArray, poses: FloatArray, twists: FloatArray) -> None:
-    """Write the twists (n + 1, 6) of the frames per unit of s: velocity at the origin of the world, and rotation."""
+    """Write the twists (n + 1, 6) of the frames per unit of s along a motion with joint changes ``way`` (n,).
+
+    A twist is the velocity of the frame's point at the origin of the world, then the angular velocity.
+    """
     for k in range(way.size):
         for i in range(6):
             twists[k + 1, i] = twists[k, i]
@@ -85,7 +89,7 @@ def _twists(scene: ArmScene, way: FloatArray, poses: FloatArray, twists: FloatAr
 
 @lean
 def _least_along(scene: ArmScene, b: int, pose: FloatArray, x: float, y: float, z: float) -> float:
-    """Return the least coordinate of a body's points along a vector of the world."""
+    """Return the smallest scalar product of a body's points with the vector (x, y, z), in the world."""
     u = pose[0, 0] * x + pose[1, 0] * y + pose[2, 0] * z
     v = pose[0, 1] * x + pose[1, 1] * y + pose[2, 1] * z
     w = pose[0, 2] * x + pose[1, 2] * y + pose[2, 2] * z
@@ -97,7 +101,7 @@ def _least_along(scene: ArmScene, b: int, pose: FloatArray, x: float, y: float, 
 
 @lean
 def _cut(above: float, slope: float, change: float) -> float:
-    """Return how far above + slope δ - ½ change δ² stays above 0, for above >= 0."""
+    """Return the largest δ >= 0 up to which above + slope δ - ½ change δ² stays above 0, for above >= 0."""
     if change <= 0.0:
         return math.inf if slope >= 0.0 else above / -slope
     root = math.sqrt(slope * slope + 2.0 * change * above)
@@ -116,9 +120,11 @@ def _proved(
     before: float,
     after: float,
 ) -> tuple[float, float]:
-    """Return how far of s before and after a test a plane keeps a pair at least ``floor`` apart.
+    """Return how far s may differ from a test, to either side, while a pair surely stays ``floor`` m apart.
 
-    The plane is across a direction (3,) from the second body to the first, which stands.
+    direction      (3,)  from the second body to the first, which is fixed; a plane across it separates the two
+    change         upper bound on the second derivative of the second body's points by s
+    before, after  lengths of the interval of s before and after the test
     """
     a, b = scene.pairs[pair, 0], scene.pairs[pair, 1]
     pose, twist = poses[scene.frames[b]], twists[scene.frames[b]]
@@ -146,10 +152,13 @@ def _proved(
 def closest(
     scene: ArmScene, start: FloatArray, end: FloatArray, most: float, tolerance: float, least: FloatArray
 ) -> int:
-    """Write to least (M,) the least distance of any pair along each segment of joint values (M, n); at most ``most``.
+    """Write to least (M,) the smallest distance, m, of any pair of bodies along each motion, cut off at ``most``.
 
-    It is at most ``tolerance`` m too large, and too small by at most the precision of distances: a millionth, or a
-    hundredth of a millimetre between two round bodies. The first body of each pair stands. Returns the number of tests.
+    start, end  (M, n) joint values at both ends; a motion is the segment between them in joint space
+    tolerance   m, by which a result may be too large
+
+    A result may also be too small, by the precision of distances: a millionth, or a hundredth of a millimetre between
+    two round bodies. The first body of each pair must be fixed. Returns the number of tests.
     """
     count, joints, bodies = scene.pairs.shape[0], scene.sliding.size, scene.frames.size
     poses, centres = np.zeros((joints + 1, 3, 4)), np.empty((bodies, 3))
@@ -190,7 +199,7 @@ def closest(
                     near[left], lowers[left], asked[left] = pair, apart, False
                     nearest = left if apart < lowers[nearest] else nearest
                     left += 1
-            if left:  # the nearest obstacle first: it often decides
+            if left:  # start with the nearest obstacle, which often decides
                 near[0], near[nearest] = near[nearest], near[0]
                 lowers[0], lowers[nearest] = lowers[nearest], lowers[0]
             for i in range(left):
@@ -200,7 +209,7 @@ def closest(
                     lowers[i], upper = measured(
                         scene, pair, poses, centres, directions[pair], scratch, 0.0, enough, seen, PRECISE
                     )
-                    if lowers[i] < seen and upper - lowers[i] > PRECISE * upper:  # stuck: round bodies, seen from aside
+                    if lowers[i] < seen and upper - lowers[i] > PRECISE * upper:  # no progress on round bodies: restart
                         directions[pair] = 0.0
                         again, _ = measured(
                             scene, pair, poses, centres, directions[pair], scratch, 0.0, enough, seen, PRECISE
@@ -219,7 +228,7 @@ def closest(
                     )
                 if lowers[i] >= enough:
                     continue
-                if lowers[i] < suffices:  # else others prove no more: smaller intervals will decide this one
+                if lowers[i] < suffices:  # otherwise other pairs limit the proof; smaller intervals decide this one
                     far_before, far_after = _proved(
                         scene, pair, poses, twists, directions[pair], floor, changes[b], before, after
                     )
@@ -248,9 +257,9 @@ def closest(
 
 @lean
 def _shares(simplex: FloatArray, shares: FloatArray) -> int:
-    """Return the number of barycentric shares (3,) of the simplex point nearest to the origin, after writing them.
+    """Write the barycentric coordinates (3,) of the point of a simplex nearest to the origin; return their number.
 
-    0 if the origin is within the simplex. Needless corners are left out already.
+    The simplex has only corners that span the nearest point. Returns 0 if the origin is inside the simplex.
     """
     size = 0
     while size < 4 and simplex[size, 3] < math.inf:
@@ -281,7 +290,11 @@ def _shares(simplex: FloatArray, shares: FloatArray) -> int:
 def _change(
     scene: ArmScene, a: int, b: int, poses: FloatArray, simplex: FloatArray, shares: FloatArray, gradient: FloatArray
 ) -> None:
-    """Write the derivative of the distance of two bodies by each joint (n,), from the nearest simplex."""
+    """Write the derivative (n,) of the distance of two bodies by each joint.
+
+    simplex  corners that span the nearest points, as left by :func:`gjk.distance`
+    shares   memory for their barycentric coordinates
+    """
     gradient[:] = 0.0
     nx, ny, nz, px, py, pz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(_shares(simplex, shares)):
@@ -312,9 +325,14 @@ def _change(
 def near_pairs(
     scene: ArmScene, states: FloatArray, within: float, owner: IntArray, distance: FloatArray, gradient: FloatArray
 ) -> int:
-    """Write state, distance and gradient of each pair nearer than ``within`` m in states (N, n).
+    """Write the state's index, distance and gradient of each pair of bodies closer than ``within`` m, in N states.
 
-    Returns the number of pairs; pairs that do not fit into ``owner`` (R,) are only counted.
+    states    (N, n)  joint values
+    owner     (R,)    result: index of the state of each pair found
+    distance  (R,)    result, m
+    gradient  (R, n)  result: derivatives of the distance by the joints
+
+    Returns the number of pairs found; those beyond the room of R are only counted.
     """
     count, joints, bodies = scene.pairs.shape[0], scene.sliding.size, scene.frames.size
     poses, centres = np.zeros((joints + 1, 3, 4)), np.empty((bodies, 3))

@@ -1,16 +1,16 @@
-"""Distance of two convex bodies, between a proved lower bound and an upper bound (compiled).
+"""Distance of two convex bodies, as a proved lower bound and an upper bound (compiled kernels).
 
-The algorithm of Gilbert, Johnson and Keerthi 1988 (doi 10.1109/56.2083): the point v nearest to the origin in a
-sequence of simplices of the difference of the bodies. Whatever the direction v, no two points of the bodies are nearer
-than v·w/|v|, where w is the support point of the difference against v: a plane separates them (the duality gap of van
-den Bergen 1999, doi 10.1080/10867651.1999.10487502). So the lower bound holds after any number of steps, from any first
-direction, for degenerate simplices and for round bodies. The treatment of a simplex only decides how soon the bounds
-are close.
+The algorithm is that of Gilbert, Johnson and Keerthi 1988 (doi 10.1109/56.2083). It searches the Minkowski difference
+of the bodies for its point v nearest to the origin, by a sequence of simplices. Let w be the support point of the
+difference in the direction -v. Then a plane separates the bodies, and no two of their points are nearer than v·w/|v|
+(the duality gap of van den Bergen 1999, doi 10.1080/10867651.1999.10487502). This lower bound holds for any v, so after
+any number of steps, from any first direction, for degenerate simplices and for round bodies. The treatment of simplices
+only decides how soon the two bounds are close.
 
 Deviation from the source: the nearest point of a simplex is found region by region (Ericson 2004, Real-Time Collision
-Detection, 5.1), the projection on a triangle by its normal, which is precise where barycentric coordinates are not.
+Detection, 5.1). The projection on a triangle uses its normal, which is precise where barycentric coordinates are not.
 
-Imported on first use only, because importing numba takes half a second.
+Import this module on first use only, because importing numba takes half a second.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from hpop.base.arrays import FloatArray
 from hpop.models.serial_arm.scene import Bodies
 from hpop.runtime.compiled import lean
 
-STEPS = 128  # at most; bodies without round parts take some 10
-TOUCHING = 1e-14  # of the size of the simplex: a nearer simplex contains the origin
+STEPS = 128  # most steps; bodies without round parts take about 10
+TOUCHING = 1e-14  # share of a simplex' size: a simplex nearer than that to the origin counts as containing it
 Point = tuple[float, float, float]
 Nearest = tuple[float, float, float, int]
 
 
 @lean
 def support(bodies: Bodies, b: int, x: float, y: float, z: float) -> Point:
-    """Return the point of a body, without its ball, that is farthest in a direction."""
+    """Return the point of body b that is farthest in the direction (x, y, z); the ball's radius is not added."""
     points = bodies.points
     best, at = -math.inf, bodies.first[b]
     for i in range(bodies.first[b], bodies.first[b + 1]):
@@ -52,7 +52,10 @@ def support(bodies: Bodies, b: int, x: float, y: float, z: float) -> Point:
 
 @lean
 def _on_segment(simplex: FloatArray, i: int, j: int) -> Nearest:
-    """Return the point of a segment nearest to the origin, and the corners that span it as bits of a number."""
+    """Return the point nearest to the origin on the segment between corners i and j of a simplex.
+
+    The fourth value tells which corners span it: bit i is set for corner i.
+    """
     ax, ay, az = simplex[i, 0], simplex[i, 1], simplex[i, 2]
     dx, dy, dz = simplex[j, 0] - ax, simplex[j, 1] - ay, simplex[j, 2] - az
     square, along = dx * dx + dy * dy + dz * dz, -(ax * dx + ay * dy + az * dz)
@@ -66,7 +69,7 @@ def _on_segment(simplex: FloatArray, i: int, j: int) -> Nearest:
 
 @lean
 def _on_triangle(simplex: FloatArray, i: int, j: int, k: int) -> Nearest:
-    """Return the point of a triangle nearest to the origin, and the corners that span it."""
+    """Return the point of the triangle i, j, k nearest to the origin, and the corners that span it as bits."""
     found: Nearest
     ax, ay, az = simplex[i, 0], simplex[i, 1], simplex[i, 2]
     bx, by, bz = simplex[j, 0], simplex[j, 1], simplex[j, 2]
@@ -102,7 +105,10 @@ def _on_triangle(simplex: FloatArray, i: int, j: int, k: int) -> Nearest:
 
 @lean
 def _is_beyond(simplex: FloatArray, i: int, j: int, k: int, opposite: int) -> bool:
-    """Return whether the origin may lie beyond the plane of a face, seen from the opposite corner."""
+    """Return whether the origin and the opposite corner are on different sides of the face i, j, k of a simplex.
+
+    The answer is also True if the simplex is too flat to tell.
+    """
     ax, ay, az = simplex[i, 0], simplex[i, 1], simplex[i, 2]
     ux, uy, uz = simplex[j, 0] - ax, simplex[j, 1] - ay, simplex[j, 2] - az
     vx, vy, vz = simplex[k, 0] - ax, simplex[k, 1] - ay, simplex[k, 2] - az
@@ -117,7 +123,10 @@ def _is_beyond(simplex: FloatArray, i: int, j: int, k: int, opposite: int) -> bo
 
 @lean
 def _on_simplex(simplex: FloatArray, size: int) -> Nearest:
-    """Return the point of a simplex nearest to the origin, and its corners; all four only if it holds the origin."""
+    """Return the point of a simplex nearest to the origin, and the corners that span it as bits.
+
+    All four bits are set only if the simplex contains the origin.
+    """
     found: Nearest
     if size == 1:
         return simplex[0, 0], simplex[0, 1], simplex[0, 2], 1
@@ -151,18 +160,18 @@ def distance(
     suffices: float,
     gap: float,
 ) -> tuple[float, float]:
-    """Return bounds of the distance of two bodies, m: no two points are nearer than the first, two reach the second.
+    """Return a proved lower bound and an upper bound on the distance of two bodies, m.
 
-    It ends as soon as the upper bound is below ``near``, the lower one reaches ``enough``, or ``suffices`` where the
-    upper one is below ``enough``, or they differ by no more than ``gap``, a share of the upper one; and where numbers
-    are no more precise.
+    The search stops as soon as one of these holds: the upper bound is below ``near``; the lower bound has reached
+    ``enough``; the upper bound is below ``enough`` and the lower bound has reached ``suffices``; the bounds differ by
+    at most the share ``gap`` of the upper one; or floating-point numbers allow no progress.
 
     Parameters
     ----------
-    pose : (3, 4) frame of b in that of a: rotation and translation
-    direction : (3,) from b to a, to begin with, in the frame of a; left as that of the last step
-    simplex : (4, 3) or wider scratch; of six columns the last are left with the points of b, in its frame, that make
-        the nearest simplex, and its rows without a corner infinite there
+    pose : (3, 4) pose of the frame of b in the frame of a
+    direction : (3,) direction from b to a, in the frame of a: the first one to try, replaced by that of the last step
+    simplex : (4, 3) or wider, memory. With six columns, the last three return the points of b, in its frame, that
+        belong to the corners of the nearest simplex; rows without a corner are infinite there
     """
     keeps = simplex.shape[1] == 6
     margin = bodies.ball[a] + bodies.ball[b]
@@ -210,9 +219,7 @@ def distance(
         if size == 4 or length <= TOUCHING * largest:
             upper = 0.0
             break
-        if not (
-            length - margin < upper or risen
-        ):  # the lower bound is that of a direction: its error is of first order
+        if not (length - margin < upper or risen):  # neither bound improves: the numbers allow no more precision
             break
         upper = min(upper, max(0.0, length - margin))
         if upper < near or (upper < enough and lower >= suffices):

@@ -1,7 +1,7 @@
-"""Collisions of an arm by python-fcl, step by step, to verify results.
+"""Collision test of an arm for verification, by python-fcl at small steps along each motion.
 
-It shares neither kinematics nor distances nor bounds with :mod:`hpop.models.serial_arm.collision`: frames are products
-of SciPy's rotation matrices, and the motion of a body from step to step is measured on the corners of a box round it.
+It shares neither kinematics nor distances nor bounds with :mod:`hpop.models.serial_arm.collision`. Frames are products
+of SciPy's rotation matrices. How far a body moves from step to step is measured at the corners of its bounding box.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere
 if TYPE_CHECKING:
     from hpop.world import World
 
-STEP = 1e-3  # m: no point of the arm moves farther from a step to the next
-FIRST_STEPS = 32  # number of first steps, from which the required number is estimated
+STEP = 1e-3  # m: no point of the arm moves farther from one step to the next
+FIRST_STEPS = 32  # number of steps in a first attempt, from which the required number is estimated
 MOST_STEPS = 100_000  # largest number of steps of one motion
 LIMIT = 1e-6  # rad or m: tolerance of joint limits
-SURE = 0.9  # share of fcl's distance, less a step, that is trusted as a lower bound
+SURE = 0.9  # this share of the distance that fcl returns, less a step, is trusted as a lower bound
 
 
 class _Steps(NamedTuple):
-    """Steps of an arm.
+    """Sampled states (steps) of an arm with P parts along one motion.
 
-    rows   (S, n)        joint values
-    poses  (P, S, 3, 4)  of the parts' shapes
-    moved  (P, S - 1)    m, bound on the motion of each part's points from step to step, on a straight line
+    rows   (S, n)        joint values at each of S steps
+    poses  (P, S, 3, 4)  poses of the parts' shapes
+    moved  (P, S - 1)    m, largest straight-line distance that a point of each part moves from step to step
     """
 
     rows: FloatArray
@@ -45,16 +45,16 @@ class _Steps(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ArmJudge:
-    """Collision test of an arm for verification.
+    """Collision test of an arm for verification, by python-fcl.
 
-    chain
+    chain  joints of the arm
     parts  solids on its links
-    apart  pairs of links that may touch
-    world
+    apart  pairs of links that may touch each other
+    world  obstacles
 
-    Motions are sampled in steps in which no point of the arm moves more than 1 mm. A pair is tested again as soon as
-    the steps since its last test add up to nine tenths of the distance that fcl found there; until then it cannot
-    touch.
+    A motion is sampled in steps in which no point of the arm moves more than 1 mm. A pair of bodies is not tested at
+    every step. It is tested again once the movement since its last test adds up to nine tenths of the distance that fcl
+    returned there, because it cannot touch before.
     """
 
     chain: Chain
@@ -68,22 +68,23 @@ class ArmJudge:
         return np.array([self._contact_reason(self._steps_at(row[None])) == "" for row in rows], dtype=np.bool_)
 
     def motions_free(self, motions: Motions) -> BoolArray:
-        """Return whether the arm is free at all steps along each motion (M,), both ends included."""
+        """Return whether the arm is free at all sampled steps of each motion (M,), both ends included."""
         each = (self._steps_along(motions, i) for i in range(len(motions)))
         return np.array([self._contact_reason(steps) == "" for steps in each], dtype=np.bool_)
 
     def why_blocked(self, state: States) -> str:
-        """Return what blocks one state and a remedy, without the final full stop; "" if the state is free."""
+        """Return a text, without final full stop: what blocks one state (1,) and a remedy; "" if the state is free."""
         reason = self._contact_reason(self._steps_at(self._rows(state)))
-        return reason and f"{reason}. Take another posture"
+        return reason and f"{reason}. Choose other joint values"
 
-    # Places
+    # Poses
 
     def _rows(self, states: States) -> FloatArray:
+        """Return the joint values (N, n) of states."""
         return np.stack([np.asarray(getattr(states, name), np.float64) for name in self.chain.names], axis=1)
 
     def _frames(self, rows: FloatArray) -> list[FloatArray]:
-        """Return the poses (S, 4, 4) of the frames 0 to n at joint values (S, n)."""
+        """Return the poses in the world (S, 4, 4) of the frames 0 to n, at joint values (S, n)."""
         frames = [np.broadcast_to(np.eye(4), (len(rows), 4, 4))]
         for k, (origin, axis) in enumerate(zip(self.chain.origins, self.chain.axes, strict=True)):
             moved = np.broadcast_to(np.eye(4), (len(rows), 4, 4)).copy()
@@ -96,13 +97,14 @@ class ArmJudge:
         return frames
 
     def _steps_at(self, rows: FloatArray) -> _Steps:
+        """Return poses and movements of all parts at joint values (S, n)."""
         frames = self._frames(rows)
         poses = np.stack([frames[part.frame] @ part.solid.pose for part in self.parts])[:, :, :3]
         ways = np.linalg.norm(np.diff(poses, axis=1) @ self._corners[:, None], axis=2)  # (P, S - 1, 8)
         return _Steps(rows, poses, ways.max(axis=2))
 
     def _steps_along(self, motions: Motions, i: int) -> _Steps:
-        """Return the steps of one motion, so small that no corner of the arm moves more than STEP."""
+        """Return the steps of motion i, so many that no corner of a part's bounding box moves more than ``STEP``."""
         law, start, end = motions.law, motions.start.take([i]), motions.end.take([i])
         count = FIRST_STEPS
         while True:
@@ -120,16 +122,19 @@ class ArmJudge:
 
     @cached_property
     def _corners(self) -> FloatArray:
-        """Corners (P, 4, 8), homogeneous, of a box round each part, in axes of its shape."""
+        """Corners (P, 4, 8), in homogeneous coordinates, of a bounding box of each part, in the frame of its shape."""
         signs = np.array(list(product((-1.0, 1.0), repeat=3)))
         corners = [np.c_[signs * _half_sides(part.solid), np.ones(8)].T for part in self.parts]
         return np.array(corners).reshape(-1, 4, 8)
 
-    # Collisions
+    # Contacts
 
     @cached_property
     def _pairs(self) -> list[tuple[int, int]]:
-        """Pairs of parts that may not touch, and of moving parts with solids of the world, numbered after the parts."""
+        """Pairs of objects to be tested: two parts that may not touch, or a moving part and a solid of the world.
+
+        Objects are numbered: first the parts, then the solids.
+        """
         size = len(self.parts)
         own = [
             (a, b)
@@ -144,12 +149,12 @@ class ArmJudge:
 
     @cached_property
     def _objects(self) -> list[Any]:
-        """Objects of fcl: those of the parts, to be placed, and of the world."""
+        """Objects of fcl: those of the parts, which get their poses before each test, then the solids of the world."""
         parts = [fcl.CollisionObject(_geometry(part.solid), fcl.Transform()) for part in self.parts]
         return parts + [fcl.CollisionObject(_geometry(solid), _transform(solid.pose)) for solid in self._solids]
 
     def _contact_reason(self, steps: _Steps) -> str:
-        """Return which bodies touch at some of the steps, in words; "" if none do."""
+        """Return a text: which joint is beyond its limits, or which bodies touch, at some step; "" if none."""
         beyond = ~((steps.rows >= self.chain.low - LIMIT) & (steps.rows <= self.chain.high + LIMIT))
         beyond &= ~(self.chain.turning & np.isfinite(steps.rows))
         if beyond.any():
@@ -160,7 +165,11 @@ class ArmJudge:
         return "" if pair is None else f"{self._body_name(pair[0])} touches {self._body_name(pair[1])}"
 
     def _in_contact(self, a: int, b: int, poses: FloatArray, come: FloatArray) -> bool:
-        """Return whether two objects touch at some steps."""
+        """Return whether objects a and b touch at some step.
+
+        poses  (P, S, 3, 4)  of the parts
+        come   (objects, S)  m, how far each object has moved up to each step
+        """
         one, other = self._objects[a], self._objects[b]
         together, step = come[a] + come[b], 0
         while step < together.size:
@@ -178,6 +187,7 @@ class ArmJudge:
         return fcl.DistanceRequest()
 
     def _body_name(self, body: int) -> str:
+        """Return the name of an object for messages: "the link NAME" or "the obstacle NAME"."""
         if body < len(self.parts):
             return f"the link {self.parts[body].link!r}"
         return f"the obstacle {self._solids[body - len(self.parts)].name!r}"
@@ -187,7 +197,7 @@ class ArmJudge:
 
 
 def _half_sides(solid: Solid) -> FloatArray:
-    """Return the half sides of a box round a shape, centred at its origin."""
+    """Return half the sides (3,) of a bounding box of a shape that is centred at the shape's origin."""
     match solid.shape:
         case Box(size=size):
             return np.array(size) / 2
@@ -205,7 +215,7 @@ def _transform(pose: FloatArray) -> Any:
 
 
 def _geometry(solid: Solid) -> Any:
-    """Return a shape as an object of fcl."""
+    """Return a solid's shape as a collision geometry of fcl."""
     match solid.shape:
         case Box(size=size):
             return fcl.Box(*size)

@@ -1,8 +1,9 @@
-"""Kinematics of a chain on columns: poses, twists and twist rates of its bodies, for numbers and symbols alike.
+"""Kinematics of a chain of joints: poses, velocities and accelerations of its bodies, on numbers or CasADi symbols.
 
-Columns (M,) are NumPy arrays or CasADi symbols. Constants of the arm are Python floats, so that products with 0 and ±1,
-which are most products of its matrices, are left out: every joint's frame is first turned so that its axis is z. With
-the joint rates q', unit axes z, and r from the origin of each frame to the next, from base to tip,
+Columns (M,) hold one entry for each state. Each joint's frame is turned so that its axis is z. Most products of the
+arm's matrices are then with 0 or ±1. Constants are Python floats, so that these products are recognized and left out.
+Let q' be the rate of a joint, z its unit axis, and r the vector from the origin of one frame to the next. From base to
+tip, velocity v, angular velocity ω, acceleration a and angular acceleration α are
 
     v ← v + ω × r,                      ω ← ω + q' z
     a ← a + α × r + ω × (ω × r),        α ← α + q'' z + ω × q' z
@@ -30,18 +31,18 @@ from hpop.motions.states import Vector
 
 NOTHING: Vector = (0.0, 0.0, 0.0)
 BLOCK = 8192  # states in a block: their columns fit the processor's cache
-MANY = 4 * BLOCK  # states: more than in one call of integrals, where postures serve for poses and twists
+MANY = 4 * BLOCK  # number of states from which on poses are computed in blocks; integrals have fewer in one call
 
 
 class Axes(NamedTuple):
-    """Three unit vectors at right angles, of columns or numbers."""
+    """Axes of a frame: three orthogonal unit vectors, whose components are columns or numbers."""
 
     x: Vector
     y: Vector
     z: Vector
 
     def along(self, parts: Vector) -> Vector:
-        """Return the vector with the given components along these axes."""
+        """Return the vector that has the components ``parts`` along these axes."""
         x, y, z = (
             plus_unless_zero(
                 plus_unless_zero(lean_product(self.x[i], parts[0]), lean_product(self.y[i], parts[1])),
@@ -53,19 +54,21 @@ class Axes(NamedTuple):
 
 
 class Offset(NamedTuple):
-    """Constant pose, in numbers."""
+    """Constant pose of one frame in another, as Python floats."""
 
     axes: Axes
     origin: Vector
 
 
 class Posture(NamedTuple):
-    """Frames of a chain in each of M states; nothing here refers to the states.
+    """Frames of a chain in each of M states.
 
-    steps   r of each joint: from the origin of the frame before it to its own, slides included
-    lines   z of each joint
-    axes    of the last frame
-    origin  of the last frame
+    steps   vector r of each joint: from the origin of the frame before it to its own, slides included
+    lines   unit axis z of each joint
+    axes    axes of the last frame
+    origin  origin of the last frame
+
+    It must not refer to the states, since it is cached for as long as they live.
     """
 
     steps: list[Vector]
@@ -75,9 +78,9 @@ class Posture(NamedTuple):
 
 
 class Kinematics:
-    """Poses and motions of a chain's bodies.
+    """Computes poses, velocities and accelerations of the bodies at the tip of a chain.
 
-    The posture of states is cached while the states live, for the criteria of one rate.
+    The frames of states are cached as long as the states live, so that several criteria share them.
     """
 
     def __init__(self, chain: Chain) -> None:
@@ -93,8 +96,9 @@ class Kinematics:
         return Kinematics, (self.chain,)
 
     def _body_offset(self, mount: FrameMount, turns: list[FloatArray]) -> Offset:
+        """Return the pose of a body in the last frame, after this frame is turned so that the joint's axis is z."""
         if mount.frame != len(self.chain):
-            raise ModelError(f"bodies of an arm are at its tip, frame {len(self.chain)}, got frame {mount.frame}")
+            raise ModelError(f"a body of an arm must be in its last frame, {len(self.chain)}, got frame {mount.frame}")
         return _offset(turns[-1].T @ mount.pose)
 
     def pose(self, body: str, states: States) -> ArmPose:
@@ -102,15 +106,15 @@ class Kinematics:
         return (ArmPose if states.size <= MANY else ArmPoses)(self, self._offset_of(body), states)
 
     def twist(self, body: str, states: States, rates: States) -> ArmTwist:
-        """Return the velocity and rotation of a body."""
+        """Return the velocity and angular velocity of a body; ``rates`` are the first derivatives of the states."""
         return ArmTwist(self, self._offset_of(body), states, rates)
 
     def twist_rate(self, body: str, states: States, rates: States, changes: States) -> ArmTwistRate:
-        """Return the derivative of the twist of a body."""
+        """Return the acceleration and angular acceleration of a body; ``changes`` are the second derivatives."""
         return ArmTwistRate(self, self._offset_of(body), states, rates, changes)
 
     def posture(self, states: States) -> Posture:
-        """Return the frames of the chain."""
+        """Return the frames of the chain in each of the states, from the cache if they are in it."""
         kept = self._kept.get(states)
         if kept is None:
             kept = self._kept[states] = self._posture(states)
@@ -139,13 +143,13 @@ class Kinematics:
 
     def _offset_of(self, body: str) -> Offset:
         if body not in self._mounts:
-            raise ModelError(f"an arm has the bodies {' and '.join(self._mounts)}, not {body!r}")
+            raise ModelError(f"the body of an arm must be one of {', '.join(self._mounts)}, got {body!r}")
         return self._mounts[body]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ArmPose:
-    """Pose of a body at the tip, computed when read."""
+    """Pose of a body at the tip of an arm; components are computed when they are read."""
 
     kinematics: Kinematics
     offset: Offset
@@ -204,11 +208,14 @@ class ArmPose:
 
 
 class ArmPoses(ArmPose):
-    """Poses in many states: all columns at once and block by block, in three quarters of the time; not for symbols."""
+    """Poses of a body in many states: all components are computed together, in blocks of states.
+
+    This takes three quarters of the time of :class:`ArmPose`. It does not work on CasADi symbols.
+    """
 
     @cached_property
     def _columns(self) -> FloatArray:
-        """Position and axes (12, M)."""
+        """Rows (12, M): x, y, z of the position, then of the axes ahead, left and up."""
         found = np.empty((12, self.states.size))
         for begin in range(0, self.states.size, BLOCK):
             part = slice(begin, begin + BLOCK)
@@ -241,7 +248,7 @@ class ArmPoses(ArmPose):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ArmTwist:
-    """Velocity and rotation of a body at the tip, computed when read."""
+    """Velocity and angular velocity of a body at the tip of an arm; computed when they are read."""
 
     kinematics: Kinematics
     offset: Offset
@@ -250,7 +257,7 @@ class ArmTwist:
 
     @cached_property
     def posture(self) -> Posture:
-        """Frames of the chain."""
+        """Frames of the chain in each of the states."""
         return self.kinematics.posture(self.states)
 
     @cached_property
@@ -291,7 +298,7 @@ class ArmTwist:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ArmTwistRate(ArmTwist):
-    """Derivative of the twist of a body at the tip."""
+    """Acceleration and angular acceleration of a body at the tip of an arm; computed when they are read."""
 
     changes: States
 
@@ -325,7 +332,7 @@ class ArmTwistRate(ArmTwist):
 
 
 def lean_product(a: Column, b: Column) -> Column:
-    """Return a times b; a factor that is the number 0, 1 or -1 adds no operation."""
+    """Return a times b, without a multiplication if a factor is the number 0, 1 or -1."""
     for one, other in ((a, b), (b, a)):
         if isinstance(one, float) and one in (0.0, 1.0, -1.0):
             return 0.0 if one == 0.0 else other if one == 1.0 else -other
@@ -333,24 +340,24 @@ def lean_product(a: Column, b: Column) -> Column:
 
 
 def plus_unless_zero(a: Column, b: Column) -> Column:
-    """Return a + b, without adding the number 0."""
+    """Return a + b, without an addition if a summand is the number 0."""
     return b if is_zero(a) else a if is_zero(b) else a + b
 
 
 def scaled_vector(factor: Column, vector: Vector) -> Vector:
-    """Return a vector times a factor."""
+    """Return a vector times a factor, without needless operations."""
     x, y, z = (lean_product(factor, part) for part in vector)
     return x, y, z
 
 
 def vector_sum(a: Vector, b: Vector) -> Vector:
-    """Return a + b."""
+    """Return the sum of two vectors, without needless operations."""
     x, y, z = (plus_unless_zero(one, other) for one, other in zip(a, b, strict=True))
     return x, y, z
 
 
 def cross(a: Vector, b: Vector) -> Vector:
-    """Return a × b."""
+    """Return the cross product a × b, without needless operations."""
 
     def part(i: int, j: int) -> Column:
         return plus_unless_zero(lean_product(a[i], b[j]), lean_product(-1.0, lean_product(a[j], b[i])))
@@ -359,12 +366,12 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 def carried_acceleration(angular: Vector, spin: Vector, step: Vector) -> Vector:
-    """Return α × r + ω × (ω × r): the acceleration of a point fixed to a rotating frame."""
+    """Return α × r + ω × (ω × r): the acceleration of a point r of a rotating frame, relative to its origin."""
     return vector_sum(cross(angular, step), cross(spin, cross(spin, step)))
 
 
 def _rotation_to_axis(axis: FloatArray) -> FloatArray:
-    """Return a rotation (4, 4) that takes z to an axis; for axes of a frame an exact permutation."""
+    """Return a rotation (4, 4) that turns the z axis to a given axis; exact for the axes x, y and z."""
     aside = np.eye(3)[int(np.argmin(np.abs(axis)))]
     x = np.cross(aside, axis)
     x /= np.linalg.norm(x)
@@ -374,7 +381,7 @@ def _rotation_to_axis(axis: FloatArray) -> FloatArray:
 
 
 def _offset(pose: FloatArray) -> Offset:
-    """Return a pose (4, 4) in numbers; rotation parts within rounding of 0 or ±1 are exactly that."""
+    """Return a pose (4, 4) as Python floats, with entries of the rotation that are nearly 0 or ±1 made exact."""
     x, y, z = ((exact(float(c[0])), exact(float(c[1])), exact(float(c[2]))) for c in pose[:3, :3].T)
     origin = pose[:3, 3].tolist()
     return Offset(Axes(x, y, z), (origin[0], origin[1], origin[2]))

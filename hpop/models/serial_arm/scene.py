@@ -1,8 +1,8 @@
-"""Scenes of an arm and its surroundings, as flat arrays of convex bodies for kernels.
+"""Convex bodies of an arm and its surroundings, as flat arrays for compiled kernels.
 
-A body is a Minkowski sum: the hull of points, a disc and a ball. A sphere is a point and a ball, a cylinder the two
-ends of its axis and a disc, exactly; the disc of a box or a hull has no radius. So one support function serves all
-shapes (:mod:`hpop.models.serial_arm.gjk`).
+A body is stored as a Minkowski sum of three sets: the convex hull of points, a disc and a ball. A sphere is a point
+plus a ball. A cylinder is the two ends of its axis plus a disc. Boxes and hulls have points only (radii 0). These are
+exact, and one support function serves all shapes (:mod:`hpop.models.serial_arm.gjk`).
 """
 
 from __future__ import annotations
@@ -42,6 +42,8 @@ class Bodies(NamedTuple):
 
 
 class _Body(NamedTuple):
+    """One convex body: the fields of :class:`Bodies` for a single solid; ``middle`` is its centre."""
+
     points: FloatArray
     disc: float
     ball: float
@@ -50,14 +52,14 @@ class _Body(NamedTuple):
 
     @property
     def reach(self) -> float:
-        """Distance, m, of the body's farthest point from the middle of its box."""
+        """Distance, m, of the body's farthest point from the centre of its bounding box."""
         if self.disc:  # a cylinder
             return float(np.hypot(self.box[3, 0], self.box[3, 2]))
         return float(np.linalg.norm(self.points - self.middle, axis=1).max() + self.ball)
 
 
 def bodies_of(solids: Sequence[Solid]) -> Bodies:
-    """Return the solids as bodies, each in the frame of its pose."""
+    """Return solids as convex bodies; each body is in the frame in which its solid's pose is given."""
     bodies = [_body(solid) for solid in solids]
     sizes = [len(body.points) for body in bodies]
     return Bodies(
@@ -73,7 +75,7 @@ def bodies_of(solids: Sequence[Solid]) -> Bodies:
 
 
 def _body(solid: Solid) -> _Body:
-    """Return the body of a solid: its points, and a bounding box along the axes of its shape."""
+    """Return a solid as a convex body, with a bounding box along the axes of its shape."""
     points, disc, ball = _parts(solid)
     rotation, shift = solid.pose[:3, :3], solid.pose[:3, 3]
     grown = np.array([disc, disc, 0.0]) + ball
@@ -88,7 +90,7 @@ def _body(solid: Solid) -> _Body:
 
 
 def _parts(solid: Solid) -> tuple[FloatArray, float, float]:
-    """Return points in the shape's own frame, and the radii of disc and ball."""
+    """Return the three sets that add up to a solid's shape: points, m, in its own frame, radius of disc and of ball."""
     match solid.shape:
         case Box(size=size):
             signs = np.array(np.meshgrid([-0.5, 0.5], [-0.5, 0.5], [-0.5, 0.5])).reshape(3, 8).T
@@ -102,15 +104,15 @@ def _parts(solid: Solid) -> tuple[FloatArray, float, float]:
 
 
 class ArmScene(NamedTuple):
-    """Scene of an arm of n joints and its surroundings, as arrays.
+    """An arm of n joints and its surroundings, as arrays for kernels.
 
-    origins  (n, 3, 4)  each joint's frame at value 0 in the frame before, the joint's axis along z
-    sliding  (n,)       whether each joint is prismatic
-    bodies   B bodies, each in its frame
+    origins  (n, 3, 4)  frame of each joint at value 0, in the frame before it; frames are turned so that z is the axis
+    sliding  (n,)       True for prismatic joints
+    bodies              B convex bodies, of the arm and the world, each in its frame
     frames   (B,)       frame of each body: 0 is fixed, frame i moves with joint i
-    levers   (B, n)     m, bound on the distance of a body's points from the axis of each turning joint, slides between
-                        at 0
-    pairs    (P, 2)     pairs of bodies to be tested for collision, the body of the lower frame first
+    levers   (B, n)     m, upper bound on the distance of a body's points from the axis of each turning joint that
+                        carries it, with slides between them at 0; 0 for other joints
+    pairs    (P, 2)     pairs of bodies to be tested for collision; the body with the lower frame comes first
     """
 
     origins: FloatArray
@@ -122,7 +124,10 @@ class ArmScene(NamedTuple):
 
 
 def scene_of(chain: Chain, parts: Sequence[ArmPart], solids: Sequence[Solid]) -> ArmScene:
-    """Return the scene of an arm's parts, then the solids of the world, without pairs."""
+    """Return the arrays of an arm and its surroundings: bodies of the arm's parts, then of the world's solids.
+
+    Pairs to be tested are not set yet (:func:`paired`).
+    """
     aligned = [np.eye(4), *map(_along_z, chain.axes)]
     origins = np.array(
         [before.T @ origin @ after for before, origin, after in zip(aligned, chain.origins, aligned[1:], strict=False)]
@@ -141,7 +146,10 @@ def scene_of(chain: Chain, parts: Sequence[ArmPart], solids: Sequence[Solid]) ->
 
 
 def paired(scene: ArmScene, pairs: Sequence[tuple[int, int]]) -> ArmScene:
-    """Return the scene with pairs to test, fastest first; bodies of one frame are left out."""
+    """Return the scene with these pairs of bodies to be tested, first those with most joints between their bodies.
+
+    Pairs whose bodies are in one frame are left out, because they never move relative to each other.
+    """
     rows = [sorted(pair, key=lambda b: int(scene.frames[b])) for pair in pairs]
     rows = [row for row in rows if scene.frames[row[0]] != scene.frames[row[1]]]
     rows.sort(key=lambda row: int(scene.frames[row[0]] - scene.frames[row[1]]))
@@ -149,7 +157,10 @@ def paired(scene: ArmScene, pairs: Sequence[tuple[int, int]]) -> ArmScene:
 
 
 def within_reach(scene: ArmScene, chain: Chain, near: float) -> BoolArray:
-    """Return whether each body (B, B), within the joints' limits, may come within ``near`` m of a standing body."""
+    """Return a matrix (B, B): whether body i can get within ``near`` m of body j, which must be fixed.
+
+    It is False only if the joint limits and link lengths rule that out.
+    """
     slides = np.where(chain.sliding, np.maximum(np.abs(chain.low), np.abs(chain.high)), 0.0)
     steps = np.append(slides[:1], np.linalg.norm(scene.origins[1:, :, 3], axis=1) + slides[1:])
     lengths = np.append(0.0, np.cumsum(steps))  # lengths[i]: from the origin of the first joint to that of frame i
@@ -160,7 +171,7 @@ def within_reach(scene: ArmScene, chain: Chain, near: float) -> BoolArray:
 
 
 def _along_z(axis: FloatArray) -> FloatArray:
-    """Return a rotation (4, 4) that takes z to an axis; the identity for z itself."""
+    """Return a rotation (4, 4) that turns the z axis to a given axis; the identity for the z axis itself."""
     if axis[2] == 1.0:
         return np.eye(4)
     other = np.eye(3)[np.argmin(np.abs(axis))]
@@ -171,9 +182,9 @@ def _along_z(axis: FloatArray) -> FloatArray:
 
 
 def _levers(origins: FloatArray, bodies: Bodies, frames: IntArray) -> FloatArray:
-    """Return bounds (B, n), m, on the distance of a body's points from each joint's axis that carries it, else 0.
+    """Return ``ArmScene.levers`` (B, n), m: bounds on the distances of a body's points from the joint axes.
 
-    The next joint's origin is off the axis by its x and y; from there on lengths are added.
+    The distance of the next joint's origin from the axis is exact (its x and y); lengths of later links are added.
     """
     count = len(origins)
     offsets = origins[:, :3, 3]

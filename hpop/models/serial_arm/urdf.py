@@ -1,8 +1,8 @@
-"""Robots from URDF and SRDF files: links, joints, named states, and pairs of links without collision tests.
+"""Reader of URDF and SRDF files: links, joints, named states, and pairs of links that need no collision test.
 
-Only entries that planning needs are read: of a URDF's link its ``collision`` elements, of a joint its type, origin,
-axis, limits, soft limits (``safety_controller``) and the joint that it mimics. http://wiki.ros.org/urdf/XML,
-http://wiki.ros.org/srdf
+Only entries that planning needs are read. Of a link in a URDF, these are its ``collision`` elements. Of a joint, these
+are its type, origin, axis, limits, soft limits (``safety_controller``) and the joint that it mimics.
+http://wiki.ros.org/urdf/XML, http://wiki.ros.org/srdf
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from hpop.world.geometry.solids import Box, Cylinder, Shape, Sphere
 KINDS = ("fixed", "revolute", "prismatic", "continuous", "floating", "planar")
 MOST_LINKS = 1000
 MOST_SHOWN = 12
-"""Largest number of links of a circle in a message."""
+"""Largest number of links that a message about a circle of links names."""
 
 
 class UrdfMesh(NamedTuple):
-    """Mesh file of a link in a URDF: the link, the file's name in the URDF, and the scale (3,) of its coordinates."""
+    """Mesh file that a URDF names: the link, the name of the file as in the URDF, the scale (3,) of its coordinates."""
 
     link: str
     name: str
@@ -38,10 +38,10 @@ class UrdfMesh(NamedTuple):
 
 
 class Geometry(NamedTuple):
-    """Solid of a link.
+    """Collision solid of a link in a URDF.
 
-    shape  shape, or the mesh file that holds it
-    pose   (4, 4)  in the link's frame
+    shape  a simple shape, or the mesh file that has it
+    pose   (4, 4)  of the shape in the link's frame
     """
 
     shape: Shape | UrdfMesh
@@ -49,7 +49,7 @@ class Geometry(NamedTuple):
 
 
 class Mimic(NamedTuple):
-    """Rule by which a joint follows another: its value times a factor, plus an offset."""
+    """Rule by which a joint follows another joint: its value is that of ``joint``, times a factor, plus an offset."""
 
     joint: str
     factor: float
@@ -58,15 +58,15 @@ class Mimic(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class UrdfJoint:
-    """Joint between a link and its parent.
+    """Joint of a URDF, between a parent link and a child link.
 
-    kind    type of the joint, one of KINDS
+    kind    type of the joint, one of ``KINDS``
     parent, child  names of the links
     origin  (4, 4)  frame of the joint in the frame of the parent; at value 0 it is the frame of the child
     axis    (3,)    unit vector in the joint's frame
-    low, high, speed  limits, None if missing in the file; soft limits where these are tighter
-    mimic   rule by which it follows another joint, or None
-    doubt   oddity of its limits, in words, or ""
+    low, high, speed  limits, None if missing in the file; soft limits replace them where they are tighter
+    mimic   rule by which the joint follows another joint, or None
+    doubt   note for the user on contradictory limits, or ""
     """
 
     name: str
@@ -84,13 +84,13 @@ class UrdfJoint:
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """Robot as a tree of links.
+    """Contents of a URDF: a robot as a tree of links.
 
     file    the URDF
     root    name of the link without a parent
-    links   solids of each link by name
-    joints  by name
-    bare    names of links that are visible, but have no solids
+    links   collision solids of each link, by its name
+    joints  joints by name
+    bare    names of links that have visible geometry but no collision solids
     """
 
     file: XmlFile
@@ -100,10 +100,10 @@ class Robot:
     bare: frozenset[str]
 
     def ancestry(self, tip: str) -> list[UrdfJoint]:
-        """Return the joints from the root to a link, in this order."""
+        """Return the joints on the way from the root link to the link ``tip``, in order."""
         if tip not in self.links:
             raise self.file.error(
-                f"it has no link {shown(tip)} for the tip.{did_you_mean(tip, self.links)} "
+                f"tip must be the name of one of its links, got {shown(tip)}.{did_you_mean(tip, self.links)} "
                 f"Its links are {', '.join(map(shown, self.links))}"
             )
         above = {joint.child: joint for joint in self.joints.values()}
@@ -115,20 +115,20 @@ class Robot:
 
 
 def read_urdf(path: str | os.PathLike[str]) -> Robot:
-    """Return the robot of a URDF; ModelError for any other file, and for one that exceeds the bounds."""
+    """Read a URDF file; ModelError if it is no URDF, contradicts itself or is too large."""
     file = XmlFile(path, "URDF", "robot")
     file.refuse_xacro("arm.urdf")
     links, bare = {}, set()
     if file.root.find("link") is None:
         semantic = any(file.root.find(tag) is not None for tag in ("group", "group_state", "disable_collisions"))
         what = (
-            "it is an SRDF: it has groups, states or pairs of links, but no <link>" if semantic else "it has no <link>"
+            "it has no <link>, but groups, states or pairs of links: it is an SRDF" if semantic else "it has no <link>"
         )
-        raise file.error(f"{what}; give the URDF, which has the links and joints")
+        raise file.error(f"{what}; give the URDF as urdf, which has the links and joints")
     for element in file.root.findall("link"):
         name = file.name(element)
         if name in links:
-            raise file.error(f"two links are called {shown(name)}")
+            raise file.error(f"links must have different names, but two are called {shown(name)}; rename one")
         links[name] = tuple(_geometries(file, name, element))
         if not links[name] and element.find("visual") is not None:
             bare.add(name)
@@ -136,35 +136,43 @@ def read_urdf(path: str | os.PathLike[str]) -> Robot:
     for element in file.root.findall("joint"):
         joint = _joint(file, element)
         if joint.name in joints:
-            raise file.error(f"two joints are called {shown(joint.name)}")
+            raise file.error(f"joints must have different names, but two are called {shown(joint.name)}; rename one")
         for end in (joint.parent, joint.child):
             if end not in links:
-                raise file.error(f"joint {shown(joint.name)} names the link {shown(end)}, which does not exist")
+                raise file.error(
+                    f"joint {shown(joint.name)} must join two links of the file, but {shown(end)} is none; add this "
+                    f"<link>, or correct the name.{did_you_mean(end, links)}"
+                )
         joints[joint.name] = joint
     if len(links) > MOST_LINKS:
-        raise file.error(f"expected at most {MOST_LINKS:,} links, found {len(links):,}")
+        raise file.error(
+            f"it must have at most {MOST_LINKS:,} links, got {len(links):,}; remove links that the arm does not need"
+        )
     return Robot(file, _root(file, links, joints), links, joints, frozenset(bare))
 
 
 def _root(file: XmlFile, links: Mapping[str, object], joints: Mapping[str, UrdfJoint]) -> str:
-    """Return the one link without a parent, from which joints lead to every other link."""
+    """Return the root: the only link without a parent. ModelError unless joints lead from it to every other link."""
     above: dict[str, UrdfJoint] = {}
     for joint in joints.values():
         if joint.child in above:
             raise file.error(
-                f"the link {shown(joint.child)} has two parent joints, {shown(above[joint.child].name)} and "
-                f"{shown(joint.name)}; arms with closed loops are not supported"
+                f"a link must be the child of at most one joint, but {shown(joint.child)} is that of "
+                f"{shown(above[joint.child].name)} and {shown(joint.name)}; remove one, since closed loops of links "
+                "are not supported"
             )
         above[joint.child] = joint
     roots = [link for link in links if link not in above]
     if not roots:
         raise file.error(
-            f"each link has a parent, so the joints form a circle, {_circle(above, next(iter(links)))}; the root link "
-            "of an arm must not be the child of a joint"
+            "one link, the root, must not be the child of a joint, but the joints form a circle, "
+            f"{_circle(above, next(iter(links)))}; remove one of its joints"
         )
     if len(roots) > 1:
         named = ", ".join(map(shown, roots[:8]))
-        raise file.error(f"expected one link without a parent joint, found {len(roots)}: {named}")
+        raise file.error(
+            f"exactly one link must have no parent joint, got {len(roots)}: {named}; join the others by joints"
+        )
     reached, below = set[str](), dict[str, list[str]]()
     for joint in joints.values():
         below.setdefault(joint.parent, []).append(joint.child)
@@ -175,14 +183,14 @@ def _root(file: XmlFile, links: Mapping[str, object], joints: Mapping[str, UrdfJ
         rest += below.get(link, [])
     if lost := [link for link in links if link not in reached]:
         raise file.error(
-            f"{len(lost)} links are not joined to {shown(roots[0])}, but to each other in a circle, "
-            f"{_circle(above, lost[0])}"
+            f"all links must be joined to the root {shown(roots[0])}, but {len(lost)} are not, because joints form a "
+            f"circle, {_circle(above, lost[0])}; correct the parents of these joints"
         )
     return roots[0]
 
 
 def _circle(above: Mapping[str, UrdfJoint], link: str) -> str:
-    """Return, as text, the links of a circle that contains a link, from parent to child."""
+    """Return the links of the circle to which a link leads, as text: "a > b > a", from parent to child."""
     passed: list[str] = []
     while link not in passed:
         passed.append(link)
@@ -192,13 +200,14 @@ def _circle(above: Mapping[str, UrdfJoint], link: str) -> str:
 
 
 def _joint(file: XmlFile, element: Element) -> UrdfJoint:
+    """Read a <joint> element of a URDF; ModelError for invalid entries."""
     name, kind = file.name(element), element.get("type")
     what = f"joint {shown(name)}"
     if kind not in KINDS:
-        raise file.error(f"{what} must be one of {', '.join(KINDS)}, got {shown(kind)}")
+        raise file.error(f"the type of {what} must be one of {', '.join(KINDS)}, got {shown(kind)}")
     ends = [element.find(end) for end in ("parent", "child")]
     if any(end is None for end in ends):
-        raise file.error(f"{what} needs a <parent link=...> and a <child link=...>")
+        raise file.error(f"{what} must have <parent link=...> and <child link=...>, but lacks one of them; add it")
     parent, child = (file.name(end, "link") for end in ends if end is not None)
     limit, mimic, direction = (element.find(tag) for tag in ("limit", "mimic", "axis"))
     bounds = {
@@ -219,7 +228,7 @@ def _joint(file: XmlFile, element: Element) -> UrdfJoint:
         axis = file.numbers(f"the axis of {what}", direction.get("xyz"), 3)
         length = float(np.linalg.norm(axis))
         if length < LEAST:
-            raise file.error(f"the axis of {what} must be a direction, got {shown(direction.get('xyz'))}")
+            raise file.error(f"the axis of {what} must not have length 0, got {shown(direction.get('xyz'))}")
         axis = np.array([exact(float(part) / length) for part in axis])
     follows = None
     if mimic is not None and kind != "fixed":
@@ -234,9 +243,9 @@ def _joint(file: XmlFile, element: Element) -> UrdfJoint:
 
 
 def _soft_limits(file: XmlFile, what: str, soft: Element, hard: Mapping[str, float | None]) -> dict[str, float | None]:
-    """Return the tighter of the hard limits and those of a safety_controller, as in MoveIt.
+    """Return a joint's limits, each the tighter of its <limit> (``hard``) and its <safety_controller> (``soft``).
 
-    A missing attribute sets no limit.
+    This is as in MoveIt. A missing attribute sets no limit.
     """
     given = {
         key: file.number(f"the soft {key} limit of {what}", text)
@@ -249,7 +258,7 @@ def _soft_limits(file: XmlFile, what: str, soft: Element, hard: Mapping[str, flo
 
 
 def _pose(file: XmlFile, what: str, element: Element) -> FloatArray:
-    """Return the pose of an element's origin; the identity without an origin."""
+    """Return the pose (4, 4) in an element's <origin>; the identity if it has none. ``what`` names it in an error."""
     origin = element.find("origin")
     if origin is None:
         return np.eye(4)
@@ -258,16 +267,19 @@ def _pose(file: XmlFile, what: str, element: Element) -> FloatArray:
 
 
 def _geometries(file: XmlFile, link: str, element: Element) -> Iterator[Geometry]:
+    """Yield the collision solids of a <link> element."""
     what = f"the collision geometry of link {shown(link)}"
     for collision in element.findall("collision"):
         geometry = collision.find("geometry")
         shapes = [] if geometry is None else list(geometry)
         if len(shapes) != 1:
-            raise file.error(f"{what} needs one shape, found {len(shapes)}")
+            raise file.error(f"{what} must have one shape in each <collision> element, got {len(shapes)}")
         yield Geometry(_shape(file, link, what, shapes[0]), _pose(file, what, collision))
 
 
 def _shape(file: XmlFile, link: str, what: str, element: Element) -> Shape | UrdfMesh:
+    """Read a shape in a <geometry> element; ModelError for unknown shapes and sizes of 0."""
+
     def lengths(attribute: str, count: int = 1) -> list[float]:
         found = file.numbers(f"the {attribute} of {what}", element.get(attribute), count)
         if (found < LEAST).any():
@@ -292,17 +304,17 @@ def _shape(file: XmlFile, link: str, what: str, element: Element) -> Shape | Urd
 
 @dataclass(frozen=True, eq=False)
 class Semantics:
-    """Contents of an SRDF.
+    """Contents of an SRDF file.
 
     file      the SRDF
-    states    values of joints, rad or m, by the name of the state; "group/name" where groups differ in a name
-    groups    names of the groups that it defines
-    grouped   state and group of each set of values
-    loose     names of joints that place the robot in the world, which no URDF has
-    passive   joints that are not driven
-    disabled  pairs of links without collision test (they never collide, or always), each in alphabetical order
-    lonely    links without collision tests, except for the pairs in ``enabled``
-    enabled   pairs of links with a collision test in spite of ``lonely``
+    states    values of joints, rad or m, by the name of the state; "group/name" if groups give a state other values
+    groups    names of the groups of joints that the file defines
+    grouped   (state, group) of each set of joint values
+    loose     names of virtual joints, which place the robot in the world and are not in the URDF
+    passive   names of joints that no motor drives
+    disabled  pairs of links that need no collision test, because they never or always collide; alphabetical order
+    lonely    links that need no collision test with any link, except for the pairs in ``enabled``
+    enabled   pairs of links that do need a collision test although one of them is in ``lonely``
     """
 
     file: XmlFile
@@ -316,18 +328,20 @@ class Semantics:
     enabled: frozenset[Pair]
 
     def apart(self, links: list[str]) -> frozenset[Pair]:
-        """Return all pairs among links that need no collision test."""
+        """Return all pairs of the given links that need no collision test."""
         pairs = {pair_of(link, other) for link in self.lonely for other in links if link != other}
         return (frozenset(pairs) - self.enabled) | self.disabled
 
 
 def read_srdf(path: str | os.PathLike[str]) -> Semantics:
-    """Return the contents of an SRDF; ModelError for another file."""
+    """Read an SRDF file; ModelError if it is no SRDF."""
     file = XmlFile(path, "SRDF", "robot")
     file.refuse_xacro("arm.srdf")
     root = file.root
     if root.find("link") is not None:
-        raise file.error("it is a URDF, because it has links; an SRDF has groups, named states, and pairs of links")
+        raise file.error(
+            "it must be an SRDF (groups, named states, pairs of links), but it has links: it is a URDF; give it as urdf"
+        )
     disabled, enabled = (
         frozenset(pair_of(file.name(pair, "link1"), file.name(pair, "link2")) for pair in root.findall(tag))
         for tag in ("disable_collisions", "enable_collisions")
@@ -341,7 +355,10 @@ def read_srdf(path: str | os.PathLike[str]) -> Semantics:
 
 
 def _states(file: XmlFile, root: Element) -> dict[str, dict[str, float]]:
-    """Return joint values by state name, or by "group/name" if groups differ in the state."""
+    """Return the joint values of each named state in an SRDF, by its name.
+
+    Groups that name the state are merged; if they contradict each other, each has its own state "group/name".
+    """
     states: dict[str, dict[str, float]] = {}
     groups: dict[str, dict[str, dict[str, float]]] = {}
     for state in root.findall("group_state"):
@@ -349,7 +366,7 @@ def _states(file: XmlFile, root: Element) -> dict[str, dict[str, float]]:
         values = {}
         for joint in state.findall("joint"):
             given = joint.get("value") or ""
-            if len(given.split()) == 1:  # joints of a chain have one degree of freedom
+            if len(given.split()) == 1:  # other joints have several degrees of freedom and are in no chain
                 what = f"the value of joint {file.name(joint)!r} in the state {name!r}"
                 values[file.name(joint)] = file.number(what, given)
         groups.setdefault(name, {})[group] = values

@@ -1,6 +1,6 @@
-"""Reader of XML from untrusted files: elements and attributes of bounded size, without document types or entities.
+"""Reader of XML from untrusted files: bounded in size, and without document types or entities.
 
-An entity may expand to a thousand others, or include a local file; neither URDF nor SRDF needs entities.
+An entity may expand to a thousand others, or include a local file. Neither URDF nor SRDF needs entities.
 """
 
 from __future__ import annotations
@@ -21,21 +21,22 @@ from hpop.base.text import printable, shown
 from hpop.errors import ModelError
 
 MOST_BYTES = 10_000_000
-"""Largest file that is read."""
+"""Size of the largest file that is read."""
 MOST_ELEMENTS = 100_000
 MOST_NESTED = 50
 LONGEST_NAME = 200
 """Largest number of characters in a link's or joint's name."""
 NEARLY = 1e-11
-"""Tolerance of sines and cosines that are 0 or ±1."""
+"""Sines and cosines within this of 0 or ±1 are set to exactly that."""
 
 
 class XmlFile:
-    """XML file, with methods that check its attributes and raise errors that name the file.
+    """XML file that has been read; its methods check attributes and raise errors that name the file.
 
-    path  of the file
+    what  kind of the file for messages, "URDF"
+    path  path of the file
     data  its bytes
-    root  its root element
+    root  its outermost element
     """
 
     def __init__(self, path: str | os.PathLike[str], what: str, tag: str) -> None:
@@ -44,25 +45,27 @@ class XmlFile:
         self.data = file_bytes(self.path, what, MOST_BYTES)
         self.root = self._parsed()
         if self.root.tag != tag:
-            raise self.error(f"expected <{tag}> as its outermost element, got <{printable(self.root.tag)[:80]}>")
+            raise self.error(
+                f"its outermost element must be <{tag}>, got <{printable(self.root.tag)[:80]}>; give a {what} file"
+            )
 
     def error(self, said: str) -> ModelError:
-        """Return a ModelError about this file."""
+        """Return a ModelError whose message names this file and continues with ``said``."""
         return ModelError(f"{self.what} {shown(str(self.path), 400)}: {said}")
 
     def refuse_xacro(self, expanded: str) -> None:
-        """Raise ModelError if the file is xacro, whose macros and includes are not expanded here.
+        """Raise ModelError if the file is xacro (XML with macros and includes, a source of URDF files).
 
-        expanded  file name for the suggested command
+        expanded  name of the expanded file in the command that the message suggests
         """
         if any(element.tag.startswith("xacro:") for element in self.root.iter()):
             raise self.error(
-                f"it is xacro; expand it first: xacro {printable(self.path.name)[:80]} > {expanded} (a "
-                "command of ROS, and of pip install xacro)"
+                f"it must be plain XML, but it is xacro; expand it: xacro {printable(self.path.name)[:80]} > "
+                f"{expanded} (a command of ROS, also installed by pip install xacro)"
             )
 
     def name(self, element: Element, attribute: str = "name") -> str:
-        """Return an attribute that holds a name."""
+        """Return the name in an attribute of an element; ModelError if it is missing or too long."""
         given = element.get(attribute)
         if not given or len(given) > LONGEST_NAME:
             raise self.error(
@@ -71,11 +74,14 @@ class XmlFile:
         return given
 
     def number(self, where: str, given: str | None) -> float:
-        """Return the number in an attribute; ``where`` describes the attribute."""
+        """Return the number in an attribute's text ``given``; ``where`` describes the attribute in a ModelError."""
         return float(self.numbers(where, given, 1)[0])
 
     def numbers(self, where: str, given: str | None, count: int) -> FloatArray:
-        """Return the numbers in an attribute, separated by spaces."""
+        """Return the ``count`` numbers, separated by spaces, in an attribute's text ``given``.
+
+        ``where`` describes the attribute in a ModelError.
+        """
         try:
             values = [float(word) for word in (given or "").split()[: count + 1]]
         except ValueError:
@@ -86,11 +92,12 @@ class XmlFile:
         return np.array(values)
 
     def _parsed(self) -> Element:
+        """Parse the file and return its outermost element; ModelError if it is no XML, or refused XML."""
         builder, parser, nested, elements = TreeBuilder(), expat.ParserCreate(), 0, 0
 
         def refuse(*_: Any) -> None:
             raise self.error(
-                "it has a document type or entities, which are not supported; replace them by their contents"
+                "it must not have a document type or entities; replace each entity by its contents, remove <!DOCTYPE>"
             )
 
         def start(tag: str, attributes: dict[str, str]) -> None:
@@ -98,7 +105,8 @@ class XmlFile:
             nested, elements = nested + 1, elements + 1
             if nested > MOST_NESTED or elements > MOST_ELEMENTS:
                 raise self.error(
-                    f"expected at most {MOST_ELEMENTS:,} elements, nested up to {MOST_NESTED} deep, found more"
+                    f"it must have at most {MOST_ELEMENTS:,} elements, nested at most {MOST_NESTED} deep, but it has "
+                    "more; remove what the arm does not need"
                 )
             builder.start(tag, attributes)
 
@@ -114,19 +122,19 @@ class XmlFile:
         except (expat.ExpatError, ValueError, LookupError) as error:
             if isinstance(error, ModelError):
                 raise
-            raise self.error(f"it cannot be read as XML ({printable(error)[:80]})") from None
+            raise self.error(f"it must be XML, but cannot be parsed ({printable(error)[:80]}); correct it") from None
         return builder.close()
 
 
 def checked_path(path: Any, what: str) -> str:
-    """Return a path as text; ModelError for anything else."""
+    """Check that a value is a path and return it as text; ``what`` names the file in a ModelError."""
     if not isinstance(path, str | os.PathLike) or not isinstance(os.fspath(path), str) or not os.fspath(path):
-        raise ModelError(f"the {what} is named by its path, got {shown(path)}")
+        raise ModelError(f"the {what} must be given as the path of a file, got {shown(path)}")
     return str(os.fspath(path))
 
 
 def file_bytes(path: Path, what: str, most: int) -> bytes:
-    """Return the bytes of a regular file of bounded size; ModelError if it cannot be read."""
+    """Return the bytes of a file of at most ``most`` bytes; ModelError, which calls it ``what``, if that fails."""
     try:
         data = read_regular(path, most)
     except OSError as error:
@@ -134,15 +142,15 @@ def file_bytes(path: Path, what: str, most: int) -> bytes:
             f"the {what} {shown(str(path), 400)} cannot be opened: {error.strerror or error}; check the path"
         ) from None
     if not data:
-        raise ModelError(f"the {what} {shown(str(path), 400)} is empty")
+        raise ModelError(f"the {what} {shown(str(path), 400)} must not be empty, but it has no bytes; restore the file")
     return data
 
 
 def pose_of(xyz: FloatArray, rpy: FloatArray) -> FloatArray:
     """Return a pose (4, 4) from a position, m, and roll, pitch, yaw, rad, about the fixed axes x, y, z in this order.
 
-    Entries that are 0 or ±1 up to decimals that a file left out (1.57079632679) become exact: kinematics omit such
-    terms.
+    Sines and cosines that are 0 or ±1 except for rounded decimals in the file (1.57079632679) are made exact, because
+    the kinematics omit such terms.
     """
     cosines, sines = (np.array([[exact(f(angle)) for angle in rpy]]) for f in (math.cos, math.sin))
     (cr, cp, cy), (sr, sp, sy) = cosines[0], sines[0]
@@ -157,7 +165,9 @@ def pose_of(xyz: FloatArray, rpy: FloatArray) -> FloatArray:
 
 
 def exact(value: float) -> float:
-    """Return 0, 1 or -1 for a value so near that no pose changes by more than 1e-10 m; any other number unchanged.
+    """Return 0, 1 or -1 if a value is within 1e-11 of it, and otherwise the value itself.
+
+    No pose then changes by more than about 1e-10 m.
 
     >>> exact(math.cos(1.57079632679)), exact(0.5)
     (0.0, 0.5)

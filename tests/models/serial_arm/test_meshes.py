@@ -133,7 +133,7 @@ def test_convex_pieces_that_share_corners_are_refused_with_the_way_out(tmp_path)
     corner.apply_translation((0, 2 * BOX.bounds[1][1], 0))
     trimesh.util.concatenate([BOX, shifted, corner]).export(tmp_path / "touching.obj")
     with pytest.raises(
-        ModelError, match=r"separate convex pieces: .* give each a <collision> element with its own file"
+        ModelError, match=r"separate convex pieces, .* give each a <collision> element with its own file"
     ):
         with_mesh(tmp_path, "touching.obj")
 
@@ -177,7 +177,7 @@ def test_a_link_to_elsewhere_is_not_followed(tmp_path):
         ("box.dae", b"<COLLADA/>", "a mesh file must be of type stl, obj, ply, off"),
         ("box.stl", b"solid\n\x00\xff" * 9, "box.stl': "),
         ("flat.off", b"OFF\n3 1 0\n0 0 0\n9 0 0\n0 9 0\n3 0 1 2\n", "flat"),
-        ("box.stl", b"", "is empty"),
+        ("box.stl", b"", "must not be empty"),
     ],
 )
 def test_a_mesh_that_is_none_is_refused_by_name(tmp_path, name, data, said):

@@ -32,15 +32,17 @@ def srdf(tmp_path):
 def test_a_state_with_a_misspelt_joint_is_noted_and_refused_by_what_it_lacks(srdf):
     arm = arm6(srdf=srdf("wrist_to_hand", "wrist_to_hend"))
     (note,) = arm.notes
-    assert "values of the joints 'wrist_to_hend', which the URDF does not have" in note
+    assert "values for the joints 'wrist_to_hend', which the URDF does not have" in note
     assert "Did you mean 'wrist_to_hand'?" in note
-    with pytest.raises(QueryError, match=r"'home' names no state: the SRDF's state of this name lacks wrist_to_hand\."):
+    with pytest.raises(
+        QueryError, match=r"'home' names no state: this state of the SRDF has no value for wrist_to_hand\."
+    ):
         arm.space.state("home", what="start")
 
 
 def test_a_state_of_an_unknown_group_is_noted(srdf):
     (note,) = arm6(srdf=srdf('name="home" group="arm"', 'name="home" group="amr"')).notes
-    assert "'home' of the SRDF is one of the group 'amr'" in note
+    assert "'home' of the SRDF belongs to the group 'amr'" in note
     assert "Did you mean 'arm'?" in note
 
 
@@ -56,9 +58,9 @@ def test_joints_by_which_a_robot_stands_in_the_world_are_no_strangers(srdf):
 
 
 def test_urdf_and_srdf_are_not_taken_for_each_other():
-    with pytest.raises(ModelError, match=r"SRDF '.*arm6.urdf': it is a URDF, because it has links"):
+    with pytest.raises(ModelError, match=r"SRDF '.*arm6.urdf': it must be an SRDF .* it is a URDF"):
         arm6(srdf=HERE / "arm6.urdf")
-    with pytest.raises(ModelError, match=r"URDF '.*arm6.srdf': it is an SRDF.*give the URDF"):
+    with pytest.raises(ModelError, match=r"URDF '.*arm6.srdf': it is an SRDF; give the URDF"):
         hpop.SerialArm.from_urdf(HERE / "arm6.srdf", tip="tool", acceleration=1.0)
 
 
@@ -72,7 +74,7 @@ def test_a_robot_without_links_is_called_so(tmp_path):
 def test_a_name_without_an_srdf_says_where_names_come_from(goal):
     arm = arm6(srdf=None)
     zeros = [0.0] * len(arm.joints)
-    with pytest.raises(QueryError, match=r"'home' names no state: states have names in an SRDF.*as srdf"):
+    with pytest.raises(QueryError, match=r"'home' names no state: states get their names from an SRDF.*as srdf"):
         hpop.Problem(FAR, arm, "home", zeros, ["duration"])
     with pytest.raises(QueryError, match="as srdf"):
         hpop.Problem(FAR, arm, zeros, goal, ["duration"])
@@ -128,7 +130,9 @@ def test_what_is_wrong_with_an_arm_in_a_scenario_is_said_in_its_words(tmp_path, 
 def test_a_goal_in_space_none_of_whose_states_is_free_says_what_to_do():
     wall = World.from_solids([Solid(Box((0.5, 0.5, 0.5)), pose_at(CAN.target), "block")])
     problem = hpop.Problem(wall, arm6(), "home", LookAt(CAN.target, (0.05, 0.1)), ["duration"])
-    with pytest.raises(QueryError, match=r"Move the goal, or make it larger\. .*'block', .*\. Take another posture\.$"):
+    with pytest.raises(
+        QueryError, match=r"Move the goal, or make it larger\. .*'block', .*\. Choose other joint values\.$"
+    ):
         problem.solve("roadmap", samples=10)
 
 
