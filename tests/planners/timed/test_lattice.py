@@ -119,9 +119,10 @@ def test_where_nobody_moves_there_is_no_clock():
     assert plain.certificate == with_options.certificate
     assert with_options.notes == (
         *plain.notes,
-        "no person moves, so there is no clock: clock, hold had no effect",  # the margin is kept from who stands,
+        # the margin is kept from who stands
+        "no person moves, so the search does not consider time: clock, hold had no effect",
     )
-    with pytest.raises(OptionError, match="arrive_by needs a clock"):
+    with pytest.raises(OptionError, match="arrive_by needs people who move"):
         Lattice(step=0.5, arrive_by=20.0).solve(through_the_doors(stands))
 
 
@@ -132,7 +133,7 @@ def test_a_margin_is_kept_and_one_that_leaves_no_way_says_so():
     blocked = [Person(3.0, y, velocity=(0.0, 0.05), until=2.0, afterwards="stays") for y in (2.0, 5.0)]
     none = Lattice(step=0.25, margin=0.5).solve(through_the_doors(*blocked))
     assert none.status is Status.NO_PATH
-    assert "people who move are in their way" in none.notes[-1]
+    assert "moving people block them" in none.notes[-1]
 
 
 def test_one_who_starts_in_a_margin_may_leave_but_not_stay():
@@ -174,15 +175,15 @@ def test_somebody_slow_who_is_outside_the_margin_and_leaves_no_time_to_go_is_nam
     none = Lattice(step=0.25, margin=0.2).solve(problem)
     assert none.status is Status.NO_PATH
     # 1.6 m between their middles, 0.7 m in which they may not be and 0.125 m of ramps: 0.775 m at 0.3 m/s.
-    assert "Ada may be too near to the start, after 2.6 s, for the robot to leave" in none.notes[-1]
-    assert "give a smaller margin, or ask for another start or goal, or later" in none.notes[-1]
+    assert "Ada may come too near to the start, after 2.6 s, so that the robot cannot leave" in none.notes[-1]
+    assert "give a smaller margin, or choose another start or goal, or plan again later" in none.notes[-1]
 
 
 def test_a_start_in_contact_with_somebody_is_refused_to_a_robot_that_is_not_round():
     robot = DifferentialDrive(footprint=((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2)))
     room = World.from_polygons([], extent=shapely.box(0, 0, 8, 4))
     world = room.with_content(people=[Person(1.2, 2.0, velocity=(1, 0), until=3.0, name="Ann")])
-    with pytest.raises(QueryError, match=r"the start .* Ann is there at time 0"):
+    with pytest.raises(QueryError, match=r"the start .* Ann is there at 0 s"):
         Lattice(step=0.5).solve(Problem(world, robot, (1.0, 2.0, 0.0), (7.0, 2.0, 0.0), ["duration"]))
 
 
@@ -196,11 +197,11 @@ def test_time_is_kept():
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"clock": 0.001}, "clock must be the tick of a clock"),
-        ({"hold": 0.0}, "hold must be the least duration of a wait"),
-        ({"hold": True}, "hold must be the least duration of a wait"),
+        ({"clock": 0.001}, "clock must be a time step in s"),
+        ({"hold": 0.0}, "hold must be the shortest wait in s"),
+        ({"hold": True}, "hold must be the shortest wait in s"),
         ({"arrive_by": -1.0}, "arrive_by must be a time in s"),
-        ({"hold": 4000.0}, "hold must be .* to 3,600, got 4000.0; None"),
+        ({"hold": 4000.0}, "hold must be .* to 3,600, got 4000.0; with None"),
         ({"arrive_by": 1e6}, "arrive_by must be a time in s .* to 52428.8, got 1000000.0; leave it out"),
         ({"margin": -0.1}, "margin must be a distance in m"),
     ],

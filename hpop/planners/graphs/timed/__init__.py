@@ -1,1 +1,1 @@
-"""Plans among people who move: graphs of states with a clock, so that costs and free ways depend on the time."""
+"""Planning among moving people: graphs searched in time steps, with costs and blocked arcs that depend on the time."""

@@ -1,4 +1,4 @@
-"""Assembly of a graph on a clock, from a graph of states and the predictions of moving people."""
+"""Build the graph for a search in time steps, from a graph of states and the predictions of moving people."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ from hpop.search import Graph
 from hpop.search.timed.graph import MAX_TICKS, RATE, TimedGraph
 from hpop.world.content.predictions import yielding
 
-NEVER = 2**31 - 1
-ON_CLOCK = "the graph was put on a clock"
-MOTION = 110  # bytes of a motion of an arc, with its place, duration and costs
+NEVER = 2**31 - 1  # tick of a node that cannot be reached
+ON_CLOCK = "costs and blocked edges were computed for each time step"
+MOTION = 110  # bytes of memory for a motion of an arc, with its place, duration and costs
 
 
 def timed_graph(
@@ -54,18 +54,18 @@ def timed_graph(
     *,
     people_stop: bool = False,
 ) -> GraphOnClock:
-    """Put a graph of states on a clock, within the limits of its spending.
+    """Convert a graph of states to a graph for a search in time steps, with costs and blocked arcs for each tick.
 
-    Raises Exhausted where a limit is passed, QueryError where the robot would start in contact with a moving person,
-    OptionError for a clock with more ticks than a search can count.
+    Raises Exhausted if a limit is passed, QueryError if the robot would start in contact with a moving person, and
+    OptionError if people move for more ticks than a search can count.
 
     Parameters
     ----------
-    quanta : names of criteria with quanta that the problem sets
-    laid : parts of an earlier graph on a clock to be used again, if any
-    attention : attention of another graph of the same problem, so that criteria are not probed again
-    people_stop : whether people who would walk up to the start are predicted to stop before the robot; costs near them
-        are as predicted all the same
+    quanta : names of the criteria for which the problem sets a quantum
+    laid : parts of an earlier graph that can be used again, if any
+    attention : distances within which criteria notice people, if they were measured for the same problem before
+    people_stop : whether people who would walk into the robot at its start are predicted to stop before it; costs near
+        them are computed as if they did not stop
     """
     began = time.perf_counter()
     query = space, tuple(criteria), start, tuple(goals), options, frozenset(quanta)
@@ -74,7 +74,7 @@ def timed_graph(
 
 @dataclass(frozen=True, eq=False)
 class _Assembly:
-    """Intermediate results of putting a graph on a clock, computed at first use."""
+    """Intermediate results of :func:`timed_graph`, each computed when it is first used; fields are its arguments."""
 
     space: StateGraph | JoinedEnds
     criteria: tuple[Criterion, ...]
@@ -102,20 +102,20 @@ class _Assembly:
 
     @cached_property
     def horizon(self) -> int:
-        """Tick after which no cost and no blocked arc changes, or the tick of the latest arrival."""
+        """Tick after which no cost and no blocked arc changes any more, or the tick of the latest arrival."""
         settled, arrive_by = self.safety.settled(self.moving_people.settled), self.options.arrive_by
         last = settled + SLACK  # until then a person may be in the way of a plan that deviates from the clock
         last = last if arrive_by is None else min(last, arrive_by)
         if not last / self.clock.tick + 2 < MAX_TICKS:
             raise OptionError(
-                f"people move for {settled:,.0f} s, which is too long for a clock of {self.clock.tick:g} s; "
-                "give the problem a horizon, people an until, or the planner arrive_by"
+                f"people must move for less than {MAX_TICKS:,} time steps of {self.clock.tick:g} s, got {settled:,.0f} "
+                "s; set the problem's horizon, until of the people, or arrive_by, or a larger clock, of the planner"
             )
         return self.clock.up_to(last) + 1
 
     @cached_property
     def ramps(self) -> Ramps:
-        """Deviations of executions from plans; 0 if they are unknown, since each execution is then checked."""
+        """Deviations of the robot from its plans; 0 if they are unknown, since each execution is then checked later."""
         return Ramps.of(self.space.model) or Ramps(0.0, 0.0)
 
     @property
@@ -125,17 +125,17 @@ class _Assembly:
 
     @property
     def hold(self) -> float | None:
-        """Least duration of a wait, s; not less than stopping and starting take."""
+        """Shortest duration of a wait, s: the option ``hold``, but at least the time to stop and start again."""
         return None if self.options.hold is None else max(self.options.hold, 2.0 * self.ramps.half)
 
     @cached_property
     def timed(self) -> list[int]:
-        """Columns of criteria that depend on time."""
+        """Indices of the criteria that depend on time."""
         return reading_time(self.criteria, self.space)
 
     @cached_property
     def static(self) -> list[int]:
-        """Columns of the other criteria."""
+        """Indices of the criteria that do not depend on time."""
         return [j for j in range(len(self.criteria)) if j not in self.timed]
 
     @cached_property
@@ -150,12 +150,12 @@ class _Assembly:
         )
 
     def _is_set(self, j: int) -> bool:
-        """Return whether the problem or the criterion sets the quantum of a cost."""
+        """Return whether the problem or the criterion itself has set the quantum of criterion j."""
         return self.criteria[j].name in self.quanta or self.criteria[j].quantum != DEFAULT_QUANTUM
 
     @cached_property
     def cost_quanta(self) -> FloatArray:
-        """Quanta (k,) of the costs in the search."""
+        """Quanta (k,) of the costs in this search, in the criteria's units; the duration is counted in ticks."""
         quanta = np.array([criterion.quantum for criterion in self.criteria])
         quanta[self.timed] = [probe.quantum for probe in self.attention.probes]
         if self.duration_column is not None:
@@ -164,7 +164,7 @@ class _Assembly:
 
     @cached_property
     def duration_column(self) -> int | None:
-        """The column of the duration."""
+        """Index of the criterion that is the duration; None if it is not among the criteria."""
         return index_of_role("duration", self.criteria)
 
     def criteria_of(self, columns: Sequence[int]) -> list[Criterion]:
@@ -172,14 +172,14 @@ class _Assembly:
 
     @cached_property
     def plain(self) -> Graph:
-        """The graph with the costs that do not depend on time, or with the duration if there are none."""
+        """Search graph with the costs that do not depend on time; if there are none, with the duration."""
         if self.laid is not None:
             return self.laid.plain
         return self.arcs.with_copies(self.space.graph(self.criteria_of(self.static) or [make_criterion("duration")]))
 
     @cached_property
     def closed(self) -> BoolArray:
-        """Mask (m,) of the closed arcs."""
+        """Mask (m,) of the arcs that may not be used."""
         return np.zeros(self.plain.arcs, dtype=bool) if self.laid is None else self.laid.closed
 
     @cached_property
@@ -193,7 +193,7 @@ class _Assembly:
 
     @cached_property
     def starts(self) -> tuple[Start, ...]:
-        """Positions and times at which plans begin, and at which a person may be near."""
+        """Positions and times at which plans may begin, even if a person is near; the robot may then leave."""
         begins = ((self.begin, 0.0),) if self.laid is None else self.laid.near
         at = self.arcs.space.states(self.arcs.states_of[[node for node, _ in begins]])
         times = [time for _, time in begins]
@@ -201,30 +201,30 @@ class _Assembly:
 
     @cached_property
     def presence(self) -> Presence:
-        """Places of the graph at which people are noticed."""
+        """Places and ticks at which people are noticed, so that costs depend on time."""
         states = self.arcs.states
         return Presence(self.moving_people, self.attention.notices, self.clock, self.horizon, states.x, states.y)
 
     @cached_property
     def rates(self) -> FloatArray:
-        """Costs of standing for a tick in each state, by criteria that do not depend on time."""
+        """Costs (n, k) of standing for a tick in each state, by the criteria that do not depend on time."""
         return standing_rates(self.criteria_of(self.static), self.space, self.clock.tick)
 
     @cached_property
     def headed(self) -> bool:
-        """True if costs of standing depend on the heading, so that each state counts as a place."""
+        """True if costs of standing depend on the heading, so that each state is treated as a place of its own."""
         if not alike_at_places(self.rates, self.arcs.place[: self.space.size]).all():
             return True
         return not turn_as_they_stand(self.criteria_of(self.timed), self.arcs, self.presence).all()
 
     @cached_property
     def place(self) -> IntArray:
-        """Place (n,) of each node."""
+        """Number (n,) of the place of each node."""
         return self.arcs.states_of if self.headed else self.arcs.place
 
     @cached_property
     def states(self) -> States:
-        """State (P,) that represents each place."""
+        """A state for each place (P,), in which costs of standing are evaluated."""
         if not self.headed:
             return self.arcs.states
         states = self.space.states(np.arange(self.space.size))
@@ -232,7 +232,7 @@ class _Assembly:
 
     @cached_property
     def stays(self) -> BoolArray:
-        """Mask of arcs in place that cost as much as standing there, and are blocked where the robot must not stand."""
+        """Mask of turns that can be treated like standing at their place: with its costs, and blocked when it is."""
         stays = self.arcs.stays & ~self.closed
         if self.headed:
             stays[:] = False
@@ -243,7 +243,7 @@ class _Assembly:
 
     @cached_property
     def earliest(self) -> IntArray:
-        """The earliest tick (n,) at which each node can be reached."""
+        """Earliest tick (n,) at which the robot can be at each node."""
         from scipy.sparse import csr_array  # on first use: the import takes its time
         from scipy.sparse.csgraph import dijkstra
 
@@ -254,7 +254,7 @@ class _Assembly:
         return np.where(np.isfinite(ticks_to), ticks_to + begin, NEVER).astype(np.int64)
 
     def assembled(self, began: float) -> GraphOnClock:
-        """Return the graph on the clock; ``began`` is the value of :func:`time.perf_counter` when the work began."""
+        """Build the graph; ``began`` is the value of :func:`time.perf_counter` at the beginning, for statistics."""
         if self.laid is None:
             self.safety.refuse_contact()
         arcs, place, states, options = self.arcs, self.place, self.states, self.options
@@ -334,10 +334,11 @@ class _Assembly:
         )
 
     def _stand(self, costs: IntArray, rate: float, worst: bool) -> None:
-        """Add the cost of standing before a motion to the costs (m,), in quanta, of arcs that begin so.
+        """Add the cost of standing before the first move to the costs (m,) of those arcs that include it.
 
-        rate   cost of standing, per tick
-        worst  whether the cost is a worst moment
+        costs  (m,)  in quanta; changed in place
+        rate   cost of standing at the start, per tick
+        worst  whether the criterion takes the worst moment
         """
         stands = self.arcs.stands
         if worst:

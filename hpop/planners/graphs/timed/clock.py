@@ -1,9 +1,9 @@
-"""The clock of a search: time in whole ticks, and the durations of motions on it.
+"""Clock of a search among moving people: it counts time in ticks, and rounds the durations of motions to ticks.
 
-A motion lasts a whole number of ticks on the clock, and a little more or less in reality. Moves along one line share a
-zero of the count, so plan and clock never differ by more than a tick along a straight line. A turn differs by less
-than a tick, and turns on average not at all. The deviation of each whole plan is computed (:mod:`.plans`); a hold
-removes it.
+A motion lasts a whole number of ticks in the search, but a little more or less in reality. The rounding errors of moves
+along one straight line do not add up: plan and clock differ by at most a tick there. A turn differs by less than a
+tick, and the errors of many turns cancel on average. For each complete plan the deviation is computed (:mod:`.plans`),
+and a hold, which ends at a fixed time, removes it.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
 TICK = 1 / 20  # s, by default
-SHORTEST, LONGEST = 0.01, 1.0  # s, of a tick: shorter ones only need memory, in longer ones people walk too far
-HOLD = 1.0  # s: a shorter stop loses as much time by stopping and starting
-GOLDEN = (math.sqrt(5) - 1) / 2  # any number of its multiples are evenly spread over a unit interval
-SAME = 1e-9  # of a tick
-OFFSET = 1 / math.pi  # of a tick: with it, no multiple of a step lies on a border between ticks
-SLACK = 0.2  # s: deviation from the clock at which a plan still keeps clear of people
+SHORTEST, LONGEST = 0.01, 1.0  # s, limits of a tick: shorter ones waste memory, in longer ones people walk too far
+HOLD = 1.0  # s, default of the shortest wait: in a shorter one, stopping and starting take all of the time
+GOLDEN = (math.sqrt(5) - 1) / 2  # its multiples, modulo 1, are evenly spread between 0 and 1
+SAME = 1e-9  # in ticks: rounding error of times
+OFFSET = 1 / math.pi  # in ticks: added to positions in time so that none lies exactly on a border between ticks
+SLACK = 0.2  # s: the robot keeps clear of people even if it is early or late by this time
 
 
 @dataclass(frozen=True)
 class TickClock:
-    """Clock that counts time in ticks.
+    """Clock that converts between seconds and ticks.
 
     tick  s, duration of a tick
     """
@@ -45,52 +45,53 @@ class TickClock:
     tick: float
 
     def seconds(self, ticks: FloatArray | IntArray) -> FloatArray:
-        """Return the times (N,), s, of ticks."""
+        """Convert ticks (N,) to times (N,) in s."""
         return np.asarray(ticks * self.tick, dtype=np.float64)
 
     def of(self, seconds: FloatArray) -> IntArray:
-        """Return durations (N,), s, in ticks, rounded, at least one."""
+        """Convert durations (N,) in s to ticks (N,), rounded to the nearest number, at least 1."""
         return np.asarray(np.maximum(1, np.rint(seconds / self.tick)), dtype=np.int64)
 
     def in_place(self, seconds: FloatArray, place: IntArray) -> IntArray:
-        """Return durations (N,), in ticks, of motions in place, rounded up or down so that the mean is right.
+        """Convert durations (N,), s, of motions in place to ticks (N,), rounded up or down so that the mean is right.
 
-        place  (N,) position of each motion, which decides the direction of rounding. Plain rounding would always err in
-        the
-               same direction if a robot always turns by the same angle
+        If a robot always turns by the same angle, rounding to the nearest number would always err in one direction. So
+        the number of the place decides the direction of rounding.
+
+        place  (N,)  number of the place of each motion
         """
         share = place * GOLDEN % 1.0
         return np.asarray(np.maximum(1, np.floor(seconds / self.tick + share + SAME)), dtype=np.int64)
 
     def along(self, start: States, end: States, seconds: FloatArray) -> IntArray:
-        """Return durations (M,), in ticks, of straight moves.
+        """Convert durations ``seconds`` (M,) of straight moves to ticks (M,), so that rounding errors do not add up.
 
-        The moves along a line add up to the duration of the line.
+        The ticks of all moves along one straight line add up to the rounded duration of the line.
         """
         dx, dy = end.x - start.x, end.y - start.y
         length = np.hypot(dx, dy)
         pace = np.divide(seconds, length * length * self.tick, out=np.zeros_like(length), where=length > 0)
-        begin = (start.x * dx + start.y * dy) * pace  # ticks from the line's zero, at the move's own pace
+        begin = (start.x * dx + start.y * dy) * pace  # ticks from a fixed point of the line to the start of the move
         ticks = np.floor(begin + seconds / self.tick + OFFSET) - np.floor(begin + OFFSET)
         return np.asarray(np.maximum(1, ticks), dtype=np.int64)
 
     def up_to(self, seconds: float) -> int:
-        """Return seconds in ticks, rounded up."""
+        """Convert a duration in s to ticks, rounded up."""
         return math.ceil(seconds / self.tick - 1e-9)
 
     def within(self, seconds: float) -> int:
-        """Return seconds in ticks, rounded down."""
+        """Convert a duration in s to ticks, rounded down."""
         return math.floor(seconds / self.tick + 1e-9)
 
 
 @dataclass(frozen=True)
 class TimeOptions:
-    """Options of a planner for time, which have an effect if people move.
+    """Planner options for planning among moving people.
 
-    clock      s  duration of a tick; None: 1/20
-    hold       s  least duration of a wait; None: the robot never waits
-    arrive_by  s  latest arrival; None: any time
-    margin     m  additional distance from people who move
+    clock      s  time step (tick) of the search; None: 1/20
+    hold       s  shortest duration of a wait; None: the robot never waits
+    arrive_by  s  latest arrival; None: no limit
+    margin     m  distance that the robot keeps from people
     """
 
     clock: float | None = None
@@ -101,10 +102,10 @@ class TimeOptions:
     def __post_init__(self) -> None:
         set_python_values(self)
         if self.clock is not None:
-            real("clock", self.clock, SHORTEST, LONGEST, "the tick of a clock in s", hint="leave it out for 1/20 s")
+            real("clock", self.clock, SHORTEST, LONGEST, "a time step in s", hint="leave it out for 1/20 s")
         if self.hold is not None:
-            what = "the least duration of a wait in s, a tick or more,"
-            real("hold", self.hold, self.tick, LONGEST_HOLD, what, hint="None (null in a scenario) lets it never wait")
+            what = "the shortest wait in s, at least one time step (option clock),"
+            real("hold", self.hold, self.tick, LONGEST_HOLD, what, hint="with None (null in a file), it never waits")
         if self.arrive_by is not None:
             most = MAX_TICKS * self.tick
             real("arrive_by", self.arrive_by, self.tick, most, "a time in s", hint="leave it out for no limit")
@@ -112,29 +113,29 @@ class TimeOptions:
 
     @property
     def tick(self) -> float:
-        """Tick of the clock, s."""
+        """Duration of a tick, s: the option ``clock`` or its default."""
         return TICK if self.clock is None else float(self.clock)
 
     @property
     def described(self) -> dict[str, float | None]:
-        """The options as JSON, for provenance."""
+        """Values of the options, JSON-able, for the provenance of candidates."""
         return {"clock": self.tick, "hold": self.hold, "arrive_by": self.arrive_by, "margin": self.margin}
 
 
 def needless(problem: Problem, options: TimeOptions) -> tuple[str, ...]:
-    """Return a note on options for time that have no effect, because no person moves and so there is no clock.
+    """Return a note for the user if options for moving people are set although no person moves; otherwise ().
 
-    Raises OptionError if a latest arrival is set, since it would not be kept.
+    Raises OptionError if ``arrive_by`` is set although no person moves, since the search would ignore it.
     """
     if people_move(problem):
         return ()
     if options.arrive_by is not None:
         raise OptionError(
-            "arrive_by needs a clock, and there is none where no person moves; leave it out, and list the criterion "
-            "'duration'"
+            "arrive_by needs people who move, since a search considers time only among them; leave arrive_by out, and "
+            "use the criterion 'duration' instead"
         )
     names = ("clock", "hold") if problem.world.content.bodies else ("clock", "hold", "margin")
     unused = [name for name in names if getattr(options, name) != getattr(TimeOptions(), name)]
     if not unused:
         return ()
-    return (f"no person moves, so there is no clock: {', '.join(unused)} had no effect",)
+    return (f"no person moves, so the search does not consider time: {', '.join(unused)} had no effect",)

@@ -1,4 +1,4 @@
-"""The arcs of a graph of states as motions in time: durations, arcs in place, and the motions of all others."""
+"""Arcs of a graph with their durations on a clock, and the motions of which each arc consists."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from hpop.planners.graphs.timed.clock import TickClock
 from hpop.search import Graph
 from hpop.world import World
 
-TIMED, NODE = 27, 16  # bytes of an arc and of a node, on the clock
+TIMED, NODE = 27, 16  # bytes of memory for an arc and for a node with its time
 
 
 class LegMotions(NamedTuple):
-    """Motions of one kind, at most one for each of some arcs.
+    """L motions of one kind: one step of the chains of motions of which some arcs consist.
 
-    kind        of the motions
-    of          (rows,)  index of the motion of each arc; -1 where it has none
-    start, end  states (L,)
-    after       (L,)  s, from the departure of the arc to that of its motion
-    lasts       (L,)  s
+    kind        kind of the motions, such as "move"
+    of          (rows,)  for each listed arc, the index of its motion; -1 if it has none in this step
+    start, end  states (L,) at the beginning and end of the motions
+    after       (L,)  s, from the departure on the arc to the beginning of the motion
+    lasts       (L,)  s, duration
     """
 
     kind: str
@@ -45,25 +45,26 @@ class LegMotions(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TimedArcs:
-    """The arcs of a graph of states with their durations; each is a motion or, at joined ends, a chain of motions.
+    """The m arcs of a graph with their durations; an arc is one motion, or a chain from the start or to a goal.
 
-    A robot that begins with a move first stands for half of the extra time of a run, so that its execution can keep the
-    times of the plan (:mod:`hpop.models.execution`). So plans begin at an extra node beside the start, from which
-    copies of its arcs lead; a turn there needs no such stop.
+    A robot needs time to accelerate, which a plan at constant speed ignores. So before a first move, it stands for a
+    short time (``half``), in order that its execution can keep the times of the plan (:mod:`hpop.models.execution`).
+    Therefore plans begin at an extra node beside the start, with copies of the start's arcs that include this time; a
+    copied turn does not need it.
 
     space      the graph
-    inner      the graph without joined ends; the graph itself if it has none
-    own        (m_inner,)  index among all arcs of each arc of the inner graph
-    joins      (C,)  index among all arcs of each join
-    copied     (d,)  originals of the last d arcs, which are copies from the node where plans begin
-    begin      node where plans begin
-    half       s     that the robot stands there before it moves
-    tails      (m,)  nodes
+    inner      the graph without the nodes that were added for start and goals
+    own        (m_inner,)  index, among all arcs, of each arc of ``inner``
+    joins      (C,)  index, among all arcs, of each arc from the start or to a goal that was added
+    copied     (d,)  the arcs of which the last d arcs are copies, which leave the extra node
+    begin      node at which plans begin
+    half       s     time for which the robot stands there before it moves
+    tails      (m,)  node at which each arc begins
     durations  (m,)  s
     ticks      (m,)  durations on the clock
     stays      (m,)  whether an arc is a motion in place
-    stands     (m,)  whether the robot stands before an arc, which therefore lasts longer
-    states_of  (n,)  state of each node
+    stands     (m,)  whether the robot stands before the motion of an arc, which therefore lasts longer
+    states_of  (n,)  state of the graph for each node
     place      (n,)  number of the place of each node, from 0
     """
 
@@ -83,12 +84,16 @@ class TimedArcs:
     place: IntArray
 
     def costed_on(self, space: StateGraph | JoinedEnds) -> TimedArcs:
-        """Return the arcs in another world."""
+        """Return these arcs for a graph with the same arcs in another world, so that costs are computed there."""
         return replace(self, space=space, inner=space.states_alone)
 
     @classmethod
     def of(cls, space: StateGraph | JoinedEnds, clock: TickClock, start: int = -1, half: float = 0.0) -> TimedArcs:
-        """Return the arcs of a graph on a clock; ``half``: s, to stand before a move from the start."""
+        """Compute the durations of all arcs of a graph.
+
+        start  node of the start, for the copies of its arcs
+        half   s, time for which the robot stands before a first move; with 0, plans begin at the start itself
+        """
         inner, (own, joins) = space.states_alone, space.order
         size = inner.arcs.heads.size
         m = size + joins.size
@@ -150,7 +155,7 @@ class TimedArcs:
         )
 
     def with_copies(self, graph: Graph) -> Graph:
-        """Return a graph of these arcs without the copies, with the copies added."""
+        """Return a search graph extended by the extra node where plans begin, with copies of the start's arcs."""
         if not self.copied.size:
             return graph
         heads, costs = (
@@ -164,18 +169,21 @@ class TimedArcs:
 
     @cached_property
     def moving(self) -> IntArray:
-        """Arcs (r,), in order, that do not stay in place."""
+        """Indices (r,), ascending, of the arcs that do not stay in place."""
         return np.flatnonzero(~self.stays)
 
     @cached_property
     def states(self) -> States:
-        """One state (P,) at each place."""
+        """One state at each place, (P,)."""
         first = np.unique(self.place, return_index=True)[1]
         states = self.space.states(self.states_of[first])
         return States(**{name: np.nan_to_num(column) for name, column in states.__dict__.items()})
 
     def legs(self, arcs: IntArray) -> list[LegMotions]:
-        """Return the motions of some arcs (r,), in order: the first ones, the second ones and so on."""
+        """Return the motions of some arcs (r,), in ascending order: all first motions, all second ones, and so on.
+
+        Motions of different kinds are in different items.
+        """
         row = np.full(self.tails.size, -1, np.int64)
         row[arcs] = np.arange(arcs.size)
         copies = self.tails.size - self.copied.size
@@ -190,7 +198,12 @@ class TimedArcs:
         return [leg for leg in legs if leg.lasts.size]
 
     def _legs(self, size: int, row: IntArray, after: FloatArray) -> Iterator[LegMotions]:
-        """Yield the motions of arcs that begin after (m,) s; ``row`` (m,) is the row of each arc, -1 for none."""
+        """Yield the motions of some arcs, by kind and by position in the chains of motions.
+
+        size   number of wanted arcs
+        row    (m,)  index of each arc among the wanted arcs; -1 if it is not wanted
+        after  (m,)  s, from the departure on each arc to its first motion
+        """
         mine = row[self.own]
         for _, rows, motions in motions_of(self.inner, np.flatnonzero(mine >= 0)):
             yield _leg(size, mine[rows], motions, after[self.own[rows]])
@@ -205,16 +218,17 @@ class TimedArcs:
             elapsed[chains] += motions.duration
 
     def _standing(self, count: int) -> Motions:
-        """Return the hold before a move from the start, ``count`` times."""
+        """Return ``count`` copies of the hold in which the robot stands before a first move."""
         states = self.space.states(np.full(count, self.states_of[self.begin]))
         start, end = (States(**states.__dict__, **{CLOCK: np.full(count, clock)}) for clock in (0.0, self.half))
         return Motions(self.space.world, self.space.model, HOLD, start, end)
 
 
 def _numbered_places(places: IntArray) -> IntArray:
-    """Return the place (n,) of each state, numbered from 0 without gaps; a joined end, below 0, has its own at the end.
+    """Renumber the places (n,) of all nodes from 0 without gaps, for the node's row in tables.
 
-    A position of a roadmap to which no free link leads has no state, so its number is not used.
+    Negative numbers belong to nodes that were added for start and goals; each of these gets a number of its own at the
+    end. Gaps occur in roadmaps, where a position without a collision-free link has no node.
     """
     inside = places >= 0
     used = np.zeros(int(places.max(initial=-1)) + 1, dtype=bool)
@@ -226,7 +240,7 @@ def _numbered_places(places: IntArray) -> IntArray:
 
 
 def motions_of(space: StateGraph, arcs: IntArray) -> Iterator[tuple[int, IntArray, Motions]]:
-    """Yield arcs (N,), in order, as motions: the index of their kind, the arcs, and the motions."""
+    """Yield the motions of some arcs (N,), in ascending order, by kind: index of the kind, arcs, and motions."""
     kinds = space.arcs.kinds[arcs]
     tails = np.searchsorted(space.arcs.start, arcs, side="right") - 1
     heads = space.arcs.heads[arcs].astype(np.int64)
@@ -244,10 +258,14 @@ def _leg(rows: int, own: IntArray, motions: Motions, after: FloatArray) -> LegMo
 
 
 def arrivals(legs: Sequence[LegMotions], ends: BoolArray, durations: FloatArray, half: float) -> list[LegMotions]:
-    """Return the holds of half a run's extra time, in which executions arrive after plans that end with a move.
+    """Return the holds at goals in which the robot's execution completes a plan that ends with a move.
 
-    ends, durations  (r,)  whether each arc leads to an end of plans, and its duration, s
-    half             s
+    The robot needs time to slow down, so it arrives later than a plan at constant speed.
+
+    legs       motions of r arcs
+    ends       (r,)  whether each arc leads to a goal
+    durations  (r,)  s, duration of each arc
+    half       s, how much later the robot arrives
     """
     holds = []
     for leg in legs if half > 0.0 else ():
@@ -272,7 +290,12 @@ def costs_of(
     rows: IntArray,
     seconds: FloatArray,
 ) -> FloatArray:
-    """Return costs (N, k) of arcs, by rows (N,), that leave at some times (N,), s, in a world."""
+    """Return the costs (N, k) of arcs at given departure times, by k criteria, in their units.
+
+    legs     motions of all listed arcs
+    rows     (N,)  index of each arc among the listed ones
+    seconds  (N,)  s, departure times
+    """
     costs = np.zeros((rows.size, len(criteria)))
     worst = np.array([criterion.aggregate == "max" for criterion in criteria])
     for leg in legs:

@@ -1,8 +1,9 @@
-"""Ranges within which criteria notice moving people: tables of costs by time are made there, and nowhere else.
+"""Measure the distance from each moving person within which the person changes the cost of a criterion.
 
-The ranges are measured: each criterion costs short holds and moves in rings round each person alone, at several times.
-Where a cost differs from its final value by more than a ten-thousandth of the largest difference, the person is
-noticed, and everywhere nearer in that direction. Neglected differences are part of the tolerance of planned costs.
+Within this distance, the range, the person is said to be noticed, and costs are computed for each tick; elsewhere they
+do not depend on time. To measure it, each criterion evaluates short holds and moves on rings around each person alone,
+at several times. The range in a direction ends where costs differ from their final value, after the prediction, by at
+most a ten-thousandth of the largest difference. Neglected differences are part of the tolerance of planned costs.
 """
 
 from __future__ import annotations
@@ -27,10 +28,10 @@ from hpop.world.content.people import Person
 
 
 class MovingPeople(NamedTuple):
-    """The moving people of a world.
+    """A world, and which of its people move.
 
-    world   with all people
-    moving  indices of the moving ones
+    world   world with all people, moving or not
+    moving  indices of the people who move
     """
 
     world: World
@@ -38,7 +39,7 @@ class MovingPeople(NamedTuple):
 
     @classmethod
     def of(cls, world: World) -> MovingPeople:
-        """Return the moving people of a world."""
+        """Find the moving people of a world."""
         people = world.content.people
         return cls(world, tuple(i for i, person in enumerate(people) if person.moves))
 
@@ -49,22 +50,29 @@ class MovingPeople(NamedTuple):
 
     @property
     def settled(self) -> float:
-        """Time, s, from which on no prediction changes."""
+        """Time, s, at which the last prediction ends; after it, no predicted position changes."""
         return max((person.settled for person in self.people), default=0.0)
 
     def with_those(self, numbers: Collection[int]) -> World:
-        """Return the world with standing people, some moving ones (indices in ``moving``), and who talks with them."""
+        """Return the world with all standing people, but only some moving ones, and people in conversation with them.
+
+        numbers  indices into ``moving``
+        """
         content = self.world.content
         kept = {i for i, person in enumerate(content.people) if not person.moves} | {self.moving[i] for i in numbers}
         return self._with(self._together(kept))
 
     def alone(self, number: int, person: Person) -> World:
-        """Return the world with one moving person alone, as one of their hypotheses, and with who talks with them."""
+        """Return the world with one moving person only, and people in conversation with this person.
+
+        number  index into ``moving``
+        person  one of the person's hypotheses (possible futures), which replaces the person
+        """
         place = self.moving[number]
         return self._with(self._together({place}), {place: person})
 
     def _together(self, people_kept: set[int]) -> set[int]:
-        """Return some people, and all people in conversation with a moving one among them."""
+        """Return some people, given by index, and all people in conversation with those of them who move."""
         people, groups = self.world.content.people, self.world.content.groups
         while True:
             talking = {i for group in groups if any(people[j].moves and j in people_kept for j in group) for i in group}
@@ -81,27 +89,27 @@ class MovingPeople(NamedTuple):
         return replace(self.world, content=replace(content, people=people, groups=groups))
 
 
-SHARE = 1e-4  # of the largest difference by a person: smaller ones are not noticed
-WORST = 1e-3  # the same share where the worst moment counts
-STEP = 0.01  # default quantum of costs, as a share of that difference: a second, or at the worst moment
-DIRECTIONS = 16  # of probes, from the walking direction on
-HEADINGS = 16  # of the moves
-RINGS = 16  # distances, from NEAREST to the size of the map
-HALVINGS = 4  # of the distance between the last ring with a noticed person and the next
-NEAREST = 0.2  # m
-MOMENTS = 5  # of a prediction, its beginning and end included
-PROBE = 0.05  # s, of a hold or move
-PAUSE = 1e-3  # s before a prediction ends
+SHARE = 1e-4  # smaller differences of a cost are neglected, as a share of the largest difference due to one person
+WORST = 1e-3  # that share for criteria that take the worst moment
+STEP = 0.01  # default quantum of costs, as a share of that largest difference (per second, or at the worst moment)
+DIRECTIONS = 16  # number of directions from a person in which costs are evaluated, from the walking direction on
+HEADINGS = 16  # number of headings of the evaluated moves
+RINGS = 16  # number of distances at which costs are evaluated, from NEAREST to the size of the map
+HALVINGS = 4  # how often the interval of distances in which the range ends is halved
+NEAREST = 0.2  # m, smallest distance
+MOMENTS = 5  # number of times at which costs are evaluated, from the beginning to the end of a prediction
+PROBE = 0.05  # s, duration of an evaluated hold or move
+PAUSE = 1e-3  # s, small distance in time from the end of a prediction
 
 
 @dataclass(frozen=True, eq=False)
 class NoticeRange:
-    """Range, m, within which a person is noticed, by time and direction.
+    """Distance within which a person is noticed, depending on time and direction.
 
-    person  one hypothesis of a moving person
-    times   (T,)  s, rising
-    reach   (T, D)  m, at each time in each of D directions, from the walking direction on
-    left    m  range round the place where the person stays after the prediction; 0 if the person leaves
+    person  one hypothesis (possible future) of a moving person
+    times   (T,)  s, ascending
+    reach   (T, D)  m, distance at each time in each of D directions, counted from the walking direction
+    left    m  distance around the place where the person stays after the prediction; 0 if the person leaves
     """
 
     person: Person
@@ -110,7 +118,10 @@ class NoticeRange:
     left: float
 
     def beyond(self, x: FloatArray, y: FloatArray, times: FloatArray) -> NDArray[np.float32]:
-        """Return lower bounds (P, T), m, of distances of places (P,) beyond the range at times (T,); < 0 within it."""
+        """Return by how much places (P,) are outside the range at times (T,), as lower bounds (P, T), m.
+
+        Values are negative inside the range.
+        """
         columns = (*self.person.at(times), *self.person.ahead_at(times))
         px, py, ux, uy = (np.broadcast_to(column, times.shape).astype(np.float32) for column in columns)
         is_there = np.broadcast_to(self.person.there(times), times.shape) > 0
@@ -132,17 +143,18 @@ class NoticeRange:
         return np.asarray(beyond, dtype=np.float32)
 
     def _reach(self, times: FloatArray) -> FloatArray:
-        """Return the larger (T, D) of the ranges at the moments before and after each time."""
+        """Return the range (T, D) at times (T,): the larger of those at the tabulated times before and after."""
         after = np.clip(np.searchsorted(self.times, times), 0, self.times.size - 1)
         return np.maximum(self.reach[after], self.reach[np.maximum(after - 1, 0)])
 
 
 @dataclass(frozen=True, eq=False)
 class NoticeRanges:
-    """Ranges within which some criteria notice each hypothesis of each moving person.
+    """Distances within which any of k criteria notices each hypothesis of each moving person.
 
-    of          ranges, by moving person and hypothesis
-    overlooked  (k,)  neglected costs in each criterion's unit: a second, by all people; at the worst moment, by one
+    of          for each moving person, the range of each hypothesis
+    overlooked  (k,)  largest cost that is neglected outside the ranges, in the criteria's units: per second and for all
+                people together; for criteria that take the worst moment, at one moment and for one person
     """
 
     of: tuple[tuple[NoticeRange, ...], ...]
@@ -150,7 +162,7 @@ class NoticeRanges:
 
     @classmethod
     def by(cls, probes: Sequence[CriterionProbe], moving_people: MovingPeople) -> NoticeRanges:
-        """Return the ranges of criteria that were probed round all moving people."""
+        """Combine the ranges that were measured for several criteria: the largest counts."""
         ranges = []
         for number, person in enumerate(moving_people.people):
             each = []
@@ -167,10 +179,12 @@ class NoticeRanges:
 
 @dataclass(frozen=True, eq=False)
 class CriterionProbe:
-    """Costs of a criterion that depends on time, probed round each moving person alone.
+    """Measurement of the range of one criterion: its costs around each moving person, without the other people.
 
-    criterion, moving_people, model
-    is_set  whether the problem or the criterion sets the quantum of its costs
+    criterion      criterion that depends on time
+    moving_people  the people who move
+    model          robot that the criterion evaluates
+    is_set         whether the user or the criterion has set the quantum of its costs
     """
 
     criterion: Criterion
@@ -180,7 +194,7 @@ class CriterionProbe:
 
     @cached_property
     def farthest(self) -> float:
-        """Size of the map, m."""
+        """Largest distance at which costs are evaluated: the diagonal of the map, m."""
         x_min, y_min, x_max, y_max = self.moving_people.world.bounds
         return max(math.hypot(x_max - x_min, y_max - y_min), 2 * NEAREST)
 
@@ -190,7 +204,11 @@ class CriterionProbe:
 
     @cached_property
     def differences(self) -> list[list[FloatArray | None]]:
-        """Differences (T, D, R) of costs in rings, by person and hypothesis; None where the criterion has no cost."""
+        """Differences of costs around a person from their final values, for each person and each hypothesis.
+
+        An item has one value for each time, direction and ring, (T, D, R). It is None if the criterion cannot be
+        evaluated there.
+        """
         around = np.broadcast_to(self._rings, (MOMENTS, DIRECTIONS, RINGS))
         differences = list[list[FloatArray | None]]()
         for number, person in enumerate(self.moving_people.people):
@@ -205,12 +223,15 @@ class CriterionProbe:
 
     @cached_property
     def peak(self) -> float:
-        """Largest difference by one person: a second, or at the worst moment."""
+        """Largest difference of a cost due to one person: per second or, if the worst moment counts, at one moment."""
         return max((float(d.max()) for rings in self.differences for d in rings if d is not None), default=0.0)
 
     @cached_property
     def quantum(self) -> float:
-        """Quantum of the costs in a search on a clock; by default no finer than the accuracy on a clock."""
+        """Quantum of the costs in the search among moving people.
+
+        If none was set, it is about a hundredth of ``peak``, since costs on a clock are not more accurate.
+        """
         if self.is_set or not self.peak > 0.0:
             return self.criterion.quantum
         power = 10.0 ** math.floor(math.log10(STEP * self.peak))
@@ -219,18 +240,24 @@ class CriterionProbe:
 
     @property
     def threshold(self) -> float:
-        """Smallest difference that is noticed; smaller ones are below rounding."""
+        """Difference of a cost above which a person is noticed; smaller ones are neglected."""
         share = WORST if self.criterion.aggregate == "max" else SHARE
         return max(share * self.peak, self.quantum)
 
     def reach(self, number: int, rank: int) -> FloatArray:
-        """Return the range (T, D), m, of a hypothesis; 0 where it is not noticed, infinite where there is no cost."""
+        """Return the distance (T, D), m, within which this criterion notices a person, at each time and direction.
+
+        It is 0 where the person is not noticed, and infinite if the criterion cannot be evaluated.
+
+        number  index of the moving person
+        rank    index of the person's hypothesis
+        """
         person = self.moving_people.people[number].hypotheses[rank][1]
         each, rings = self.differences[number][rank], self._rings
         if each is None:
             return np.full((MOMENTS, DIRECTIONS), np.inf)
         noticed = each > self.threshold
-        beyond = RINGS - np.argmax(noticed[:, :, ::-1], axis=2)  # the ring after the last
+        beyond = RINGS - np.argmax(noticed[:, :, ::-1], axis=2)  # the ring after the last one with a noticed person
         low, high = rings[beyond - 1], np.append(rings, np.inf)[beyond]
         for _ in range(HALVINGS if np.isfinite(high).all() else 0):
             middle = np.sqrt(low * high)
@@ -244,10 +271,10 @@ class CriterionProbe:
 
 
 class Attention(NamedTuple):
-    """Ranges within which criteria notice people; they do not depend on the graph.
+    """Distances within which criteria notice people, which several graphs can share.
 
-    probes   of the criteria that depend on time
-    notices  ranges by these criteria
+    probes   measurement for each criterion that depends on time
+    notices  the resulting ranges
     """
 
     probes: Sequence[CriterionProbe]
@@ -255,7 +282,7 @@ class Attention(NamedTuple):
 
     @classmethod
     def of(cls, moving_people: MovingPeople, probes: Sequence[CriterionProbe]) -> Attention:
-        """Return the ranges of some criteria."""
+        """Measure the ranges for some criteria."""
         return cls(probes, NoticeRanges.by(probes, moving_people))
 
 
@@ -267,9 +294,13 @@ def _moments(person: Person) -> FloatArray:
 def _differences(
     criterion: Criterion, world: World, model: Model, person: Person, times: FloatArray, rings: FloatArray
 ) -> FloatArray:
-    """Return the differences (T, D, R), a second, of costs at distances, m, and times, s, from the final costs.
+    """Return how much costs around a person differ from their values after the prediction, (T, D, R).
 
-    Each is the largest of those of a hold and of moves in all directions.
+    Each value is the largest difference for a hold and for moves in all directions: per second or, for criteria that
+    take the worst moment, at one moment.
+
+    times  (T,)  s
+    rings  (T, D, R)  m, distances from the person
     """
     px, py, ux, uy = (
         np.broadcast_to(column, times.shape)[:, None, None] for column in (*person.at(times), *person.ahead_at(times))
@@ -301,7 +332,7 @@ def _angles(count: int) -> FloatArray:
 def _probe(
     model: Model, x: FloatArray, y: FloatArray, yaw: FloatArray, moves: bool
 ) -> tuple[Law, States, States, FloatArray]:
-    """Return short holds or moves (M,) at places, and their durations, s."""
+    """Return short holds, or short moves if ``moves``, at M places with headings: law, start, end and duration, s."""
     zeros = {name: np.zeros(x.size) for name in model.space.names if name not in ("x", "y", "yaw")}
     start = {"x": x, "y": y, "yaw": yaw, **zeros}
     columns = {name: start[name] for name in model.space.names}

@@ -1,4 +1,4 @@
-"""Distances between a moving robot and walking people, for short pieces of the robot's motions."""
+"""Distances between a moving robot and walking people during short pieces of motions, and risks of contact."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from hpop.planners.graphs.timed.clock import TickClock
 from hpop.planners.graphs.timed.legs import LegMotions
 from hpop.world.content.people import Person
 
-PIECE = 0.5  # s
-BETWEEN = 2  # points per tick at which a person's path is compared with its chord
-Place = tuple[FloatArray, FloatArray]
+PIECE = 0.5  # s, longest duration of a piece
+BETWEEN = 2  # points per tick at which a person's path is compared with a straight line
+Place = tuple[FloatArray, FloatArray]  # x and y (N,) of points, m
 
 
 class MotionPieces(NamedTuple):
-    """Pieces of motions no longer than :data:`PIECE`, during which people walk nearly straight.
+    """Pieces of the robot's motions, so short (:data:`PIECE`) that people walk nearly straight meanwhile.
 
-    row         (N,)  arc of each piece
-    start, end  x, y (N,), m
+    row         (N,)  arc to which each piece belongs, as an index into the listed arcs
+    start, end  (N,)  m, x and y of the robot
     yaw         (N,)  rad, at the start
-    after       (N,)  ticks since the departure of the arc
+    after       (N,)  ticks from the departure on the arc to the beginning of the piece
     lasts       (N,)  ticks
     moves       (N,)  whether the robot moves straight
-    stands      (N,)  whether it stands; otherwise it turns in place
+    stands      (N,)  whether it stands; if it neither moves nor stands, it turns in place
     """
 
     row: IntArray
@@ -47,7 +47,7 @@ class MotionPieces(NamedTuple):
 
     @classmethod
     def of(cls, leg: LegMotions, clock: TickClock) -> MotionPieces:
-        """Return the pieces of motions of one kind."""
+        """Cut motions of one kind into pieces."""
         ticks = clock.of(leg.lasts)
         count = -(-ticks // max(1, clock.within(PIECE)))
         owner = np.repeat(np.arange(ticks.size), count)
@@ -64,17 +64,17 @@ class MotionPieces(NamedTuple):
         return cls(row[owner], start, end, leg.start.yaw[owner], after, last - first, moves, stands)
 
     def take(self, rows: IntArray) -> MotionPieces:
-        """Return some of the pieces, by index."""
+        """Return the pieces with the given indices."""
         start, end = ((x[rows], y[rows]) for x, y in (self.start, self.end))
         after, lasts, moves, stands = self.after[rows], self.lasts[rows], self.moves[rows], self.stands[rows]
         return MotionPieces(self.row[rows], start, end, self.yaw[rows], after, lasts, moves, stands)
 
 
 class PersonMotion(NamedTuple):
-    """Motion of a person during motions (N,) of a robot.
+    """Motion of a person during each of N motions of a robot, approximated by a straight walk at constant speed.
 
-    ends   x, y (N,), m, of the person at the beginning and the end of each motion
-    stray  (N,)  m, largest distance of the person from a steady walk along the line between these positions
+    ends   x, y (N,), m, of the person at the beginning and at the end of each motion
+    stray  (N,)  m, largest distance of the person from that straight walk
     there  (N,)  whether the person is present at any time during the motion
     """
 
@@ -84,7 +84,7 @@ class PersonMotion(NamedTuple):
 
     @classmethod
     def of(cls, person: Person, tick: IntArray, lasts: IntArray, clock: TickClock) -> PersonMotion:
-        """Return the motion of a person during motions that begin at ticks (N,) and last for numbers (N,) of ticks."""
+        """Return a person's motion while a robot moves, from each tick (N,) on, for ``lasts`` (N,) ticks."""
         most = int(lasts.max(initial=1)) + 1
         keys, which = np.unique(tick * most + lasts, return_inverse=True)
         begin, count = keys // most, keys % most
@@ -100,14 +100,14 @@ class PersonMotion(NamedTuple):
         return cls(ends, stray[which], present[which])
 
     def seen_from(self, pieces: MotionPieces) -> tuple[Place, Place]:
-        """Return the positions x, y (N,), m, of the person relative to the robot at both ends of pieces."""
+        """Return the positions x, y (N,), m, of the person relative to the robot at the start and end of pieces."""
         (x, y), (to_x, to_y) = self.ends
         (ax, ay), (bx, by) = pieces.start, pieces.end
         return (x - ax, y - ay), (to_x - bx, to_y - by)
 
 
 def to_segments(ax: FloatArray, ay: FloatArray, bx: FloatArray, by: FloatArray) -> FloatArray:
-    """Return the distance (N,), m, of the origin from segments from a to b."""
+    """Return the distance (N,), m, of the origin from the line segments from a to b."""
     dx, dy = bx - ax, by - ay
     square = dx * dx + dy * dy
     share = np.clip(np.divide(-(ax * dx + ay * dy), square, out=np.zeros_like(square), where=square > 0), 0.0, 1.0)
@@ -117,13 +117,16 @@ def to_segments(ax: FloatArray, ay: FloatArray, bx: FloatArray, by: FloatArray) 
 def strips(
     pieces: MotionPieces, seen: tuple[Place, Place], rows: IntArray, stray: float, at_start: BoolArray | None = None
 ) -> tuple[Place, ...]:
-    """Return quadrilaterals that hold the positions of a person relative to a robot, ahead of or behind its plan.
+    """Return quadrilaterals that contain all positions of a person relative to a robot during straight moves.
+
+    The robot may be ahead of its plan or behind it, so the relative path is widened to a strip along the move. The
+    result is the four corners, each as x and y (N,), m.
 
     pieces    (N,) moves of the robot
-    seen      positions of the person relative to the robot at both ends of the pieces of all motions
+    seen      positions of the person relative to the robot at the beginning and end of all pieces
     rows      (N,) indices of ``pieces`` among all pieces
-    stray     m, largest distance of the robot from its plan
-    at_start  (N,)  mask of pieces that the robot begins without being behind its plan
+    stray     m, largest distance of the robot from its planned position
+    at_start  (N,)  mask of pieces at whose beginning the robot cannot be behind its plan
     """
     (ax, ay), (bx, by) = pieces.start, pieces.end
     dx, dy = bx - ax, by - ay
@@ -140,7 +143,7 @@ def strips(
 
 
 def to_strips(corners: tuple[Place, ...]) -> FloatArray:
-    """Return the distance (N,), m, of the origin from convex quadrilaterals; 0 within them."""
+    """Return the distance (N,), m, of the origin from N convex quadrilaterals, given by four corners; 0 inside."""
     following = [*corners[1:], corners[0]]
     edges = [to_segments(*begin, *end) for begin, end in zip(corners, following, strict=True)]
     sides = [ax * by - ay * bx for (ax, ay), (bx, by) in zip(corners, following, strict=True)]
@@ -149,9 +152,9 @@ def to_strips(corners: tuple[Place, ...]) -> FloatArray:
 
 
 def to_parts(parts: Sequence[Part], yaw: FloatArray, corners: Sequence[Place]) -> FloatArray:
-    """Return the distance (N,), m, of convex hulls of points from the nearest part of a robot with yaws (N,), rad.
+    """Return the distance (N,), m, between the nearest part of a robot with yaws (N,), rad, and a convex set of points.
 
-    corners  x, y (N,), m, of points relative to the robot's axis, in the frame of the map
+    corners  x, y (N,), m, of points whose convex hull is the set, relative to the robot's axis, in the map's frame
     """
     cos, sin = np.cos(yaw), np.sin(yaw)
     turned = [np.stack([cos * x + sin * y, cos * y - sin * x], axis=1) for x, y in corners]
@@ -162,20 +165,21 @@ def to_parts(parts: Sequence[Part], yaw: FloatArray, corners: Sequence[Place]) -
     return np.asarray(np.minimum.reduce(each))
 
 
-RISK = 0.05  # accepted probability of contact with an uncertain person at a moment
-SIGMAS = float(-ndtri(RISK))
+RISK = 0.05  # accepted probability that a person with an uncertain position is too near, at any moment
+SIGMAS = float(-ndtri(RISK))  # a normal variable exceeds this many standard deviations with probability RISK
 HALVINGS = 30
-TABLE = 257  # number of deviations with a tabulated distance
-SMALLEST = 0.02  # least tabulated deviation, as a share of the disc; below, a half-plane replaces the disc
+TABLE = 257  # number of standard deviations for which a distance is tabulated
+SMALLEST = 0.02  # smallest of them, as a share of the disc's radius; below it, the disc is replaced by a half-plane
 
 
 def clear_distance(deviation: FloatArray, disc: float) -> FloatArray:
-    """Return the distances (T,), m, beyond which a person is within a disc with at most the accepted risk.
+    """Return the distance (T,), m, from a person's expected position at which a disc is safe enough.
+
+    At this distance or more, the probability that the person is within the disc is at most RISK. Between two tabulated
+    deviations, the larger of their distances is returned.
 
     deviation  (T,) m, standard deviation of the person's position
     disc       m, radius of the disc
-
-    Between two tabulated deviations, the larger of their distances is returned.
     """
     deviations, needed = _table(float(disc))
     after = np.clip(np.searchsorted(deviations, deviation), 1, deviations.size - 1)
@@ -186,7 +190,12 @@ def clear_distance(deviation: FloatArray, disc: float) -> FloatArray:
 
 @lru_cache(maxsize=256)
 def _table(disc: float) -> tuple[FloatArray, FloatArray]:
-    """Return deviations, m, up to the largest with any risk, and the distances, m, that reduce it to RISK."""
+    """Return standard deviations, m, and for each the distance, m, at which the probability of :data:`RISK` is reached.
+
+    At larger deviations than the last one, the probability is smaller even if the person is expected in the centre.
+
+    disc  m, radius of the disc
+    """
     largest = disc / math.sqrt(-2.0 * math.log1p(-RISK))
     deviations = np.geomspace(SMALLEST * disc, largest, TABLE)
     size = (disc / deviations) ** 2

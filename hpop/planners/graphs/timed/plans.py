@@ -1,7 +1,7 @@
-"""Paths on a clock as plans: real times of their steps, tolerances of their costs, and trajectories.
+"""Convert paths of a search on a clock to plans: real times of their steps, tolerances of costs, and trajectories.
 
-A plan drives the motions of its path in their real durations, so it deviates from the clock. A hold lasts until the
-time at which it ends on the clock, which removes the deviation.
+In the search, motions last whole ticks; in the plan, they have their real durations, so the plan deviates from the
+clock. A hold lasts until the tick at which it ends in the search, which removes the deviation.
 """
 
 from __future__ import annotations
@@ -28,24 +28,24 @@ from hpop.trajectories.trajectory import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class GraphOnClock:
-    """A graph of states on a clock.
+    """Graph for a search in time steps, with everything that is needed to turn its paths into plans.
 
     graph            graph that is searched, with integer costs and times in ticks
-    quanta           (k,)  smallest step of each cost, in the criterion's unit
+    quanta           (k,)  value of one unit of each integer cost, in the criterion's unit
     duration_column  column of the cost that is the duration, in ticks; None if the duration is no cost
     start            node at which plans begin
-    arcs             motions of the graph's arcs
-    clock            ticks and their length
+    arcs             motions and durations of the graph's arcs
+    clock            clock of the search
     moving_people    the moving people of the world
     ramps            deviations of executions from plans; None if they are unknown
-    hold             s  least duration of a hold; None: no holds
-    overlooked       (k,)  largest neglected cost of people beyond the ranges of ``attention``: per second for sums, at
-                     the worst moment for maxima
-    pairs            number of computed costs, each of one arc or place at one tick
-    seconds          s, time to build the graph
-    safety           separation constraints for the moving people
-    attention        ranges within which criteria notice people
-    people_stop      whether people who would walk up to the start are predicted to stop before the robot
+    hold             s  shortest duration of a hold; None: no holds
+    overlooked       (k,)  largest cost that is neglected because people are too far away: per second for criteria that
+                     add up, at one moment for those that take the worst moment
+    pairs            number of costs that were computed, each of one arc or place at one tick
+    seconds          s, time to build this graph
+    safety           distances that the robot must keep from moving people
+    attention        distances within which criteria notice people
+    people_stop      whether people who would walk into the robot at its start are predicted to stop before it
     """
 
     graph: TimedGraph
@@ -66,7 +66,7 @@ class GraphOnClock:
 
     @property
     def counts(self) -> dict[str, Any]:
-        """Sizes by name, for the statistics of a planner."""
+        """Numbers and seconds by name, for the statistics of a planner."""
         return {
             "ticks": self.graph.horizon,
             "timed_edges": int(self.graph.timed.size),
@@ -77,12 +77,13 @@ class GraphOnClock:
 
 @dataclass(frozen=True, eq=False)
 class GraphParts:
-    """Parts of a graph that are reused each time that it is put on a clock.
+    """Parts of a graph that a drive reuses each time that predictions of people change.
 
-    plain   arcs with the costs that do not depend on time (:func:`.presence.reading_time`)
-    closed  (m,)  mask of closed arcs
+    plain   search graph with the costs that do not depend on time (:func:`.presence.reading_time`)
+    closed  (m,)  mask of arcs that may not be used
     begin   earliest tick of departure from the start
-    near    nodes within a person's margin where plans may begin, with times, s on the clock; the robot may leave there
+    near    nodes and times, s, at which a plan may begin although a person is within the margin; the robot may then
+            leave
     arcs    motions of the arcs from an earlier call; None if there was none
     """
 
@@ -93,17 +94,17 @@ class GraphParts:
     arcs: TimedArcs | None = None
 
 
-ARC, STOOD = 1, 2  # roundings: of an arc's cost one; of standing, a difference of two rounded costs, two
+ARC, STOOD = 1, 2  # rounding errors: one for the cost of an arc, two for standing, a difference of two rounded costs
 
-SAME = 1e-6  # of a tick
+SAME = 1e-6  # in ticks: rounding error of times
 
 
 class StepTimes(NamedTuple):
-    """Real times of the steps (s,) of a plan.
+    """Real times of a plan with s steps, and its delays.
 
-    times  (s + 1,)  s, beginnings of the steps, then the arrival
-    off    (s + 1,)  s, delays against the clock
-    late   (s + 1,)  s, largest further delays of an execution of the plan
+    times  (s + 1,)  s, at which each step begins, then the arrival
+    off    (s + 1,)  s, delay of the plan against the clock of the search
+    late   (s + 1,)  s, largest further delay of the robot that executes the plan
     """
 
     times: FloatArray
@@ -113,12 +114,12 @@ class StepTimes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TimedPlans:
-    """Plans on a graph with a clock.
+    """Plans for n paths of a search on a clock.
 
-    timed       the graph
-    steps       steps of each plan
-    begins      s, on the clock, real beginning of each plan
-    late_start  s, delay of executions from the beginning on, for a robot that starts from rest
+    timed       graph that was searched
+    steps       steps of each path: arcs and holds, with departure ticks
+    begins      s, time on the clock at which all plans begin
+    late_start  s, delay of the robot's execution from the beginning on, since it starts from rest
     """
 
     timed: GraphOnClock
@@ -128,7 +129,7 @@ class TimedPlans:
 
     @cached_property
     def driven(self) -> tuple[StepTimes, ...]:
-        """Real times of the steps of each plan."""
+        """Real times and delays of the steps of each plan."""
         return tuple(self._driven(steps) for steps in self.steps)
 
     def _driven(self, steps: PathSteps) -> StepTimes:
@@ -147,12 +148,12 @@ class TimedPlans:
 
     @cached_property
     def drift(self) -> FloatArray:
-        """Largest deviation (n,), s, of each plan from the clock."""
+        """Largest deviation (n,), s, of each plan from the clock of the search, early or late."""
         return np.array([float(np.abs(driven.off).max()) for driven in self.driven])
 
     @cached_property
     def late(self) -> FloatArray:
-        """Largest delay (n,), s, of the execution of each plan against the clock."""
+        """Largest delay (n,), s, of the robot that executes each plan, against the clock of the search."""
         return np.array([float((driven.off + driven.late).max()) for driven in self.driven])
 
     @cached_property
@@ -162,11 +163,11 @@ class TimedPlans:
 
     @property
     def lengths(self) -> IntArray:
-        """Number (n,) of steps of each plan."""
+        """Number (n,) of steps of each plan, including holds."""
         return np.array([steps.arcs.size for steps in self.steps], dtype=np.int64)
 
     def trajectories(self, rows: IntArray) -> tuple[Trajectory, ...]:
-        """Return the trajectories of some plans, with holds among their motions."""
+        """Return the trajectories of the plans with the given indices, including their holds."""
         space, states_of = self.timed.arcs.space, self.timed.arcs.states_of
         moved = [states_of[self.steps[i].nodes[np.append(True, self.steps[i].arcs != HELD)]] for i in rows.tolist()]
         plain = space.trajectories(moved)
@@ -176,7 +177,7 @@ class TimedPlans:
         )
 
     def _held(self, steps: PathSteps, driven: StepTimes, trajectory: Trajectory) -> Trajectory:
-        """Insert the holds of a plan into its trajectory."""
+        """Return the trajectory of a plan with its holds inserted."""
         lasts = np.where(steps.arcs == HELD, np.diff(driven.times), 0.0)
         first = np.flatnonzero(steps.arcs != HELD)[:1]
         if self.timed.arcs.stands[steps.arcs[first]].any():  # two holds at the start are one
@@ -186,7 +187,7 @@ class TimedPlans:
         return trajectory.with_holds(motions[held], lasts[held], punctual=True)
 
     def _motions(self, arcs: IntArray) -> IntArray:
-        """Return the number (s,) of motions of each step, without holds."""
+        """Return the number (s,) of motions in each step; 0 for holds."""
         moved = arcs != HELD
         counts = moved.astype(np.int64)
         space = self.timed.arcs.space
@@ -198,10 +199,13 @@ class TimedPlans:
         return np.asarray(counts, dtype=np.int64)
 
     def tolerance(self, costs: IntArray) -> FloatArray:
-        """Return the largest differences (n, k) of re-evaluated costs from costs (n, k) on the clock, in their units.
+        """Return how much the re-evaluated costs of the plans may differ from their costs in the search, (n, k).
 
-        The cost of each step is rounded. Its real cost lies between its least and its largest cost at the ticks from
-        its planned to its real time. Costs of people too far away to be noticed may add up.
+        Three errors add up. The cost of each step is rounded. Its real time may differ from its time in the search, so
+        the real cost lies between the least and the largest cost at the ticks in between. The costs due to people who
+        are too far away to be noticed are neglected.
+
+        costs  (n, k)  costs in the search, in quanta; the result is in the criteria's units
         """
         off = np.zeros(costs.shape)
         for i, (steps, driven) in enumerate(zip(self.steps, self.driven, strict=True)):
@@ -223,14 +227,17 @@ class TimedPlans:
 
 @dataclass(frozen=True, eq=False)
 class _Between:
-    """Least and largest costs of the steps of a plan, in quanta, between their planned and real times."""
+    """Bounds on the costs of a plan whose steps happen between their times in the search and their real times."""
 
     timed: GraphOnClock
     steps: PathSteps
     driven: StepTimes
 
     def bounds(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the least and the largest costs (k,) of the plan, and the number (k,) of roundings in each cost."""
+        """Return the least costs (k,) and the largest costs (k,) of the plan, in quanta.
+
+        Also returns the largest number (k,) of rounding errors that each cost contains.
+        """
         graph = self.timed.graph.graph
         k = graph.criteria
         if not self.steps.arcs.size:
@@ -252,7 +259,7 @@ class _Between:
         return least, most, rounds
 
     def _static(self, j: int) -> BoolArray:
-        """Mark the steps (s,) with a cost that does not depend on time."""
+        """Return which steps (s,) have a cost in column j that does not depend on time."""
         arcs = np.maximum(self.steps.arcs, 0)
         timed, stays = self.timed.graph.timed, self.timed.graph.stays
         row = np.minimum(np.searchsorted(timed, arcs), max(0, timed.size - 1))
@@ -261,7 +268,7 @@ class _Between:
         return ~(has_table | stands)
 
     def _of_arc(self, i: int, j: int) -> tuple[float, float]:
-        """Return the least and the largest cost of an arc in one column."""
+        """Return the least and the largest cost in column j of step i, which drives along an arc."""
         graph, arc = self.timed.graph, int(self.steps.arcs[i])
         if graph.stays[arc]:
             low, high = self._of_standing(i, j)
@@ -275,13 +282,13 @@ class _Between:
         return float(table.min()), float(table.max())
 
     def _ticks(self, i: int) -> tuple[int, int]:
-        """Return the first and last tick between the planned and the real beginning of a step."""
+        """Return the first and the last tick between the planned and the real beginning of step i."""
         real = self.driven.times[i] / self.timed.clock.tick
         planned = int(self.steps.departures[i])
         return min(planned, int(np.floor(real + SAME))), max(planned, int(np.ceil(real - SAME)))
 
     def _of_standing(self, i: int, j: int) -> tuple[float, float]:
-        """Return the least and the largest cost of standing for a step, in one column."""
+        """Return the least and the largest cost in column j of standing at a place during step i."""
         place = int(self.timed.graph.place[self.steps.nodes[i]])
         (first, begin), (end, last) = self._ticks(i), self._ticks(i + 1)
         if self.timed.graph.graph.aggregates[j] == "max":
@@ -299,7 +306,7 @@ class _Between:
         return float(graph.standing[j][place, min(begin, horizon) : min(end - 1, horizon) + 1].max())
 
     def _total(self, place: int, j: int, tick: int) -> float:
-        """Return the cost of standing from tick 0 on."""
+        """Return the cost in column j of standing at a place from tick 0 until a tick."""
         graph = self.timed.graph
         rate = int(graph.rate[place, j])
         if j not in graph.standing:

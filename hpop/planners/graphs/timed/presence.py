@@ -1,4 +1,7 @@
-"""Places and times at which people are noticed, criteria that depend on time, and costs of standing."""
+"""Find the places and times at which costs depend on moving people, the criteria concerned, and costs of standing.
+
+A person is noticed at a place if the cost of some criterion there differs because of this person.
+"""
 
 from __future__ import annotations
 
@@ -26,22 +29,22 @@ from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.runtime import limits
 from hpop.world import World
 
-TOLD_APART = 62  # people with a bit of their own in a mask; where other people are noticed, all people are evaluated
-ALONE = 2048  # pairs of place and tick: fewer are evaluated among all people, which is as quick as in an own world
+TOLD_APART = 62  # number of people with a bit of their own in a mask; all further people share one bit
+ALONE = 2048  # pairs of place and tick with the same people noticed; if there are fewer, all people are evaluated
 NOTICED = "places where moving people are noticed were computed"
 
-Masks = NDArray[np.unsignedinteger[Any]]  # bit i for moving person i, the last bit for all further people
+Masks = NDArray[np.unsignedinteger[Any]]  # people who are noticed: bit i for moving person i, the last bit for the rest
 
 
 @dataclass(frozen=True, eq=False)
 class Presence:
-    """Places and ticks at which moving people are noticed.
+    """The places and ticks at which each moving person is noticed, that is, may change a cost.
 
-    moving_people
-    notices  distances within which each person is noticed, so that a cost may change
-    clock
-    horizon  H: number of ticks
-    x, y     (P,) m  places
+    moving_people  the people who move
+    notices        distances within which each person is noticed
+    clock          clock of the search
+    horizon        number H of ticks that are considered
+    x, y           (P,)  m, positions of the places
     """
 
     moving_people: MovingPeople
@@ -55,17 +58,17 @@ class Presence:
 
     @property
     def over(self) -> float:
-        """Time, s, after which no cost changes."""
+        """Time, s, after which no cost changes any more, since all predictions of people have ended."""
         return self.moving_people.settled + self.clock.tick
 
     @property
     def at_last(self) -> World:
-        """World for costs at the time ``over`` or later."""
+        """World in which costs at the time ``over`` or later are evaluated."""
         return self.moving_people.world
 
     @cached_property
     def _beyond(self) -> list[NDArray[np.float32]]:
-        """Distances (P, H), m, of places at ticks from where each moving person is noticed."""
+        """For each moving person: distance (P, H), m, by which each place is outside their range at each tick."""
         times = self.clock.seconds(np.arange(self.horizon))
         distances = self.x.size * self.horizon * np.dtype(np.float32).itemsize
         limits.hold(NOTICED, len(self.notices.of) * distances, 2 * distances)
@@ -75,7 +78,11 @@ class Presence:
         return [np.minimum.reduce(distances) for distances in each]
 
     def masks(self, length: float, lasts: float) -> Masks:
-        """Return masks (P, H) of the people noticed within a length, m, of a place, and a time, s, from a tick on."""
+        """Return which people are noticed during a motion, for each place and tick at which it may begin, (P, H).
+
+        length  m  largest distance of the motion from the place
+        lasts   s  duration of the motion
+        """
         if (length, lasts) not in self._masks:
             people = self.moving_people.people
             kind = np.dtype(np.min_scalar_type(1 << min(len(people), TOLD_APART)))
@@ -88,9 +95,9 @@ class Presence:
         return self._masks[length, lasts]
 
     def parts(self, masks: Masks) -> Iterator[tuple[IntArray, World]]:
-        """Yield the indices (N,) of masks with the same people, each with a world of these people only.
+        """Group masks by the people in them; yield the indices (N,) of each group, and a world with these people only.
 
-        Rare combinations of people are yielded together, with the world of all people.
+        Rare combinations of people form one group, with the world of all people.
         """
         among_all = []
         values, which, counts = np.unique(masks, return_inverse=True, return_counts=True)
@@ -109,17 +116,20 @@ class Presence:
         return self._worlds[mask]
 
 
-TRIED_ARCS = 64  # sample of arcs
+TRIED_ARCS = 64  # number of arcs on which criteria are evaluated to see whether they depend on time
 
 
 def reading_time(criteria: Sequence[Criterion], space: StateGraph | JoinedEnds) -> list[int]:
-    """Return the columns of the criteria that depend on the time, among the people of a graph's world."""
+    """Return the indices of the criteria whose costs depend on time, among the people of a graph's world.
+
+    The criteria are evaluated on a sample of arcs, at several times.
+    """
     tried = list(_tried(space))
     return [j for j, criterion in enumerate(criteria) if any(_reads_time(criterion, motions) for motions in tried)]
 
 
 def _tried(space: StateGraph | JoinedEnds) -> Iterator[Motions]:
-    """Yield motions of a sample of arcs; for a graph without arcs, those of joined ends and a hold."""
+    """Yield the motions of a sample of arcs; for a graph without arcs, those from the start or to goals, and a hold."""
     inner = space.states_alone
     size = inner.arcs.heads.size
     if size:
@@ -135,7 +145,7 @@ def _tried(space: StateGraph | JoinedEnds) -> Iterator[Motions]:
 
 
 def _reads_time(criterion: Criterion, motions: Motions) -> bool:
-    """Return whether costs depend on the time at which a motion begins, or need such a time."""
+    """Return whether a criterion's costs depend on the time at which the motions begin, or need this time."""
     try:
         plain = motion_costs(criterion, motions)
     except (CriterionError, UnsupportedCriterion):
@@ -148,9 +158,9 @@ def _reads_time(criterion: Criterion, motions: Motions) -> bool:
     return False
 
 
-ALIKE = 1e-9  # relative: smaller differences between costs of standing are rounding errors
-IN_PLACE = 1e-2  # relative difference of the costs of turning and standing, due to quadrature
-TRIED_PLACES = 200  # sample of places and ticks at which turns are tried
+ALIKE = 1e-9  # relative difference of costs of standing that counts as rounding error
+IN_PLACE = 1e-2  # relative difference of costs of turning and of standing that counts as error of numerical integration
+TRIED_PLACES = 200  # number of places and ticks at which turning and standing are compared
 DOING = "costs of standing were computed"
 
 
@@ -162,10 +172,11 @@ def hold_costs(
     presence: Presence | None = None,
     seconds: FloatArray | None = None,
 ) -> FloatArray:
-    """Return the costs (N, k) of holds in states (N,), without people's motion if ``presence`` is None.
+    """Return the costs (N, k) of standing in given states (N,), by k criteria, in their units.
 
-    lasts    (N,) s  durations of the holds
-    seconds  (N,) s  times at which the holds begin; None for costs that do not depend on time
+    lasts     (N,) s  durations
+    presence  moving people; None if the criteria do not depend on them
+    seconds   (N,) s  times at which standing begins; None if the criteria do not depend on time
     """
     world = space.world if presence is None else presence.moving_people.world
     columns = {name: np.nan_to_num(column) for name, column in states.__dict__.items()}
@@ -175,7 +186,10 @@ def hold_costs(
 
 
 def standing_rates(criteria: Sequence[Criterion], space: TrajectoryGraph, tick: float) -> FloatArray:
-    """Return the costs (n, k) of standing for a tick in each state, by criteria that do not depend on time."""
+    """Return the costs (n, k) of standing for a tick in each state of a graph, by criteria that ignore time.
+
+    tick  s, duration of a tick
+    """
     rates = np.zeros((space.size, len(criteria)))
     if not criteria:
         return rates
@@ -192,9 +206,10 @@ def standing_rates(criteria: Sequence[Criterion], space: TrajectoryGraph, tick: 
 
 
 def alike_at_places(rates: FloatArray, place: IntArray) -> BoolArray:
-    """Return which columns (k,) of rates (n, k) are equal, up to rounding, at all nodes of each place.
+    """Return for which criteria (k,) standing costs the same in all states of a place, so that headings do not matter.
 
-    place  (n,) place of each node
+    rates  (n, k)  costs of standing for a tick in each node
+    place  (n,)    number of the place of each node
     """
     size = int(place.max(initial=-1)) + 1
     low, high = np.full((size, rates.shape[1]), np.inf), np.full((size, rates.shape[1]), -np.inf)
@@ -205,10 +220,10 @@ def alike_at_places(rates: FloatArray, place: IntArray) -> BoolArray:
 
 
 def turn_as_they_stand(criteria: Sequence[Criterion], arcs: TimedArcs, presence: Presence) -> BoolArray:
-    """Return for which criteria (k,) a motion in place costs as much as standing there meanwhile.
+    """Return for which criteria (k,) turning costs as much as standing at that place for the same time.
 
-    A sample of places and headings where a person is noticed is tried. It holds for criteria that depend only on the
-    position of the base and the time.
+    This holds for criteria that depend only on the position of the base and the time. It is tested on a sample of
+    turns at places and times at which a person is noticed.
     """
     places, ticks = np.nonzero(presence.masks(0.0, presence.clock.tick))
     in_place = np.flatnonzero(arcs.inner.arcs.kinds > 0)

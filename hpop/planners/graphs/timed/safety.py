@@ -1,21 +1,21 @@
-"""Separation from people who move: ticks at which arcs are blocked, and at which the robot must not stand at a place.
+"""Distances from moving people: ticks at which arcs are blocked, and at which the robot must not stand at a place.
 
-The gap is the distance between the surfaces of the robot's parts and of a person. It is kept all along a motion, by the
-plan and by its execution, even if the plan deviates from the clock by :data:`.clock.SLACK` and the robot from the plan
-by the distance of :class:`hpop.models.execution.Ramps` (in any direction where it stands). Where a prediction is
-uncertain, the probability that the person is nearer than the margin must not exceed 5 % at any moment, in any
-hypothesis. Two upper bounds of it are used, and either is enough: the half-plane beyond the nearest point (1.645
-sigma), and a disc about the robot that covers it and the person's body (the noncentral chi-squared distribution).
+The gap is the distance between the surfaces of the robot and of a person. It must not be less than the margin during
+any motion, even if the plan is early or late by :data:`.clock.SLACK`, and the robot away from its planned position by
+the distance of :class:`hpop.models.execution.Ramps` (in any direction while it stands). If a prediction is uncertain,
+the probability of a smaller gap must not exceed 5 % at any moment, in any hypothesis (possible future). Two upper
+bounds of this probability are used, and one is enough: for a half-plane beyond the nearest point (1.645 sigma), and for
+a disc around the robot that covers it and the person's body (noncentral chi-squared distribution).
 
-Along a straight move the gap is exact for people who walk straight meanwhile. Other paths of people are replaced by
-their chords, and the gap is reduced by their distance from it. While a robot that is not round turns or waits, it
-counts as the disc that it sweeps.
+On a straight move, the gap is exact for people who walk straight meanwhile. Other walks are replaced by straight ones,
+and the gap is reduced by the largest difference. A robot that is not round counts as the disc that it covers by
+turning, while it turns or waits.
 
-A robot that starts within a person's margin, or comes into it within a second, may leave but not stay: it must not hold
-there, and for :data:`LEAVING` seconds only contact blocks the arcs that lead away, or a chance of contact above 5 %. A
-round robot that starts in contact, and any robot that starts with such a chance or gets it within a second, may leave
-by motions that do not reduce the gap. Plans that begin at time 0 do not deviate from the clock there. There may be
-several starts at different times: each place where a drive may change its plan.
+A robot that starts within a person's margin, or is approached within a second, may leave but not stay. It must not hold
+there. For :data:`LEAVING` seconds, an arc that leads away is blocked only by contact, or by a chance of contact above
+5 %. Motions that do not reduce the gap are allowed even then, for a round robot that starts in contact, and for any
+robot that has such a chance at the start or within a second. Plans that begin at time 0 are not early or late there.
+There may be several starts at different times: the places at which a drive may change its plan.
 """
 
 from __future__ import annotations
@@ -50,16 +50,16 @@ from hpop.planners.graphs.timed.pieces import (
 from hpop.planners.spending import Spending
 from hpop.world.content.people import Person
 
-TOUCH = 1e-9  # m
-PAIRS = 1 << 20  # of arcs and ticks in one block
-LEAVING = 5.0  # s
-SOON = 1.0  # s
-EARLY = 1e-3  # of a piece, at whose beginning a convex gap is seen to grow
+TOUCH = 1e-9  # m, rounding error of distances
+PAIRS = 1 << 20  # number of pairs of an arc and a tick in one block
+LEAVING = 5.0  # s after a start, within which the robot may leave a person's margin
+SOON = 1.0  # s after a start, within which a person may approach so that the robot may leave
+EARLY = 1e-3  # share of a piece after which its gap is compared with the gap at its beginning
 DOING = "arcs in the way of moving people were computed"
 
 
 class Separation(NamedTuple):
-    """Distances (T,) from a person; either one is enough.
+    """Distances (T,) that a robot needs from a person at some times; it is enough to have one of the two.
 
     gap   m  between the surfaces
     axis  m  from the robot's axis to the person's centre
@@ -70,7 +70,7 @@ class Separation(NamedTuple):
 
 
 class Start(NamedTuple):
-    """A place where plans may begin: x and y, m, yaw, rad, and time, s on the clock."""
+    """Position (m), yaw (rad) and time on the clock (s) at which plans may begin."""
 
     x: float
     y: float
@@ -80,14 +80,13 @@ class Start(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Safety:
-    """Separation constraints for every hypothesis of every moving person.
+    """Separation constraints: distances to keep from every moving person, for every possible future (hypothesis).
 
-    parts    of the robot
-    people   hypotheses of the moving people
-    clock
-    margin   m
+    parts    parts of the robot's outline
+    people   hypotheses of the moving people, each as a person of its own
+    margin   m  gap to keep from people
     starts   where plans begin; empty if the robot comes from outside every person's margin
-    stray    m  largest deviation of executions along their path
+    stray    m  largest distance of the robot from its planned position along the path
     """
 
     parts: Sequence[Part]
@@ -108,7 +107,7 @@ class Safety:
         spending: Spending,
         people: Sequence[Person] | None = None,
     ) -> Safety:
-        """Return the constraints for all hypotheses of the moving people, or of some people."""
+        """Return the constraints for all hypotheses of the moving people, or of other ``people``."""
         moving = moving_people.people if people is None else people
         people = tuple(each for person in moving for _, each in person.hypotheses)
         ramps = Ramps.of(model)
@@ -117,7 +116,7 @@ class Safety:
 
     @cached_property
     def reach(self) -> float:
-        """Reach of the robot about its axis, m."""
+        """Radius of the robot, m: the largest distance of a part from its axis."""
         return max((part.reach for part in self.parts), default=0.0)
 
     @property
@@ -125,7 +124,7 @@ class Safety:
         return self.clock.up_to(SLACK)
 
     def _axis(self, person: Person, need: Separation) -> FloatArray:
-        """Return the least distances (T,), m, of a person from the robot's axis."""
+        """Return the distances (T,), m, of a person's centre from the robot's axis that are enough in every case."""
         return np.asarray(np.minimum(need.gap + self.reach + person.radius, need.axis))
 
     @cached_property
@@ -133,22 +132,22 @@ class Safety:
         return all(part.on_axis for part in self.parts)
 
     def needed(self, person: Person, seconds: FloatArray, margin: float) -> Separation:
-        """Return the distances from a person needed at times (T,) for a margin, m; 0: for no contact."""
+        """Return the distances needed from a person at times (T,), s, for a margin, m; 0 is to avoid contact."""
         deviation = np.broadcast_to(np.asarray(person.deviation(seconds), float), seconds.shape)
         disc = self.reach + person.radius + margin
         return Separation(margin + SIGMAS * deviation, clear_distance(deviation, disc))
 
     @cached_property
     def about_start(self) -> tuple[Person, ...]:
-        """Hypotheses with the robot's start in their margin, then or within a second."""
+        """Hypotheses (of people) too near to any start when a plan begins there, or within a second after."""
         return tuple(dict.fromkeys(person for start in self.starts for person in self.near(start)))
 
     def near(self, start: Start) -> list[Person]:
-        """Return the hypotheses with a start in their margin, then or within a second."""
+        """Return the hypotheses (of people) too near to a start when a plan begins there, or within a second after."""
         return [person for person, _ in self.coming(start, SOON)]
 
     def coming(self, start: Start, within: float = LEAVING) -> Iterator[tuple[Person, float]]:
-        """Yield the hypotheses that have a start in their margin within some seconds, each with the first time, s."""
+        """Yield the hypotheses (of people) that come too near to a start within some s, each with the s until then."""
         since = self.clock.seconds(np.arange(self.clock.within(within) + 1))
         for person in self.people:
             need = self._axis(person, self.needed(person, start.time + since, self.margin)) + self.stray
@@ -158,7 +157,7 @@ class Safety:
 
     @cached_property
     def touched(self) -> tuple[Person, ...]:
-        """Hypotheses in contact with the robot at its start, or with a chance above 5 % of contact within a second."""
+        """Hypotheses (of people) in contact with the robot at a start, or likely (above 5 %) to be within a second."""
         pairs = ((start, person) for start in self.starts for person in self.people)
         return tuple(dict.fromkeys(person for start, person in pairs if self._touches(start, person)))
 
@@ -171,12 +170,12 @@ class Safety:
         return bool((near & (self._gap(start, person, seconds) < need.gap - TOUCH)).any())
 
     def _gap(self, start: Start, person: Person, seconds: FloatArray) -> FloatArray:
-        """Return the gaps (T,), m, between the surfaces of the robot at a start and a person, where that is there."""
+        """Return the gaps (T,), m, between the robot at a start and a person, at times (T,), s."""
         x, y = (np.broadcast_to(column, seconds.shape) for column in person.at(seconds))
         return to_parts(self.parts, np.full(x.size, start.yaw), [(x - start.x, y - start.y)]) - person.radius
 
     def refuse_contact(self) -> None:
-        """Raise QueryError where a robot that is not round would start in contact with a person."""
+        """Raise QueryError if a robot that is not round would start in contact with a person."""
         for start in () if self._round else self.starts:
             now = np.array([start.time])
             for person in self.people:
@@ -184,30 +183,30 @@ class Safety:
                 if gap < -TOUCH and np.isfinite(_apart(start, person, now)).all():
                     raise QueryError(
                         f"the start ({start.x:.3f}, {start.y:.3f}) is not usable: {person.name or 'a person who moves'}"
-                        f" is there at time {start.time:g}, and overlaps the robot's outline by {-gap:.3f} m. Move "
-                        "one of them, or plan for when they are apart."
+                        f" is there at {start.time:g} s, and overlaps the robot's outline by {-gap:.3f} m. Move the "
+                        "start or the person, or plan for a time when they are apart."
                     )
 
     @cached_property
     def _left_by(self) -> int:
-        """Tick by which a robot must have left the people about its start."""
+        """Last tick at which a robot may still leave people who are too near to its start."""
         return self.clock.up_to(self._leaves_until)
 
     @property
     def _leaves_until(self) -> float:
-        """Time, s, by which a robot must have left the people about its start."""
+        """Last time, s, at which a robot may still leave people who are too near to its start."""
         return max((start.time for start in self.starts), default=0.0) + LEAVING
 
     def settled(self, seconds: float) -> float:
-        """Return the time, s, from which on no tick is blocked or cut anew, if people are settled from a time on, s.
+        """Return the time, s, after which arcs and places stay blocked or free, if predictions end at ``seconds``.
 
-        Until it may leave no more, a robot may be near people who stay about its start.
+        It is later than ``seconds`` if people stay near a start, as the robot may leave them for a while.
         """
         stays = any(person.there(seconds + SLACK) > 0 for person in self.about_start)
         return max(seconds, self._leaves_until) if stays else seconds
 
     def cut(self, x: FloatArray, y: FloatArray, horizon: int) -> BoolArray:
-        """Mark ticks (P, H + 1), up to a horizon, from which the robot must not stand at places (P,) for a tick."""
+        """Return at which ticks, up to a horizon H, the robot must not stand at places (P,): a mask (P, H + 1)."""
         cut = np.zeros((x.size, horizon + 1), dtype=bool)
         ticks = np.arange(horizon + 1)
         lasts = np.ones_like(ticks)
@@ -227,7 +226,7 @@ class Safety:
         return self._widened(cut)
 
     def blocked(self, legs: Sequence[LegMotions], first: int, horizon: int) -> BlockedArcs:
-        """Return the ticks, up to a horizon, at which arcs are blocked; arcs from ``first`` on begin a plan."""
+        """Return the departure ticks up to a horizon at which arcs are blocked; arcs from ``first`` on begin plans."""
         rows, ticks = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
         for pieces in (MotionPieces.of(leg, self.clock) for leg in legs):
             for person in self.people:
@@ -245,7 +244,7 @@ class Safety:
         return BlockedArcs(blocked.rows, table)
 
     def _near(self, pieces: MotionPieces, person: Person, horizon: int) -> Iterator[tuple[IntArray, IntArray]]:
-        """Yield pieces, with the ticks at which their arcs depart, that may be near a person."""
+        """Yield pieces that may be near a person: their indices, and the departure ticks of their arcs, in blocks."""
         seconds = self.clock.seconds(np.arange(horizon + 1))
         need = self.needed(person, seconds, self.margin)
         near = float(self._axis(person, need).max()) + self.stray
@@ -264,7 +263,7 @@ class Safety:
                 yield own, np.repeat(begin + np.arange(counts.size), counts)
 
     def _hits(self, pieces: MotionPieces, tick: IntArray, person: Person) -> BoolArray:
-        """Mark pieces (N,), which begin at ticks (N,), that come too near to a person."""
+        """Return which pieces (N,), beginning at ticks (N,), come too near to a person."""
         walk = PersonMotion.of(person, tick, pieces.lasts, self.clock)
         need = self._needed_on(person, tick, pieces.lasts, self.margin)
         seen = walk.seen_from(pieces)
@@ -287,13 +286,13 @@ class Safety:
     def _outline_gaps(
         self, pieces: MotionPieces, rows: IntArray, corners: tuple[Place, ...], person: Person, walk: PersonMotion
     ) -> FloatArray:
-        """Return the gaps (N,), m, of a person within a hull of points from the robot, in some pieces without turns."""
+        """Return the gaps (N,), m, from a person anywhere in the hull of ``corners``, in some pieces without turns."""
         return to_parts(self.parts, pieces.yaw[rows], corners) - person.radius - walk.stray[rows]
 
     def _leaves(self, pieces: MotionPieces, tick: IntArray, person: Person) -> BoolArray:
-        """Mark pieces (N,) that leave a person who is near or comes near, without contact, soon after a start.
+        """Return which pieces (N,), beginning at ticks (N,), are allowed since they leave a person near a start.
 
-        A piece that begins at a start only goes ahead of it, as the robot has at most stood or turned there before.
+        They begin soon after a start, near the person, and avoid contact or do not reduce the gap.
         """
         walk = PersonMotion.of(person, tick, pieces.lasts, self.clock)
         need, touch = (self._needed_on(person, tick, pieces.lasts, margin) for margin in (self.margin, 0.0))
@@ -320,7 +319,7 @@ class Safety:
         return leaves
 
     def _parts_from(self, pieces: MotionPieces, tick: IntArray, person: Person, touch: Separation) -> BoolArray:
-        """Mark pieces (N,) that begin in contact, or so near that a robot behind its plan is, and never reduce the gap.
+        """Return which pieces (N,), beginning at ticks (N,), begin in (possible) contact and never reduce the gap.
 
         Between the corners of a person's path, the gap of a robot that does not turn is convex in time, so it never
         shrinks if it does not shrink at first.
@@ -350,12 +349,12 @@ class Safety:
         return np.asarray(in_contact & parts)
 
     def _needed_on(self, person: Person, tick: IntArray, lasts: IntArray, margin: float) -> Separation:
-        """Return the largest distances for a margin, m, needed at the ends and in the middle of some ticks."""
+        """Return the distances needed during pieces: the largest of those at their beginnings, middles and ends."""
         each = [self.needed(person, self.clock.seconds(tick + share * lasts), margin) for share in (0.0, 0.5, 1.0)]
         return Separation(*(np.maximum.reduce([getattr(need, name) for need in each]) for name in Separation._fields))
 
     def _widened(self, table: BoolArray) -> BoolArray:
-        """Extend marks (q, H + 1) to the ticks within the slack before and after them."""
+        """Extend a mask over ticks (q, H + 1) by SLACK before and after each True, as plans may be early or late."""
         slack, width = self._slack, table.shape[1]
         if not table.any() or not slack:
             return table
@@ -369,12 +368,12 @@ class Safety:
 
 
 def _of_rows(places: tuple[Place, ...], rows: IntArray) -> tuple[Place, ...]:
-    """Return some rows of places."""
+    """Return the points with the given indices, for each of several arrays of points."""
     return tuple((x[rows], y[rows]) for x, y in places)
 
 
 def _apart(start: Start, person: Person, seconds: FloatArray) -> FloatArray:
-    """Return the distances (T,), m, of a person's centre from a start; infinite while the person is absent."""
+    """Return the distances (T,), m, of a person's centre from a start; infinite while the person is not there."""
     x, y = (np.broadcast_to(column, seconds.shape) for column in person.at(seconds))
     is_there = np.broadcast_to(np.asarray(person.there(seconds)), seconds.shape) > 0
     return np.where(is_there, np.hypot(start.x - x, start.y - y), np.inf)
@@ -383,8 +382,8 @@ def _apart(start: Start, person: Person, seconds: FloatArray) -> FloatArray:
 class BlockedArcs(NamedTuple):
     """Arcs that are blocked for departures at some ticks.
 
-    rows   (b,)  arcs, rising
-    table  (b, H + 1)  mask
+    rows   (b,)  indices of the arcs, ascending
+    table  (b, H + 1)  True at the departure ticks at which each arc is blocked
     """
 
     rows: IntArray
@@ -392,7 +391,7 @@ class BlockedArcs(NamedTuple):
 
     @classmethod
     def of(cls, rows: IntArray, ticks: IntArray, horizon: int) -> BlockedArcs:
-        """Return the mask of pairs (N,) of an arc and a tick, in any order."""
+        """Build the table from pairs (N,) of an arc and a departure tick, in any order."""
         arcs, which = np.unique(rows, return_inverse=True)
         table = np.zeros((arcs.size, horizon + 1), dtype=bool)
         table[which, ticks] = True

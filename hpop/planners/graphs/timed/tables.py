@@ -1,7 +1,8 @@
-"""Tables of costs of arcs and of standing, by tick, where moving people are noticed; elsewhere costs do not change.
+"""Tables of time-dependent costs: for each tick, the costs of arcs and of standing at places near moving people.
 
-Costs come from the criteria: motions are evaluated at the tick of their departure, and standing at a place as short
-holds of a tick each, among the people who are noticed there. A place is skipped at ticks before it can be reached.
+Only places where moving people are noticed have a table; elsewhere costs do not depend on time. The criteria evaluate
+each motion at the tick at which it begins, and standing at a place as holds of one tick each. A place is left out at
+ticks before the robot can reach it.
 """
 
 from __future__ import annotations
@@ -24,21 +25,23 @@ from hpop.planners.graphs.timed.presence import Presence
 from hpop.planners.spending import Spending
 from hpop.world import World
 
-PAIRS = 1 << 18  # pairs of an arc or place and a tick in a block, which a thread computes
-BATCH = 1 << 13  # pairs evaluated at once: arrays of criteria stay in the processor's cache
-LENGTH = 0.5  # m: arcs of nearly equal length share the places where people are noticed
+PAIRS = 1 << 18  # number of costs (of an arc or place at a tick) in a block that a thread computes
+BATCH = 1 << 13  # number of costs evaluated at once, so that the arrays stay in the processor's cache
+LENGTH = 0.5  # m: arcs are grouped by length in steps of this, and a group shares the places where people are noticed
 DOING = "costs near moving people were computed"
 
 Counts = NDArray[Any]  # int32 or int64
 
 
 class ArcTable(NamedTuple):
-    """Costs of arcs by tick, in quanta.
+    """Costs of arcs for each tick at which the robot may depart, in quanta.
 
-    rows    (q,)  arcs with a table, rising
-    costs   k tables (q, H + 1), by criterion; the last column has the costs after all people have settled
+    People have settled when their predictions have ended, so that costs no longer change.
+
+    rows    (q,)  indices of the arcs with a table, ascending
+    costs   for each of k criteria a table (q, H + 1); the last column has the costs after all people have settled
     static  (r, k)  costs of all arcs after all people have settled
-    pairs   number of costs computed, of an arc at a tick
+    pairs   number of costs that were computed, for statistics
     """
 
     rows: IntArray
@@ -50,10 +53,10 @@ class ArcTable(NamedTuple):
 class StandingCosts(NamedTuple):
     """Costs of standing at places, in quanta.
 
-    tables  k tables (P, H + 1) int64: of a sum, the cost of standing from tick 0 to each tick; of a worst moment, the
-            cost during each tick
+    tables  for each of k criteria a table (P, H + 1), int64: if it adds up, the cost of standing from tick 0 until
+            each tick; if it takes the worst moment, the cost during each tick
     rates   (P, k)  costs per tick after all people have settled, not rounded
-    pairs   number of costs computed, of a place at a tick
+    pairs   number of costs that were computed, for statistics
     """
 
     tables: list[IntArray]
@@ -63,12 +66,13 @@ class StandingCosts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TimedCosts:
-    """Builder of the tables of costs by tick.
+    """Computation of the cost tables of a graph, for each tick.
 
-    space, presence
-    criteria  that depend on time
-    quanta    (k,)  of their costs
-    spending
+    space     the graph
+    presence  places and ticks at which people are noticed
+    criteria  the k criteria that depend on time
+    quanta    (k,)  their quanta
+    spending  time and memory limits
     """
 
     space: StateGraph
@@ -80,11 +84,15 @@ class TimedCosts:
     def arcs(
         self, legs: Sequence[LegMotions], place: IntArray, lasts: FloatArray, earliest: IntArray, wanted: BoolArray
     ) -> ArcTable:
-        """Return the tables of arcs (r,): of arcs marked in ``wanted`` (r,), and of arcs on which a person is noticed.
+        """Compute the costs of r arcs for each tick of departure.
 
-        place     (r,)     place of each arc's tail
-        lasts     (r,) s   duration
-        earliest  (r,)     earliest tick of departure
+        An arc gets a table if a person is noticed on it, or if it is marked in ``wanted``.
+
+        legs      motions of the arcs
+        place     (r,)    place where each arc begins
+        lasts     (r,) s  duration of each arc
+        earliest  (r,)    earliest tick of departure
+        wanted    (r,)    mask
         """
         size, horizon, number = place.size, self.presence.horizon, len(self.criteria)
         static = self._final(legs, size)
@@ -115,15 +123,16 @@ class TimedCosts:
             parts.append(part)
         rows = np.concatenate([np.zeros(0, np.int64), *(part[0] for part in parts)])
         columns = []
-        for _ in range(number):  # each is dropped once it is joined, so that there are never two of all
+        for _ in range(number):  # one criterion after another, so that no second copy of all tables is in memory
             self.spending.check(DOING, sum(part[1][0].nbytes for part in parts))
             columns.append(np.concatenate([np.zeros((0, horizon + 1), np.int32), *(part[1].pop(0) for part in parts)]))
         return ArcTable(rows, columns, static, sum(part[2] for part in parts))
 
     def standing(self, states: States, earliest: IntArray) -> StandingCosts:
-        """Return the costs of standing at places, in states (P,).
+        """Compute the costs of standing at P places for each tick.
 
-        Before their earliest ticks (P,) costs are not computed.
+        states    (P,)  a state at each place
+        earliest  (P,)  tick before which the place cannot be reached, so that people are not considered
         """
         size, horizon = states.size, self.presence.horizon
         tick = self.presence.clock.tick
@@ -157,16 +166,21 @@ class TimedCosts:
         return StandingCosts(totals, rates / self.quanta, pairs)
 
     def _counts(self, costs: FloatArray) -> list[IntArray]:
-        """Return costs (N, k) in quanta, rounded to the nearest; rounding up would make long sums too large."""
+        """Convert costs (N, k) to quanta, as k columns (N,) of integers.
+
+        They are rounded to the nearest integer, since rounding up would make long sums too large.
+        """
         counts: FloatArray = np.rint(costs / self.quanta)
         return [counts[:, j].astype(np.int64) for j in range(self.quanta.size)]
 
     def _totals(self, j: int, paid: FloatArray) -> IntArray:
-        """Return costs of standing (P, H + 1) as the search needs them.
+        """Convert costs of standing for each tick to the table that the search needs, in quanta.
 
-        ``paid`` has the costs per tick, and is overwritten.
+        For a criterion that adds up, the table has cumulative sums over ticks; for one that takes the worst moment, the
+        cost of each tick.
 
-        They are running totals of sums, and values of worst moments.
+        j     index of the criterion
+        paid  (P, H + 1)  costs in the criterion's unit; overwritten
         """
         paid /= self.quanta[j]
         if self.criteria[j].aggregate == "max":
@@ -177,7 +191,7 @@ class TimedCosts:
         return totals
 
     def _holds(self, states: States, seconds: FloatArray, world: World) -> FloatArray:
-        """Return the costs (N, k) of standing for one tick, from times (N,), s, on."""
+        """Return the costs (N, k) of standing for one tick in states (N,), from times ``seconds`` (N,), s, on."""
         costs = np.zeros((states.size, len(self.criteria)))
         lasts = np.full(states.size, self.presence.clock.tick)
         start = States(**states.__dict__, **{CLOCK: 0.0 * lasts})
@@ -187,7 +201,7 @@ class TimedCosts:
         return costs
 
     def _final(self, legs: Sequence[LegMotions], size: int) -> IntArray:
-        """Return the costs (r, k) of arcs, in quanta, after all people have settled."""
+        """Return the costs (r, k) of ``size`` arcs, in quanta, after all people have settled."""
         static = np.zeros((size, len(self.criteria)), np.int64)
 
         def costs(part: slice) -> tuple[slice, list[IntArray]]:
@@ -218,12 +232,12 @@ def _slices(size: int, step: int) -> Iterator[slice]:
 
 
 def _small(column: IntArray) -> Counts:
-    """Return a column as 32-bit integers if its values allow it."""
+    """Return an array of costs as 32-bit integers if its values are small enough, to save memory."""
     return column.astype(np.int32) if column.max(initial=0) < 2**31 else column
 
 
 def _lengths(legs: Sequence[LegMotions], size: int) -> FloatArray:
-    """Return the length (r,), m, of each arc."""
+    """Return the length (r,), m, of each of ``size`` arcs: the distance driven in all its motions."""
     lengths = np.zeros(size)
     for leg in legs:
         has = np.flatnonzero(leg.of >= 0)

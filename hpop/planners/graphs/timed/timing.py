@@ -1,4 +1,4 @@
-"""Timing of a query among moving people: the search on a clock, its plans, and words for certificates."""
+"""Query among moving people: the search in time steps, its plans, and text about time for certificates and notes."""
 
 from __future__ import annotations
 
@@ -38,19 +38,19 @@ if TYPE_CHECKING:
     from hpop.planners.graphs.state_graph import StateGraph
     from hpop.problems.problem import Problem
 
-UNREACTING = "people are taken to do as predicted, whatever the robot does"
+UNREACTING = "people are taken to do as predicted, whatever the robot does"  # part of each certificate
 
 
 @dataclass(frozen=True, eq=False)
 class Timing:
-    """Clock, people and departure of a query among people who move.
+    """The part of a query that concerns time: graph with a clock, people, and departure.
 
-    timed       the graph on the clock
-    start       node at which plans begin: the query's start, or the extra node beside it
-    options     options for time
+    timed       graph for the search in time steps
+    start       node at which plans begin: the query's start, or an extra node where the robot first stands for a moment
+    options     options for planning among moving people
     people      all people, as predicted from the departure on
     begins      s, time of the departure on the clock
-    late_start  s, delay of executions at the departure that the clock does not include
+    late_start  s, delay of the robot against its plan at the departure
     """
 
     timed: GraphOnClock
@@ -63,7 +63,11 @@ class Timing:
     # The search
 
     def paths(self, query: Query, limits: Limits, eps: float, slack: IntArray) -> TimedPaths:
-        """Return all non-dominated paths on the clock, or a cover of them within ``eps`` and a slack (k,) in quanta."""
+        """Run the exact search in time steps and return all non-dominated paths.
+
+        With ``eps`` or ``slack`` (k,), in quanta of the criteria, fewer paths may be returned. For each non-dominated
+        cost vector p, the cost vector of a returned path is then at most (1 + eps) p + slack.
+        """
         quanta = np.array([criterion.quantum for criterion in query.objectives.optimised])
         counts = np.floor(slack * (quanta / self.timed.quanta) + 1e-9).astype(np.int64)
         return timed_paths(
@@ -82,7 +86,7 @@ class Timing:
 
     @property
     def words(self) -> str:
-        """The clock and the predictions, in words."""
+        """Description of the clock, the predictions and the options for time, for certificates."""
         parts = [f"on a clock of {self.options.tick:g} s"]
         hold = self.timed.hold
         parts.append("without holds" if hold is None else f"with holds of at least {hold:g} s")
@@ -96,14 +100,14 @@ class Timing:
         return ", ".join(parts)
 
     def rounded(self, objectives: Objectives) -> str:
-        """Return the part of a certificate that states the quanta of the costs."""
+        """Return the part of a certificate that says how costs are rounded."""
         own = zip(objectives.optimised, self.timed.quanta.tolist(), strict=True)
         steps = [f"{c.name} {step:g} {c.unit}".removesuffix(" 1") for c, step in own if step != c.quantum]
         return f"{ROUNDED}, on the clock those of {', '.join(steps)}" if steps else ROUNDED
 
     @property
     def _executed(self) -> str:
-        """Deviation of executions from their plans, for a certificate."""
+        """Part of a certificate: how far the robot deviates from its plans when it executes them."""
         ramps = self.timed.ramps
         if ramps is None:
             return "and each was looked at as it is executed"
@@ -112,7 +116,10 @@ class Timing:
     # Plans
 
     def plans(self, paths: TimedPaths, common: Mapping[str, Any]) -> Plans:
-        """Return paths as trajectories with holds, without those that come too near to people when executed."""
+        """Convert the paths of a search to trajectories with holds, costs, tolerances and provenance.
+
+        Paths on which the robot, when it executes them, would come too near to people are left out.
+        """
         steps = [paths.steps(i) for i in range(len(paths))]
         every = TimedPlans(self.timed, steps, self.begins, self.late_start)
         contacts = self._contacts(every)
@@ -140,9 +147,9 @@ class Timing:
         )
 
     def _contacts(self, plans: TimedPlans) -> list[str]:
-        """Return for each plan how it comes too near to people, in words; "" if it does not.
+        """Return, as text, how each plan comes too near to people; "" if it does not.
 
-        Plans proven clear by the search are not checked again.
+        Only plans are checked for which the search does not guarantee the distance already.
         """
         contacts = [""] * len(plans.steps)
         doubtful: BoolArray = (plans.drift > SLACK) | (plans.late > SLACK)
@@ -157,36 +164,39 @@ class Timing:
         return contacts
 
     def _none_left(self, contacts: Sequence[str]) -> Iterator[str]:
-        """Yield a note if every plan comes too near to people, so that none is returned."""
+        """Yield a note if the search found plans, but all of them come too near to people.
+
+        contacts  how each plan does so, as text
+        """
         if contacts:
             margin = "give a smaller margin, or " if self.options.margin > 0 else ""
             yield (
-                f"no plan is left of {len(contacts)}: each comes too near to people, such as one that {contacts[0]}; "
-                f"{margin}ask for another start or goal, or later"
+                f"{len(contacts)} plans were found, but in each the robot comes too near to people; for example, one "
+                f"that {contacts[0]}; {margin}choose another start or goal, or plan again later"
             )
 
     # The departure
 
     @property
     def departure(self) -> Start:
-        """Place and time at which plans begin."""
+        """Position, heading and time at which plans begin."""
         arcs = self.timed.arcs
         at = arcs.space.states(arcs.states_of[[self.start]])
         return Start(float(at.x[0]), float(at.y[0]), float(np.nan_to_num(at.yaw[0])), self.begins)
 
     @property
     def _at_start(self) -> tuple[tuple[float, float], float]:
-        """Position, m, at which plans begin, and the radius, m, that the robot needs there."""
+        """Position, m, at which plans begin, and the radius, m, of the circle that the robot needs there."""
         model, start = self.timed.arcs.inner.model, self.departure
         return (start.x, start.y), clearance_radius(model, self.options.margin)
 
     @property
     def _touching(self) -> tuple[str, ...]:
-        """A note on the people in contact with the robot at its start."""
+        """Notes that name the people who are in contact with the robot at its start, for the user."""
         touched = self.timed.safety.touched
         each = [[p for p in touched if bool(p.spread or p.growth) is uncertain] for uncertain in (False, True)]
         begins = "the robot starts in contact with", "the robot starts with a chance above 5 % of contact with"
-        leaves = "it may leave, where the gap does not shrink"
+        leaves = "it may only move so that the gap between them does not shrink"
         return tuple(
             f"{begin} {some([*dict.fromkeys(person.name or 'a person' for person in people)])}; {leaves}"
             for begin, people in zip(begins, each, strict=True)
@@ -195,7 +205,7 @@ class Timing:
 
     @cached_property
     def stopping(self) -> list[int]:
-        """Indices of the people who are predicted to stop before the robot at its start."""
+        """Indices of the people who are predicted to stop in front of the robot at its start."""
         if not self.timed.people_stop:
             return []
         place, reach = self._at_start
@@ -204,35 +214,35 @@ class Timing:
 
     @property
     def _stopping(self) -> tuple[str, ...]:
-        """A note on the people who are predicted to stop before the robot."""
+        """A note, for the user, that names the people who are predicted to stop in front of the robot."""
         return (taken_to_stop(self.people, self.stopping),) if self.stopping else ()
 
     def is_open_alone(self, query: Query) -> bool:
-        """Return whether a path to a goal exists if moving people are ignored."""
+        """Return whether a path to a goal would exist without the moving people."""
         graph = query.graph if query.closed is None else query.graph.without(query.closed)
         alone = pareto_paths(graph, self.start, query.goals, budget=Budget(max_labels=10**6), eps=1.0)
         return alone.status is not Status.NO_PATH
 
     def what_blocks(self, query: Query) -> str:
-        """Return the reason, in words, why there is no path."""
+        """Return the reason, as text for the user, why there is no path: walls, or people and options for time."""
         if not self.is_open_alone(query):
             return query.space.what_separates(query.start, query.goals)
-        why, remedies = ["people who move are in their way, now or later"], list[str]()
+        why, remedies = ["moving people block them, now or later"], list[str]()
         if near := [*self.timed.safety.coming(self.departure)]:
             names = some([*dict.fromkeys(person.name or "a person" for person, _ in near)])
             when = f"after {first:.2g} s" if (first := min(since for _, since in near)) else "from the beginning"
-            why.append(f"{names} may be too near to the start, {when}, for the robot to leave in time")
+            why.append(f"{names} may come too near to the start, {when}, so that the robot cannot leave in time")
         if self.options.margin > 0:
             remedies.append("a smaller margin")
         if self.options.hold is None:
-            remedies.append("a hold")
+            remedies.append("a value for hold, so that the robot may wait")
         if self.options.arrive_by is not None:
             why.append(f"none arrives within {self.options.arrive_by:g} s")
             remedies.append("a later arrive_by")
         if query.max_turns is not None:
             why.append(f"none has at most {query.max_turns} turns")
-            remedies.append("more max_turns")
-        advice = [f"give {remedy}" for remedy in remedies] + ["ask for another start or goal, or later"]
+            remedies.append("a larger max_turns")
+        advice = [f"give {remedy}" for remedy in remedies] + ["choose another start or goal", "plan again later"]
         return f"no path: there are paths without people, but {', or '.join(why)}; {', or '.join(advice)}"
 
 
@@ -246,15 +256,18 @@ def timed_query(
     *,
     people_stop: bool = False,
 ) -> Query:
-    """Return the query of a built graph on a clock, among the people of a problem.
+    """Return the query for a graph in time steps, among the moving people of a problem.
 
-    Raises Exhausted where a limit is passed, QueryError for a graph without a clock, and as
-    :func:`.assembly.timed_graph` does, which explains ``attention`` and ``people_stop``.
+    Raises Exhausted if a limit is passed, QueryError for a graph that cannot be searched in time steps, and the errors
+    of :func:`.assembly.timed_graph`, which explains ``attention`` and ``people_stop``.
     """
     began = time.perf_counter()
     space, start, goals = built.ends
     if not space.has_clock:
-        raise QueryError(f"{space.words} has no clock")
+        raise QueryError(
+            f"among moving people, a graph needs positions at which the robot can wait, but {space.words} has none; "
+            "use the lattice, or give people no velocity"
+        )
     with within(space.spending):
         timed = timed_graph(
             cast("StateGraph | JoinedEnds", space),
@@ -272,6 +285,6 @@ def timed_query(
 
 
 def on_clock(timing: Timing, objectives: Objectives, start: int, goals: list[int], **fields: Any) -> Query:
-    """Return the query of a graph on a clock; ``fields`` are further fields of the query."""
+    """Return the query for a graph in time steps; ``fields`` are values for further fields of :class:`Query`."""
     timed = timing.timed
     return Query(timed.arcs.space, objectives, timed.graph.graph, start, goals, timing=timing, **fields)
