@@ -271,7 +271,9 @@ def test_planners_start_from_a_way_without_its_holds():
         next(known_trajectories(SimpleNamespace(warm_start=given, time_limit=None), problem, None, None))
     known = ended.value.value
     assert [trajectory.kinds for trajectory in known.trajectories] == [GOES.kinds] * 2
-    assert known.notes == ("1 of the warm starts hold on their way: their holds are removed, as programs plan none",)
+    assert known.notes == (
+        "1 of the warm starts pause on their way; the pauses were removed, as this planner plans none",
+    )
 
 
 @dataclass(frozen=True)

@@ -87,7 +87,7 @@ def test_programs_that_are_not_solved_in_time_leave_the_paths_they_would_have_st
     assert front.status == "time limit"
     np.testing.assert_array_equal(front.costs, lattice.costs)
     assert "its warm starts" in front.certificate
-    assert any("had found no path by then; these are its warm starts" in note for note in front.notes)
+    assert any("had found no path by then; its warm starts are returned" in note for note in front.notes)
 
 
 def test_warm_starts_that_break_a_bound_are_not_returned(monkeypatch):

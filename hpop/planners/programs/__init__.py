@@ -1,1 +1,1 @@
-"""Planners by nonlinear programs, and the parts that they share."""
+"""Planners that solve optimisation programs (nonlinear or convex) in continuous space, and modules that they share."""

@@ -1,4 +1,4 @@
-"""Callback by which IPOPT stops at a deadline."""
+"""CasADi callback that stops the solver IPOPT at a deadline."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ if TYPE_CHECKING:
 
 
 class Stop(casadi.Callback):
-    """Callback after each iteration that stops a solver before the deadline, if the next one takes as long as the last.
+    """Callback that runs after each solver iteration, and stops the solver in time for a deadline.
 
-    CasADi holds no reference to it, so the owner of the solver must.
+    It stops the solver when another iteration as long as the last one would pass the deadline. CasADi holds no
+    reference to the callback, so the owner of the solver must hold one.
     """
 
     def __init__(self, deadline: Deadline, variables: int, constraints: int) -> None:

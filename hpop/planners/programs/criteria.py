@@ -1,4 +1,4 @@
-"""Criteria that nonlinear programs accept: those that work on symbols, and counts of moves and turns."""
+"""Check of the criteria for a nonlinear program: it accepts smooth criteria, and counts of moves and turns."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ if TYPE_CHECKING:
 
 
 def smooth_indices(criteria: Sequence[Criterion], problem: Problem, planner: str) -> tuple[int, ...]:
-    """Return the indices of the criteria with a gradient, and check all criteria before planning.
+    """Return the indices of the smooth criteria (those with a gradient), and refuse criteria that programs cannot use.
 
-    Raises UnsupportedCriterion for a criterion that has no gradient and is no count of moves and turns, for one that
-    does not work on symbols, and if no criterion has a gradient.
+    Raises UnsupportedCriterion for a criterion that has no gradient and does not just count moves and turns, for one
+    whose formula fails on CasADi symbols, and if no criterion is smooth.
     """
     indices = tuple(j for j, criterion in enumerate(criteria) if criterion.smooth)
     for criterion in criteria:
         if not criterion.smooth and not is_counted(criterion, problem):
             raise UnsupportedCriterion(
-                f"{planner} needs smooth criteria, or counts that the number of moves and turns settles; "
+                f"{planner} accepts smooth criteria, and criteria that only count moves and turns; "
                 f"{criterion.name!r} has no gradient and depends on where the motions are. Leave it out, or use "
                 "planner 'lattice'."
             )
     if not indices:
         raise UnsupportedCriterion(
-            f"{planner} needs a smooth criterion to minimise; {', '.join(c.name for c in criteria)} have no gradient. "
-            "Add one, such as 'length'."
+            f"{planner} needs a smooth criterion to minimise, got only criteria without a gradient: "
+            f"{', '.join(c.name for c in criteria)}. Add a smooth one, such as 'length'."
         )
     with ONE_PROGRAM:  # symbols are built here as well
         _try_on_symbols([criteria[j] for j in indices], problem)
@@ -47,7 +47,7 @@ def smooth_indices(criteria: Sequence[Criterion], problem: Problem, planner: str
 
 
 def _try_on_symbols(criteria: Sequence[Criterion], problem: Problem) -> None:
-    """Raise UnsupportedCriterion for a criterion that works on numbers but not on symbols."""
+    """Evaluate the criteria on CasADi symbols; raise UnsupportedCriterion if one works on numbers only."""
     for motions in _some_motions(problem, 2):
         symbols = SymbolicMotions.of(motions).motions
         for criterion in criteria:
@@ -55,19 +55,25 @@ def _try_on_symbols(criteria: Sequence[Criterion], problem: Problem) -> None:
 
 
 def minimised(name: str, criteria: Sequence[Criterion]) -> int:
-    """Return the index of the cost to minimise; raises OptionError where it is missing or has no gradient."""
+    """Return the index of the criterion called ``name``, which a planner is to minimise.
+
+    Raises OptionError if no criterion has this name, or if it has no gradient.
+    """
     names = [criterion.name for criterion in criteria]
     smooth = [criterion.name for criterion in criteria if criterion.smooth]
     if name not in smooth:
         raise OptionError(
-            f"minimise names {shown(name)}, which is no smooth cost.{did_you_mean(name, smooth)} "
-            f"These are {', '.join(smooth) or 'none'}"
+            f"minimise must be the name of a smooth criterion, got {shown(name)}.{did_you_mean(name, smooth)} "
+            f"The smooth criteria here are {', '.join(smooth) or 'none'}"
         )
     return names.index(name)
 
 
 def on_symbols(criterion: Criterion, motions: Motions) -> Any:
-    """Return costs (M,) of symbolic motions as a CasADi vector; UnsupportedCriterion if ``cost`` fails on symbols."""
+    """Return the costs (M,) of M symbolic motions as a CasADi vector.
+
+    Raises UnsupportedCriterion if the criterion's ``cost`` fails on symbols.
+    """
     try:
         column = vector(criterion.cost(motions), len(motions))
         if column.numel() != len(motions):
@@ -79,17 +85,18 @@ def on_symbols(criterion: Criterion, motions: Motions) -> Any:
     except Exception as error:  # a user's criterion on CasADi's symbols may raise anything
         why = (str(error).strip() or type(error).__name__).splitlines()[-1].rstrip(".")
         raise UnsupportedCriterion(
-            f"criterion {criterion.name!r} does not work on symbols, as a nonlinear program needs: {why}. See "
-            f"`{check_command(criterion)}`; use NumPy functions of whole columns and no 'if' on values, or planner "
-            "'lattice'."
+            f"criterion {criterion.name!r} must work on CasADi symbols, which nonlinear programs need, but failed: "
+            f"{why}. In its `cost`, use NumPy functions of whole columns and no 'if' on values (check it with "
+            f"`{check_command(criterion)}`), or use planner 'lattice'."
         ) from error
     return column
 
 
 def is_counted(criterion: Criterion, problem: Problem) -> bool:
-    """Return whether all moves cost alike, and all turns of more than three degrees, as for a count.
+    """Return whether a criterion is a count: all moves cost the same, and so do all turns of more than three degrees.
 
-    This is tested with 200 motions all over the map. An exception that they miss shows when candidates are judged.
+    This is tested on 200 random motions of each kind, all over the map. The final check of the candidates finds any
+    exceptions that this test misses.
     """
     if criterion.aggregate != "sum":
         return False
@@ -97,7 +104,7 @@ def is_counted(criterion: Criterion, problem: Problem) -> bool:
 
 
 def _some_motions(problem: Problem, count: int) -> tuple[Motions, Motions]:
-    """Return moves, and turns of more than three degrees, all over the map."""
+    """Return ``count`` random moves, and as many random turns of more than three degrees, all over the map."""
     rng = np.random.default_rng(0)
     x_min, y_min, x_max, y_max = problem.world.bounds
     x, y = rng.uniform((x_min, y_min), (x_max, y_max), size=(count, 2)).T

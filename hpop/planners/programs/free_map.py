@@ -1,4 +1,4 @@
-"""Map of the positions where a robot in the plane is free, and of the connected parts of this free space."""
+"""Grid map of where a planar robot is free of collisions, and of the connected parts of this free space."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ INDOORS = 0.1  # share of the largest part's area: an indoor part of at least th
 
 @dataclass(frozen=True, eq=False)
 class FreeMap:
-    """Grid of positions at which a robot is free at some heading, in rows from below.
+    """Grid of positions, each marked free if the robot collides with nothing there at one heading at least.
 
-    x, y   (w,), (h,)  m
-    free   (h, w)      whether the robot is free there
+    x, y   (w,), (h,)  m  of the columns from left to right, and of the rows from bottom to top
+    free   (h, w)      whether the robot is free at the position
     world
     """
 
@@ -39,7 +39,7 @@ class FreeMap:
 
     @classmethod
     def of(cls, model: Model, world: World) -> FreeMap | None:
-        """Return the map of a model, or None if the model is not in the plane."""
+        """Return the map of a robot model in a world, or None if the model does not drive in the plane."""
         if "plane" not in model.provides or set(model.space.names) < {"x", "y", "yaw"}:
             return None
         x0, y0, x1, y1 = world.bounds
@@ -64,19 +64,22 @@ class FreeMap:
 
     @cached_property
     def parts(self) -> IntArray:
-        """Number (h, w) of the connected part at each position, from 1 on; 0 where the robot is not free."""
+        """Number (h, w) of the connected part of free space at each position: 1, 2, ...; 0 where it is not free."""
         labels, _ = ndimage.label(self.free)
         return np.asarray(labels, dtype=np.int64)
 
     @cached_property
     def areas(self) -> FloatArray:
-        """Area of each part by its number, m²; 0 for number 0, which is no part."""
+        """Area of each connected part, m², indexed by its number; 0 for number 0, which is no part."""
         areas = np.bincount(self.parts.ravel()).astype(np.float64) * self.pitch**2
         areas[0] = 0.0
         return areas
 
     def part_at(self, x: float, y: float) -> int:
-        """Return the number of the part at a position, or next to it on the grid; 0 if there is none."""
+        """Return the number of the connected part at the grid position nearest to (x, y).
+
+        If that is not free, a part at one of its eight neighbours counts; 0 if there is none.
+        """
         row, column = (int(np.abs(axis - value).argmin()) for axis, value in ((self.y, y), (self.x, x)))
         near = self.parts[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
         part = int(self.parts[row, column])
@@ -84,7 +87,10 @@ class FreeMap:
 
     @property
     def main(self) -> int:
-        """Number of the largest part; for an image, of the largest indoor part. 0 if nothing is free."""
+        """Number of the largest connected part, or 0 if nothing is free.
+
+        In a world read from an image, it is the largest part indoors, unless that is tiny (INDOORS).
+        """
         areas, indoors = self.areas, self.areas.copy()
         indoors[self._open_parts()] = 0.0
         if indoors.max() >= INDOORS * areas.max():
@@ -92,7 +98,10 @@ class FreeMap:
         return int(areas.argmax()) if areas.max() > 0.0 else 0
 
     def _open_parts(self) -> IntArray:
-        """Return the numbers of the parts outside of a building: those at the image's edge, unless it is a wall."""
+        """Return the numbers of the parts outside the building on a map image: those that reach the image's edge.
+
+        The result is empty if the world is no image, or if walls run along the whole edge.
+        """
         raster = self.world.raster
         if raster is None or not self.free.any():
             return np.zeros(0, dtype=np.int64)
@@ -104,11 +113,10 @@ class FreeMap:
         return np.unique(self.parts[self.free & (steps <= steps[self.free].min() + 1)])
 
     def far_apart(self, part: int = 0) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Return two positions of a part, by default the main part, that are far apart along the shortest path.
+        """Return two positions (x, y) in a part, by default the main part, with a long shortest path between them.
 
-        The first is the position farthest from an arbitrary one, the second the position farthest from the first, both
-        with
-        additional clearance if possible. Some position must be free.
+        One is the position farthest from an arbitrary one, and the other is the position farthest from that. Both have
+        additional clearance if possible. Some position of the map must be free.
         """
         inside = self.parts == (part or self.main)
         roomy = ndimage.distance_transform_edt(inside) * self.pitch >= ROOM
@@ -121,7 +129,7 @@ class FreeMap:
 
 
 def _neighbour_graph(inside: BoolArray) -> tuple[Any, IntArray]:
-    """Return the graph of neighbouring positions, and the row and column (n, 2) of each of its nodes."""
+    """Return a graph that joins neighbouring True positions of a grid, and the row and column (n, 2) of each node."""
     cells = np.argwhere(inside)
     number = np.full(inside.shape, -1)
     number[inside] = np.arange(len(cells))
@@ -134,6 +142,6 @@ def _neighbour_graph(inside: BoolArray) -> tuple[Any, IntArray]:
 
 
 def _steps(graph: Any, source: int) -> FloatArray:
-    """Return the number of steps (n,) from a node to each node; -1 where it cannot be reached."""
+    """Return the number of edges (n,) on the shortest path from a node to each node; -1 if there is no path."""
     steps = sparse.csgraph.dijkstra(graph, directed=False, indices=np.array([source]), unweighted=True)[0]
     return np.where(np.isfinite(steps), steps, -1.0)

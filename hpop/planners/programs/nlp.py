@@ -1,6 +1,6 @@
-"""Worlds, laws and motions for nonlinear programs: sparse derivatives, smooth timing, maxima bounded by samples.
+"""Variants of worlds, motion laws and motions for nonlinear programs, whose solvers need sparse and smooth derivatives.
 
-Only programs use these; fronts have the exact costs of the exact laws.
+Only the programs use these approximations. The costs of a front are computed with the exact laws.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def require_ipopt(planner: str) -> None:
 
 
 def vector(column: Column, size: int) -> Any:
-    """Return a column of numbers, or of symbols (SX, MX), as a CasADi vector (size,)."""
+    """Return a column of numbers or of CasADi symbols (SX, MX) as a CasADi vector (size,); one number is repeated."""
     import casadi
 
     if isinstance(column, int | float | np.ndarray | np.generic):
@@ -48,11 +48,14 @@ def vector(column: Column, size: int) -> Any:
 
 
 class SparseField(Field):
-    """Field with sparse symbolic derivatives, sampled only at the positions that the symbols read."""
+    """Field that can be read at symbolic positions, with sparse derivatives.
+
+    Its samples are computed only around the positions that are read.
+    """
 
     @classmethod
     def of(cls, field: Field) -> Field:
-        """Return a field with the same samples."""
+        """Return a sparse field with the same samples as ``field``."""
         sparse = object.__new__(cls)
         sparse.__dict__.update({**field.__dict__, "_field": field, "_lookups": {}})
         return sparse
@@ -87,9 +90,10 @@ class SparseField(Field):
 
 
 class SparseWorld(World):
-    """World with sparse fields for nonlinear programs.
+    """World whose fields can be read at symbolic positions with sparse derivatives, for nonlinear programs.
 
-    It stores the fields, which their symbols need, so the owner of a program must keep this world.
+    CasADi expressions that read a field need the field alive. This world stores its fields, so keep the world as long
+    as a program that uses it.
     """
 
     def clearance_field(self, *, z: Heights = WHOLE) -> Field:
@@ -107,9 +111,9 @@ class SparseWorld(World):
 
 @dataclass(frozen=True)
 class SmoothedTurn(LawDefaults):
-    """Law of turns with the timing of ``sqrt(θ² + ROUNDING²)`` instead of |θ|.
+    """Law of turns in place that are timed as if the angle were ``sqrt(θ² + ROUNDING²)`` instead of |θ|.
 
-    A turn from rest to rest lasts 2 sqrt(|θ|/α). At the cusp of this function, at small angles, solvers get stuck.
+    A turn from rest to rest lasts 2 sqrt(|θ|/α). This function has a cusp at θ = 0, where solvers get stuck.
     """
 
     exact: PlanarLaw
@@ -139,18 +143,25 @@ class SmoothedTurn(LawDefaults):
 
 @dataclass(frozen=True, eq=False)
 class _Moment(Motions):
-    """Motions with a maximum evaluated at one moment only, so that a slack can bound each sample."""
+    """Motions that return a rate at one moment in place of its maximum, so that a program can bound every sample.
+
+    phase  index of the phase of the motion
+    at     share of the duration of the phase
+    """
 
     phase: int = 0
     at: float = 0.0
 
     def worst(self, rate: Rate, *, detail: float | None = None) -> Column:
-        """Return the rate (M,) at that moment."""
+        """Return the value of ``rate`` (M,) at that moment, not its maximum over the motion."""
         return rate(self._instants(self.phases[self.phase], self.at, None))
 
 
 def moments(motions: Motions) -> list[Motions]:
-    """Return copies of motions that evaluate a maximum at the ends and the middle of each phase."""
+    """Return copies of motions, one for each sampled moment: the start, middle and end of each phase.
+
+    A criterion that takes the maximum over a motion returns for each copy its value at that moment.
+    """
     m = motions
     return [
         _Moment(m.world, m.model, m.law, m.start, m.end, panels=m.panels, phase=phase, at=at)
@@ -159,8 +170,9 @@ def moments(motions: Motions) -> list[Motions]:
     ]
 
 
-# A hinge ``max(x, 0)`` in an integral, as in ``∫ (|α| - threshold)₊ dt``, with which the cost rises, is replaced by a
-# slack variable that is at least x and at least 0; minimising presses it onto the larger. A criterion permits this by
+# A hinge ``max(x, 0)`` has a kink, at which solvers get stuck. In an integral, as in ``∫ (|α| - threshold)₊ dt``, a
+# hinge is replaced by a slack variable that is at least x and at least 0. The cost rises with the slack, so minimising
+# presses the slack down to the larger of x and 0. A criterion permits this if it writes the hinge as
 # :func:`hpop.base.math.hinge`.
 #
 # Where a maximum is bounded sample by sample, ``max(e, 0) <= z`` with z >= 0 is equivalent to ``e <= z``. The first has
@@ -169,17 +181,17 @@ def moments(motions: Motions) -> list[Motions]:
 
 @dataclass(frozen=True)
 class Slacks:
-    """Slack variables in place of the hinges of formulas of scalar symbols (SX), in the order of the formulas.
+    """Slack variables that replace the hinges ``max(x, 0)`` in formulas of scalar symbols (SX).
 
-    symbols  K slack variables
-    below    K scalars x: each slack is to be at least x and at least 0
+    symbols  K slack variables, one for each hinge, in the order in which formulas are evaluated
+    below    the x of each hinge: its slack must be at least x and at least 0
     """
 
     symbols: list[Any] = field(default_factory=list)
     below: list[Any] = field(default_factory=list)
 
     def take(self, column: Column) -> Column:
-        """Return slack variables that replace the hinges of a column (M,)."""
+        """Return new slack variables (M,) in place of ``max(column, 0)``, and record them with their bounds."""
         import casadi
 
         below = casadi.vec(column.to_casadi())
@@ -191,7 +203,7 @@ class Slacks:
 
 @contextmanager
 def slackened() -> Iterator[Slacks]:
-    """Replace the hinges of formulas in this context by slack variables, and collect them."""
+    """Replace each hinge ``max(x, 0)`` of formulas evaluated in this context by a slack; yield the collected slacks."""
     slacks = Slacks()
     token = instead_of_hinges.set(slacks.take)
     try:
@@ -201,7 +213,9 @@ def slackened() -> Iterator[Slacks]:
 
 
 def below_hinge(column: Any) -> Any:
-    """Return e, as a column, if a CasADi vector is ``max(e, 0)``; return any other vector unchanged.
+    """Return e, as a column, if a CasADi vector has the form ``max(e, 0)``; return any other vector unchanged.
+
+    Bounding e by a slack that is at least 0 is equivalent, and has a gradient everywhere.
 
     >>> import casadi
     >>> x = casadi.MX.sym("x", 3)

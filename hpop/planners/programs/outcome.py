@@ -1,4 +1,4 @@
-"""Outcome of one job of a planner that solves many programs, and the deadline that all jobs share."""
+"""Outcome of one job of a planner that solves many nonlinear programs, and the deadline that all jobs share."""
 
 from __future__ import annotations
 
@@ -25,14 +25,15 @@ CUT_SHORT = "cut short"  # counted by jobs that the deadline ended
 
 @dataclass(frozen=True)
 class Deadline:
-    """Deadline of work in processes of one or several machines; by default never.
+    """Deadline that processes on one or several machines can check; by default there is none.
 
-    A machine's wall clock may be set while the work goes on, so it is read only by the processes of other machines.
-    The deadline is a limit of :mod:`hpop.runtime.limits`: the computation of a field stops at it.
+    On the machine that made it, the monotonic clock is read, as a wall clock may be adjusted during the work. Processes
+    on other machines read their wall clock. The deadline can serve as a limit of :mod:`hpop.runtime.limits`, which also
+    stops the computation of a field.
 
     until    s  on the monotonic clock, which the processes of one machine share; infinite for no deadline
     wall     s  on the clock of :func:`time.time`, for other machines
-    machine  name of the machine of ``until``
+    machine  name of the machine whose clock ``until`` refers to
     """
 
     until: float = math.inf
@@ -41,7 +42,7 @@ class Deadline:
 
     @classmethod
     def after(cls, seconds: float | None) -> Deadline:
-        """Return the deadline in ``seconds`` from now; None for no deadline."""
+        """Return the deadline that is ``seconds`` from now; for None, a deadline that never comes."""
         return cls() if seconds is None else cls(time.monotonic() + seconds, time.time() + seconds)
 
     @property
@@ -55,22 +56,29 @@ class Deadline:
         return self.left <= 0.0
 
     def check(self, doing: str, memory: int = 0, *, ahead: float = 0.0) -> None:
-        """Raise LimitPassed if the deadline has passed, or will pass during ``ahead`` seconds without interruption."""
+        """Raise LimitPassed if the deadline is less than ``ahead`` seconds away, the time of the next, unbroken work.
+
+        doing   what was going on, a clause in the past tense for the message
+        memory  not used; limits of :mod:`hpop.runtime.limits` take it
+        """
         if self.left <= ahead:
-            raise LimitPassed(f"the time was over while {doing}")
+            raise LimitPassed(f"the time limit was reached while {doing}")
 
     def hold(self, memory: int, doing: str) -> None:
-        """Check the time; memory is not counted."""
+        """Raise LimitPassed if the deadline has passed; memory, which other limits count, is ignored."""
         self.check(doing)
 
     def check_solver(self, status: str) -> None:
-        """Raise LimitPassed if a solver's status says that it was stopped, or the deadline has passed."""
+        """Raise LimitPassed if a solver's status says that :meth:`stopping` ended it, or if the deadline has passed."""
         if status == STOPPED:
-            raise LimitPassed(f"the time was over while {SOLVING}")
+            raise LimitPassed(f"the time limit was reached while {SOLVING}")
         self.check(SOLVING)
 
     def stopping(self, variables: int, constraints: int) -> dict[str, Any]:
-        """Return options of a CasADi solver for programs of this size by which IPOPT stops at the deadline."""
+        """Return options for a CasADi solver that make IPOPT stop at the deadline; empty if there is no deadline.
+
+        ``variables`` and ``constraints`` are the numbers of these in the program.
+        """
         if math.isinf(self.until):
             return {}
         stop = import_module("hpop.planners.programs._stop")  # on first use: it imports CasADi
@@ -86,10 +94,10 @@ ONE_PROGRAM = Lock()
 
 @dataclass(frozen=True, eq=False)
 class ImprovedTrajectory:
-    """Trajectory improved from a warm start.
+    """Trajectory that a program found by improving a warm start.
 
-    planned    (k,)  costs as the program added them up
-    tolerance  (k,)  by how much the planned costs may be off
+    planned    (k,)  costs as the program computed them
+    tolerance  (k,)  largest error of the planned costs
     """
 
     trajectory: Trajectory
@@ -103,9 +111,9 @@ class Outcome(Generic[F]):
     """Result of a job: a candidate, or the reason why there is none.
 
     candidate  or None
-    reason     why there is none, else ""
-    counts     of events during the job, by name
-    seconds    of building programs and of solving them
+    reason     why there is no candidate, else ""
+    counts     number of events of each name during the job, such as "repairs"
+    seconds    spent on building programs ("build") and on solving them ("solve")
     """
 
     candidate: F | None
@@ -115,7 +123,7 @@ class Outcome(Generic[F]):
 
     @classmethod
     def of(cls, result: F | str, counts: Counter[str], seconds: dict[str, float]) -> Outcome[F]:
-        """Return the outcome of a candidate, or of the reason why there is none."""
+        """Return the outcome of a job whose result is a candidate or, as a string, the reason why there is none."""
         return cls(None, result, counts, seconds) if isinstance(result, str) else cls(result, "", counts, seconds)
 
 
@@ -123,9 +131,9 @@ class Outcome(Generic[F]):
 class Tally:
     """Sums over the outcomes of many jobs.
 
-    counts    of events during the jobs, by name
-    seconds   of building programs and of solving them
-    failures  of the jobs without a candidate, by reason
+    counts    number of events of each name during the jobs
+    seconds   spent on building programs ("build") and on solving them ("solve")
+    failures  number of jobs without a candidate, by reason
     """
 
     counts: Counter[str] = field(default_factory=Counter)
@@ -134,14 +142,14 @@ class Tally:
 
     @classmethod
     def of(cls, outcomes: Iterable[Outcome[Any]]) -> Tally:
-        """Return the sums over outcomes."""
+        """Return the sums over the given outcomes."""
         tally = cls()
         for outcome in outcomes:
             tally.add(outcome)
         return tally
 
     def add(self, outcome: Outcome[Any]) -> None:
-        """Add an outcome."""
+        """Add the counts, seconds and failure of one outcome to the sums."""
         self.counts.update(outcome.counts)
         for part, spent in outcome.seconds.items():
             self.seconds[part] += spent
@@ -149,13 +157,13 @@ class Tally:
             self.failures[outcome.reason] += 1
 
     def notes(self, job: str) -> list[str]:
-        """Return a note for each reason of failure; ``job`` names a job in words."""
+        """Return one note (a line for the user) for each reason of failure; ``job`` is the word for one job."""
         failures = sorted((why, count) for why, count in self.failures.items() if why != CUT_SHORT)
         return [f"{counted(count, job)} without a candidate: {why}" for why, count in failures]
 
     @property
     def stats(self) -> dict[str, Any]:
-        """Failures by reason, and seconds of building and solving."""
+        """Statistics of a result: failures by reason, and seconds of building and of solving programs."""
         return {
             "failed": {why: count for why, count in self.failures.items() if why != CUT_SHORT},
             "build_seconds": self.seconds["build"],

@@ -1,4 +1,4 @@
-"""Polylines: their structure, which programs do not change, polylines in place of curves, and homotopy."""
+"""Polylines as starts of nonlinear programs: their structure, replacement of curves, and a homotopy test."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
     from hpop.world.geometry.planar import FreeSpace
 
-PIECE = 0.6  # m: a segment is integrated, and its clearance sampled, in pieces of about this length
+PIECE = 0.6  # m: costs of a segment are integrated, and its clearance is sampled, in pieces of about this length
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,10 @@ class Polyline:
 
     @property
     def structure(self) -> PolylineStructure:
-        """Structure of the polyline; numbers of pieces are rounded up, so that few different structures occur."""
+        """Structure of the polyline's program: pieces of each segment, and turns at both ends.
+
+        Numbers of pieces are rounded up to a few values, so that many polylines can share a program.
+        """
         count = len(self.vertices) - 1
         if not count:
             return PolylineStructure((), False, False)
@@ -97,17 +100,20 @@ class Polyline:
         return Polyline(self.vertices[stays], self.start_yaw, self.goal_yaw)
 
     def farthest(self, other: Polyline) -> float:
-        """Return the largest difference, m, of coordinates of two polylines; inf for different numbers of vertices."""
+        """Return how far any vertex is from its counterpart in another polyline, m, in x or in y.
+
+        The result is inf if the polylines have different numbers of vertices.
+        """
         if self.vertices.shape != other.vertices.shape:
             return float("inf")
         return float(np.abs(self.vertices - other.vertices).max())
 
     def without(self, corner: int) -> Polyline:
-        """Return the polyline without one of its vertices."""
+        """Return the polyline without the vertex of index ``corner``."""
         return Polyline(np.delete(self.vertices, corner, axis=0), self.start_yaw, self.goal_yaw)
 
     def moved(self, rng: np.random.Generator, by: float) -> Polyline:
-        """Return a polyline with interior vertices displaced at random by about ``by`` metres."""
+        """Return the polyline with its inner vertices displaced at random by about ``by`` metres in x and in y."""
         vertices = self.vertices.copy()
         vertices[1:-1] += rng.normal(0.0, by, vertices[1:-1].shape)
         return Polyline(vertices, self.start_yaw, self.goal_yaw)
@@ -115,11 +121,11 @@ class Polyline:
 
 @dataclass(frozen=True)
 class PolylineStructure:
-    """Structure of a polyline, which a nonlinear program does not change.
+    """Structure of a polyline: all that a nonlinear program keeps fixed while it moves the vertices.
 
-    pieces      (n,) number of pieces in which each segment is integrated
-    first_turn  whether the robot turns before the first segment
-    last_turn   whether it turns after the last one, to the heading of the goal
+    pieces      (n,) number of pieces in which costs of each segment are integrated
+    first_turn  whether the robot turns in place before the first segment
+    last_turn   whether it turns in place after the last one, to the heading of the goal
     """
 
     pieces: tuple[int, ...]
@@ -132,7 +138,7 @@ class PolylineStructure:
         return len(self.pieces)
 
     def grown(self, other: PolylineStructure) -> PolylineStructure:
-        """Return the structure with the larger number of pieces of both structures in each segment."""
+        """Return a structure that has in each segment the larger number of pieces of both structures."""
         return replace(self, pieces=tuple(map(max, self.pieces, other.pieces)))
 
     @property
@@ -155,33 +161,38 @@ def _rounded_up(number: float) -> int:
 
 
 class SegmentParts(NamedTuple):
-    """Parts of a polyline's segments: the segment (n,) of each, and the shares (n,) at which it begins and ends."""
+    """Parts into which the segments of a polyline are cut, n in all.
+
+    segment  (n,) index of the segment of each part
+    begin    (n,) share of the segment's length at which the part begins
+    end      (n,) share at which it ends
+    """
 
     segment: IntArray
     begin: FloatArray
     end: FloatArray
 
     def at(self, rows: IntArray) -> SegmentParts:
-        """Return some of the parts, by index."""
+        """Return the parts with the given indices."""
         return SegmentParts(self.segment[rows], self.begin[rows], self.end[rows])
 
 
 def parts_of(counts: IntArray) -> SegmentParts:
-    """Return the parts of segments that are cut into ``counts`` (n,) equal parts each."""
+    """Cut each segment i into ``counts[i]`` equal parts, and return the parts."""
     segment, number = numbered(counts)
     return SegmentParts(segment, number / counts[segment], (number + 1) / counts[segment])
 
 
 SPACING = 0.02  # m between the points of a curve
-DEVIATIONS = (0.4, 0.2, 0.1, 0.05)  # m: largest distance of a polyline from its curve; the first has the fewest corners
+DEVIATIONS = (0.4, 0.2, 0.1, 0.05)  # m: largest distances of a polyline from its curve, tried in turn, coarsest first
 
 
 def straightened(trajectories: Sequence[Trajectory], problem: Problem) -> tuple[list[Trajectory], list[str]]:
-    """Return trajectories with their curves replaced by collision-free polylines, and notes on the curves.
+    """Replace curved trajectories by collision-free polylines; return the trajectories and notes on the curves.
 
-    The corners are those of Douglas and Peucker (1973), for the largest of DEVIATIONS at which the robot, which turns
-    in
-    place there, does not collide. A curve without such a polyline is left out.
+    Trajectories of moves and turns in place stay as they are. Each other one is simplified to a polyline (Douglas and
+    Peucker 1973), at whose corners the robot turns in place. The largest of DEVIATIONS that gives no collision is used.
+    A trajectory without such a polyline is left out.
     """
     straight, yaw = list[Trajectory](), one_goal(problem, "a polyline")[2]
     curves, deviations = 0, list[float]()
@@ -201,18 +212,19 @@ def straightened(trajectories: Sequence[Trajectory], problem: Problem) -> tuple[
     notes = []
     if deviations:
         notes.append(
-            f"{len(deviations)} of the warm starts are curves: polylines within {max(deviations):g} m stand in for them"
+            f"{len(deviations)} of the warm starts are curves, and were replaced by polylines at most "
+            f"{max(deviations):g} m away"
         )
     if curves > len(deviations):
         notes.append(
-            f"{curves - len(deviations)} of the warm starts are curves without a free polyline within "
-            f"{DEVIATIONS[-1]:g} m: left out"
+            f"{curves - len(deviations)} of the warm starts are curves, and were left out: even a polyline within "
+            f"{DEVIATIONS[-1]:g} m of the curve collides"
         )
     return straight, notes
 
 
 def _points(trajectory: Trajectory, speed: float) -> FloatArray:
-    """Return points (N, 2), m, along a trajectory; consecutive points differ."""
+    """Return points (N, 2), m, about SPACING apart along a trajectory, without repeated points."""
     states = trajectory.at(np.linspace(0.0, trajectory.duration, 2 + int(trajectory.duration * speed / SPACING)))
     points = np.stack([states.x, states.y], axis=1)
     new = np.append(True, (np.diff(points, axis=0) != 0).any(axis=1))
@@ -222,11 +234,12 @@ def _points(trajectory: Trajectory, speed: float) -> FloatArray:
 def homotopic(first: FloatArray, second: FloatArray, space: FreeSpace) -> bool:
     """Return whether a path (N, 2) can be deformed into another (M, 2) with the same ends without crossing an obstacle.
 
-    Both paths lie in the free space; forth along one and back along the other is a loop. From a point in each hole of
-    the free space a ray goes up. The rays that the loop crosses, with their sides, form a word, in which a crossing and
-    the next crossing back over the same ray cancel. The loop is contractible if and only if the reduced word is empty:
-    the loops of the plane without some points form a free group with one generator per point. Winding numbers do not
-    suffice: a loop round two obstacles, then back round each of them, has winding number 0 about both.
+    Both paths lie in the free space. Following one path forth and the other back gives a loop. Draw a ray upwards from
+    a point in each hole of the free space. The sequence of rays that the loop crosses, each with its direction, is a
+    word; a crossing and an immediately following crossing back over the same ray cancel. The loop can be contracted if
+    and only if the reduced word is empty, since the loops of a plane without H points form a free group with H
+    generators. Winding numbers do not suffice: a loop round two obstacles, then back round each of them, has winding
+    number 0 about both.
 
     >>> from hpop.world import World
     >>> room = World.from_polygons([shapely.box(4, 4, 6, 6)], extent=shapely.box(0, 0, 10, 10))
@@ -250,9 +263,10 @@ def holes(loop: FloatArray, space: FreeSpace) -> FloatArray:
 
 
 def crossing_word(loop: FloatArray, points: FloatArray) -> list[int]:
-    """Return the reduced word of the rays, up from points (H, 2), that a loop (L, 2) crosses.
+    """Return the sequence in which a loop (L, 2) crosses the upward rays from points (H, 2).
 
-    The letter i + 1 is a crossing of ray i to the right, -i - 1 one to the left.
+    A crossing of ray i to the right is written i + 1, to the left -i - 1. A crossing is removed together with an
+    immediately following crossing back over the same ray, until no such pair is left.
     """
     (x, y), (px, py) = loop.T[:, :, None], points.T[:, None, :]
     ahead = (x[:-1] <= px) & (px < x[1:])
@@ -262,7 +276,7 @@ def crossing_word(loop: FloatArray, points: FloatArray) -> list[int]:
     share = (at - begin) / (end - begin)
     over = y[segment, 0] + share * (y[segment + 1, 0] - y[segment, 0]) > py[0, ray]
     letter = np.where(ahead[segment, ray], ray + 1, -ray - 1)
-    # Of rays in one line, each counts as slightly to the right of the one before it.
+    # If rays lie on one vertical line, each counts as slightly to the right of the ray before it.
     order = np.lexsort((letter, share, segment))
     word: list[int] = []
     for crossing in letter[order[over[order]]].tolist():

@@ -1,4 +1,4 @@
-"""Warm starts: trajectories of another planner, of a front, or from a list, from which a planner starts."""
+"""Warm starts: known trajectories that a planner improves, from another planner, a front or a list."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
 WarmStart = str | Mapping[str, Mapping[str, Any]] | Front[Trajectory] | Sequence[Trajectory]
-SHARED = ("step", "headings")  # options that the planner of warm starts takes from the planner
+SHARED = ("step", "headings")  # options that a planner passes on to the planner of its warm starts
 SHARE = 0.5  # share of the time limit that the planner of the warm starts may take
 FORMS = "the name of a planner, {name: options}, a front, or a list of trajectories"
 
 
 class Starting(Protocol):
-    """Planner that starts from known trajectories, with the options that it passes on to the planner of warm starts.
+    """Interface of a planner that starts from warm starts: the options that are read here.
 
-    It may also have the options SHARED.
+    It may also have options with the names SHARED, which are passed on to the planner of the warm starts.
     """
 
     @property
@@ -45,12 +45,12 @@ class Starting(Protocol):
 
 
 class WarmStarts(NamedTuple):
-    """Trajectories of moves and turns in place from start to goal, from which a planner starts.
+    """Trajectories from start to goal that a planner will improve.
 
     status       status of the planner that found them
-    notes        notes on them, for the user
-    interrupted  candidates of a planner that was interrupted; they are the result, and no plan starts from them
-    candidates   candidates of the planner that found them, or None
+    notes        lines for the user, such as how many curves were replaced
+    interrupted  candidates of the planner that found them, if Ctrl-C interrupted it; they are then the final result
+    candidates   candidates of the planner that found them; None if it was interrupted, or the user passed them
     """
 
     trajectories: Sequence[Trajectory]
@@ -60,13 +60,13 @@ class WarmStarts(NamedTuple):
     candidates: Candidates | None = None
 
     def with_unimproved(self, after: Candidates, improved: Iterable[int]) -> Candidates:
-        """Return the candidates of a plan; if a limit or Ctrl-C stopped it, also the warm starts not yet improved.
+        """Return the candidates of a planner, and the warm starts it did not get to if a limit or Ctrl-C stopped it.
 
-        Warm starts that the user passed are not returned.
+        Warm starts that the user passed are not added.
 
         Parameters
         ----------
-        after : candidates of the plan
+        after : candidates of the planner that started from these warm starts
         improved : indices of the warm starts from which a candidate came
         """
         stopped = after.status in (Status.TIME_LIMIT, Status.MEMORY_LIMIT, Status.INTERRUPTED)
@@ -74,7 +74,7 @@ class WarmStarts(NamedTuple):
             return after
         name = after.stats.get("planner", "it")
         if not after.trajectories:
-            note = f"{after.status}: {name} had found no path by then; these are its warm starts, unchanged"
+            note = f"{after.status}: {name} had found no path by then; its warm starts are returned unchanged"
             return replace(
                 self.candidates,
                 status=after.status,
@@ -104,7 +104,11 @@ class WarmStarts(NamedTuple):
     def polylines(
         self, problem: Problem, criteria: Sequence[Criterion]
     ) -> tuple[WarmStarts, list[Polyline], FloatArray, tuple[str, ...]]:
-        """Return the collision-free warm starts, their polylines with exact ends, costs (n, k), and notes."""
+        """Drop the warm starts that collide, and return the n others, also as polylines.
+
+        The result has these n warm starts, their polylines from exact start to exact goal, the costs (n, k) of the
+        polylines, and notes on the warm starts that were dropped.
+        """
         polylines = [Polyline.of(trajectory, problem) for trajectory in self.trajectories]
         judged = judge(problem, criteria, [polyline.trajectory(problem.model) for polyline in polylines])
         rows = judged.accepted_rows
@@ -112,19 +116,22 @@ class WarmStarts(NamedTuple):
         return free, [polylines[i] for i in rows], judged.costs[rows], judged.notes("warm starts")
 
     def ended(self, status: Status) -> Status:
-        """Return the status of a plan that started from these warm starts and ended with ``status``."""
+        """Return the status of a planner that ended with ``status``: COMPLETE only if its warm starts are complete too.
+
+        If the planner completed its own work, the status is that of the warm starts.
+        """
         return self.status if status is Status.COMPLETE else status
 
 
 def check_warm_start(starting: Starting) -> None:
-    """Raise OptionError for a warm_start that has no valid form, names no planner or gives it unknown options."""
+    """Raise OptionError if the option ``warm_start`` is not one of FORMS, or has an unknown planner or option."""
     spec = starting.warm_start
     if isinstance(spec, str | Mapping):
         warm_planner(starting)
     elif not isinstance(spec, Front) and not _are_trajectories(spec):
-        raise OptionError(f"warm_start is {FORMS}, got {shown(spec)}")
+        raise OptionError(f"warm_start must be {FORMS}, got {shown(spec)}")
     elif not len(spec):
-        raise OptionError("warm_start has no trajectory to start from; give some, or the name of a planner")
+        raise OptionError("warm_start needs at least one trajectory, got none; pass some, or the name of a planner")
 
 
 def warm_starts(
@@ -134,13 +141,13 @@ def warm_starts(
     executor: Executor | None,
     left: float | None = None,
 ) -> WarmStarts:
-    """Return the trajectories that a planner starts from, curves replaced by polylines and holds removed.
+    """Return the trajectories that a planner starts from, with curves replaced by polylines and holds removed.
 
-    A named planner plans now, on the executor if it sweeps, and its front is used. Trajectories from the user must be
-    of the problem's model. The planner may spend SHARE of the remaining seconds ``left``; if it finds no path in this
-    time, all of them.
+    If ``warm_start`` names a planner, that planner runs now, and the trajectories of its front are used. It may spend
+    SHARE of the remaining seconds ``left``; if it finds no path in this time, it is run again with all of them. An
+    executor is passed on to it.
 
-    Raises OptionError for trajectories of another model, and the errors of the planner.
+    Raises OptionError for trajectories of another model than the problem's, and the errors of the named planner.
     """
     watch, planner = Watch("warm starts", left), _planner_of(starting, problem, left)
     if planner is None:
@@ -155,15 +162,21 @@ def warm_starts(
 
 
 def _contact(problem: Problem) -> list[str]:
-    """Return a note if the robot starts in contact with people: programs ignore them, the final judgement does not."""
+    """Return a note if the robot starts in contact with people.
+
+    Nonlinear programs ignore these people, but the final check drops trajectories that touch them again.
+    """
     content = problem.world.content
     names = ", ".join(content.people[i].name or f"number {i}" for i in content.left)
-    note = f"programs ignore {names}, touched by the robot at its start: trajectories that touch them again are dropped"
+    note = (
+        f"nonlinear programs ignore {names}, because the robot touches them at its start; trajectories that touch them "
+        "again later are dropped"
+    )
     return [note] if names else []
 
 
 def _last(stages: Generator[Candidates, None, WarmStarts]) -> WarmStarts:
-    """Return the result of the last stage."""
+    """Run all stages of :func:`known_trajectories`, drop their candidates, and return the warm starts at the end."""
     while True:
         try:
             next(stages)
@@ -178,7 +191,10 @@ def known_trajectories(
     executor: Executor | None,
     left: float | None = None,
 ) -> Generator[Candidates, None, WarmStarts]:
-    """Yield the candidates of each early stage of the planner, then return the warm starts, with curves and holds."""
+    """Run the planner that ``warm_start`` names: yield the candidates of its early stages, then return the warm starts.
+
+    Curves are kept; holds are removed. If the user passed trajectories, nothing is yielded.
+    """
     planner = _planner_of(starting, problem, left)
     if planner is None:
         return _passed_in(starting, problem)
@@ -192,7 +208,10 @@ def known_trajectories(
 
 
 def _planner_of(starting: Starting, problem: Problem, left: float | None) -> Planner | None:
-    """Return the planner of the warm starts if one is named; it may spend SHARE of the remaining seconds ``left``."""
+    """Return the planner that ``warm_start`` names, with a time limit of SHARE of the remaining seconds ``left``.
+
+    The result is None if the user passed trajectories instead.
+    """
     if not isinstance(starting.warm_start, str | Mapping):
         return None
     planner = warm_planner(starting, time_limit=None if left is None else max(LEAST, SHARE * left))
@@ -201,16 +220,22 @@ def _planner_of(starting: Starting, problem: Problem, left: float | None) -> Pla
 
 
 def _passed_in(starting: Starting, problem: Problem) -> WarmStarts:
-    """Return the warm starts that the user passed."""
+    """Return the trajectories that the user passed as ``warm_start``; raise OptionError if their model differs."""
     spec = starting.warm_start
     trajectories = spec.items if isinstance(spec, Front) else cast(Sequence[Trajectory], spec)
     if any(trajectory.model != problem.model for trajectory in trajectories):
-        raise OptionError("warm_start has trajectories of another model than the problem's; plan with that one")
+        raise OptionError(
+            "warm_start must have trajectories of the problem's model, got some of another model; plan them with the "
+            "problem's model first"
+        )
     return _moving(trajectories, Status.COMPLETE, ())
 
 
 def _planned(candidates: Candidates, problem: Problem) -> WarmStarts:
-    """Return the warm starts from a planner's candidates; none if it, or their evaluation, was interrupted."""
+    """Return the front of a planner's candidates as warm starts.
+
+    If Ctrl-C interrupted the planner or the evaluation of the front, there are none to improve (:func:`_interrupted`).
+    """
     status = candidates.status
     if status is Status.INTERRUPTED:
         return _interrupted(candidates)
@@ -220,39 +245,42 @@ def _planned(candidates: Candidates, problem: Problem) -> WarmStarts:
         return _interrupted(candidates)
     if not trajectories:
         return WarmStarts((), status, (f"no warm start: {status}", *candidates.notes))
-    notes = () if status.is_final else (f"the warm starts are not all there are: {status}",)
+    notes = () if status.is_final else (f"the warm starts are incomplete: {status}",)
     return _moving(trajectories, status, notes)._replace(candidates=candidates)
 
 
 def _interrupted(candidates: Candidates) -> WarmStarts:
-    """Return warm starts without trajectories, with the candidates of an interrupted planner as the result."""
+    """Return empty warm starts that carry the candidates of an interrupted planner, which are then the result."""
     status, number = Status.INTERRUPTED, counted(len(candidates.trajectories), "warm start")
-    note = f"{status}: these are the warm starts found by then ({number}); no plan started from them"
+    note = f"{status}: the result has the warm starts found by then ({number}), none of them improved"
     return WarmStarts((), status, (), replace(candidates, status=status, notes=(note, *candidates.notes)))
 
 
 def _moving(trajectories: Sequence[Trajectory], status: Status, notes: tuple[str, ...]) -> WarmStarts:
-    """Return warm starts without holds, with a note if holds were removed."""
+    """Return trajectories as warm starts, without their holds (pauses in place), with a note if there were any."""
     if holds := sum(HOLD.kind in trajectory.kinds for trajectory in trajectories):
-        note = f"{holds} of the warm starts hold on their way: their holds are removed, as programs plan none"
+        note = f"{holds} of the warm starts pause on their way; the pauses were removed, as this planner plans none"
         return WarmStarts([trajectory.without_holds() for trajectory in trajectories], status, (*notes, note))
     return WarmStarts(trajectories, status, notes)
 
 
 def warm_planner(starting: Starting, *, time_limit: float | None = None) -> Planner:
-    """Return the planner that is named, with the shared options that it accepts.
+    """Return the planner that the option ``warm_start`` names.
 
-    A planner with options of its own, ``{name: {option: value}}``, shares only the time limit, unless it sets one.
+    Given by name alone, it gets ``time_limit`` and those of the SHARED options of ``starting`` that it has. Given as
+    ``{name: {option: value}}``, it gets these options, and ``time_limit`` unless they set one.
 
-    Raises OptionError for a name that is no planner's and for unknown options.
+    Raises OptionError for an unknown planner and for unknown options.
     """
     spec = starting.warm_start
     if isinstance(spec, Mapping):
         if len(spec) != 1:
-            raise OptionError(f"warm_start is one planner with its options, got {shown(spec)}")
+            raise OptionError(f"warm_start must be one planner with its options, {{name: options}}, got {shown(spec)}")
         ((name, options),) = spec.items()
         if not isinstance(options, Mapping | None):
-            raise OptionError(f"warm_start gives the options of {shown(name)} by their names, got {shown(options)}")
+            raise OptionError(
+                f"warm_start must give the options of {shown(name)} as {{option: value}}, got {shown(options)}"
+            )
         shared: dict[str, Any] = {} if time_limit is None else {"time_limit": time_limit}
     else:
         name, options = str(spec), {}

@@ -1,4 +1,4 @@
-"""The RRT planner: the baseline of Becerra et al. 2020."""
+"""The RRT planner: random trees of drives, the baseline of Becerra et al. 2020."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The RRT planner, the baseline of Becerra et al. 2020: the smoothest of many random trajectories."""
+"""The RRT planner, the baseline of Becerra et al. 2020: the smoothest one of many random trajectories."""
 
 from __future__ import annotations
 
@@ -33,10 +33,9 @@ from hpop.runtime.sweep import Sweep
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-# The tree (LaValle and Kuffner 2001, "Randomized kinodynamic planning") grows by drives of constant wheel accelerations
-# that are drawn at random. OMPL grows it; :mod:`hpop.planners.rrt.query` defines how the robot moves and what is free.
-# A state is at the goal if braking from it would end near the goal. The braking is appended, and the remaining gap is
-# closed (:mod:`hpop.planners.rrt.query`).
+# OMPL grows the tree (LaValle and Kuffner 2001, "Randomized kinodynamic planning") by drives with constant, random
+# wheel accelerations; :mod:`hpop.planners.rrt.query` defines how the robot moves and when it is free. A state counts as
+# at the goal if braking from it ends near the goal. The braking is appended, and the remaining gap is closed.
 
 
 MOST_STEPS = 5  # wheel accelerations are held for 1 to MOST_STEPS steps
@@ -51,9 +50,8 @@ class TreeRun(NamedTuple):
 
     controls    (n, 3)  acceleration, m/s², angular acceleration, rad/s², duration, s, of each drive; empty on failure
     failure     reason of a failure, or ""
-    extensions  number of extensions of the tree, failed ones included
-    missed      m, from the goal to the nearest position at which the tree could stop; 0 if it is near enough, inf if
-                unknown
+    extensions  number of attempts to extend the tree, failed ones included
+    missed      m       from the goal to the nearest possible stop; 0 if the goal was reached, inf if unknown
     """
 
     controls: FloatArray
@@ -63,7 +61,7 @@ class TreeRun(NamedTuple):
 
 
 def run(query: TreeQuery, seed: int) -> TreeRun:
-    """Grow one tree; the result depends on the arguments alone, unless its failure is LATE."""
+    """Grow one tree from start to goal; the result depends on the arguments alone, unless its failure is LATE."""
     if query.arrived:
         return TreeRun(np.empty((0, 3)), "", 0)
     with _alone:
@@ -73,22 +71,25 @@ def run(query: TreeQuery, seed: int) -> TreeRun:
         return TreeRun(np.empty((0, 3)), failure, extensions, missed)
     closed = close_gap(query, controls)
     if closed is None:
-        return TreeRun(np.empty((0, 3)), "ended near the goal, from where it could not be led to it", extensions)
+        return TreeRun(np.empty((0, 3)), "ended near the goal, but the last gap could not be closed", extensions)
     return TreeRun(closed, "", extensions)
 
 
 def load_ompl() -> tuple[Any, Any, Any]:
-    """Return the modules base, control and util of OMPL; raise OptionError if OMPL is not installed."""
+    """Import OMPL; return its modules base, control and util. Raise OptionError if OMPL is not installed."""
     try:
         return import_module("ompl.base"), import_module("ompl.control"), import_module("ompl.util")
     except ImportError as error:
         raise OptionError(
-            f"planner 'rrt' needs OMPL, the extra hpop[rrt] ({error}); pip install 'hpop[rrt]', or use another planner"
+            f"planner 'rrt' needs OMPL, which fails to load ({error}); pip install 'hpop[rrt]', or use another planner"
         ) from None
 
 
 def grow(query: TreeQuery, seed: int) -> tuple[FloatArray | None, int, float]:
-    """Grow a tree to rest near the goal; return controls (n, 3) or None, the number of extensions, the gap left, m."""
+    """Grow one tree with OMPL until the robot can stop near the goal, or until a limit is reached.
+
+    Returns controls (n, 3) to that stop or None, the number of extensions, and the distance missing to the goal, m.
+    """
     ob, oc, util = load_ompl()
     level = util.getLogLevel()
     util.setLogLevel(util.LOG_NONE)
@@ -127,7 +128,7 @@ def grow(query: TreeQuery, seed: int) -> tuple[FloatArray | None, int, float]:
 
 
 def _spaces(query: TreeQuery, ob: Any, oc: Any) -> tuple[Any, Any]:
-    """Return OMPL's state space, of poses with velocities, and its control space, of accelerations of both wheels."""
+    """Return OMPL's state space (poses with velocities), and its control space (accelerations of both wheels)."""
     limits, (x_min, y_min, x_max, y_max) = query.limits, query.world.bounds
 
     def bounds(*ranges: tuple[float, float]) -> Any:
@@ -149,7 +150,7 @@ def _spaces(query: TreeQuery, ob: Any, oc: Any) -> tuple[Any, Any]:
 
 
 def _goal_region(query: TreeQuery, ob: Any, space: Any) -> Any:
-    """Return OMPL's goal region; every twentieth extension is towards the goal at rest."""
+    """Return OMPL's goal region, from which braking ends near the goal; every 20th extension is towards the goal."""
 
     class RestNearGoal(ob.GoalSampleableRegion):  # type: ignore[misc]
         def distanceGoal(self, state: Any) -> float:  # noqa: N802  (OMPL's name)
@@ -188,7 +189,7 @@ def _write_base(state: Any, base: Base) -> None:
 
 
 def _controls(query: TreeQuery, path: Any) -> FloatArray:
-    """Return the controls (n, 3) of an OMPL path, one row per step, and of braking at its end."""
+    """Return the controls (n, 3) of an OMPL path, in steps of STEP seconds, followed by those of braking at its end."""
     rows = []
     for i in range(path.getControlCount()):
         wheels = path.getControl(i)
@@ -205,24 +206,25 @@ MOST_RUNS = 100_000
 @planner("rrt")
 @dataclass(frozen=True)
 class RRT:
-    """Random trajectories under wheel accelerations; of all runs, the one with the fewest curvature sign changes.
+    """Planner that grows random trees of drives, and selects the trajectory with the fewest curvature sign changes.
 
     runs            number of trees, each with its own random numbers (the paper: 1000)
     seed            seed of the random numbers; in Python also `rng`: a seed, a Generator that draws one, or None for a
                     fresh one (SPEC 7)
-    keep            "selected": only the selected run, the shortest among equals; "all": every run, for the front to
-                    filter
-    max_extensions  number of extensions of a tree, after which its run gives up
+    keep            "selected": only the run with the fewest sign changes, the shortest among equals; "all": all runs
+                    that reach the goal, from which the front keeps the best
+    max_extensions  number of attempts to extend a tree, after which its run gives up
     time_limit      s  for all runs; finished runs are used, unfinished trees are dropped
 
-    The reference of the study in Becerra et al. 2020 (arXiv 2002.10696), which leaves open how trees grow. Trees are
-    those of OMPL (Sucan, Moll and Kavraki 2012), with the drives of :mod:`hpop.planners.rrt.query`. Wheel accelerations
-    are bounded so that the base keeps the model's speed, turn rate and accelerations; it never goes backwards.
+    This is the baseline of the user study of Becerra et al. 2020 (arXiv 2002.10696), which does not say how its trees
+    grow. Here OMPL grows them (Sucan, Moll and Kavraki 2012), by drives with random wheel accelerations
+    (:mod:`hpop.planners.rrt.query`). These are bounded so that the base keeps the model's speed, turn rate and
+    accelerations; it never goes backwards.
 
-    Accepts any criteria, at least one without memory; at start and goal the circle that the robot sweeps must be clear,
-    since it plans for that circle. Guarantees no cost, and may miss a path that exists; trajectories begin and end at
-    rest, exactly at start and goal, and are free of collisions. Takes about half a second per run in a building and
-    memory for one tree; the results are the same with any executor.
+    Accepts any criteria, at least one without memory. The planner treats the robot as the circle that it sweeps in
+    turning, so this circle must be free at start and goal. Guarantees no cost, and may miss a path that exists.
+    Trajectories begin and end at rest, exactly at start and goal, and are free of collisions. A run takes about half a
+    second in a building, and memory for one tree; results are the same with any executor.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid", "wheels"})
@@ -245,9 +247,9 @@ class RRT:
     def solve(
         self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
     ) -> Candidates:
-        """Run the trees, one job of the executor each, and select.
+        """Grow the trees, each as one job for the executor, and select from their trajectories.
 
-        Raises OptionError without OMPL, QueryError when start or goal is blocked, or when people move.
+        Raises OptionError if OMPL is not installed, and QueryError if start or goal is not free or if people move.
         """
         load_ompl()
         watch = Watch("rrt", self.time_limit, progress)
@@ -270,17 +272,17 @@ class RRT:
         )
 
     def _seeds(self) -> list[int]:
-        """Return the seeds of the runs; OMPL does not accept 0."""
+        """Return a seed for each run, derived from the planner's seed; none is 0, which OMPL does not accept."""
         return [1 + int(np.random.SeedSequence((self.seed, i)).generate_state(1)[0] >> 1) for i in range(self.runs)]
 
     def _query(self, problem: Problem, until: float | None) -> TreeQuery:
-        """Return the query of all runs; raises QueryError where people move or an end is not clear."""
+        """Return the query that all runs share; raises QueryError if people move, or if start or goal is not free."""
         moving = [p.name or f"number {i}" for i, p in enumerate(problem.world.content.people) if p.moves]
         if moving:
             raise QueryError(
-                f"rrt plans round people who stand, but {' and '.join(moving)} move{'s' * (len(moving) == 1)}. The "
-                "planners exact, lattice, roadmap and any-angle have a clock. Or give people no velocity, to plan "
-                "round where they are now, or leave them out, and evaluate the criteria on the trajectory among them."
+                f"rrt plans only among people who stand, but {' and '.join(moving)} move{'s' * (len(moving) == 1)}. "
+                "Use planner exact, lattice, roadmap or any-angle, which plan for moving people. Or remove their "
+                "velocities, to plan round their present positions; or leave them out, and evaluate the result later."
             )
         checked_ends(problem)
         model, start, goal = on_wheels(problem.model), start_of(problem), one_goal(problem, "rrt")
@@ -291,23 +293,23 @@ class RRT:
                 if end == "start" and content.left:
                     names = " and ".join(content.people[i].name or f"number {i}" for i in content.left)
                     raise QueryError(
-                        f"the robot starts in contact with {names}, which rrt cannot leave. The planners lattice, "
-                        "roadmap, any-angle, epsilon-constraint, weighted-sum-corridor and smoothing can: take one, or "
-                        "move the start."
+                        f"rrt needs a start without contact, but the robot touches {names} there. Use planner lattice, "
+                        "roadmap, any-angle, epsilon-constraint, weighted-sum-corridor or smoothing, which can start "
+                        "in contact, or move the start."
                     )
                 raise QueryError(
-                    f"the {end} ({x:.3f}, {y:.3f}) is too near an obstacle for rrt, which plans for the circle that "
-                    "the robot sweeps in turning. Move it, or use another planner."
+                    f"rrt needs room at the {end} for the circle that the robot sweeps in turning, but "
+                    f"({x:.3f}, {y:.3f}) is too near an obstacle. Move the {end}, or use another planner."
                 )
         return TreeQuery(model, problem.world, start, goal, self.max_extensions, until)
 
 
 @dataclass(frozen=True, eq=False)
 class _FinishedRuns:
-    """Finished runs of an RRT planner, from which candidates are selected.
+    """Runs of an RRT planner, from which candidates are selected.
 
-    finished  index of a run -> its result
-    runs      results in the order of the seeds
+    finished  results by the index of the run, without runs that the time limit ended
+    runs      all results, in the order of the seeds
     """
 
     planner: RRT
@@ -319,7 +321,7 @@ class _FinishedRuns:
     status: Status
 
     def candidates(self) -> Candidates:
-        """Judge the trajectories of the runs, and return the selected candidates."""
+        """Check the trajectories of all runs that reached the goal, and return the selected candidates with notes."""
         reached = {i: tree_run for i, tree_run in self.finished.items() if not tree_run.failure}
         trajectories = tuple(self.query.trajectory(tree_run.controls) for tree_run in reached.values())
         optimised, world, seeds = self.objectives.optimised, self.problem.world, self.planner._seeds()
@@ -363,21 +365,21 @@ class _FinishedRuns:
 
     @property
     def _selection_criteria(self) -> list[Criterion]:
-        """Criteria of the selection: curvature sign changes and length, with the problem's options if it has these."""
+        """Criteria that select a run: curvature sign changes, then length; with the problem's options for these."""
         return [
             next((c for c in self.problem.criteria if c.name == name), make_criterion(name))
             for name in ("curvature_sign_changes", "length")
         ]
 
     def _claim(self, count: int) -> str:
-        """Return the certificate."""
+        """Return the certificate: a sentence that says what the result is, and how many runs there were."""
         runs = f"{len(self.finished)} random runs (seed {self.planner.seed}), of which {count} reached the goal"
         if self.planner.keep == "all":
             return f"rrt: a baseline, no optimum of any cost: {runs}"
         return f"rrt: a baseline, no optimum of any cost: the fewest curvature sign changes of {runs}"
 
     def _run_notes(self, sign_changes: FloatArray, failed: Counter[str]) -> tuple[str, ...]:
-        """Return notes on the outcomes of the runs."""
+        """Return notes for the user: why runs failed, the range of sign changes, and advice if nothing was found."""
         runs, least = (
             len(self.finished),
             min((tree_run.missed for tree_run in self.runs if tree_run.missed), default=math.inf),
@@ -386,15 +388,13 @@ class _FinishedRuns:
         if sign_changes.size:
             least, most = int(sign_changes.min()), int(sign_changes.max())
             times = f"{least}" if least == most else f"{least} to {most}"
-            notes.append(f"rrt: curvature changes its sign {times} times on the {sign_changes.size} found")
+            notes.append(f"rrt: the curvature changes its sign {times} times on the {sign_changes.size} paths found")
         else:
-            nearest = (
-                f" The nearest that a tree came to the goal is about {least:.1f} m." if math.isfinite(least) else ""
-            )
+            nearest = f" The best tree ended about {least:.1f} m from the goal." if math.isfinite(least) else ""
             helps = "take more runs or max_extensions" if runs else "raise time_limit"
-            why = "" if runs else ": the time was up before a tree was at the goal"
+            why = "" if runs else " before the time limit"
             notes.append(
-                f"rrt found nothing{why}, which does not mean that there is no path.{nearest} Trees reach goals "
-                f"some tens of metres away: {helps}, or plan with lattice or roadmap, which find longer paths"
+                f"rrt found no path{why}, which does not mean that there is none.{nearest} Trees reach goals some tens "
+                f"of metres away: {helps}, or plan with lattice or roadmap, which find longer paths"
             )
         return tuple(notes)

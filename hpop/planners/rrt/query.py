@@ -1,4 +1,4 @@
-"""Motions of the RRT planner's trees: drives of constant wheel accelerations, where there is room for them."""
+"""Motions of the RRT planner: drives with constant wheel accelerations, braking, and closing the gap to the goal."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 STEP = 0.4  # s during which wheel accelerations are constant
 NEAR, NEAR_YAW = 0.8, 0.3  # m, rad: largest gap between the end of braking and the goal
-SHARE = 0.95  # of each limit that trees may use; the remainder serves to close the gap
-SHARES = np.array([0.25, 0.5, 0.75, 1.0])  # of a drive, at which its clearance is checked
-ROUNDING = 1e-9  # m/s
+SHARE = 0.95  # share of each limit that trees may use; the remainder serves to close the gap
+SHARES = np.array([0.25, 0.5, 0.75, 1.0])  # shares of a drive at which its clearance is checked
+ROUNDING = 1e-9  # m/s: a speed may be this much below 0
 
 T = TypeVar("T", float, FloatArray)
 
@@ -33,10 +33,10 @@ _TIMES = SHARES[:, None] * _at  # (4, nodes) shares of the drive: quadrature nod
 
 
 class WheelLimits(NamedTuple):
-    """Limits of the wheels and the base.
+    """Limits of the wheels and of the base that they drive.
 
-    Wheel accelerations within these limits keep the base within the model's accelerations, and the wheels reach the
-    speeds of its straight moves and turns.
+    If the wheels keep these limits, the base keeps the model's accelerations. The wheels may be as fast as the model's
+    straight moves and turns in place need.
     """
 
     speed: float  # m/s, of the base; it never goes backwards
@@ -46,7 +46,7 @@ class WheelLimits(NamedTuple):
 
     @classmethod
     def of(cls, model: Wheeled, share: float = 1.0) -> WheelLimits:
-        """Return a share of the limits that follow from a model."""
+        """Return the limits that follow from a robot model, each multiplied by ``share``."""
         half = 0.5 * model.wheel_base
         return cls(
             share * model.speed,
@@ -68,12 +68,12 @@ class Base(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TreeQuery:
-    """Query that all runs share, with the motions of their trees; picklable.
+    """Start, goal and limits that all runs share, and the motions from which trees are made; picklable.
 
     start       (x m, y m, yaw rad)
     goal        (x m, y m, yaw rad); yaw is None if any heading will do
-    extensions  largest number of extensions of a tree
-    until       s since 1970, the same in all workers: trees unfinished by then are dropped; None for no limit
+    extensions  largest number of attempts to extend a tree
+    until       s since 1970: time at which unfinished trees are dropped in all workers; None for no limit
     """
 
     model: Wheeled
@@ -85,36 +85,36 @@ class TreeQuery:
 
     @cached_property
     def limits(self) -> WheelLimits:
-        """Limits on wheels and base within which trees grow."""
+        """Limits of wheels and base that the trees keep: a bit less than those of the model."""
         return WheelLimits.of(self.model, SHARE)
 
     @property
     def arrived(self) -> bool:
-        """True if the start is the goal."""
+        """True if the start is already the goal."""
         turn = 0.0 if self.goal[2] is None else float(wrap(self.goal[2] - self.start[2]))
         return self.start[:2] == self.goal[:2] and turn == 0.0
 
     def trajectory(self, controls: FloatArray) -> Trajectory:
-        """Return the trajectory of drives with controls (n, 3) from the start; n may be 0."""
+        """Return the trajectory that begins at rest at the start and follows controls (n, 3); n may be 0."""
         if not len(controls):
             return Trajectory.from_poses(self.model, [self.start])
         return driven(self.model, self.start, controls.tolist())
 
     @cached_property
     def spaces(self) -> tuple[tuple[FreeSpace, float], ...]:
-        """Free space of each part of the robot, and the radius, m, of the circle that the part sweeps."""
+        """Free space for each part of the robot, with the radius of the circle that the part sweeps in turning, m."""
         return tuple((self.world.free_space((part.z_min, part.z_max)), part.reach) for part in self.model.platform)
 
     def clear(self, x: FloatArray, y: FloatArray, margin: float) -> bool:
-        """Return whether the circles that the robot's parts sweep about all positions (P,) have a margin, m."""
+        """Return whether the robot, turning anywhere at all positions (P,), keeps ``margin`` metres from obstacles."""
         return all(bool((space.clearance(x, y) >= reach + margin).all()) for space, reach in self.spaces)
 
     def drive(self, base: Base, acceleration: float, turn_acceleration: float, duration: float) -> Base | None:
-        """Return the end state of a drive from a state; None if the drive breaks a limit or is not clear.
+        """Return the state at the end of a drive from ``base``; None if the drive breaks a limit or may collide.
 
-        The drive has a constant acceleration, m/s², and angular acceleration, rad/s², for a duration, s. Positions
-        between two samples are within half the distance of the samples from one of these. The quadrature may err
-        slightly; complete trajectories are judged exactly.
+        The drive has a constant acceleration, m/s², and angular acceleration, rad/s², for a duration, s. It is checked
+        at four samples, with a margin: any position between two samples is at most half their distance from one of
+        them. The numerical integration may err slightly; complete trajectories are checked exactly later.
         """
         speed, turn_rate = base.speed + acceleration * duration, base.turn_rate + turn_acceleration * duration
         limits, half = self.limits, 0.5 * self.model.wheel_base
@@ -136,7 +136,7 @@ class TreeQuery:
         return Base(float(x[-1]), float(y[-1]), base.yaw + turned, max(0.0, speed), turn_rate)
 
     def braking(self, base: Base) -> FloatArray:
-        """Return controls (n, 3) that stop both wheels at the same time, as quickly as the limits of trees allow."""
+        """Return controls (n, 3) that stop both wheels at the same time, as quickly as ``limits`` allow."""
         wheel = base.speed + 0.5 * self.model.wheel_base * abs(base.turn_rate)
         lasts = wheel / self.limits.wheel_acceleration
         if lasts == 0.0:
@@ -145,7 +145,11 @@ class TreeQuery:
         return np.tile([-base.speed / lasts, -base.turn_rate / lasts, lasts / count], (count, 1))
 
     def distance(self, base: Base) -> float:
-        """Return the distance from the goal to the end of braking, in units of NEAR; inf if the robot cannot brake."""
+        """Return how far from the goal the robot stops if it brakes now; at most 1 if that is near enough.
+
+        The unit is NEAR for the position, and NEAR_YAW for the heading if the goal has one; the larger value counts.
+        The result is inf if the robot cannot brake without a collision.
+        """
         off = math.hypot(base.x - self.goal[0], base.y - self.goal[1])
         braking = self.braking(base)
         if off > NEAR + base.speed * braking[:, 2].sum():  # braking cannot make up for that
@@ -160,20 +164,21 @@ class TreeQuery:
 
 
 def of_wheels(model: Wheeled, left: T, right: T) -> tuple[T, T]:
-    """Return acceleration, m/s², and angular acceleration, rad/s², of the base from accelerations of both wheels."""
+    """Convert the accelerations of left and right wheel to acceleration, m/s², and angular one, rad/s², of the base."""
     return 0.5 * (left + right), (right - left) / model.wheel_base
 
 
-CLOSED = 1e-9  # m, rad, m/s, rad/s
-LEAST_CHANGED = 16  # drives
-NEWTON = 12  # steps; gaps up to NEAR usually need four to six
-SLOPE = 1e-6  # m/s²: difference quotients; Newton's method corrects their error
+CLOSED = 1e-9  # m, rad, m/s, rad/s: a smaller gap counts as closed
+LEAST_CHANGED = 16  # number of drives that are changed first to close the gap
+NEWTON = 12  # largest number of steps of Newton's method; gaps up to NEAR usually need four to six
+SLOPE = 1e-6  # m/s²: step of difference quotients; Newton's method corrects their error
 
 
 def close_gap(query: TreeQuery, controls: FloatArray) -> FloatArray | None:
-    """Close the gap to the goal: return controls (n, 3) that end at rest exactly at the goal, or None on failure.
+    """Close the gap to the goal: change controls (n, 3) slightly so that they end at rest exactly at the goal.
 
-    The last 16 drives are changed, then the last 32 and so on, until the trajectory is free of collisions.
+    The last 16 drives are changed, else the last 32 and so on, until the trajectory is free of collisions. The result
+    is None if even changing all drives fails.
     """
     trajectory = query.trajectory(controls)
     n, changed = len(controls), 0
@@ -190,17 +195,18 @@ def close_gap(query: TreeQuery, controls: FloatArray) -> FloatArray | None:
 
 
 def _is_free(query: TreeQuery, controls: FloatArray) -> bool:
-    """Return whether a trajectory is free of collisions, exactly."""
+    """Return whether the trajectory of controls (n, 3) is free of collisions, by the exact check."""
     collision = query.model.collision(query.world)
     trajectory = query.trajectory(controls)
     return all(bool(collision.motions_free(motions).all()) for _, motions in trajectory.batches(query.world))
 
 
 def _controls_to_goal(query: TreeQuery, base: Base, controls: FloatArray) -> FloatArray | None:
-    """Return controls (k, 3) from a state to rest at the goal, close to the given controls; None beyond a limit.
+    """Return controls (k, 3) near the given ones that lead from a state to rest at the goal.
 
-    Newton's method solves for the end state as a function of all wheel accelerations. There are more accelerations than
-    state variables; each step is the one of least norm, which spreads the gap over all drives.
+    The result is None if a limit would be broken or Newton's method does not converge. It adjusts all wheel
+    accelerations until the end state is the goal. There are more accelerations than state variables, so each step is
+    the one of least norm, which spreads the gap over all drives.
     """
     half, lasts = 0.5 * query.model.wheel_base, controls[:, 2]
     wheels = np.stack([controls[:, 0] - half * controls[:, 1], controls[:, 0] + half * controls[:, 1]], axis=1)
@@ -219,7 +225,7 @@ def _controls_to_goal(query: TreeQuery, base: Base, controls: FloatArray) -> Flo
 
 
 def _end_states(model: Wheeled, base: Base, wheels: FloatArray, lasts: FloatArray) -> FloatArray:
-    """Return the end states (B, 5) of B sequences of k drives from a state.
+    """Return the end states (B, 5) of B sequences of k drives that all begin at one state.
 
     wheels  (B, k, 2)  accelerations of both wheels, m/s²
     lasts   (k,)       durations, s
@@ -237,7 +243,7 @@ def _end_states(model: Wheeled, base: Base, wheels: FloatArray, lasts: FloatArra
 
 
 def _within_limits(query: TreeQuery, base: Base, wheels: FloatArray, lasts: FloatArray) -> FloatArray | None:
-    """Return the controls (k, 3) of wheel accelerations (k, 2), or None beyond a limit.
+    """Convert wheel accelerations (k, 2) to controls (k, 3); return None if they break a limit of the model.
 
     Speeds are extreme at the ends of drives, so they are checked there.
     """

@@ -266,7 +266,7 @@ def test_ctrl_c_in_the_warm_starts_keeps_their_front(monkeypatch):
     assert candidates.status is Status.INTERRUPTED
     assert candidates.trajectories == first.trajectories
     known = f"{len(first.trajectories)} warm starts"
-    note = f"interrupted: these are the warm starts found by then ({known}); no plan started from them"
+    note = f"interrupted: the result has the warm starts found by then ({known}), none of them improved"
     assert note in candidates.notes
     lengths = first.planned[:, 2]
     bound = float(np.median(lengths))
@@ -281,7 +281,7 @@ def test_warm_starts_that_are_not_all_are_said(monkeypatch):
     monkeypatch.setattr(Lattice, "stages", lambda planner, problem, progress=None: iter([stopped]))
     candidates = EpsilonConstraint(step=1.0).solve(PAPER)
     assert candidates.status is Status.LABEL_LIMIT
-    assert "the warm starts are not all there are: label limit" in candidates.notes
+    assert "the warm starts are incomplete: label limit" in candidates.notes
 
 
 def test_time_that_runs_out_is_said(monkeypatch):

@@ -41,7 +41,7 @@ def test_nothing_to_minimise():
         ({"divisions": 10**9}, "divisions must be a whole number from 0 to 1,000"),
         ({"rounds": 0}, "rounds"),
         ({"epsilon": {"length": True}}, "epsilon"),
-        ({"warm_start": {"lattice": 5}}, "options of 'lattice' by their names"),
+        ({"warm_start": {"lattice": 5}}, r"options of 'lattice' as \{option: value\}"),
         ({"max_points": 0}, "max_points"),
         ({"step": 0.0}, "step"),
         ({"headings": 5}, "headings"),
@@ -65,10 +65,10 @@ def test_wrong_options_are_refused(options, match):
         ({"minimise": "time"}, "time"),
         ({"minimise": "turns"}, "smooth"),
         ({"epsilon": {"depth": 1.0}}, "depth"),
-        ({"minimise": "lenght"}, r"'lenght', which is no smooth cost\. Did you mean 'length'\?"),
+        ({"minimise": "lenght"}, r"got 'lenght'\. Did you mean 'length'\?"),
         (
             {"epsilon": {"lenght": 9.0, 3: 1.0}},
-            r"epsilon bounds 3, lenght, which is no objective\. Did you mean 'length'\?",
+            r"epsilon must bound criteria by their names, got 3, lenght\. Did you mean 'length'\?",
         ),
     ],
 )
@@ -79,16 +79,18 @@ def test_costs_that_are_not_there_are_refused(options, match):
 
 def test_a_bound_on_a_mean_is_refused_with_what_stands_in_for_it():
     problem = dataclasses.replace(PAPER, criteria=["obstruction", "turns", "length"])
-    with pytest.raises(OptionError, match=r"stands in for it: bound exposure. These are exposure, turns, length"):
+    with pytest.raises(
+        OptionError, match=r"is planned instead: bound exposure. The criteria are exposure, turns, length"
+    ):
         EpsilonConstraint(step=0.5, epsilon={"obstruction": 0.1}).solve(problem)
 
 
 def test_an_epsilon_below_the_ideal_is_told_before_programs_run_and_is_infeasible_and_says_so():
-    with pytest.warns(HpopWarning, match=r"epsilon bounds exposure by 0.01, but the least of the warm starts is"):
+    with pytest.warns(HpopWarning, match=r"epsilon bounds exposure by 0.01, but the best warm start has"):
         candidates = EpsilonConstraint(step=0.5, epsilon={"exposure": 0.01}, max_points=1).solve(PAPER)
     assert candidates.trajectories == ()
     ideal = Lattice(step=0.5).solve(PAPER).planned[:, 0].min()
-    begin = "no polyline was found within epsilon {'exposure': 0.01}: the ideal of the warm starts is exposure "
+    begin = "no polyline was found within epsilon {'exposure': 0.01}: the least costs of the warm starts are exposure "
     (said,) = [note.removeprefix(begin) for note in candidates.notes if note.startswith(begin)]
     assert float(said.removesuffix(" s")) == pytest.approx(ideal, rel=1e-3)
     assert any("infeasible" in note for note in candidates.notes)

@@ -38,7 +38,7 @@ def test_a_curve_gives_way_to_a_free_polyline_near_it_with_its_ends():
     assert polyline.kinds.count("move") < 6
     assert judge(problem, problem.criteria, [polyline]).reasons == ("",)
     assert shapely.hausdorff_distance(line(curve), line(polyline)) <= max(DEVIATIONS) + 0.02
-    assert notes == ["1 of the warm starts are curves: polylines within 0.4 m stand in for them"]
+    assert notes == ["1 of the warm starts are curves, and were replaced by polylines at most 0.4 m away"]
 
 
 def test_it_stays_nearer_where_there_is_less_room():
@@ -57,7 +57,7 @@ def test_without_room_for_any_polyline_a_curve_is_left_out_and_counted():
     _, problem = to_the_left(World.from_polygons([ROOM.extent - walls], extent=ROOM.extent))
     assert straightened([curve], problem) == (
         [],
-        ["1 of the warm starts are curves without a free polyline within 0.05 m: left out"],
+        ["1 of the warm starts are curves, and were left out: even a polyline within 0.05 m of the curve collides"],
     )
 
 
@@ -74,4 +74,4 @@ def test_the_trees_of_rrt_are_warm_starts(planner):
     problem = Problem(ROOM, ROBOT, (1, 1, 0), (5, 1, 0), ["turns", "length"])
     front = problem.solve(planner, warm_start={"rrt": {"runs": 4, "seed": 3, "keep": "all"}})
     assert len(front)
-    assert any("of the warm starts are curves: polylines within" in note for note in front.notes)
+    assert any("of the warm starts are curves, and were replaced by polylines" in note for note in front.notes)

@@ -76,13 +76,13 @@ def test_trajectories_of_another_model_are_refused(front):
 @pytest.mark.parametrize(
     ("spec", "message"),
     [
-        (3, "warm_start is the name of a planner, .*a front, or a list of trajectories, got 3"),
-        (["lattice"], "warm_start is the name of a planner"),
-        ([], "no trajectory to start from"),
+        (3, "warm_start must be the name of a planner, .*a front, or a list of trajectories, got 3"),
+        (["lattice"], "warm_start must be the name of a planner"),
+        ([], "at least one trajectory, got none"),
         ({}, "one planner with its options"),
         ({"lattice": {}, "rrt": {}}, "one planner with its options"),
-        ({"lattice": 5}, "options of 'lattice' by their names, got 5"),
-        ({"lattice": [1]}, "by their names"),
+        ({"lattice": 5}, r"options of 'lattice' as \{option: value\}, got 5"),
+        ({"lattice": [1]}, r"as \{option: value\}"),
         ({"lattice": {"stp": 1.0}}, "no option 'stp'"),
     ],
 )

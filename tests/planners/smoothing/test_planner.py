@@ -169,14 +169,14 @@ def test_a_curve_on_the_other_side_is_dropped(monkeypatch):
     way = polyline((1, 2, 0), (2, 3.2, 0), (4, 3.2, 0), (5, 2, 0))
     outcome = job(BLOCK, start=(1, 2, 0), goal=(5, 2, 0)).solve(way)
     assert outcome.candidate is None
-    assert outcome.reason == "leaves the homotopy class of its polyline"
+    assert outcome.reason == "passes an obstacle on another side than its polyline"
 
 
 def test_turns_that_nothing_but_the_bound_keeps_are_missed(monkeypatch):
     zigzag = polyline((0, 0, 0), (1.5, 0, 0), (2.5, 0.3, 0), (3.5, 0, 0), (5, 0, 0))
     assert job(OPEN).solve(zigzag).reason == ""
     monkeypatch.setattr(driven_program, "LEAST_PHASE", 0.0)
-    assert job(OPEN).solve(zigzag).reason == "lowers the number of turns"
+    assert job(OPEN).solve(zigzag).reason == "has fewer turns than its polyline"
 
 
 def test_what_never_converges_is_counted_with_its_status(monkeypatch):
@@ -335,7 +335,7 @@ def test_a_solution_within_the_tolerance_of_its_bound_is_kept(height, monkeypatc
 
 
 def test_what_goes_nowhere_is_said():
-    assert job(OPEN, goal=(0, 0, 1)).solve(polyline((0, 0, 0), (0, 0, 1))).reason == "goes nowhere"
+    assert job(OPEN, goal=(0, 0, 1)).solve(polyline((0, 0, 0), (0, 0, 1))).reason == "the start is the goal position"
 
 
 def test_a_bound_in_time_and_ctrl_c_keep_what_is_finished(monkeypatch):
@@ -397,7 +397,7 @@ def test_an_executor_gives_the_same():
         ({"intervals": 0}, "intervals must be a whole number"),
         ({"intervals": 10**6}, "intervals must be a whole number from 1 to 2,000"),
         ({"time_limit": 0.0}, "time_limit"),
-        ({"warm_start": 3}, "warm_start is the name of a planner"),
+        ({"warm_start": 3}, "warm_start must be the name of a planner"),
         ({"warm_start": {"lattice": {"stp": 1}}}, "no option 'stp'"),
     ],
 )
@@ -408,7 +408,7 @@ def test_wrong_options_say_what_to_do(options, message):
 
 def test_what_cannot_be_treated_is_refused_by_name():
     known = "exposure, length, duration, rotation, clearance"
-    with pytest.raises(OptionError, match=f"'turns', which is no smooth cost. These are {known}"):
+    with pytest.raises(OptionError, match=f"got 'turns'. The smooth criteria here are {known}"):
         Smoothing(minimise="turns").solve(ROUND)
     for criteria, message in ((["length", OrientationRetention()], "orientation_retention"), (["turns"], "'length'")):
         with pytest.raises(UnsupportedCriterion, match=message):

@@ -16,7 +16,7 @@ def splines_and_gains(seeds, folder):
         search = BetterSplines(problem, minimise, list(problem.evaluate(path).values()), path.duration)
         splines = zip(result.trajectories, result.provenance, strict=True)
         rows += [(origin["settled"], search.improvable(spline)) for spline, origin in splines if origin["pieces"]]
-        noted = any("stopped before it settled" in note for note in result.notes)
+        noted = any("its improvement stopped early" in note for note in result.notes)
         assert noted != all(origin.get("settled", True) for origin in result.provenance)
     settled, gains = np.array(rows).T
     return settled.astype(bool), gains

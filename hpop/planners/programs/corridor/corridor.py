@@ -1,12 +1,13 @@
 """Corridors: sequences of convex regions in which the robot is free, grown around the segments of a path.
 
-A region is the intersection of half-planes and a box round a segment. Each half-plane is tangent to the obstacle that
-is nearest to the segment among those not yet cut off, as in IRIS (Deits and Tedrake 2015) with a segment instead of the
-ellipsoid: the line through the nearest point, normal to the shortest connection, separates two convex sets. So no
-half-plane cuts the segment, and no obstacle remains inside all of them. Shifted inwards by the robot's reach they bound
-the positions of its axis, for any yaw. Unshifted they bound the distance to obstacles from below,
-``d(p) >= min_k (c_k - a_k p)``, at every p: the border of the free space does not enter the region, and outside the
-right-hand side is negative.
+A region is the intersection of half-planes and a box around a segment. As in IRIS (Deits and Tedrake 2015), with a
+segment instead of the ellipsoid, each half-plane is tangent to the obstacle nearest to the segment that is not cut off
+yet. Its border passes through the obstacle's nearest point, normal to the shortest connection. So no half-plane cuts
+the segment, and no obstacle remains inside all of them.
+
+Shifted inwards by the robot's reach, the half-planes bound the positions of the robot's axis, for any yaw. Unshifted,
+they bound the distance to obstacles from below: ``d(p) >= min_k (c_k - a_k p)`` at every p. Inside the region this is
+so because no obstacle enters it; outside, the right-hand side is negative.
 """
 
 from __future__ import annotations
@@ -35,18 +36,18 @@ if TYPE_CHECKING:
     from hpop.models.base import PlanarModel
     from hpop.problems.problem import Problem
 
-WIDTH = 3.0  # m: regions reach this far beyond the segment they are grown around
-TOUCHING = 1e-6  # m: nearer obstacles have no usable direction
+WIDTH = 3.0  # m: regions reach this far beyond the segment around which they are grown
+TOUCHING = 1e-6  # m: if an obstacle is nearer, the direction to it cannot be computed reliably
 ROUNDING = 1e-9  # m: rounding error of half-planes
 
 
 @dataclass(frozen=True, eq=False)
 class HalfPlanes:
-    """Bounded intersection of half-planes, ``{p: normals p <= offsets}``, none redundant.
+    """Convex polygon as an intersection of half-planes, ``{p: normals p <= offsets}``, none of them redundant.
 
     normals  (m, 2)  unit vectors that point outwards
     offsets  (m,)    m
-    corners  (m, 2)  m, of the polygon, counter-clockwise
+    corners  (m, 2)  m, corners of the polygon, counter-clockwise
     """
 
     normals: FloatArray
@@ -54,29 +55,29 @@ class HalfPlanes:
     corners: FloatArray
 
     def excess(self, points: FloatArray) -> FloatArray:
-        """Return the distance (N,), m, of points (N, 2) beyond the farthest half-plane; not positive inside."""
+        """Return how far points (N, 2) lie outside the half-plane that they exceed most, m; at most 0 if inside all."""
         return np.asarray((points @ self.normals.T - self.offsets).max(axis=1), dtype=np.float64)
 
     def cut(self, normals: FloatArray, offsets: FloatArray) -> HalfPlanes:
-        """Return the intersection with further half-planes; raises ValueError if it is empty."""
+        """Return the intersection with further half-planes; raises ValueError if nothing is left."""
         corners = self.corners
         for normal, offset in zip(normals, offsets, strict=True):
             corners = _clipped(corners, normal, offset)
             if not len(corners):
-                raise ValueError("half-planes leave nothing")
+                raise ValueError("half-planes must have a common point, got an empty intersection; pass other ones")
         all_normals, limits = np.concatenate([self.normals, normals]), np.concatenate([self.offsets, offsets])
         touched = (corners @ all_normals.T - limits).max(axis=0) > -ROUNDING
         return HalfPlanes(all_normals[touched], limits[touched], corners)
 
     def nearest(self, point: FloatArray) -> FloatArray:
-        """Return the point (2,) of the intersection that is nearest to a point."""
+        """Return the position (2,) inside all half-planes that is nearest to a point."""
         if self.excess(point[None])[0] <= 0.0:
             return point
         return np.asarray(shapely.get_coordinates(shapely.shortest_line(self.polygon, shapely.points(point)))[0])
 
     @property
     def polygon(self) -> BaseGeometry:
-        """Polygon of shapely; a line if it has no area."""
+        """The polygon as a shapely geometry; a line or point if it has no area."""
         return shapely.MultiPoint(self.corners).convex_hull
 
     @classmethod
@@ -89,9 +90,10 @@ class HalfPlanes:
 
 
 def clear_of(space: FreeSpace, segment: FloatArray, width: float) -> HalfPlanes | None:
-    """Return half-planes round a segment (2, 2) with no border of a free space inside.
+    """Return half-planes around a segment (2, 2) that contain no obstacle.
 
-    The result is None if the segment touches the border or lies beyond it.
+    ``width`` is how far they reach beyond the segment, m. The result is None if the segment touches an obstacle (the
+    border of the free space), or lies outside the free space.
     """
     within = HalfPlanes.box(segment, width)
     if not space.contains(*segment.T).all():
@@ -120,10 +122,10 @@ def clear_of(space: FreeSpace, segment: FloatArray, width: float) -> HalfPlanes 
 class FreeRegion:
     """Convex region in which the axis of the robot may move.
 
-    inside  half-planes of the region
-    seed    (2, 2)  m: the segment that it was grown around
-    safe    whether the robot is free everywhere in the region at any yaw; else it may be as near to obstacles as on
-            the seed
+    inside  half-planes that bound the region
+    seed    (2, 2)  m: the segment around which it was grown
+    safe    whether the robot is free everywhere in the region at any yaw; if not, it may come as near to obstacles as
+            on the seed
     """
 
     inside: HalfPlanes
@@ -132,7 +134,7 @@ class FreeRegion:
 
     @classmethod
     def around(cls, segment: FloatArray, model: PlanarModel, world: World) -> FreeRegion | None:
-        """Grow a region around a segment (2, 2); None where the segment touches an obstacle."""
+        """Grow a region around a segment (2, 2); return None if the segment touches an obstacle."""
         inside, free_spaces = HalfPlanes.box(segment, WIDTH), spaces(model, world)
         for space, reach in free_spaces:
             clear = clear_of(space, segment, WIDTH + reach)
@@ -145,15 +147,15 @@ class FreeRegion:
         return cls(inside, segment, all(bool(space.shapes_free(shape, reach)[0]) for space, reach in free_spaces))
 
     def covers(self, segment: FloatArray) -> bool:
-        """Return whether a segment (2, 2) lies inside."""
+        """Return whether a segment (2, 2) lies inside the region."""
         return bool((self.inside.excess(segment) <= TOUCH).all())
 
     def distance_planes(self, space: FreeSpace, piece: FloatArray, width: float) -> tuple[FloatArray, FloatArray]:
-        """Return normals a (m, 2) and offsets c (m,) with ``d(p) >= min(width, min_k (c_k - a_k p))`` in the region.
+        """Return planes that bound the distance d(p) to obstacles from below, everywhere in the region.
 
-        d is the distance to the border of a free space, 0 beyond it. The bound is tightest near ``piece`` (2, 2), a
-        segment in
-        the region. If there is no bound, the result is one plane of zeros.
+        They have normals a (m, 2) and offsets c (m,), with ``d(p) >= min(width, min_k (c_k - a_k p))``; d is 0 outside
+        the free space. The bound is tightest near ``piece`` (2, 2), a segment in the region. If no bound is found, the
+        result is one plane of zeros.
         """
         clear = clear_of(space, piece, width + WIDTH)
         if clear is None:
@@ -164,14 +166,14 @@ class FreeRegion:
 
 @dataclass(frozen=True, eq=False)
 class Corridor:
-    """Sequence of regions, one for each segment of a polyline.
+    """Sequence of overlapping convex regions, one for each segment of a polyline.
 
-    regions       n regions, neighbours overlap; one region if the start is the goal
+    regions       n regions, of which neighbours overlap; one region if the start is the goal
     overlaps      n - 1 intersections of neighbouring regions; if vertices lie in these, each segment is in its region
-    warm          path around which the regions were grown
-    along_first   whether the first segment keeps the heading of the start, without a turn
-    along_last    whether the last segment keeps the heading of the goal
-    warm_starts   indices of the paths that have this corridor
+    warm          polyline around which the regions were grown
+    along_first   whether the first segment must keep the heading of the start, so that the robot does not turn there
+    along_last    whether the last segment must keep the heading of the goal
+    warm_starts   indices of the warm starts that lead through this corridor
     """
 
     regions: tuple[FreeRegion, ...]
@@ -188,12 +190,12 @@ class Corridor:
 
     @property
     def warm_segments(self) -> list[FloatArray]:
-        """Segments (2, 2) of the warm path, n of them, m."""
+        """The n segments of the warm polyline, (2, 2) each, m."""
         return list(_segments(self.warm))
 
     @property
     def is_fixed(self) -> bool:
-        """True if no vertex can move: there is none, or both headings fix it."""
+        """True if no vertex can move: there is no inner vertex, or the headings of start and goal fix the only one."""
         return self.segments < 2 or (self.segments == 2 and self.along_first and self.along_last)
 
 
@@ -202,10 +204,10 @@ def corridors(
     problem: Problem,
     deadline: Deadline = Deadline(),  # noqa: B008  (frozen)
 ) -> tuple[list[Corridor], int]:
-    """Return the corridors of paths, one for each sequence of regions, and the number of paths that touch an obstacle.
+    """Grow corridors around polylines; return them, and the number of polylines that touch an obstacle.
 
-    A segment that lies in regions of other segments gets the largest of them, so that paths through the same rooms
-    share a corridor. After the deadline, the remaining paths get no corridor.
+    A segment that lies in regions grown for earlier segments gets the largest of them, so that polylines through the
+    same rooms share a corridor. After the deadline, the remaining polylines get no corridor.
     """
     regions: list[FreeRegion] = []
     groups: dict[tuple[tuple[int, ...], bool, bool], list[int]] = {}
@@ -241,9 +243,9 @@ def _segments(polyline: Polyline) -> Iterator[FloatArray]:
 
 
 def _region(segment: FloatArray, regions: list[FreeRegion], problem: Problem) -> int:
-    """Return the index of the largest region that covers a segment, or of a new region.
+    """Return the index of the largest region that covers a segment; if none does, grow one and append it.
 
-    -1 if the segment touches an obstacle.
+    The result is -1 if the segment touches an obstacle.
     """
     covering = [i for i, region in enumerate(regions) if region.covers(segment)]
     if covering:
@@ -261,7 +263,10 @@ def spaces(model: PlanarModel, world: World) -> list[tuple[FreeSpace, float]]:
 
 
 def _clipped(corners: FloatArray, normal: FloatArray, offset: float) -> FloatArray:
-    """Return the part of a convex polygon on the inner side of a line (Sutherland and Hodgman 1974)."""
+    """Clip a convex polygon (n, 2) by a line; return the corners of its part on the inner side of the line.
+
+    This is the algorithm of Sutherland and Hodgman (1974). The inner side has ``corners @ normal <= offset``.
+    """
     beyond = corners @ normal - offset
     if (beyond <= 0.0).all():
         return corners
@@ -276,7 +281,7 @@ def _clipped(corners: FloatArray, normal: FloatArray, offset: float) -> FloatArr
 
 
 def _inside(edges: FloatArray, normal: FloatArray, offset: float) -> FloatArray:
-    """Return the parts of edges (E, 2, 2) on the inner side of a line, without edges that only touch it."""
+    """Clip edges (E, 2, 2) by a line; return the pieces on its inner side, without edges that only touch the line."""
     beyond = edges @ normal - offset  # (E, 2)
     edges, beyond = edges[(beyond < -ROUNDING).any(axis=1)], beyond[(beyond < -ROUNDING).any(axis=1)]
     for end in (0, 1):

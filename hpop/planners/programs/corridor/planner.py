@@ -1,4 +1,4 @@
-"""The weighted-sum planner in the continuum: convex programs through corridors of convex free regions."""
+"""The planner weighted-sum-corridor: convex programs for polylines through corridors of convex free regions."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ DIVISIONS = 6  # default number of divisions for more than two costs
 @planner(NAME)
 @dataclass(frozen=True)
 class WeightedSumCorridor:
-    """Polylines of least weighted cost through corridors of convex free regions, for convex costs.
+    """Planner of polylines with the least weighted sum of convex costs, in corridors of convex free regions.
 
     step        m  distance between positions of the lattice that gives the warm starts
     headings    number of headings of that lattice: 4, 8 or 16
@@ -56,15 +56,16 @@ class WeightedSumCorridor:
     warm_start  source of the warm starts: a planner's name, ``{name: {option: value}}``, a front, or trajectories
     time_limit  s  for everything, warm starts included
 
-    Around each segment of each warm start a convex region is grown in which the robot is free; paths through the same
-    regions share a corridor. Its polylines have a vertex in each overlap of neighbouring regions, so they are free of
-    collisions throughout. Costs are normalised from ideal to nadir of the corridor's individual optima. Without
-    ``divisions`` or ``weights``, the weights of two convex costs are found by dichotomy until the gap between the
-    points and the front is less than 1 %; more costs get six divisions. 1e-4 is added to every weight, so that a zero
-    weight still breaks ties.
+    Around each segment of each warm start, a convex region is grown in which the robot is free of collisions. The
+    sequence of regions is a corridor; warm starts through the same regions share it. A polyline in the corridor has a
+    vertex in each overlap of neighbouring regions, so all of it is free of collisions. A convex program finds the
+    polyline with the least weighted sum. Costs are normalised with the corridor's optima of single costs: the least of
+    each cost is 0, the greatest 1. Without ``divisions`` or ``weights``, weights of two convex costs are added where
+    the front has a gap, until no gap exceeds 1 %; more costs get six divisions. 1e-4 is added to every weight, so that
+    a zero weight still breaks ties.
 
     Accepts criteria that declare a convex form (:mod:`hpop.criteria.convex`), and counts of moves and turns; others are
-    refused by name. Guarantees that each candidate is the optimum of its weights over its corridor, to the solver's
+    refused by name. Guarantees that each candidate is the optimum for its weights in its corridor, to the solver's
     tolerance: a supported point of the corridor's convex problem. If the convex form is an upper bound of the cost
     (distances to obstacles), the bound is optimised; reported costs are exact. Other corridors may have better points.
     Cost: one compilation per corridor, 20 to 100 ms, and 3 to 10 ms per weight.
@@ -91,10 +92,11 @@ class WeightedSumCorridor:
     def solve(
         self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
     ) -> Candidates:
-        """Plan warm starts, then solve the convex programs of their corridors; one job of the executor is a corridor.
+        """Plan warm starts, then solve the convex program of each corridor; each corridor is one job for the executor.
 
-        Raises UnsupportedCriterion for a criterion that is neither convex nor a count, OptionError for a solver that is
-        not installed or rows that do not have one weight per convex cost, and the errors of the warm starts' planner.
+        Raises UnsupportedCriterion for a criterion that is neither convex nor a count of moves and turns, OptionError
+        if the solver is not installed or a vector of weights does not have one number for each convex cost, and the
+        errors of the planner of the warm starts.
         """
         watch = Watch("corridors", self.time_limit, progress)
         objectives = edge_objectives(problem.criteria, NAME)
@@ -118,7 +120,7 @@ class WeightedSumCorridor:
         if status is Status.COMPLETE and (cut_short or run.left):
             status = Status.TIME_LIMIT
         for number, omission in (
-            (run.left, "warm starts are in no corridor yet"),
+            (run.left, "warm starts have no corridor yet"),
             (count - len(run.points), f"of {count} corridors were not tried"),
             (cut_short, f"of {count} corridors were not solved for all weights"),
         ):
@@ -132,7 +134,10 @@ class WeightedSumCorridor:
 
 
 def _convex(objectives: Objectives, problem: Problem) -> list[int]:
-    """Return the indices of criteria with a convex form; UnsupportedCriterion if any other criterion is no count."""
+    """Return the indices of the criteria with a convex form.
+
+    Raises UnsupportedCriterion if there is none, or if another criterion does not just count moves and turns.
+    """
     indices = []
     for j, criterion in enumerate(objectives.optimised):
         if criterion.convex is not None:
@@ -140,13 +145,13 @@ def _convex(objectives: Objectives, problem: Problem) -> list[int]:
         elif criterion.smooth or not is_counted(criterion, problem):
             instead = "epsilon-constraint" if criterion.smooth else "lattice"
             raise UnsupportedCriterion(
-                f"{NAME} needs criteria that declare a convex form, or counts of moves and "
+                f"{NAME} needs criteria that declare a convex form, or that only count moves and "
                 f"turns; {criterion.name!r} is not declared convex. Leave it out, or use planner {instead!r}."
             )
     if not indices:
         names = ", ".join(criterion.name for criterion in objectives.optimised)
         raise UnsupportedCriterion(
-            f"{NAME} needs a convex criterion to minimise; {names} only count moves and turns. Add "
+            f"{NAME} needs a convex criterion to minimise, got only counts of moves and turns: {names}. Add a convex "
             "one, such as 'length'."
         )
     return indices
@@ -154,7 +159,13 @@ def _convex(objectives: Objectives, problem: Problem) -> list[int]:
 
 @dataclass(eq=False)
 class _CorridorRun:
-    """Run of the planner, with its corridors and the points of each."""
+    """One run of the planner: its warm starts, corridors, and the optima found in each corridor.
+
+    convex   indices of the convex criteria
+    left     number of warm starts for which no corridor was grown before the deadline
+    points   optima of each corridor, by its index
+    notes    lines for the user
+    """
 
     problem: Problem
     objectives: Objectives
@@ -174,7 +185,7 @@ class _CorridorRun:
         _ = self.weights  # checks their number before anything is planned
 
     def shared(self, deadline: Deadline) -> Shared:
-        """Return the data for workers; raises LimitPassed if the remaining time does not suffice to load cvxpy."""
+        """Return the data that all workers need; raises LimitPassed if there is not enough time left to load cvxpy."""
         if "cvxpy" not in sys.modules:
             deadline.check("cvxpy was loaded", ahead=LOADS)
         criteria = tuple(self.criteria[j] for j in self.convex)
@@ -183,7 +194,10 @@ class _CorridorRun:
 
     @cached_property
     def weights(self) -> Weights | None:
-        """Rows of one weight per convex cost; None for dichotomy. Raises OptionError for rows of other lengths."""
+        """Vectors of weights, with one number for each convex cost; None to choose weights by dichotomy.
+
+        Raises OptionError if a vector in the option ``weights`` has another length.
+        """
         k = len(self.convex)
         if self.options.weights is not None:
             check_count(self.options.weights, [self.criteria[j] for j in self.convex])
@@ -198,16 +212,18 @@ class _CorridorRun:
         return tuple(tuple(float(w) for w in row) for row in simplex_lattice(divisions, k))
 
     def grow_corridors(self, warm: WarmStarts, deadline: Deadline) -> None:
-        """Grow the corridors of the free warm starts, until the deadline."""
+        """Grow corridors around the warm starts that are free of collisions, until the deadline."""
         self.warm, free, _, dropped = warm.polylines(self.problem, self.criteria)
         self.corridors, refused = corridors(free, self.problem, deadline)
         self.left = len(free) - refused - sum(len(corridor.warm_starts) for corridor in self.corridors)
         self.notes += dropped
         if refused:
-            self.notes.append(f"{refused} of {len(free)} warm starts touch an obstacle: no region can be grown there")
+            self.notes.append(
+                f"{refused} of {len(free)} warm starts touch an obstacle, so no free region could be grown around them"
+            )
 
     def candidates(self, status: Status) -> Candidates:
-        """Return the candidates that pass the check on the exact geometry, with notes on all failures."""
+        """Return the optima of all corridors that pass the exact check of collisions, with notes on all failures."""
         rows = [(c, points, i) for c, points in self.points.items() for i in range(len(points.polylines))]
         trajectories = tuple(points.polylines[i].trajectory(self.problem.model) for _, points, i in rows)
         planned = np.zeros((len(rows), len(self.criteria)))
@@ -265,7 +281,7 @@ class _CorridorRun:
         if failed:
             why = ", ".join(f"{reason} ({count} times)" for reason, count in sorted(failed.items()))
             instead = ", ".join(f"{name} solved {count}" for name, count in sorted(by_others.items()))
-            notes.append(f"a solver failed: {why}; {instead or 'no other solved them'}")
+            notes.append(f"a solver failed: {why}; {instead or 'no other solver succeeded'}")
         unsolved = sum(points.unsolved for points in self.points.values())
         if unsolved:
             notes.append(f"{unsolved} convex programs were solved by none of the installed solvers")

@@ -1,8 +1,8 @@
-"""The convex program of a corridor: a polyline with one segment in each region, for any weights of the convex costs.
+"""The convex program of a corridor: the best polyline with one segment in each region, for any weights of the costs.
 
-``min Σ_j w_j f_j(v)`` over the vertices v, each in the overlap of the regions of the two segments that it joins: a
-segment with both ends in a convex region lies in it. The weights are parameters in the sense of disciplined
-parametrised programming (Agrawal et al. 2019), so the program is compiled once and then solved for all of them.
+It minimises ``Σ_j w_j f_j(v)`` over the vertices v. Each vertex lies in the overlap of the two regions whose segments
+it joins. So both ends of a segment lie in a convex region, and hence the whole segment does. The weights are parameters
+in the sense of disciplined parametrised programming (Agrawal et al. 2019), so the program is compiled only once.
 """
 
 from __future__ import annotations
@@ -39,14 +39,16 @@ if TYPE_CHECKING:
 
 SHORTEST = 1e-3  # m: a shorter segment is left out
 PIECE = 1.0  # m: distances are bounded piece by piece
-FLAT = 1e-5  # share of the weighted cost by which aligning vertices may increase it
+FLAT = 1e-5  # share by which the weighted cost may rise when a small turn or segment is removed
 
 
 @dataclass(frozen=True, eq=False)
 class VariablePath:
-    """Polyline of a corridor for the convex forms of criteria; see :class:`hpop.criteria.convex.ConvexPath`.
+    """Polyline whose vertices are variables of a convex program, as criteria need it for their convex form.
 
-    vertices  expression (n+1, 2), m
+    The interface is :class:`hpop.criteria.convex.ConvexPath`.
+
+    vertices  cvxpy expression (n+1, 2), m
     """
 
     world: World
@@ -68,8 +70,9 @@ class VariablePath:
         from scipy.sparse import csr_array
 
         cvxpy = _cvxpy()
-        # A body off the axis may be nearer than the axis by its lever. The bound of a piece is largest at its ends; a
-        # piece keeps its share of a segment, so its ends are linear in the vertices.
+        # A body off the robot's axis may be nearer to an obstacle than the axis, by its distance from the axis. The
+        # bound for a piece is largest at its ends, which are linear in the vertices: a piece is a fixed share of a
+        # segment.
         at_origin = self.model.pose(body, States(x=np.zeros(1), y=np.zeros(1), yaw=np.zeros(1)))
         enough = enough + math.hypot(float(at_origin.x[0]), float(at_origin.y[0]))
         normals, shares, constants = [np.zeros((1, 2))], [np.zeros((1, self.corridor.segments + 1))], [np.zeros(1)]
@@ -92,13 +95,13 @@ class VariablePath:
 class CorridorProgram:
     """Convex program of one corridor, with statistics of its solves.
 
-    Its variables z displace the vertices from the warm path: ``v = base + steps z``, two per vertex, or one if a
-    heading keeps the vertex on a ray.
+    Its f variables z displace the vertices from those of the warm start: ``v = base + steps z``. There are two for each
+    inner vertex, or one if a fixed heading at the start or goal keeps the vertex on a ray.
 
     criteria  k criteria with a method ``convex``
     solvers   names of solvers, in the order in which they are tried
-    solved    programs solved, by solver
-    failed    solves that failed, by solver and reason
+    solved    number of programs that each solver solved
+    failed    number of failed solves, by solver and reason
     """
 
     corridor: Corridor
@@ -111,7 +114,10 @@ class CorridorProgram:
 
     @cached_property
     def rays(self) -> dict[int, tuple[FloatArray, FloatArray]]:
-        """Ray of each vertex that a heading fixes: the end of the ray, m, and its direction, by the vertex's index."""
+        """Rays on which vertices must stay, by the index of the vertex: the origin of the ray, m, and its direction.
+
+        The vertex after the start has one if the robot may not turn at the start; likewise the vertex before the goal.
+        """
         warm, rays = self.corridor.warm, {}
         if self.corridor.along_first and self.corridor.segments > 1:
             rays[1] = (warm.vertices[0], _direction(warm.start_yaw))
@@ -121,13 +127,13 @@ class CorridorProgram:
 
     @cached_property
     def base(self) -> FloatArray:
-        """Vertices (n+1, 2) of the warm path, m; one vertex twice if start is goal."""
+        """Vertices (n+1, 2) of the warm start, m; if the start is the goal, this position twice."""
         warm = self.corridor.warm.vertices
         return warm if len(warm) > 1 else warm[[0, 0]]
 
     @cached_property
     def steps(self) -> FloatArray:
-        """Derivatives (n+1, 2, f) of the vertices by the variables."""
+        """Derivatives (n+1, 2, f) of the vertices' coordinates by the f variables."""
         free = [] if self.corridor.is_fixed else list(range(1, self.corridor.segments))
         columns = []
         for i in free:
@@ -147,7 +153,10 @@ class CorridorProgram:
 
     @cached_property
     def costs(self) -> tuple[ConvexCost, ...]:
-        """Convex forms of the k criteria; raises CriterionError for one that is not convex."""
+        """Convex forms of the k criteria for this program's polyline.
+
+        Raises CriterionError if a criterion's ``convex`` returns no convex scalar expression.
+        """
         from scipy.sparse import csr_array
 
         cvxpy = _cvxpy()
@@ -162,15 +171,16 @@ class CorridorProgram:
             expression = cost.expression if isinstance(cost, ConvexCost) else None
             if not isinstance(expression, cvxpy.Expression) or expression.size != 1 or not expression.is_convex():
                 raise CriterionError(
-                    f"convex() of criterion {criterion.name!r} must return a ConvexCost whose expression is a scalar, "
-                    f"convex by the rules of cvxpy; got {cost!r}"
+                    f"convex() of criterion {criterion.name!r} must return a ConvexCost whose expression is a scalar "
+                    f"and convex by the rules of cvxpy, got {cost!r}; build it from cvxpy's convex functions, or "
+                    "remove convex()"
                 )
             costs.append(cost)
         return tuple(costs)
 
     @cached_property
     def problem(self) -> Any:
-        """Problem of cvxpy; its only parameters are the weights (k,)."""
+        """The program as a cvxpy problem, whose only parameters are the weights (k,)."""
         from scipy.sparse import csr_array
 
         cvxpy = _cvxpy()
@@ -193,15 +203,17 @@ class CorridorProgram:
                 self.problem.get_problem_data(self.solvers[0])
 
     def evaluate(self, vertices: FloatArray) -> FloatArray:
-        """Return the costs (k,) of vertices (n+1, 2), as the program adds them up."""
+        """Return the costs (k,) of a polyline with vertices (n+1, 2), as the program computes them."""
         if not self.corridor.is_fixed:
             self._free.value = np.einsum("vaf,va->f", self.steps, vertices - self.base)
         return np.array([float(np.squeeze(cost.expression.value)) for cost in self.costs])
 
     def solve(self, weights: FloatArray) -> FloatArray | None:
-        """Return the vertices (n+1, 2) of least weighted cost, exactly inside the overlaps; None if every solver fails.
+        """Return the vertices (n+1, 2) with the least weighted cost, or None if every solver fails.
 
-        weights  (k,) positive, of costs in the criteria's units
+        Solvers keep constraints approximately, so the vertices are moved exactly into the overlaps of regions.
+
+        weights  (k,) positive, for costs in the criteria's units
         """
         cvxpy = _cvxpy()
         if self.corridor.is_fixed:
@@ -223,7 +235,7 @@ class CorridorProgram:
         return None
 
     def _inside(self, vertices: FloatArray) -> FloatArray:
-        """Return vertices moved exactly into the overlaps and onto the rays, which solvers keep approximately."""
+        """Move vertices exactly into the overlaps and onto the rays; solvers keep these constraints only roughly."""
         moved = vertices.copy()
         for i, overlap in enumerate(self.corridor.overlaps, start=1):
             ray = self.rays.get(i)
@@ -231,7 +243,7 @@ class CorridorProgram:
         return moved
 
     def tidied(self, vertices: FloatArray, weights: FloatArray) -> FloatArray:
-        """Return vertices without negligible turns and short segments, if regions and costs permit that."""
+        """Remove negligible turns and very short segments by moving vertices, where regions and costs permit that."""
         limit = float(weights @ self.evaluate(vertices))
         limit += FLAT * max(limit, 1e-12)
         for i in range(1, len(vertices) - 1):
@@ -246,7 +258,7 @@ class CorridorProgram:
         return vertices
 
     def _simpler_positions(self, vertices: FloatArray, i: int) -> list[FloatArray]:
-        """Return positions of vertex i at which a short segment or a negligible turn vanishes."""
+        """Return positions for vertex i at which a very short segment or a negligible turn would vanish."""
         positions = _near(vertices[i], [vertices[i - 1], vertices[-1]])
         before = next((v for v in vertices[i - 1 :: -1] if math.dist(v, vertices[i]) > 0), None)
         if before is None:
@@ -258,23 +270,23 @@ class CorridorProgram:
         return positions
 
     def polyline(self, vertices: FloatArray) -> Polyline:
-        """Return vertices as a polyline, without segments of no length and vertices without a turn."""
+        """Return the polyline through vertices (n+1, 2), without zero-length segments and vertices without a turn."""
         apart, warm = np.hypot(*np.diff(vertices, axis=0).T) > 0, self.corridor.warm
         return Polyline(vertices[np.append(True, apart)], warm.start_yaw, warm.goal_yaw).simplified(1e-9)
 
 
 def _cvxpy() -> Any:
-    """Return the module cvxpy, which takes seconds to import."""
+    """Import cvxpy on first use and return it; the import takes seconds."""
     return import_module("cvxpy")
 
 
 def solvers_from(first: str) -> tuple[str, ...]:
-    """Return the given solver, then all other installed solvers; OptionError if it is not installed."""
+    """Return cvxpy's names of all installed solvers, beginning with ``first``; OptionError if that is not installed."""
     installed = _cvxpy().installed_solvers()
     if not isinstance(first, str) or first not in installed:
         raise OptionError(
-            f"solver must be one that cvxpy has installed, {', '.join(installed)}; got {shown(first)}. Install it, or "
-            "take one of these."
+            f"solver must be one of those that cvxpy finds installed ({', '.join(installed)}), got {shown(first)}. "
+            "Install that solver, or take one of these."
         )
     return (first, *(name for name in installed if name != first))
 
@@ -284,7 +296,10 @@ def _direction(yaw: float) -> FloatArray:
 
 
 def _on_ray(inside: HalfPlanes, point: FloatArray, end: FloatArray, direction: FloatArray) -> FloatArray:
-    """Return the point of a ray inside half-planes that is nearest to a point."""
+    """Return the point nearest to ``point`` on the part of a ray that lies inside half-planes.
+
+    The ray begins at ``end`` and goes in a unit direction.
+    """
     slope, room = inside.normals @ direction, inside.offsets - inside.normals @ end
     least = float(np.max(room[slope < 0] / slope[slope < 0], initial=0.0))
     most = float(np.min(room[slope > 0] / slope[slope > 0], initial=np.inf))

@@ -1,4 +1,4 @@
-"""Weighted optima of one corridor: the individual optima, which normalise costs, then given weights or a dichotomy."""
+"""Optima of one corridor for weighted sums of costs: first each cost alone, then given weights or a dichotomy."""
 
 from __future__ import annotations
 
@@ -29,11 +29,12 @@ SAME = 1e-6  # m: nearer vertices count as equal
 
 @dataclass(frozen=True, eq=False)
 class Shared:
-    """Data that all corridors share.
+    """Data that the jobs of all corridors share.
 
     criteria  k convex criteria
-    weights   rows (k,) of normalised costs, or None for the dichotomy
-    deadline  after which no program is solved
+    weights   vectors (k,) of weights for the normalised costs, or None for the dichotomy
+    solvers   cvxpy's names of solvers, in the order in which they are tried
+    deadline  time after which no further program is solved
     """
 
     world: World
@@ -46,19 +47,19 @@ class Shared:
 
 @dataclass(eq=False)
 class CorridorPoints:
-    """Weighted optima of one corridor.
+    """Optima of one corridor for weighted sums of costs.
 
-    polylines      n polylines
-    costs          (n, k) as the program added them up
-    exact          (k,) whether each is the cost itself; else it is an upper bound
+    polylines      n different polylines
+    costs          (n, k) costs as the program computes them
+    exact          (k,) whether the program has the cost itself, not an upper bound of it
     weights        for each polyline, the weights of normalised costs for which it is optimal
-    ideal, nadir   (k,) least and greatest costs of the individual optima; empty if an optimum is missing
-    solved         programs solved, by solver
-    failed         solves that failed, by solver and reason
-    unsolved       programs that no solver solved
-    is_cut_short   whether the time was over before all weights were solved
-    build_seconds  s, of building and compiling
-    solve_seconds  s, of everything else
+    ideal, nadir   (k,) least and greatest of each cost among the optima of single costs; empty if one is missing
+    solved         number of programs that each solver solved
+    failed         number of failed solves, by solver and reason
+    unsolved       number of programs that no solver solved
+    is_cut_short   whether the time ran out before the programs of all weights were solved
+    build_seconds  s, for building and compiling
+    solve_seconds  s, for everything else
     """
 
     polylines: list[Polyline] = field(default_factory=list)
@@ -76,7 +77,7 @@ class CorridorPoints:
 
 
 def solve_corridor(shared: Shared, corridor: Corridor) -> CorridorPoints:
-    """Return the weighted optima of one corridor."""
+    """Compile the convex program of one corridor, and return its optima for all weights; this is one job."""
     began = time.perf_counter()
     program = CorridorProgram(corridor, shared.criteria, shared.world, shared.model, shared.solvers)
     program.compile()
@@ -95,7 +96,10 @@ def solve_corridor(shared: Shared, corridor: Corridor) -> CorridorPoints:
 
 @dataclass(eq=False)
 class _Weighted:
-    """Solver of one corridor's program for weight after weight."""
+    """Solver of one corridor's program for one vector of weights after another.
+
+    vertices  vertices of the polylines found so far
+    """
 
     program: CorridorProgram
     deadline: Deadline = Deadline()  # noqa: RUF009  (frozen)
@@ -103,7 +107,10 @@ class _Weighted:
     vertices: list[FloatArray] = field(default_factory=list)
 
     def run(self, weights: tuple[tuple[float, ...], ...] | None) -> CorridorPoints:
-        """Solve for the individual optima, which normalise the costs, then for rows of weights or a dichotomy."""
+        """Solve for each cost alone, normalise the costs by these optima, then solve for all other weights.
+
+        If ``weights`` is None, the weights of two costs are chosen by dichotomy.
+        """
         k = len(self.program.criteria)
         warm = self.program.evaluate(self.program.base)
         units = [tuple(float(i == j) for i in range(k)) for j in range(k)]
@@ -126,7 +133,11 @@ class _Weighted:
         return self.points
 
     def _dichotomy(self, first: FloatArray, last: FloatArray) -> None:
-        """Solve for weights normal to the line through two points, until no optimum is far below it (Cohon 1978)."""
+        """Fill the front of two costs between the costs (2,) of two optima (Cohon 1978).
+
+        Weights are taken normal to the line through two neighbouring points. If their optimum lies more than GAP below
+        this line, the intervals on both sides of it are treated likewise.
+        """
         waiting = [(first, last)]
         while waiting:
             a, b = waiting.pop()
@@ -137,7 +148,7 @@ class _Weighted:
                 waiting += [(a, costs), (costs, b)]
 
     def _solve(self, weights: tuple[float, ...]) -> FloatArray | None:
-        """Return the costs (k,) of the optimum for some weights, and record it; None if no solver succeeds."""
+        """Solve for one vector of weights, record the optimum and return its costs (k,); None if no solver succeeds."""
         self.deadline.check("a convex program was solved")
         positive = (np.array(weights) + SMALL) / self.scale
         vertices = self.program.solve(positive)

@@ -1,4 +1,4 @@
-"""The epsilon-constraint planner: any-angle polylines, one cost minimised, the others bounded."""
+"""The epsilon-constraint planner: any-angle polylines that minimise one cost while the others are bounded."""
 
 from __future__ import annotations
 

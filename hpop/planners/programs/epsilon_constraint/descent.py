@@ -1,11 +1,11 @@
-"""Descent of the corners of a polyline, with exact costs on exact geometry, until no small move improves it.
+"""Local search that moves the corners of a polyline, on exact costs and exact geometry, until no small move helps.
 
-The program of :mod:`.program` uses fields, few samples and a regulariser, so its solutions only lie near a local
-optimum. From there the corners move by sequential quadratic programming within a trust region, with second-order
-corrections (Fletcher 1982, doi 10.1007/BFb0120945). Gradients mislead where costs have kinks, so each corner is then
-displaced along and across its segments, a pattern search (Kolda, Lewis and Torczon 2003, doi
-10.1137/S003614450242889); if that improves the polyline, steps continue. Every step is judged as candidates are: by the
-costs that fronts report, and on the exact geometry.
+The program of :mod:`.program` uses sampled fields, few samples and a penalty on lengths, so its solutions only lie near
+a local optimum. From there the corners move by sequential quadratic programming within a trust region, with
+second-order corrections (Fletcher 1982, doi 10.1007/BFb0120945). Gradients mislead where costs have kinks. So when
+steps no longer help, a pattern search displaces each corner along and across its segments (Kolda, Lewis and Torczon
+2003, doi 10.1137/S003614450242889); if that improves the polyline, steps continue. Every step is checked as candidates
+are: by the costs that fronts report, and on the exact geometry.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from hpop.world import World
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-FIRST, LAST, MOST = 0.1, 5e-4, 0.4  # m: size of the trust region, at first, at least and at most
+FIRST, LAST, MOST = 0.1, 5e-4, 0.4  # m: size of the trust region: at first, least and largest
 SHRINKS, GROWS = 0.3, 2.0  # factors on the trust region after a failed step and after a good one
-STEPS = 60  # most steps
+STEPS = 60  # largest number of steps
 GAIN = 2e-5  # share of the minimised cost: a smaller predicted gain ends the descent
 WORTH = 0.1  # share of the predicted gain that a step must achieve
 CORRECTIONS = 3  # second-order corrections before the trust region shrinks
-ROOM = (0.0, 1e-3, -1e-3, 4e-3, -4e-3)  # m, by which the neighbours of a removed corner move
+ROOM = (0.0, 1e-3, -1e-3, 4e-3, -4e-3)  # m: displacements of the neighbours of a removed corner, tried in turn
 POLLED = (0.1, 0.03, 0.01, 0.003)  # m: displacements of a corner in the pattern search
 SPREAD = 1e-3  # weight of the bounded costs, so that no weakly efficient point is returned
 
@@ -48,9 +48,9 @@ SPREAD = 1e-3  # weight of the bounded costs, so that no weakly efficient point 
 class DescentResult(NamedTuple):
     """Result of a descent.
 
-    costs  (k,)
-    steps  count
-    left   predicted gain of the next step, as a share of the cost; 0 if negligible, NaN if no step was computed
+    costs  (k,) exact costs of the polyline
+    steps  number of steps
+    left   predicted gain of one more step, as a share of the minimised cost; 0 if negligible, NaN if not computed
     """
 
     polyline: Polyline
@@ -61,18 +61,18 @@ class DescentResult(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Descent:
-    """Descent that lowers one cost by moving corners while the other costs keep their bounds.
+    """Local search that lowers one cost by moving corners, while the other costs keep their bounds.
 
     problem
     criteria  k smooth criteria: sums, or maxima over motions
     minimise  index of the minimised criterion
-    aim       (k,) bounds of the linear model of a step
-    most      (k,) bounds up to which exact costs may exceed ``aim`` by the error of the model
-    scale     (k,) positive: differences of costs that weigh the same
+    aim       (k,) bounds for the local model from which steps are computed
+    most      (k,) bounds of exact costs; they may exceed ``aim`` by the error of the model
+    scale     (k,) positive: each cost is divided by its scale
     judge     returns the exact costs (k,) of a polyline, or None if it breaks a bound, collides or leaves the map
     evaluate  returns the exact costs (m, k) of m polylines, NaN off the map; collisions are not checked
-    free      returns whether each of m polylines is free of collisions (m,)
-    is_late   returns whether the time is over
+    free      returns for each of m polylines whether it is free of collisions (m,)
+    is_late   returns whether the time limit has passed
     """
 
     problem: Problem
@@ -88,13 +88,16 @@ class Descent:
 
     @cached_property
     def weights(self) -> FloatArray:
-        """Weights (k,) of the costs in the merit: the minimised cost counts, the others break ties."""
+        """Weights (k,) of the costs in the merit, the sum that steps lower.
+
+        The minimised cost decides; the small weights of the others break ties.
+        """
         weights = np.full(len(self.criteria), SPREAD)
         weights[self.minimise] += 1.0
         return weights / self.scale
 
     def run(self, polyline: Polyline, costs: FloatArray) -> DescentResult:
-        """Move the corners of a polyline with costs (k,) until no step gains, or time is over."""
+        """Move the corners of a polyline with exact costs (k,) until no step helps or the time limit passes."""
         result = DescentResult(polyline, costs, 0, np.nan)
         with suppress(LimitPassed):
             for result in self._better(polyline, costs):  # noqa: B007  (the last one counts)
@@ -102,7 +105,7 @@ class Descent:
         return result
 
     def _better(self, polyline: Polyline, costs: FloatArray) -> Iterator[DescentResult]:
-        """Yield the result after each step, each better than the last; the final one is the result of the descent."""
+        """Run the descent; yield its result after each step, each with lower merit, and finally the last one."""
         distance, left, multipliers = FIRST, np.nan, self.weights
         polyline, costs = self._shortened(polyline, costs)
         if len(polyline.vertices) < 3:
@@ -143,7 +146,11 @@ class Descent:
     def _step(
         self, local: LocalModel, polyline: Polyline, costs: FloatArray, distance: float
     ) -> tuple[tuple[Polyline, FloatArray] | None, float]:
-        """Try a step; return it if it achieves its predicted gain, else None, and the gain that was predicted first."""
+        """Try the best step within ``distance`` metres; return the new polyline and costs, or None if it fails.
+
+        It fails if it is refused or gains much less than predicted; the model then learns from it, and some more steps
+        are tried. The second value is the gain predicted for the first step.
+        """
         promised = 0.0
         local.forget()
         for correction in range(CORRECTIONS):
@@ -165,11 +172,11 @@ class Descent:
     def _polled(
         self, local: LocalModel, polyline: Polyline, costs: FloatArray, bounds: FloatArray
     ) -> tuple[tuple[Polyline, FloatArray], float] | None:
-        """Return the best displacement of a corner that keeps the bounds (k,), with its size, m, or None.
+        """Search for a displacement of one corner that lowers the merit within the bounds (k,): a pattern search.
 
-        Sizes are tried one after the other, the largest first. Displacements are projected so that segments with a
-        fixed
-        heading keep it; otherwise the robot would have to turn once more.
+        Returns the best improved polyline with its costs, and the size of the displacement, m; None if there is none.
+        Sizes are tried in turn, the largest first. Displacements are projected so that segments with a fixed heading
+        keep it, as the robot would else have to turn once more.
         """
         vertices = polyline.vertices
         ahead = np.diff(vertices, axis=0)
@@ -202,7 +209,7 @@ class Descent:
         return float(self.weights @ costs)
 
     def _shortened(self, polyline: Polyline, costs: FloatArray) -> tuple[Polyline, FloatArray]:
-        """Return the polyline without the corners that can be removed without a higher cost."""
+        """Remove corners one by one as long as the merit does not rise; return the polyline and its costs."""
         while len(polyline.vertices) > 2 and not self.is_late():
             inner = range(1, len(polyline.vertices) - 1)
             fewer = [polyline.without(corner) for corner in inner]
@@ -216,10 +223,10 @@ class Descent:
         return polyline, costs
 
     def _tidied(self, polyline: Polyline, costs: FloatArray) -> tuple[Polyline, FloatArray]:
-        """Return the polyline without a corner of a negligible turn, if that costs no more.
+        """Remove the first corner whose turn is negligible, if the merit does not rise; return polyline and costs.
 
-        The time of a vanishing turn has no gradient, so steps cannot remove it. If the path would then touch an
-        obstacle, the neighbouring corners move by some millimetres.
+        The duration of a turn has no gradient at zero, so steps cannot remove the turn. If the path would touch an
+        obstacle without the corner, its neighbours move by some millimetres.
         """
         slight = np.flatnonzero(np.abs(wrap(np.diff(polyline.headings))) < LEAST_TURN)
         for corner in slight[:1] + 1:
@@ -239,18 +246,21 @@ class Descent:
 
 @dataclass(frozen=True)
 class PolylineMotions:
-    """Motions of polylines of one structure: moves along the K pieces of its segments, and turns in place."""
+    """Motions along polylines of one structure, on numbers or on symbols.
+
+    They are moves along the K pieces of the segments, and turns in place.
+    """
 
     structure: PolylineStructure
 
     @cached_property
     def pieces(self) -> SegmentParts:
-        """Pieces (K,) of the segments."""
+        """The K pieces into which the segments are cut."""
         return parts_of(np.array(self.structure.pieces, dtype=np.int64))
 
     @cached_property
     def shares(self) -> tuple[FloatArray, FloatArray]:
-        """Matrices (K, n+1) that map vertices to the beginnings and to the ends of the pieces."""
+        """Matrices (K, n+1) that give, multiplied by the vertices, the beginnings and the ends of the pieces."""
         segment, rows = self.pieces.segment, np.arange(len(self.pieces.segment))
         matrices = []
         for share in (self.pieces.begin, self.pieces.end):
@@ -262,17 +272,17 @@ class PolylineMotions:
 
     @cached_property
     def sampled(self) -> FloatArray:
-        """Matrix (S, n+1) that maps vertices to the points at which the clearance is bounded."""
+        """Matrix (S, n+1) that gives, multiplied by the vertices, the S points at which the clearance is bounded."""
         begin, end = self.shares
         return np.concatenate([begin[1:], (2 * begin + end) / 3, (begin + 2 * end) / 3])
 
     def symbols(self, problem: Problem, world: World, x: Any, y: Any, yaws: Any) -> list[Motions]:
-        """Return the moves along the pieces and the turns, if there are any, on symbols.
+        """Return the moves along the pieces, and the turns if there are any, as motions of CasADi symbols.
 
         Parameters
         ----------
-        x, y : (n+1,) of the vertices
-        yaws : (2,) at start and goal
+        x, y : (n+1,) coordinates of the vertices
+        yaws : (2,) headings at start and goal
         """
         import casadi
 
@@ -296,7 +306,7 @@ class PolylineMotions:
         return [moves, Motions(world, model, SmoothedTurn(cast(PlanarLaw, model.laws["turn"])), start, end, panels=1)]
 
     def of(self, problem: Problem, polyline: Polyline) -> list[Motions]:
-        """Return the moves along the pieces of a polyline and its turns, with the exact laws."""
+        """Return the moves along the pieces of a given polyline, and its turns if there are any, with exact laws."""
         vertices, world, model = polyline.vertices[None], problem.world, problem.model
         heading = polyline.headings[self.pieces.segment]
         start, end = (
@@ -308,7 +318,7 @@ class PolylineMotions:
 
 
 def sparse(matrix: FloatArray) -> Any:
-    """Return a matrix without its zeros, for CasADi."""
+    """Return a matrix as a sparse CasADi matrix."""
     import casadi
 
     return casadi.sparsify(casadi.DM(matrix))

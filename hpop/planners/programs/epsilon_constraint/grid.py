@@ -1,7 +1,8 @@
 """The grid of bounds of the epsilon-constraint method, and the order in which its cells are solved.
 
-AUGMECON (Mavrotas 2009; Mavrotas and Florios 2013) lays a grid over the ranges of the bounded costs. This grid has a
-cell for each warm start instead, and further cells down to the next better cost.
+A cell is a set of bounds, one for each cost. AUGMECON (Mavrotas 2009; Mavrotas and Florios 2013) lays a grid over the
+ranges of the bounded costs. This grid has a cell for each warm start instead, bounded by its costs, and further cells
+with bounds between these costs and the next better ones.
 """
 
 from __future__ import annotations
@@ -28,17 +29,17 @@ from hpop.planners.programs.polyline import Polyline
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-SLACK = 1e-6  # m by which free space is grown, so that a path along its border lies in it
+SLACK = 1e-6  # m by which free space is enlarged, so that a path along its border lies inside
 ROUNDING = 1e-6  # m⁴: a product of two areas below it counts as 0, so that a line along a side is a tangent
-MOST_CORNERS = 5000  # most corners of free space; with more, only the straight line bounds the length
+MOST_CORNERS = 5000  # largest number of corners of free space; with more, only the straight line bounds the length
 
 
 def least_length(problem: Problem) -> float:
-    """Return a lower bound, m, of the length of trajectories from start to goal.
+    """Return a length, m, that every trajectory from the start to the goal has at least.
 
     The shortest path of a disc among polygons turns only at corners of the free space of its axis (Lozano-Perez and
-    Wesley 1979, doi 10.1145/359156.359164). Replacing the arcs of that space by their chords, and leaving out parts of
-    the robot that are no discs on the axis, only enlarges the space, so the result is a lower bound.
+    Wesley 1979, doi 10.1145/359156.359164). Here the arcs of that space are replaced by their chords, and parts of the
+    robot other than discs on the axis are left out. Both only enlarge the space, so the result is a lower bound.
     """
     start, goal = np.array(start_of(problem)[:2]), np.array(one_goal(problem, "a bound of the length")[:2])
     bounds = [math.dist(start, goal)]
@@ -53,8 +54,8 @@ def least_length(problem: Problem) -> float:
 def _shortest(space: shapely.Geometry, start: FloatArray, goal: FloatArray) -> float:
     """Return the length, m, of the shortest path in a region; 0 if there is none, or the region has too many corners.
 
-    This is A* from corner to corner along lines that are tangents at both ends. Whether a line is free is checked only
-    when it leaves the queue.
+    This is A* from corner to corner, along lines that touch the corners at both ends as tangents. A line is checked for
+    leaving the region only when the search takes it from the queue.
     """
     corners, before, after = _corners(space)
     if len(corners) > MOST_CORNERS:
@@ -83,7 +84,7 @@ def _shortest(space: shapely.Geometry, start: FloatArray, goal: FloatArray) -> f
 
 
 def _corners(space: shapely.Geometry) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the reflex vertices (n, 2) of a region, at which a shortest path may turn, and the sides at each."""
+    """Return the reflex vertices (n, 2) of a region, where a shortest path may turn, and the sides before and after."""
     rows = [np.zeros((0, 3, 2))]
     for ring in shapely.get_rings(shapely.get_parts(shapely.normalize(space))):  # the region is to the right of each
         points = shapely.get_coordinates(ring)[:-1]
@@ -94,7 +95,10 @@ def _corners(space: shapely.Geometry) -> tuple[FloatArray, FloatArray, FloatArra
 
 
 def _tangent(ahead: FloatArray, before: FloatArray, after: FloatArray) -> BoolArray:
-    """Return whether both sides of a corner are on the same side of lines (n, 2): a taut path can turn there."""
+    """Return whether lines in directions ``ahead`` (n, 2) are tangents of a corner, so that a shortest path can turn.
+
+    They are if both sides of the corner lie on one side of the line; ``before`` and ``after`` are these sides.
+    """
     return _cross(ahead, before) * _cross(ahead, after) <= ROUNDING
 
 
@@ -102,13 +106,15 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
-LOOSE = 2e-4  # relative: costs that differ by less are equal; bounds are loosened by it, for the solver
-WAVE = 8  # least number of cells that are solved together, whatever the number of workers
+LOOSE = 2e-4  # relative: costs that differ by less count as equal; bounds are loosened by it, for the solver
+WAVE = 8  # least number of cells in a wave, whatever the number of workers
 
 
 @dataclass(frozen=True)
 class Roles:
-    """Roles of the costs: one is minimised, smooth ones are bounded in programs, counts follow from structures.
+    """Roles of the k costs: one is minimised, other smooth ones are bounded in programs, and the rest are counts.
+
+    Counts of moves and turns follow from the number of segments, which a program does not change.
 
     criteria  k criteria
     minimise  index of the minimised cost
@@ -121,9 +127,10 @@ class Roles:
 
     @classmethod
     def of(cls, criteria: Sequence[Criterion], minimise: str | None, problem: Problem) -> Roles:
-        """Return the roles of criteria; without a name, the length is minimised, or else the first smooth cost.
+        """Return the roles of criteria, with ``minimise`` as the name of the cost to minimise.
 
-        Raises the errors of :func:`smooth_indices` and :func:`minimised`.
+        Without a name, the length is minimised, or else the first smooth cost. Raises the errors of
+        :func:`smooth_indices` and :func:`minimised`.
         """
         smooth = smooth_indices(criteria, problem, "epsilon-constraint")
         if minimise is not None:
@@ -133,7 +140,7 @@ class Roles:
 
     @property
     def counted(self) -> list[int]:
-        """Indices of the costs that are counts of a structure."""
+        """Indices of the costs that only count moves and turns."""
         return [j for j in range(len(self.criteria)) if j not in self.smooth]
 
     @property
@@ -142,20 +149,23 @@ class Roles:
         return [j for j in range(len(self.criteria)) if j != self.minimise]
 
     def limits(self, epsilon: Mapping[str, float], problem: Problem) -> FloatArray:
-        """Return bounds (k,) from bounds by name; OptionError for unknown names and impossible bounds."""
+        """Return the bounds (k,) that the option ``epsilon`` gives by name; inf for costs that it does not name.
+
+        Raises OptionError for unknown names, and for bounds that no trajectory from start to goal can keep.
+        """
         names = [criterion.name for criterion in self.criteria]
         unknown = sorted(str(name) for name in epsilon if name not in names)
         if unknown:
             means = {mean.name: integral_of(mean).name for mean in problem.criteria if mean.aggregate == "time-mean"}
             hints = (
-                f" {name} is a mean and does not add up, so {means[name]} stands in for it: bound {means[name]}."
+                f" {name} is a mean, which does not add up, so {means[name]} is planned instead: bound {means[name]}."
                 if name in means
                 else did_you_mean(name, names)
                 for name in unknown
             )
             raise OptionError(
-                f"epsilon bounds {', '.join(unknown)}, which is no objective.{''.join(hints)} "
-                f"These are {', '.join(names)}"
+                f"epsilon must bound criteria by their names, got {', '.join(unknown)}.{''.join(hints)} "
+                f"The criteria are {', '.join(names)}"
             )
         limits = np.array([epsilon.get(name, np.inf) for name in names], float)
         least = np.array([_least(c, problem) if c.name in epsilon else 0.0 for c in self.criteria])
@@ -169,7 +179,7 @@ class Roles:
 
 
 def _least(criterion: Criterion, problem: Problem) -> float:
-    """Return a lower bound of a cost between start and goal, for any path."""
+    """Return a lower bound of a cost, valid for any path from the start to any of the goals; 0 if none is known."""
     if index_of_role("length", [criterion]) is not None:
         return least_length(problem)
     bound = criterion.bound
@@ -183,7 +193,7 @@ def _least(criterion: Criterion, problem: Problem) -> float:
 
 @dataclass(frozen=True, eq=False)
 class FreePolyline:
-    """Free polyline with its exact costs (k,)."""
+    """Polyline that is free of collisions, with its exact costs (k,)."""
 
     polyline: Polyline
     costs: FloatArray
@@ -191,11 +201,11 @@ class FreePolyline:
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """Cell of the grid: bounds of the costs, taken from a warm start.
+    """Cell of the grid: a set of bounds on the costs, made from the costs of a warm start.
 
     epsilon  (k,) bounds
     of       index of the warm start
-    level    0 for the costs of the warm start, more for tighter bounds
+    level    0 if the bounds are the costs of the warm start; higher for tighter bounds
     """
 
     epsilon: FloatArray
@@ -205,7 +215,12 @@ class Cell:
 
 @dataclass(frozen=True, eq=False)
 class CellCandidate:
-    """Candidate for the bounds of a cell, with its costs (k,) as planned and its provenance."""
+    """Candidate found within the bounds of a cell.
+
+    solved      polyline with exact costs
+    planned     (k,) costs as a program computes them
+    provenance  how it was found, for the front
+    """
 
     cell: Cell
     solved: FreePolyline
@@ -215,14 +230,14 @@ class CellCandidate:
 
 @dataclass(eq=False)
 class Grid:
-    """Grid of bounds from the costs of warm starts, with its candidates.
+    """Grid of bounds made from the costs of n warm starts, with the candidates found so far.
 
     roles
-    warm        warm starts, with the costs that are the bounds of level 0
-    limits      (k,) bounds of all cells
+    warm        warm starts; their costs are the bounds of level 0
+    limits      (k,) bounds that hold in all cells
     divisions   number of further levels between the cost of a warm start and the next better one
-    candidates  in the order of their cells
-    infeasible  cells without a candidate
+    candidates  candidates found so far
+    infeasible  cells that turned out to have no candidate
     """
 
     roles: Roles
@@ -239,7 +254,11 @@ class Grid:
 
     @cached_property
     def levels(self) -> list[list[Cell]]:
-        """Cells of each level, the loosest bounds first: costs of warm starts, then towards the next better ones."""
+        """Cells by level; in each level, those with the loosest bounds come first.
+
+        Level 0 has the costs of the warm starts as bounds. In each higher level, one smooth cost of a warm start is
+        bounded more tightly, towards the next better cost of another warm start.
+        """
         levels: list[list[Cell]] = [[] for _ in range(self.divisions + 1)]
         for i, row in enumerate(self.costs):
             levels[0].append(Cell(np.minimum(row, self.limits), i, 0))
@@ -254,11 +273,12 @@ class Grid:
         return [sorted(cells, key=lambda c: -float((c.epsilon / span)[bounded].sum())) for cells in levels]
 
     def wave(self, cells: Sequence[Cell]) -> list[Cell]:
-        """Return some cells to be solved together, chosen so that their candidates rarely keep each other's bounds.
+        """Choose the cells that are solved next, at the same time.
 
-        A program does not change counts, so its candidate fits cells with other counts only if it lost a turn. A wave
-        has the
-        loosest cell for each set of counts; if these are fewer than WAVE, more of each set, evenly spaced.
+        The choice avoids solving cells in vain: a candidate of one cell should rarely keep the bounds of another one in
+        the wave. Programs do not change counts of turns, so this is rare for cells with different bounds on counts. A
+        wave has the loosest cell for each set of counts. If these are fewer than WAVE, it has more of each set, evenly
+        spaced in their order.
         """
         groups: dict[tuple[float, ...], list[Cell]] = {}
         for cell in cells:
@@ -267,10 +287,10 @@ class Grid:
         return [cell for group in groups.values() for cell in group[:: -(-len(group) // share)]]
 
     def unanswered(self, cells: Sequence[Cell]) -> list[Cell]:
-        """Return the cells that still need a program.
+        """Return the cells that still have to be solved.
 
-        A cell needs none if a candidate of a cell with looser bounds keeps its bounds, or if looser bounds were
-        infeasible.
+        A cell can be skipped if a candidate found for looser bounds also keeps the bounds of this cell, or if looser
+        bounds were infeasible.
         """
         bounded = self.roles.bounded
         left = [cell for cell in cells if not self._hopeless(cell)]
@@ -283,17 +303,17 @@ class Grid:
         return left
 
     def _hopeless(self, cell: Cell) -> bool:
-        """Return whether a looser bound of the same warm start is infeasible."""
+        """Return whether a cell of the same warm start with looser bounds was infeasible already."""
         return cell.level > 0 and any(
             cell.of == failed.of and (cell.epsilon <= failed.epsilon).all() for failed in self.infeasible
         )
 
     def start(self, cell: Cell) -> FreePolyline | None:
-        """Return the polyline from which a cell's program starts, or None.
+        """Return the polyline from which the search in a cell starts.
 
-        It is the warm start if that keeps the bounds; else the polyline that exceeds the bounds least, and of these
-        that with
-        the least minimised cost. None if all polylines exceed the bounds in a count, which no program changes.
+        It is the cell's warm start if that keeps the bounds. Else it is the warm start or candidate that exceeds the
+        bounds least, and among equals the one with the least minimised cost. The result is None if all of them exceed
+        the bound of a count, which no program changes.
         """
         if not exceeds(self.warm[cell.of].costs, cell.epsilon, self.roles.criteria).any():
             return self.warm[cell.of]

@@ -1,4 +1,7 @@
-"""One cell of the epsilon-constraint method: solve its program, repair the solution, descend."""
+"""One job of the epsilon-constraint method: minimise a cost within one set of bounds, from one warm start.
+
+It solves a nonlinear program, repairs solutions that collide, and ends with a descent on exact costs.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ if TYPE_CHECKING:
 
 QUADRATURE = 1e-3  # relative: difference between sums over pieces and over whole motions
 REPAIRS = 3  # solves with corrected bounds after a solution that collides or exceeds its bounds
-GAIN = 1e-3  # relative: a round that gains less is the last one
+GAIN = 1e-3  # relative: a round that lowers the cost by less is the last one
 AT_BORDER = 0.95  # share of a program's region: a round that moves all vertices by less is the last one
 SHARE = 0.7  # share of a bound's tolerance by which the descent may exceed the bound
 CACHED = 250  # programs in the cache of a process, of some 4 MB each
@@ -38,13 +41,13 @@ Task = tuple[Cell, FreePolyline]  # bounds, and the polyline to start from
 
 @dataclass(frozen=True, eq=False)
 class PolylineJob:
-    """Data that all cells share, and the programs of this process. Programs are not pickled.
+    """Solver of single cells (sets of bounds) of the grid: the data that they share, and a cache of programs.
 
     problem
-    roles
-    rounds    number of programs per cell; each starts from the last solution
+    roles     which criterion is minimised, and which are bounded
+    rounds    number of programs for each cell; each starts from the last solution
     deadline
-    programs  cache by structure
+    programs  cache of this process by structure; it is not pickled
     """
 
     problem: Problem
@@ -57,7 +60,10 @@ class PolylineJob:
         return {**self.__dict__, "programs": {}}
 
     def solve(self, task: Task) -> Outcome[CellCandidate]:
-        """Return the candidate of a cell, or the reason why there is none; it depends on the task alone."""
+        """Solve one cell; return its candidate, or the reason why there is none.
+
+        The result depends on the task alone, unless the deadline passes.
+        """
         attempt = _Attempt(self, *task)
         with ONE_PROGRAM:
             began = time.perf_counter()
@@ -66,9 +72,10 @@ class PolylineJob:
         return Outcome.of(result, attempt.counts, attempt.seconds)
 
     def tolerance(self, planned: FloatArray) -> FloatArray:
-        """Return the largest error of planned costs (., k).
+        """Return the largest error (., k) of planned costs (., k).
 
-        For sums this is QUADRATURE; for maxima, the change of one unit per metre between samples and field cells.
+        For sums it is the share QUADRATURE. A maximum may be off between samples and field cells; it is assumed to
+        change by at most one unit per metre.
         """
         spacing = self.problem.world.cell + PIECE / 4
         worst = np.array([c.aggregate == "max" for c in self.roles.criteria])
@@ -79,7 +86,13 @@ class PolylineJob:
 
 @dataclass(eq=False)
 class _Attempt:
-    """Solution of one cell, in progress."""
+    """Search for the candidate of one cell, in progress.
+
+    start    polyline from which the search starts
+    best     best candidate so far
+    counts   number of events of each name, such as "repairs"
+    seconds  spent, by kind of work
+    """
 
     job: PolylineJob
     cell: Cell
@@ -89,7 +102,7 @@ class _Attempt:
     seconds: dict[str, float] = field(default_factory=lambda: {"build": 0.0})
 
     def run(self) -> CellCandidate | str:
-        """Return the best candidate, also if the time is over, or the reason why there is none."""
+        """Search until the deadline at most; return the best candidate, or the reason why there is none."""
         reason = CUT_SHORT
         try:
             with within(self.job.deadline):
@@ -101,9 +114,9 @@ class _Attempt:
         return self.best
 
     def _search(self) -> str:
-        """Solve from the warm start, again from each solution while that improves it, then descend.
+        """Solve a program from the start, solve again from each solution while that helps, then descend.
 
-        Stores the best candidate, and returns the reason of the last failure.
+        The best candidate is stored in ``best``; the result is the reason of the last failure, or "".
         """
         minimise = self.job.roles.minimise
         start, reason = self.start, ""
@@ -136,12 +149,15 @@ class _Attempt:
         return reason
 
     def _gain(self, start: FreePolyline, candidate: CellCandidate) -> float:
-        """Return the decrease of the minimised cost from a start to a candidate."""
+        """Return by how much the minimised cost is lower for a candidate than for a start."""
         minimise = self.job.roles.minimise
         return float(start.costs[minimise] - candidate.solved.costs[minimise])
 
     def _solve(self, start: FreePolyline, number: int) -> CellCandidate | str:
-        """Solve a program; return a candidate that passes all checks, or the reason why there is none."""
+        """Solve the program, and again with corrected bounds while the solution collides or exceeds its bounds.
+
+        Returns a candidate that passes all checks, or the reason why there is none. ``number`` is that of the round.
+        """
         roles, cell, warm = self.job.roles, self.cell, start.polyline
         smooth = list(roles.smooth)
         program = self._program(warm.structure)
@@ -149,7 +165,7 @@ class _Attempt:
         bounds, at, reason = program.bounds(warm), start, ""
         provenance: dict[str, Any] = {"round": number, "perturbed": False, "repairs": 0}
         while True:
-            # The program's error at its start is added to the bounds, for maxima motion by motion.
+            # The program's error in its costs at the start is added to the bounds; for maxima, motion by motion.
             corrections = program.corrections(at.polyline)
             drift = np.nan_to_num(program.costs(at.polyline, corrections) - at.costs[smooth])
             options: dict[str, Any] = {"scale": scale, "bounds": bounds, "corrections": corrections}
@@ -180,7 +196,7 @@ class _Attempt:
                 bounds = program.raised(bounds, solution.polyline)
 
     def is_late(self) -> bool:
-        """Return whether the time is over; if so, count it."""
+        """Return whether the deadline has passed; if so, count the cell as cut short."""
         late = self.job.deadline.is_past
         if late:
             self.counts[CUT_SHORT] = 1
@@ -188,7 +204,7 @@ class _Attempt:
 
     @property
     def _aim(self) -> FloatArray:
-        """Bounds of the smooth costs, loosened to leave a solver room."""
+        """Bounds of the smooth costs, slightly loosened, since solvers work better with some room."""
         roles, epsilon = self.job.roles, self.cell.epsilon[list(self.job.roles.smooth)]
         quanta = np.array([roles.criteria[j].quantum for j in roles.smooth])
         return np.asarray(epsilon + np.maximum(LOOSE * np.abs(epsilon), 0.2 * quanta))
@@ -198,7 +214,7 @@ class _Attempt:
         return np.where(costs > 1e-6, costs, 1.0)
 
     def _judged(self, polyline: Polyline) -> tuple[str, FloatArray]:
-        """Return the fault of a polyline, or "", and its costs (k,)."""
+        """Return why a polyline is refused (it collides or exceeds a bound), or "", and its exact costs (k,)."""
         job = self.job
         trajectory = polyline.trajectory(job.problem.model)
         judged = judge(job.problem, job.roles.criteria, [trajectory], epsilon=self.cell.epsilon[None])
@@ -207,7 +223,7 @@ class _Attempt:
     def _candidate(
         self, polyline: FreePolyline, solution: Solution | None, provenance: dict[str, Any]
     ) -> CellCandidate:
-        """Return a polyline as a candidate, with its provenance."""
+        """Return a free polyline as a candidate of this cell, with its planned costs and provenance."""
         cell, roles = self.cell, self.job.roles
         bounded = zip(roles.criteria, cell.epsilon.tolist(), strict=True)
         provenance = {
@@ -223,7 +239,7 @@ class _Attempt:
         return CellCandidate(cell, polyline, self._planned(polyline), provenance)
 
     def _descended(self, candidate: CellCandidate) -> CellCandidate:
-        """Return the candidate after a descent with exact costs."""
+        """Move the corners of a candidate by a descent with exact costs, and return the result as a candidate."""
         roles, smooth = self.job.roles, list(self.job.roles.smooth)
         descent = Descent(
             self.job.problem,
@@ -247,7 +263,10 @@ class _Attempt:
         return CellCandidate(self.cell, settled, self._planned(settled), provenance)
 
     def _costs_if_trusted(self, polyline: Polyline) -> FloatArray | None:
-        """Return costs (k,) of the smooth criteria; None after a collision, off the map or beyond a bound."""
+        """Return the exact costs (k,) of the smooth criteria; None if a polyline collides or breaks a bound.
+
+        It is also None if the polyline leaves the map.
+        """
         problem, roles = self.job.problem, self.job.roles
         trajectory = polyline.trajectory(problem.model)
         if not on_map(problem, trajectory.states).all() or not is_free(problem, trajectory):
@@ -260,7 +279,7 @@ class _Attempt:
         return are_free(problem, [polyline.trajectory(problem.model) for polyline in polylines])
 
     def _costs_on_map(self, polylines: Sequence[Polyline]) -> FloatArray:
-        """Return costs (m, k) of the smooth criteria, NaN for polylines that leave the map."""
+        """Return the exact costs (m, k) of the smooth criteria for m polylines, NaN for those that leave the map."""
         problem, roles = self.job.problem, self.job.roles
         trajectories = [polyline.trajectory(problem.model) for polyline in polylines]
         inside = np.array([on_map(problem, trajectory.states).all() for trajectory in trajectories], dtype=bool)
@@ -270,7 +289,7 @@ class _Attempt:
         return costs
 
     def _planned(self, solved: FreePolyline) -> FloatArray:
-        """Return the costs (k,) of a polyline as a program computes them: sums over pieces."""
+        """Return the costs (k,) of a polyline as a program computes them: integrated over the pieces of segments."""
         batches = PolylineMotions(solved.polyline.structure).of(self.job.problem, solved.polyline)
         planned = solved.costs.copy()
         for j in self.job.roles.smooth if solved.polyline.structure.segments else ():
@@ -280,7 +299,7 @@ class _Attempt:
         return planned
 
     def _program(self, structure: PolylineStructure) -> PolylineProgram:
-        """Return the program of a structure, from the cache or built now."""
+        """Return the program for polylines of a structure, from the cache or built now."""
         programs, roles = self.job.programs, self.job.roles
         if structure not in programs:
             if len(programs) >= CACHED:  # the oldest is dropped

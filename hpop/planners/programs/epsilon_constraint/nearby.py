@@ -1,4 +1,4 @@
-"""Local model of the polylines near a given one: costs to second order, distances to first, and the best step."""
+"""Local model of costs and clearances near a given polyline, from which :mod:`.descent` computes its steps."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from hpop.world.ground import Heights
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-PENALTY = 100.0  # penalty per scale of a cost beyond its bound
+PENALTY = 100.0  # penalty on the excess of a scaled cost over its bound
 PIECE = 0.1  # m: length of the parts of segments in which maxima are first searched
 SAMPLE = 0.04  # m: first spacing of the samples of the distance to obstacles
 FINER = 7  # factor by which both are refined near extrema
@@ -33,11 +33,13 @@ CURVATURE = 1e-7  # least eigenvalue of the Hessian, so that a program has one s
 
 
 class StepLimits(NamedTuple):
-    """Linear limits of a step: slopes @ step - room is at most 0 for a distance, at most the maximum for a cost.
+    """Linear limits of a step (d,) in r rows.
 
-    slopes   (r, d)
-    room     (r,)
-    maximum  (r,)  index of the criterion that is a maximum; -1 for a distance to obstacles
+    A row for the distance to an obstacle requires ``slopes @ step <= room``. A row for a sample of a maximum requires
+    that ``slopes @ step - room``, the predicted value of the sample, is at most the maximum.
+
+    slopes, room  (r, d), (r,)
+    maximum       (r,)  index of the criterion that is a maximum; -1 for a distance to obstacles
     """
 
     slopes: FloatArray
@@ -45,24 +47,25 @@ class StepLimits(NamedTuple):
     maximum: IntArray
 
     def within(self, distance: float) -> StepLimits:
-        """Return the limits that can matter for a step with coordinates of at most a distance, m."""
+        """Return only the rows that can matter for steps whose coordinates are at most ``distance``, m."""
         near = (self.maximum >= 0) | (self.room <= distance * np.abs(self.slopes).sum(axis=1))
         return StepLimits(self.slopes[near], self.room[near], self.maximum[near])
 
 
 class LocalModel:
-    """Model of the polylines that differ from a given one by a small step of its free corners.
+    """Model of how costs and clearances change when the corners of a polyline move by a small step (d,).
 
-    A corner next to an end without a turn stays in the direction of that end. Costs that are sums are modelled to
-    second order, costs that are maxima to first order at each local maximum along the path, and the distance to
-    obstacles to first order at samples that do not move when a corner slides along its segment.
+    If the robot may not turn at the start or goal, the corner next to it moves only along the heading there. Costs that
+    are sums are modelled to second order. Costs that are maxima are modelled to first order at each local maximum along
+    the path. So is the distance to obstacles at samples, which do not move when a corner slides along its segment.
 
-    problem, criteria  k smooth criteria
-    polyline
-    costs    (k,) of the polyline, exact
-    bounds   (k,) of the costs; inf for none
-    weights  (k,) of the costs in the merit, which a step lowers
-    scale    (k,) positive: differences of costs that weigh the same
+    problem
+    criteria  k smooth criteria
+    polyline  polyline whose corners move
+    costs     (k,) exact costs of the polyline
+    bounds    (k,) upper bounds of the costs; inf for none
+    weights   (k,) weights of the costs in the merit, which a step lowers
+    scale     (k,) positive: each cost is divided by its scale
     """
 
     def __init__(
@@ -89,7 +92,7 @@ class LocalModel:
 
     @cached_property
     def basis(self) -> FloatArray:
-        """Derivatives (n+1, 2, d) of the vertices by the free coordinates."""
+        """Derivatives (n+1, 2, d) of the vertices' coordinates by the d coordinates of a step."""
         polyline, n = self.polyline, len(self.polyline.vertices) - 1
         directions: list[list[float]] = [[] for _ in range(n + 1)]
         if not self.structure.first_turn:
@@ -107,15 +110,15 @@ class LocalModel:
 
     @property
     def freedom(self) -> int:
-        """Number of free coordinates d."""
+        """Number d of coordinates of a step: two for each inner corner, fewer if a fixed heading limits it."""
         return int(self.basis.shape[2])
 
     def moved(self, step: FloatArray) -> Polyline:
-        """Return the polyline after a step (d,)."""
+        """Return the polyline with its corners moved by a step (d,)."""
         return Polyline(self._vertices(step[None])[0], self.polyline.start_yaw, self.polyline.goal_yaw)
 
     def _vertices(self, steps: FloatArray) -> FloatArray:
-        """Return vertices (b, n+1, 2) after steps (b, d)."""
+        """Return the vertices (b, n+1, 2) after each of b steps (b, d)."""
         vertices: FloatArray = self.polyline.vertices + np.einsum("vad,bd->bva", self.basis, steps)
         return vertices
 
@@ -123,13 +126,13 @@ class LocalModel:
 
     @cached_property
     def slopes(self) -> FloatArray:
-        """Gradients (k, d) of sums; 0 for maxima."""
+        """Gradients (k, d) of the costs that are sums, by central differences; 0 for maxima."""
         probe = PROBE * np.eye(self.freedom)
         values = self._sums(np.concatenate([probe, -probe]))
         return (values[:, : self.freedom] - values[:, self.freedom :]) / (2 * PROBE)
 
     def bend(self, multipliers: FloatArray) -> None:
-        """Compute the Hessian of the sums, weighted by multipliers (k,), and make it convex."""
+        """Compute and store the Hessian of the costs that are sums, weighted by multipliers (k,) and made convex."""
         d = self.freedom
         first, second = np.triu_indices(d)
         probe = BENT * np.eye(d)
@@ -144,7 +147,7 @@ class LocalModel:
         self._curvature = (vector * np.maximum(value, CURVATURE)) @ vector.T
 
     def _sums(self, steps: FloatArray) -> FloatArray:
-        """Return costs (k, b) of the sums after steps (b, d); 0 for maxima."""
+        """Return the exact costs (k, b) after each of b steps (b, d), for costs that are sums; 0 for maxima."""
         vertices = self._vertices(steps)
         segments = parts_of(np.ones(vertices.shape[1] - 1, dtype=np.int64))
         batches = [self._moves(vertices, segments), *self._turns(vertices)]
@@ -155,7 +158,7 @@ class LocalModel:
         return values
 
     def _tops(self, vertices: FloatArray) -> SegmentParts:
-        """Return the parts of segments, of length PIECE / FINER, in which a criterion has a local maximum."""
+        """Return the short parts of segments (PIECE / FINER long) where criteria that are maxima have local maxima."""
         parts = _parts(vertices, PIECE)
         tops: list[SegmentParts] = []
         for j in self.maxima:
@@ -171,7 +174,7 @@ class LocalModel:
         return SegmentParts(np.concatenate(segment), np.concatenate(begin), np.concatenate(end))
 
     def _maximum_rows(self, at: FloatArray) -> list[StepLimits]:
-        """Return the limits of maxima near a step (d,)."""
+        """Return the rows for criteria that are maxima, linearised at a step (d,)."""
         if not self.maxima:
             return []
         tops, probe = self._tops(self._vertices(at[None])[0]), PROBE * np.eye(self.freedom)
@@ -187,7 +190,7 @@ class LocalModel:
         return rows
 
     def _moves(self, vertices: FloatArray, parts: SegmentParts) -> Motions:
-        """Return the moves along parts of the segments of several polylines (b, n+1, 2), polyline by polyline."""
+        """Return the moves along the given parts of segments, for each of several polylines (b, n+1, 2) in turn."""
         begin, ahead = vertices[:, parts.segment], np.diff(vertices, axis=1)[:, parts.segment]
         yaw = np.arctan2(ahead[..., 1], ahead[..., 0]).ravel()
         first, last = ((begin + share[:, None] * ahead).reshape(-1, 2).T for share in (parts.begin, parts.end))
@@ -202,7 +205,7 @@ class LocalModel:
 
     @cached_property
     def _floors(self) -> list[tuple[Heights, float]]:
-        """Height ranges, each with the least distance to obstacles: the robot's reach, or the present distance."""
+        """Height ranges, each with the least allowed distance to obstacles: the robot's reach, or the present one."""
         vertices = self.polyline.vertices
         return [
             (z, min(reach + APART, float(self._near(vertices, z)[1].min(initial=np.inf))))
@@ -210,7 +213,7 @@ class LocalModel:
         ]
 
     def _near(self, vertices: FloatArray, z: Heights) -> tuple[SegmentParts, FloatArray]:
-        """Return samples along a polyline, denser where it passes an obstacle, and their distances (S,), m."""
+        """Return samples along a polyline, denser where it is nearest to an obstacle, and their distances (S,), m."""
         parts = _parts(vertices, SAMPLE)
         last = np.append(np.diff(parts.segment) > 0, True)
         segment = np.concatenate([parts.segment, parts.segment[last]])
@@ -229,12 +232,12 @@ class LocalModel:
         )
 
     def _distances(self, vertices: FloatArray, segment: IntArray, share: FloatArray, z: Heights) -> FloatArray:
-        """Return signed distances (S,), m, at shares of segments."""
+        """Return the signed distances (S,) to obstacles, m, at samples given by segment and share of its length."""
         x, y = (vertices[segment] + share[:, None] * np.diff(vertices, axis=0)[segment]).T
         return self.problem.world.free_space(z).signed_clearance(x, y)
 
     def _distance_rows(self, at: FloatArray) -> list[StepLimits]:
-        """Return the limits of the distance to obstacles near a step (d,)."""
+        """Return the rows that keep the polyline off obstacles, linearised at a step (d,)."""
         vertices = self._vertices(at[None])[0]
         ahead = np.diff(vertices, axis=0)
         rows = []
@@ -248,7 +251,7 @@ class LocalModel:
             east, west, north, south = (space.signed_clearance(x + dx, y + dy) for dx, dy in shifts)
             gradient = np.stack([east - west, north - south], axis=1) / (2 * PROBE)
             moves = (1 - share)[:, None, None] * self.basis[segment] + share[:, None, None] * self.basis[segment + 1]
-            # A sample between two corners that moves along its segment stays on it: only motion across it counts.
+            # A sample between two corners that moves along its segment stays on it, so only motion across it counts.
             tangent = ahead[segment] / np.hypot(*ahead[segment].T)[:, None]
             inner = (share > 0) & (share < 1)
             across = gradient - np.where(inner, (gradient * tangent).sum(axis=1), 0.0)[:, None] * tangent
@@ -260,19 +263,19 @@ class LocalModel:
 
     @cached_property
     def _rows(self) -> list[StepLimits]:
-        """Limits of steps from the polyline itself."""
+        """Rows for distances and maxima, linearised at the polyline itself."""
         return self._limits_at(np.zeros(self.freedom))
 
     def _limits_at(self, step: FloatArray) -> list[StepLimits]:
-        """Return the limits of distances and maxima near a step (d,)."""
+        """Return the rows for distances and maxima, linearised at a step (d,)."""
         return [*self._distance_rows(step), *self._maximum_rows(step)]
 
     def forget(self) -> None:
-        """Drop the corrections that :meth:`learn` made."""
+        """Drop all corrections that :meth:`learn` added to the model."""
         self._more, self._excess = [], np.zeros(len(self.criteria))
 
     def learn(self, step: FloatArray) -> bool:
-        """Correct the model by the exact costs after a step that failed; return whether this changed the model."""
+        """Correct the model with exact costs and distances at a step that failed; return whether the model changed."""
         costs = self._sums(step[None])[:, 0]
         foreseen = self.costs + self.slopes @ step
         excess = np.zeros(len(self.criteria))
@@ -286,7 +289,7 @@ class LocalModel:
         return news
 
     def gain(self, step: FloatArray) -> float:
-        """Return the decrease of the weighted costs that the model predicts for a step (d,)."""
+        """Return by how much the merit falls after a step (d,), as the model predicts."""
         rows = _joined([*self._rows, *self._more], self.freedom)
         after = self.costs + self.slopes @ step
         for j in self.maxima:
@@ -295,11 +298,10 @@ class LocalModel:
         return float(self.weights @ (self.costs - after)) - 0.5 * float(step @ self._curvature @ step)
 
     def step(self, distance: float) -> FloatArray | None:
-        """Return the best step (d,), with coordinates of at most a distance, m; None if the solver fails.
+        """Return the best step (d,) by the model, with coordinates of at most ``distance``, m; None if solving fails.
 
-        Variables are the step, in shares of the distance, and, in shares of its scale, the value of each maximum and
-        the excess
-        of each cost over its bound.
+        This is a quadratic program. Its variables are the step, divided by the distance, the value of each maximum, and
+        the excess of each cost over its bound, both divided by the scale of the cost.
         """
         d, k = self.freedom, len(self.criteria)
         rows = _joined([*self._rows, *self._more], d).within(distance)
@@ -344,7 +346,7 @@ class LocalModel:
 def _solved(
     curvature: FloatArray, objective: FloatArray, matrix: FloatArray, room: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Return x that minimises ½ x·curvature·x + objective·x with matrix x <= room, and multipliers, or None."""
+    """Minimise ``½ x·curvature·x + objective·x`` with ``matrix x <= room``; return x and multipliers, or None."""
     import clarabel
     from scipy import sparse
 
@@ -360,14 +362,14 @@ def _solved(
 
 
 def _parts(vertices: FloatArray, length: float) -> SegmentParts:
-    """Return segments cut into parts of about a length."""
+    """Cut the segments of a polyline into equal parts, at most ``length`` metres long, and return the parts."""
     return parts_of(np.maximum(1, np.ceil(np.hypot(*np.diff(vertices, axis=0).T) / length)).astype(np.int64))
 
 
 def turns_of(structure: PolylineStructure, vertices: FloatArray, polyline: Polyline, problem: Problem) -> list[Motions]:
-    """Return a batch of the turns in polylines (b, n+1, 2) with equal structure and end yaws.
+    """Return one batch with the turns in place of b polylines (b, n+1, 2); no batch if there are no turns.
 
-    [] if there are no turns.
+    The polylines have the given structure, and the headings of ``polyline`` at start and goal.
     """
     at, model = structure.turning, problem.model
     if not at:
@@ -382,14 +384,14 @@ def turns_of(structure: PolylineStructure, vertices: FloatArray, polyline: Polyl
 
 
 def _is_local_maximum(values: FloatArray, segment: IntArray) -> BoolArray:
-    """Return whether values (n,) are no lower than their neighbours on the same segment."""
+    """Return a mask (n,) of local maxima: values that are no lower than their neighbours on the same segment."""
     new = np.diff(segment, prepend=-1) > 0
     last = np.append(new[1:], True)
     return (new | (values >= np.roll(values, 1))) & (last | (values >= np.roll(values, -1)))
 
 
 def _joined(rows: Sequence[StepLimits], d: int) -> StepLimits:
-    """Return all limits as a single value, for steps of d coordinates."""
+    """Join several blocks of rows into one, for steps of d coordinates; the result may have no rows."""
     if not rows:
         return StepLimits(np.zeros((0, d)), np.zeros(0), np.zeros(0, dtype=np.int64))
     return StepLimits(*(np.concatenate(part) for part in zip(*rows, strict=True)))

@@ -1,4 +1,4 @@
-"""The epsilon-constraint planner: any-angle polylines that minimise one cost, the others bounded."""
+"""The epsilon-constraint planner: any-angle polylines that minimise one cost while the others are bounded."""
 
 from __future__ import annotations
 
@@ -43,36 +43,37 @@ COUNTED = (
     "steps",
     "without a program",
 )
-NOTED = 1e-3  # share of the cost: a larger predicted gain of a further step is noted
+NOTED = 1e-3  # share of the cost: if one more step is predicted to gain more, a note says so
 
 
 @planner(NAME)
 @dataclass(frozen=True)
 class EpsilonConstraint:
-    """Polylines of any angles that minimise one cost while the others are bounded by the costs of a warm start.
+    """Planner of polylines with any angles that minimise one cost, while the costs of a warm start bound the others.
 
     step        m  distance between positions of the lattice that gives the warm starts
     headings    number of headings of that lattice: 4, 8 or 16
-    minimise    name of the minimised cost; None: the length, or the first smooth cost
-    divisions   number of further bounds between the cost of a warm start and the next better cost
-    rounds      number of programs for each bound; each begins at the last solution and moves corners by at most 1 m.
-                A round is skipped if no corner moved that far in the round before
+    minimise    name of the cost to minimise; None: the length, or else the first smooth cost
+    divisions   number of further sets of bounds between the cost of a warm start and the next better cost
+    rounds      number of programs for each set of bounds; each begins at the last solution and moves corners by at most
+                1 m. A round is skipped if no corner moved that far in the round before
     epsilon     bounds that hold for all results, by the name of a cost
     warm_start  source of the warm starts: a planner's name, ``{name: {option: value}}``, a front, or trajectories
-    max_points  largest number of bounds
+    max_points  largest number of sets of bounds that are tried
     time_limit  s  for everything, warm starts included
 
     Accepts smooth criteria that add up or take the worst moment, and counts of moves and turns; others are refused by
-    name. Guarantees that every candidate keeps its bounds within 1e-3 and is free of collisions on the exact geometry.
-    Each is a local optimum for its number of turns, near its warm start: its corners move, by the reported costs, until
-    no small step gains more than 2e-5 of the minimised cost. If this descent is cut short, the provenance gives the
-    predicted gain of the next step as ``left``, and a note counts such candidates. Warm starts are among the candidates
-    only after Ctrl-C or a time limit: those that keep ``epsilon`` and were not improved by then. The grid of bounds is
-    that of AUGMECON (Mavrotas 2009; Mavrotas and Florios 2013), restricted to the costs of the warm starts: a bound is
-    skipped if the candidate of a looser one keeps it, or if a looser one was infeasible.
-    Bounds are tried in waves, so results depend neither on the executor nor on its number of workers. Cost: a program
-    is built once per structure and process, in 30 to 200 ms, and solved in 20 to 100 ms; the descent takes 50 to
-    500 ms.
+    name. Guarantees that every candidate keeps its bounds within 1e-3, and is free of collisions on the exact geometry.
+    Each is a local optimum for its number of turns, near its warm start. A descent with exact costs moves its corners
+    until no small step gains more than 2e-5 of the minimised cost. If the descent is cut short, ``left`` in the
+    provenance is the predicted gain of the next step, and a note counts such candidates. Warm starts are among the
+    candidates only after Ctrl-C or a time limit: those that keep ``epsilon`` and were not improved by then.
+
+    The sets of bounds form the grid of AUGMECON (Mavrotas 2009; Mavrotas and Florios 2013), restricted to the costs of
+    the warm starts. A set is skipped if the candidate of a looser one keeps it, or if a looser one was infeasible. Sets
+    are tried in waves, so results depend neither on the executor nor on its number of workers. Cost: a program is built
+    once for each number of segments and pieces and each process, in 30 to 200 ms, and solved in 20 to 100 ms; the
+    descent takes 50 to 500 ms.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid"})
@@ -100,11 +101,11 @@ class EpsilonConstraint:
     def solve(
         self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
     ) -> Candidates:
-        """Plan warm starts, then minimise from each of them; a job of the executor is one bound.
+        """Plan warm starts, then minimise from each of them; each set of bounds is one job for the executor.
 
-        Raises UnsupportedCriterion for a criterion that nonlinear programs do not accept, OptionError for a minimised
-        or bounded cost that is not among the objectives, a bound that no trajectory keeps and a missing solver, and the
-        errors of the planner of the warm starts.
+        Raises UnsupportedCriterion for a criterion that nonlinear programs do not accept, OptionError if ``minimise``
+        or ``epsilon`` names no criterion, if no trajectory can keep a bound and if IPOPT is missing, and the errors of
+        the planner of the warm starts.
         """
         require_ipopt(NAME)
         watch = Watch(NAME, self.time_limit, progress)
@@ -125,7 +126,7 @@ class EpsilonConstraint:
         return candidates if completed is candidates else self._within(completed, limits, roles, problem)
 
     def _within(self, candidates: Candidates, limits: FloatArray, roles: Roles, problem: Problem) -> Candidates:
-        """Return the candidates that keep the bounds (k,) of ``epsilon``."""
+        """Return those of the candidates whose exact costs keep the bounds (k,) of the option ``epsilon``."""
         if not self.epsilon:
             return candidates
         costs = trajectory_costs(roles.criteria, candidates.trajectories, problem.world)
@@ -134,7 +135,13 @@ class EpsilonConstraint:
 
 @dataclass(eq=False)
 class _GridRun:
-    """Run of the planner, which solves the cells of the grid level by level, wave by wave."""
+    """One run of the planner, which solves all sets of bounds (cells of the grid) level by level, in waves.
+
+    watch    time limit and progress
+    tally    sums over the outcomes so far
+    notes    lines for the user
+    waiting  number of cells still to be solved
+    """
 
     options: EpsilonConstraint
     job: PolylineJob
@@ -145,7 +152,7 @@ class _GridRun:
     waiting: int = 0
 
     def go(self, executor: Executor | None) -> Status:
-        """Solve all cells and return the status; candidates found so far stay in the grid, even after Ctrl-C."""
+        """Solve all cells and return the status; the candidates are in the grid, also after Ctrl-C or a limit."""
         if not self.grid.warm:
             return Status.COMPLETE
         cap, tried = self.options.max_points, self.tally.counts
@@ -168,28 +175,31 @@ class _GridRun:
         return Status.TIME_LIMIT if self.tally.counts[CUT_SHORT] else Status.COMPLETE
 
     def warn_of_tight_bounds(self) -> None:
-        """Warn, before any program runs, of bounds that no warm start keeps: they may be infeasible."""
+        """Warn of bounds in ``epsilon`` that no warm start keeps, before any program runs: they may be infeasible."""
         if not self.grid.warm:
             return
         ideal, limits, criteria = self.grid.costs.min(axis=0), self.grid.limits, self.job.roles.criteria
         for j in np.flatnonzero(exceeds(ideal, limits, criteria)):
             warnings.warn(
-                f"epsilon bounds {criteria[j].name} by {limits[j]:g}, but the least of the warm starts is "
-                f"{ideal[j]:.4g} {criteria[j].unit}: programs will look for less, and may find no path. Ctrl-C stops "
-                "them; a looser bound is sure to be kept",
+                f"epsilon bounds {criteria[j].name} by {limits[j]:g}, but the best warm start has {ideal[j]:.4g} "
+                f"{criteria[j].unit}; the planner looks for less and may find no path. Ctrl-C stops it; a bound of at "
+                "least that value can be kept",
                 HpopWarning,
                 stacklevel=3,
             )
 
     def _unanswered(self, cells: Sequence[Cell]) -> list[Cell]:
-        """Return the cells that remain to be solved."""
+        """Return those of the cells that must be solved, and count the others as skipped."""
         left = self.grid.unanswered(cells)
         self.tally.counts["skipped"] += len(cells) - len(left)
         self.waiting -= len(cells) - len(left)
         return left
 
     def _try(self, wave: Sequence[Cell], sweep: Sweep[PolylineJob, Task, Outcome[CellCandidate]]) -> Status:
-        """Solve the cells of a wave; cells with most segments, which take longest, begin first."""
+        """Solve the cells of a wave on the executor, and record their outcomes; return the status.
+
+        Cells whose polylines have most segments take longest, so they begin first.
+        """
         tasks: list[Task] = []
         for cell in wave:
             start = self.grid.start(cell)
@@ -205,7 +215,7 @@ class _GridRun:
         return status
 
     def _keep(self, cell: Cell, outcome: Outcome[CellCandidate]) -> None:
-        """Record the outcome of a cell."""
+        """Record the outcome of a cell: its candidate, or that it is infeasible or was cut short."""
         self.tally.add(outcome)
         self.tally.counts["tried"] += 1
         self.waiting -= 1
@@ -221,7 +231,7 @@ class _GridRun:
         self.watch.report(self.tally.counts["tried"] + len(finished), self.waiting - len(finished), found)
 
     def candidates(self, status: Status, objectives: Objectives, notes: Sequence[str]) -> Candidates:
-        """Return the candidates that pass the final judgement, with notes on all failures."""
+        """Return the candidates that pass the final check, with notes on all failures."""
         candidates, job, criteria = self.grid.candidates, self.job, self.job.roles.criteria
         rows = (len(candidates), len(criteria))
         planned = np.array([candidate.planned for candidate in candidates]).reshape(rows)
@@ -270,19 +280,17 @@ class _GridRun:
         if more:
             names = self.job.roles.criteria[self.job.roles.minimise].name
             notes.append(
-                f"{counted(len(more), 'candidate')} may be no local optimum: the next step promised up to "
-                f"{100 * max(more):.2g} % of its {names} (left, in the provenance)"
+                f"{counted(len(more), 'candidate')} may be no local optimum: one more step is predicted to save up to "
+                f"{100 * max(more):.2g} % of its {names} ('left' in the provenance)"
             )
         if open_:
-            notes.append(
-                f"{counted(open_, 'candidate')} may be no local optimum: the time was over before it was settled"
-            )
+            notes.append(f"{counted(open_, 'candidate')} may be no local optimum: the time limit stopped the descent")
         return notes
 
     def _ideal(self) -> str:
-        """Return the least bounded costs of the warm starts, in words."""
+        """Return a text with the least value among the warm starts of each cost that ``epsilon`` bounds."""
         ideal = self.grid.costs.min(axis=0)
-        return "the ideal of the warm starts is " + ", ".join(
+        return "the least costs of the warm starts are " + ", ".join(
             f"{c.name} {value:.4g} {c.unit}"
             for c, value, limit in zip(self.job.roles.criteria, ideal, self.grid.limits, strict=True)
             if math.isfinite(limit)

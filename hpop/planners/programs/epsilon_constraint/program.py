@@ -1,9 +1,10 @@
-"""The nonlinear program of any-angle polylines of one structure.
+"""The nonlinear program for any-angle polylines with a given number of segments.
 
-The number of turns is structure, not a variable: for each number of straight segments, with or without a turn at the
-start and at the goal, the interior vertices are free. Criteria are evaluated by their own ``cost``, on motions of
-CasADi symbols. Measurements led to three choices: the absolute turn angle is smoothed within 0.02 rad, a small
-``Σ L_i²`` keeps vertices from sliding and collapsing, and a maximum is a slack variable above every sample.
+Its variables are the inner vertices. The number of straight segments is fixed, and whether the robot turns at the start
+and at the goal. Criteria are evaluated by their own ``cost``, on motions of CasADi symbols. Three choices follow from
+measurements. The absolute turn angle is smoothed within 0.02 rad. A small penalty on ``Σ L_i²``, the squared lengths of
+segments, keeps vertices from sliding along their line and from collapsing. A maximum is a slack variable that is at
+least every sample.
 """
 
 from __future__ import annotations
@@ -47,13 +48,13 @@ SUCCESS = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Solution of a program by the solver.
+    """Solution that the solver found for a program.
 
     polyline    feasible for the program if ``converged``
-    costs       (k,) as the program adds them up, without regulariser
+    costs       (k,) as the program computes them, without the penalty on lengths
     converged   whether the solver reports convergence
     status      of the solver
-    iterations  of the solver, all stages
+    iterations  number of iterations of the solver
     """
 
     polyline: Polyline
@@ -65,16 +66,16 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class PolylineProgram:
-    """Program that minimises one criterion over the interior vertices; other criteria and obstacles are constraints.
+    """Program that minimises one criterion over the inner vertices, with bounds on the others and on the clearance.
 
-    ``min f_p(x) + δ Σ_j f_j(x)  subject to  f_j(x) <= eps_j,  d(sample) >= bound``, costs divided by their scales. With
-    ``s_j = eps_j - f_j`` this is AUGMECON's ``f_p - δ Σ s_j`` (Mavrotas 2009): no weakly efficient point is returned.
-    Built once; start, goal, bounds, scales and warm start are parameters. Local optima only.
+    ``min f_p(x) + δ Σ_j f_j(x)  subject to  f_j(x) <= eps_j,  d(sample) >= bound``, with costs divided by their scales.
+    With ``s_j = eps_j - f_j`` this is AUGMECON's ``f_p - δ Σ s_j`` (Mavrotas 2009), which returns no weakly efficient
+    point. It is built once. Start, goal, bounds, scales and the warm start are parameters. It finds local optima only.
 
     problem    gives world and model; start and goal come with the warm start
     criteria   k smooth criteria: sums, or maxima over motions
     minimise   index of the minimised criterion
-    structure
+    structure  number of segments and of their pieces, and turns at both ends
     deadline   time at which a solver stops
     """
 
@@ -89,7 +90,8 @@ class PolylineProgram:
             refuse_unsmooth(criterion)
         if not 0 <= self.minimise < len(self.criteria):
             raise OptionError(
-                f"minimise must be the index of one of {len(self.criteria)} criteria, got {shown(self.minimise)}"
+                f"minimise must be an index from 0 to {len(self.criteria) - 1}, got {shown(self.minimise)}; pass the "
+                "index of the criterion to minimise"
             )
 
     @cached_property
@@ -108,20 +110,20 @@ class PolylineProgram:
 
     @property
     def freedom(self) -> int:
-        """Number of free coordinates; none where headings fix the whole polyline."""
+        """Number of coordinates that the program may change; 0 if fixed headings determine the whole polyline."""
         n = self.structure.segments
         bound = self._along_first + self._along_last
         return 0 if n < 2 or (n == 2 and bound == 2) else 2 * (n - 1) - bound
 
     def _free(self, polyline: Polyline) -> FloatArray:
-        """Return the free coordinates of a polyline: lengths along fixed headings, then vertices."""
+        """Return the coordinates of a polyline that are variables: lengths along fixed headings, then vertices."""
         inner, lengths = polyline.vertices[1:-1], polyline.lengths
         first, last = int(self._along_first), int(self._along_last)
         fixed = [*lengths[:1][:first], *lengths[-1:][:last]]
         return np.concatenate([fixed, inner[first : len(inner) - last].ravel()])
 
     def _columns(self, free: Any, ends: Any) -> tuple[Any, Any]:
-        """Return columns x, y (n+1,) of the vertices, as symbols."""
+        """Return x and y (n+1,) of all vertices as symbols, given the free coordinates and both ends (6,)."""
         import casadi
 
         first, last = int(self._along_first), int(self._along_last)
@@ -142,17 +144,21 @@ class PolylineProgram:
 
     @cached_property
     def spaces(self) -> tuple[tuple[tuple[float, float], float], ...]:
-        """Height ranges with different obstacles, each with the largest reach of the robot's parts there, m."""
+        """Height ranges (low, high) with different obstacles, m, each with the robot's largest radius there, m."""
         return reaches(in_plane(self.problem.model), self.problem.world)
 
     @cached_property
     def motions(self) -> PolylineMotions:
-        """Motions on which criteria are evaluated."""
+        """Motions along a polyline of this structure, on which criteria are evaluated."""
         return PolylineMotions(self.structure)
 
     @cached_property
     def _built(self) -> tuple[Any, Any, int, Any]:
-        """Solver, function to (vertices, costs, maxima), number of rows below slacks, and the solver's callback."""
+        """The program built for CasADi: solver, function of values, number of sample constraints, and stop options.
+
+        The function returns vertices (n+1, 2), costs (k,) and the maxima of each motion. A sample constraint keeps one
+        sample of a maximum below its slack. The options stop the solver at the deadline.
+        """
         import casadi
 
         k, n = len(self.criteria), self.structure.segments
@@ -243,17 +249,17 @@ class PolylineProgram:
         return values
 
     def costs(self, polyline: Polyline, corrections: FloatArray | None = None) -> FloatArray:
-        """Return costs (k,) as the program adds them up; NaN if no coordinate is free."""
+        """Return the costs (k,) of a polyline as the program computes them; NaN if no coordinate is free."""
         if not self.freedom:
             return np.full(len(self.criteria), np.nan)
         return self._values(polyline, corrections)[1].ravel()
 
     def corrections(self, polyline: Polyline) -> FloatArray | None:
-        """Return the error of the program's value of each maximum, motion by motion; one column for each maximum.
+        """Return the error of the program for each criterion that is a maximum, in a row for each motion.
 
-        Fields are off by a tenth of a cell or more midway between two obstacles, where optima of the clearance lie, and
-        by far
-        less elsewhere. So the correction differs from motion to motion.
+        It is the exact value of the motion minus the program's value. Fields are off by a tenth of a cell or more
+        midway between two obstacles, where optima of the clearance lie, and by far less elsewhere. So each motion has
+        its own correction. The result is None if there is no such criterion or no free coordinate.
         """
         worst = self._indices[1]
         if not self.freedom or not worst:
@@ -263,9 +269,10 @@ class PolylineProgram:
         return np.stack(exact, axis=1) - self._values(polyline, None)[2]
 
     def bounds(self, polyline: Polyline) -> list[FloatArray]:
-        """Return the least clearance-field values (S,) that keep the robot off obstacles, one array per height range.
+        """Return clearance bounds: the least values of the distance field at the S samples that avoid collisions.
 
-        They are the robot's reach and a margin, or the value at the warm start if that is less, so that it is feasible.
+        There is an array (S,), m, for each height range. A bound is the robot's reach and a margin, or the value at the
+        warm start ``polyline`` if that is less, so that the warm start is feasible.
         """
         x, y = (self.motions.sampled @ polyline.vertices).T
         world, bounds = self.problem.world, []
@@ -276,7 +283,11 @@ class PolylineProgram:
         return bounds
 
     def raised(self, bounds: Sequence[FloatArray], polyline: Polyline) -> list[FloatArray]:
-        """Return bounds that are raised where a solution is too near to an obstacle, by exact distances along it."""
+        """Raise clearance bounds where a solution comes too near to an obstacle, and return them.
+
+        Exact distances are computed at points along the solution. At the two samples nearest to a point that is too
+        near, the bound rises by the missing distance and a small margin.
+        """
         segments = np.repeat(np.arange(self.structure.segments), np.ceil(polyline.lengths / CHECKED).astype(int) + 1)
         first = np.searchsorted(segments, segments)
         count = np.bincount(segments)[segments]
@@ -305,14 +316,14 @@ class PolylineProgram:
         bounds: Sequence[FloatArray] | None = None,
         corrections: FloatArray | None = None,
     ) -> Solution:
-        """Return the local optimum within REGION of a warm start, which should be feasible.
+        """Solve the program from a warm start, which should be feasible; no coordinate changes by more than REGION.
 
         Parameters
         ----------
-        warm : Polyline of this structure
+        warm : polyline of this structure
         epsilon : (k,) upper bounds of the costs; inf for none
-        scale : (k,) positive: differences of costs that weigh the same; the size of epsilon by default
-        bounds : least field values at the samples, see :meth:`bounds`
+        scale : (k,) positive: each cost is divided by its scale; by default ``epsilon``, or 1 where that is inf or 0
+        bounds : clearance bounds, see :meth:`bounds`, which are the default
         corrections : corrections of the maxima, see :meth:`corrections`; none by default
         """
         epsilon = np.asarray(epsilon, float)
@@ -377,11 +388,11 @@ _OPTIONS: dict[str, Any] = {
 
 
 def refuse_unsmooth(criterion: Criterion) -> None:
-    """Raise UnsupportedCriterion for a criterion that is no smooth sum or maximum."""
+    """Raise UnsupportedCriterion unless a criterion has a gradient and is a sum or a maximum over motions."""
     if criterion.smooth and criterion.aggregate in ("sum", "max"):
         return
     why = "has no gradient (smooth=False)" if not criterion.smooth else f"is a {criterion.aggregate}"
     raise UnsupportedCriterion(
-        f"the polyline program needs smooth sums or maxima; {criterion.name!r} {why}. Leave it out and let it be "
-        "reported, or use planner 'lattice'."
+        f"the program for polylines needs smooth criteria that are sums or maxima; {criterion.name!r} {why}. Compute "
+        "it for the result only, or use planner 'lattice'."
     )

@@ -1,4 +1,4 @@
-"""One interval of a driven trajectory in a nonlinear program: its law, limits and costs; and feasible points."""
+"""Formulas of one interval of a smoothing program: motion law, clearances and costs; and repair of points."""
 
 from __future__ import annotations
 
@@ -28,14 +28,16 @@ if TYPE_CHECKING:
 
 NODES = ("x", "y", "yaw", "speed", "turn_rate")
 OWN = 2 * len(NODES) + 1  # variables of an interval without slacks
-PANELS = 2  # of an interval, for the integrals of criteria
+PANELS = 2  # panels into which an interval is split for the integrals of criteria
 
 
 @dataclass(frozen=True)
 class Forward(Drive):
-    """Law of motion inside the program, where speeds keep their signs, without the kinks of absolute values.
+    """Law of drives for use inside the program, without absolute values, whose kinks mislead solvers.
 
-    sign  (M,) of the yaw rate in each interval
+    The program keeps speeds from being negative, and the sign of the yaw rate fixed in each interval.
+
+    sign  (M,) sign of the yaw rate in each interval
     """
 
     sign: Column = 1.0
@@ -45,7 +47,8 @@ class Forward(Drive):
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
         if name not in ("x", "y"):
             return super().interpolate(name, start, end, share)
-        # The cubic with the ends' positions and velocities: within 0.1 mm for turns of half a radian in half a metre.
+        # Position on the cubic that has the positions and velocities of both ends. The error is below 0.1 mm for a turn
+        # of half a radian in half a metre.
         projection, span = np.cos if name == "x" else np.sin, getattr(end, name) - getattr(start, name)
         first, last = ((end.clock - start.clock) * at.speed * projection(at.yaw) for at in (start, end))
         bend = share * (1.0 - share) * ((1.0 - share) * (first - span) - share * (last - span))
@@ -65,14 +68,14 @@ class Forward(Drive):
 
 @dataclass(frozen=True, eq=False)
 class Interval:
-    """Nonlinear functions of one interval.
+    """Nonlinear functions of one interval, as formulas of its own variables.
 
-    Its variables are the nodes at its start and at its end, the duration, and the slacks of hinges; its parameter is
-    the sign of the yaw rate.
+    The variables are the values at its first and last node, its duration, and a slack for each hinge ``max(x, 0)`` in
+    the costs. Its parameter is the sign of the yaw rate.
 
-    criteria  k
-    heights   ranges with different obstacles
-    shares    of the interval's time, at which the clearance is sampled
+    criteria  k criteria
+    heights   height ranges with different obstacles
+    shares    shares of the interval's time at which the clearance is sampled
     """
 
     problem: Problem
@@ -90,10 +93,11 @@ class Interval:
             return len(self._costs(motions)[1].below)
 
     def write(self, z: Any, p: Any) -> list[Any]:
-        """Return columns of SX: defects of the law, effort, costs of each criterion, clearances of each height range.
+        """Return the functions of the interval as columns of symbols (SX), for variables z and parameters p.
 
-        A last column, if there are hinges, has the excess of each hinge over its slack. A criterion that is a maximum
-        has a value for each sampled moment.
+        The columns are the defects of the law (zero if the end follows from the start), the effort, the costs of each
+        criterion, and the clearances of each height range. A criterion that is a maximum has a cost for each sampled
+        moment. If there are hinges, a last column has the excess of each over its slack.
         """
         import casadi
 
@@ -114,7 +118,8 @@ class Interval:
         variables = casadi.vertsplit(z[OWN:], 1)
         if len(variables) != len(excess):  # CasADi crashes
             raise ValueError(
-                f"an interval with {len(excess)} hinges has {OWN + len(excess)} variables, got {z.numel()}"
+                f"an interval with {len(excess)} hinges needs {OWN + len(excess)} variables, got {z.numel()}; pass one "
+                "slack for each hinge"
             )
         return list(casadi.substitute(groups, slacks.symbols, variables))
 
@@ -156,16 +161,18 @@ Bounds = tuple[FloatArray, FloatArray]
 def made_feasible(
     limits: Callable[[FloatArray], tuple[FloatArray, csr_array]], point: FloatArray, box: Bounds, bounds: Bounds
 ) -> FloatArray | None:
-    """Return a point (d,) in the box that keeps the limits within KEPT, or None if STEPS steps do not reach one.
+    """Move a point (d,) into the feasible set; return None if STEPS steps of Newton's method do not suffice.
 
-    This is Newton's method on the equations and on all limits exceeded so far. Each step is the shortest one in a norm
-    that weighs a variable the more, the nearer it is to the end of its range, so that it stays in its range.
+    The result lies in the box, and exceeds no limit by more than KEPT. Newton's method solves for the equations and for
+    all limits exceeded so far. Each step is the shortest one in a norm that weighs a variable the more, the nearer it
+    is to an end of its range, so that it stays in its range.
 
     Parameters
     ----------
-    limits : returns the values (m,) and their sparse Jacobian (m, d) at a point
+    limits : function that returns the m limited values and their sparse Jacobian (m, d) at a point
     point : (d,) in the box
-    box, bounds : lowest and highest variables (d,) and values (m,)
+    box : lower and upper bounds of the variables, (d,) each
+    bounds : lower and upper bounds of the limited values, (m,) each
 
     >>> from scipy.sparse import csr_array
     >>> circle = lambda x: (np.array([x @ x]), csr_array(2 * x[None]))

@@ -1,4 +1,4 @@
-"""Smoothing of one polyline: solve, repair collisions, refine, refuse results of another homotopy class."""
+"""Smoothing of one polyline: solve a program, repair collisions, refine, and check the result."""
 
 from __future__ import annotations
 
@@ -29,13 +29,14 @@ from hpop.trajectories.trajectory import Trajectory
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-# The first solution has a margin and weights of time and effort, and reads obstacles from a field, so it only lies near
-# a local optimum. From there the program is solved again almost without these weights. The error of its field and its
-# samples at the solution is added to its bounds: a first-order correction, as in trust-region methods with approximate
-# models (Alexandrov, Dennis, Lewis and Torczon 1998, doi 10.1007/BF01197433). A solution is accepted if its reported
-# costs are lower and it is free on the exact geometry.
+# The first solution keeps a margin from obstacles, has weights of time and effort, and reads distances from a sampled
+# field. So it only lies near a local optimum. From there the program is solved again, almost without these weights. The
+# error of its field and its samples at the solution is added to its bounds: a first-order correction, as in
+# trust-region methods with approximate models (Alexandrov, Dennis, Lewis and Torczon 1998, doi 10.1007/BF01197433). A
+# solution is accepted if its exact costs are lower and it is free on the exact geometry.
 #
-# Clearance bounds are lists of least field values (S,) at a program's samples, one array per height range.
+# "Clearance bounds" below are the least values that the field of distances to obstacles may have at the S samples of a
+# program: a list of arrays (S,), one for each height range.
 
 
 MARGIN = 0.04  # m: clearance beyond the robot's reach, for the error between two samples
@@ -45,10 +46,10 @@ DENSE = 0.03  # m between the points at which a solution's clearance is checked
 
 
 def along_polyline(program: DrivenProgram, polyline: Polyline) -> list[FloatArray]:
-    """Return the clearance bounds of a first solution.
+    """Return the clearance bounds of the first program: a list of arrays (S,), m, one for each height range.
 
-    They are the robot's reach and a margin, or the least value of the polyline in the same and neighbouring phases if
-    that is less, so that the free polyline is feasible in a narrow passage.
+    Each bound is the robot's reach and a margin. In a narrow passage, where the polyline itself comes nearer, it is the
+    least field value along the polyline in this phase and its two neighbours, so that the polyline stays feasible.
     """
     legs, _ = phase_legs(polyline)
     world, phase = program.problem.world, program.structure.phase[program.samples[0]]
@@ -66,7 +67,10 @@ def along_polyline(program: DrivenProgram, polyline: Polyline) -> list[FloatArra
 
 
 def exact(program: DrivenProgram, trajectory: Trajectory, spare: float) -> list[FloatArray]:
-    """Return clearance bounds with ``spare`` metres of exact distance at the samples of a solution."""
+    """Return clearance bounds that leave exactly ``spare`` metres between robot and obstacles near a solution.
+
+    At each sample, the difference between the field and the exact distance at the solution corrects the bound.
+    """
     states, world, bounds = trajectory.at(_times(program, trajectory)), program.problem.world, []
     for z, reach in program.spaces:
         distance = world.free_space(z).signed_clearance(states.x, states.y)
@@ -77,9 +81,10 @@ def exact(program: DrivenProgram, trajectory: Trajectory, spare: float) -> list[
 def raised(
     program: DrivenProgram, bounds: Sequence[FloatArray], trajectory: Trajectory, spare: float
 ) -> list[FloatArray]:
-    """Return clearance bounds, raised where a solution is too near to an obstacle by exact distances along it.
+    """Raise clearance bounds where a solution comes too near to an obstacle, and return them.
 
-    They are raised by the missing clearance and ``spare`` metres.
+    Exact distances are computed at points along the solution. At the two samples next to a point that is too near, the
+    bound rises by the missing distance and ``spare`` metres.
     """
     sampled, world = _times(program, trajectory), program.problem.world
     count = int(np.ceil(trajectory.duration * on_wheels(program.problem.model).speed / DENSE)) + 2
@@ -98,7 +103,7 @@ def raised(
 
 
 def _times(program: DrivenProgram, trajectory: Trajectory) -> FloatArray:
-    """Return the time (S,), s, of each sample."""
+    """Return the time (S,), s, at which a trajectory passes each sample of the program."""
     owner, share = program.samples
     return np.asarray(trajectory.times[owner] + share * trajectory.durations[owner])
 
@@ -109,7 +114,7 @@ RAISED = 1.1 * LAST_SPARE  # m of clearance, where a solution came too near betw
 
 
 class Judged(NamedTuple):
-    """Solution with its exact costs (k,) and their merit, and its candidate, or None if it fails the exact checks."""
+    """Solution with its exact costs (k,), their weighted sum ``merit``, and its candidate, None if a check failed."""
 
     solution: ProgramSolution
     costs: FloatArray
@@ -124,12 +129,15 @@ def refined(
     targets: Callable[[Judged], CostTargets],
     judge: Callable[[ProgramSolution], Judged],
 ) -> Judged | None:
-    """Return the local optimum near a solution; None where no solve converges to one that passes the exact checks.
+    """Solve the program again from a first solution, with corrected bounds, to reach the local optimum nearby.
+
+    Returns the refined solution, or the first one if that has the lower merit. Returns None if a solve does not
+    converge, or if no solution passes the exact checks.
 
     Parameters
     ----------
-    guess : signs and phases from which the solution was found
-    targets : returns the weights, bounds and scales of the costs for the program at a solution
+    guess : initial values from which the first solution was found, with the signs of its turns
+    targets : returns the weights, bounds and scales of the costs for a program that starts at a solution
     judge : returns the exact costs of a solution, and its candidate
     """
     goals, clearances = targets(begin), exact(program, begin.solution.curve, LAST_SPARE)
@@ -145,7 +153,7 @@ def refined(
     return None
 
 
-LOOSE = 0.02  # relative: bounds exceed the costs of the executed polyline
+LOOSE = 0.02  # relative: by how much bounds exceed the costs of the polyline
 QUADRATURE = 0.01  # relative: difference of sums over intervals and over field cells
 REPAIRS = 5  # solves with higher clearances after a solution that collides
 SPREAD = 1e-2  # weight of the costs that are not minimised
@@ -157,7 +165,7 @@ POINTS = 20  # per interval, for the comparison of homotopy classes
 
 
 class _Solved(NamedTuple):
-    """Solution that passes the exact checks, with its program, guess and targets."""
+    """Solution that passes the exact checks, with the program, initial guess and cost targets that gave it."""
 
     solution: ProgramSolution
     program: DrivenProgram
@@ -167,14 +175,14 @@ class _Solved(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SmoothingJob:
-    """Data that all polylines share, and the programs of this process. Programs are not pickled.
+    """Smoothing of polylines one by one: the data that they share, and a cache of programs.
 
     problem
-    criteria   k
-    minimise   index of the criterion of most weight; None for equal weights
-    intervals  least count of each program
+    criteria   k criteria
+    minimise   index of the criterion with most weight; None for equal weights
+    intervals  least number of intervals of a program
     deadline
-    programs   cache by structure
+    programs   cache of this process by phases; it is not pickled
     """
 
     problem: Problem
@@ -189,16 +197,16 @@ class SmoothingJob:
 
     @property
     def smooth(self) -> list[int]:
-        """Indices of the criteria in the program; the others are counts of its structure."""
+        """Indices of the criteria with a gradient, which the program has; the others only count moves and turns."""
         return [j for j, criterion in enumerate(self.criteria) if criterion.smooth]
 
     @property
     def _worst(self) -> BoolArray:
-        """True for each smooth criterion that is a maximum."""
+        """Mask over the smooth criteria, True for those that are a maximum over the trajectory."""
         return np.array([self.criteria[j].aggregate == "max" for j in self.smooth])
 
     def solve(self, trajectory: Trajectory) -> Outcome[ImprovedTrajectory]:
-        """Return the candidate of one polyline, or why there is none; it depends on the polyline alone."""
+        """Smooth one polyline; return its candidate, or the reason why there is none; other polylines do not matter."""
         seconds, counts = {"build": 0.0, "solve": 0.0}, Counter[str]()
         with ONE_PROGRAM:
             began = time.perf_counter()
@@ -214,11 +222,11 @@ class SmoothingJob:
     def _smoothed(
         self, trajectory: Trajectory, counts: Counter[str], seconds: dict[str, float]
     ) -> ImprovedTrajectory | str:
-        """Return the candidate of one polyline, or why there is none."""
+        """Solve, check and refine; return the candidate of one polyline, or the reason why there is none."""
         original = Polyline.of(trajectory, self.problem)
         polyline = original.simplified(LEAST_TURN)
         if not len(polyline.lengths):
-            return "goes nowhere"
+            return "the start is the goal position"
         reference = polyline.trajectory(self.problem.model)
         measured = trajectory_costs(self.criteria, [reference, reference.execution()], self.problem.world)
         epsilon = measured.max(axis=0) * (1 + LOOSE) + [criterion.quantum for criterion in self.criteria]
@@ -242,7 +250,7 @@ class SmoothingJob:
             return Judged(solution, costs, float(weights @ costs), candidate)
 
         def targets(at: Judged) -> CostTargets:
-            # The program evaluates maxima by samples and fields: its error is added to their bounds.
+            # The program evaluates maxima at samples and on fields: this error is added to their bounds.
             drift = np.where(self._worst, at.solution.costs - at.costs, 0.0)
             return replace(solved.targets, epsilon=epsilon[self.smooth] + drift)
 
@@ -259,7 +267,7 @@ class SmoothingJob:
         return settled.candidate
 
     def _straight(self, reference: Trajectory, epsilon: FloatArray) -> ImprovedTrajectory | str:
-        """Return the candidate of a polyline without turns, where only speeds are free: the fastest one."""
+        """Return the candidate for a polyline without turns: the fastest straight drive, or why it is refused."""
         model, length = (
             on_wheels(self.problem.model),
             float(np.hypot(*(np.ptp(c) for c in (reference.states.x, reference.states.y)))),
@@ -286,7 +294,10 @@ class SmoothingJob:
     def _solve(
         self, program: DrivenProgram, polyline: Polyline, epsilon: FloatArray, counts: Counter[str]
     ) -> _Solved | str:
-        """Return a solution that is free and keeps bounds of maxima by exact geometry, or the failure."""
+        """Solve the first program, with tighter bounds after each collision or excess of a bound by exact geometry.
+
+        Returns the solution that passes, or the reason of the failure.
+        """
         smooth, worst, model = self.smooth, self._worst, on_wheels(self.problem.model)
         weights = np.where(worst, SPREAD, 1.0) / len(smooth)
         if self.minimise is not None:
@@ -332,7 +343,10 @@ class SmoothingJob:
         epsilon: FloatArray,
         counts: Counter[str],
     ) -> tuple[ImprovedTrajectory | str, FloatArray]:
-        """Return the candidate of a solution, or its fault (bounds, turns, homotopy, quadrature), and costs (k,)."""
+        """Return the candidate of a solution, or the reason why it fails an exact check, and its exact costs (k,).
+
+        The checks are collisions and bounds, number of turns, homotopy class, and planned against exact costs.
+        """
         curve = solution.curve
         judged = judge(self.problem, self.criteria, [curve], epsilon=epsilon[None])
         costs = judged.costs[0]
@@ -340,16 +354,16 @@ class SmoothingJob:
             return judged.reasons[0], costs
         turns = sum(int((np.abs(angles) > LEAST_TURN).sum()) for angles in curve.turns)
         if turns < structure.turns:
-            return "lowers the number of turns", costs
+            return "has fewer turns than its polyline", costs
         path = path_points(curve)
         spaces = {id(s): s for s in map(self._space, self.problem.model.platform)}.values()
         if not all(homotopic(path, polyline.vertices, space) for space in spaces):
-            return "leaves the homotopy class of its polyline", costs
+            return "passes an obstacle on another side than its polyline", costs
         planned = costs.copy()
         planned[self.smooth] = solution.costs
         tolerance = self._tolerance(planned, curve)
         if (np.abs(costs - planned) > tolerance).any():
-            return "was planned with too coarse a sum", costs
+            return "has planned costs that are off by more than the tolerance", costs
         provenance = self._provenance(solution.status, solution.iterations, turns, counts["repairs"])
         return ImprovedTrajectory(curve, planned, tolerance, provenance), costs
 
@@ -369,7 +383,7 @@ class SmoothingJob:
         }
 
     def _tolerance(self, planned: FloatArray, curve: Trajectory) -> FloatArray:
-        """Return QUADRATURE of sums; for maxima, the change of one unit per metre between samples and field cells."""
+        """Return the largest error (k,) of planned costs: QUADRATURE of a sum, one unit per metre for a maximum."""
         longest = float(np.hypot(np.diff(curve.states.x), np.diff(curve.states.y)).max())
         worst = np.array([criterion.aggregate == "max" for criterion in self.criteria])
         quanta = np.array([criterion.quantum for criterion in self.criteria])

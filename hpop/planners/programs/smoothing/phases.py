@@ -1,4 +1,4 @@
-"""Start of a program of driven trajectories: its phases, a first guess, and options of its solver."""
+"""Setup of a smoothing program: its straight and turning phases, an initial guess, and options of its solver."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from hpop.trajectories.trajectory import STRAIGHT
 if TYPE_CHECKING:
     from hpop.motions import Wheeled
 
-LEAST_IN = {True: 4, False: 3}  # intervals of a turn, and of straight driving
+LEAST_IN = {True: 4, False: 3}  # least number of intervals of a turn, and of straight driving
 
 
 @dataclass(frozen=True)
 class Phases:
-    """Structure of a driven trajectory, which its program does not change: alternating straight and turning phases.
+    """Sequence of straight and turning phases of a trajectory, and their intervals; a program keeps it fixed.
 
-    turns      count
-    leading    whether it drives straight before the first turn
+    turns      number of turns
+    leading    whether the robot drives straight before the first turn
     trailing   whether it drives straight after the last turn
-    intervals  least count; more if the phases need them
+    intervals  least number of intervals n in all; more if the phases need them
     """
 
     turns: int
@@ -36,14 +36,14 @@ class Phases:
 
     @cached_property
     def turning(self) -> tuple[bool, ...]:
-        """True for each phase that is a turn."""
+        """Kind of each phase in order: True for a turn, False for straight driving."""
         phases = [False, True] * self.turns
         phases = phases[0 if self.leading else 1 :] + [False] * self.trailing
         return tuple(phases) if self.turns else (False,)
 
     @cached_property
     def counts(self) -> tuple[int, ...]:
-        """Numbers of intervals of each phase: the least that they need, and the others spread evenly."""
+        """Number of intervals of each phase: the least that it needs, and an even share of the remaining ones."""
         counts = [LEAST_IN[turns] for turns in self.turning]
         left = max(0, self.intervals - sum(counts))
         more, remainder = divmod(left, len(counts))
@@ -51,14 +51,14 @@ class Phases:
 
     @cached_property
     def phase(self) -> IntArray:
-        """Phase of each interval (n,)."""
+        """Index (n,) of the phase to which each interval belongs."""
         return np.repeat(np.arange(len(self.counts)), self.counts)
 
     @cached_property
     def variable_indices(self) -> tuple[IntArray, IntArray]:
-        """Indices in the program's vector of variables: of values at nodes (5, n+1), and of durations (n,).
+        """Indices of variables in the program's vector: of the values at nodes (5, n+1), and of durations (n,).
 
-        The nodes of a straight phase share one yaw, the intervals of a phase one duration.
+        All nodes of a straight phase share one yaw, and all intervals of a phase share one duration.
         """
         each = np.arange(n := len(self.phase) + 1)
         yaw = np.searchsorted(self.turning_intervals, each)
@@ -67,29 +67,29 @@ class Phases:
 
     @cached_property
     def turning_intervals(self) -> IntArray:
-        """Intervals in turning phases."""
+        """Indices of the intervals in turning phases."""
         return np.flatnonzero(np.array(self.turning)[self.phase])
 
     @cached_property
     def straight_nodes(self) -> IntArray:
-        """Nodes at which the yaw rate is zero: those of straight phases, and both ends."""
+        """Indices of the nodes at which the yaw rate is zero: those of straight phases, and both ends."""
         straight = np.setdiff1d(np.arange(len(self.phase)), self.turning_intervals)
         return np.unique(np.concatenate([straight, straight + 1, [0, len(self.phase)]]))
 
     @cached_property
     def turning_nodes(self) -> IntArray:
-        """Nodes inside turning phases."""
+        """Indices of the nodes inside turning phases."""
         return np.setdiff1d(np.arange(len(self.phase) + 1), self.straight_nodes)
 
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """Initial values of a program, with the signs of its turns.
+    """Initial values for a program of P phases and n intervals, with the directions of its turns.
 
-    nodes     (5, n+1)  x, y, yaw, speed, turn rate
-    lasts     (P,)      s, of each phase
-    signs     (P,)      1 or -1 for turns to the left or right, 0 for straight driving
-    goal_yaw  whether the goal has a heading
+    nodes     (5, n+1)  x, y, yaw, speed and turn rate at the nodes between intervals
+    lasts     (P,)      s, duration of each phase
+    signs     (P,)      1 for a turn to the left, -1 for one to the right, 0 for straight driving
+    goal_yaw  whether the goal fixes the heading at the end
     """
 
     nodes: FloatArray
@@ -99,26 +99,32 @@ class Guess:
 
 
 CORNER = 0.35  # m: largest distance of the ends of a turn from its vertex
-SHARE = 0.4  # of a segment that each turn takes at most
-CRUISE = 0.8  # share of its speed at which the robot goes straight, on average
-AROUND = 0.5  # share of its speeds at which it turns
+SHARE = 0.4  # largest share of a segment that the turn at one of its ends takes
+CRUISE = 0.8  # share of the robot's top speed that it has on straight phases, on average
+AROUND = 0.5  # share of its top speed and turn rate that it has in turns
 
 
 def rotations(polyline: Polyline) -> FloatArray:
-    """Return the signed rotation (n+1,), rad, at each vertex, from the start to the goal."""
+    """Return the signed angle (n+1,), rad, by which the robot turns at each vertex, start and goal included."""
     headings = polyline.headings
     last = headings[-1] if polyline.goal_yaw is None else polyline.goal_yaw
     return np.asarray(wrap(np.diff([polyline.start_yaw, *headings, last])), dtype=np.float64)
 
 
 def structure_of(polyline: Polyline, intervals: int) -> Phases:
-    """Return the phases of a polyline: its turns, also in place at both ends, and straight driving between them."""
+    """Return the phases for a polyline: a turn at each vertex with an angle, and straight driving between them.
+
+    Turns in place at the start and at the goal count as well. ``intervals`` is the least number of intervals.
+    """
     turns = np.abs(rotations(polyline)) > STRAIGHT
     return Phases(int(turns.sum()), not turns[0], not turns[-1], intervals)
 
 
 def phase_legs(polyline: Polyline) -> tuple[FloatArray, FloatArray]:
-    """Return begin, middle and end (P, 3, 2), m, of each phase, and its rotation (P,), rad."""
+    """Cut a polyline into its P phases; return begin, middle and end (P, 3, 2), m, of each, and its angle (P,), rad.
+
+    The middle of a turn is the vertex; it begins and ends at most CORNER before and after that.
+    """
     corners, turned = polyline.vertices, rotations(polyline)
     directions = np.diff(corners, axis=0) / polyline.lengths[:, None]
     cuts = np.minimum(CORNER, SHARE * polyline.lengths)[:, None] * directions
@@ -140,7 +146,7 @@ def phase_legs(polyline: Polyline) -> tuple[FloatArray, FloatArray]:
 
 
 def first_guess(polyline: Polyline, structure: Phases, model: Wheeled) -> Guess:
-    """Return the guess along a polyline with corners cut by parabolas."""
+    """Return an initial guess that follows a polyline, with its corners cut by parabolas, at moderate speeds."""
     legs, angles = phase_legs(polyline)
     yaw, columns, lasts = polyline.start_yaw, [], []
     for (begin, middle, end), angle, count in zip(legs, angles, structure.counts, strict=True):
@@ -159,7 +165,7 @@ def first_guess(polyline: Polyline, structure: Phases, model: Wheeled) -> Guess:
     return Guess(nodes, np.array(lasts), np.sign(angles), polyline.goal_yaw is not None)
 
 
-FLAT = "Solved_To_Acceptable_Level"  # IPOPT's status for an end in a flat valley
+FLAT = "Solved_To_Acceptable_Level"  # IPOPT's status if it stopped because the objective hardly fell any more
 SUCCESS = ("Solve_Succeeded", FLAT)
 
 OPTIONS: dict[str, Any] = {
@@ -208,7 +214,7 @@ QUASI_NEWTON: dict[str, Any] = {
 }
 
 SOLVER_OPTIONS: dict[str, dict[str, Any]] = {
-    "exact": {},  # second derivatives
+    "exact": {},  # exact second derivatives
     "quasi-newton": QUASI_NEWTON,  # estimated second derivatives: slower, but not misled by kinks of costs
-    "refined": REFINING,  # from a solution, more accurate
+    "refined": REFINING,  # starts from a solution, more accurate
 }

@@ -31,35 +31,39 @@ NAME = "smoothing"
 COUNTED = ("programs", "repairs", "saved by quasi-Newton")
 MOST_INTERVALS = 2000  # largest program that a solver can take
 RAMPS = (
-    "smoothing: driven trajectories begin and end at rest, so their durations include the ramps at start and goal (the "
-    "constant v/a), which planned polylines leave out"
+    "smoothing: its trajectories begin and end at rest, so their durations include speeding up at the start and "
+    "braking at the goal (v/a in all); durations of planned polylines do not"
 )
 
 
 @planner(NAME)
 @dataclass(frozen=True)
 class Smoothing:
-    """Driven trajectories near polylines, with wheel accelerations as controls and with the turns of the polyline.
+    """Planner that smooths polylines into trajectories for a differential drive, controlled by wheel accelerations.
 
     step        m  distance between positions of the lattice that gives the polylines
     headings    number of headings of that lattice: 4, 8 or 16
-    minimise    name of the minimised cost; None: all costs with the same weight, relative to the polyline's cost, and
-                worst moments with a hundredth of it, since they are bounded
+    minimise    name of the cost to minimise. None: all costs together, each relative to the polyline's cost; costs that
+                are the worst moment get a hundredth of the weight, since they are bounded anyway
     intervals   number of intervals of constant wheel acceleration; more are used if the turns need them
     warm_start  source of the polylines: a planner's name, ``{name: {option: value}}``, a front, or trajectories
     time_limit  s  for everything, warm starts included
 
     Accepts smooth criteria that add up or take the worst moment, and counts of moves and turns; others are refused by
-    name. Guarantees that every candidate is free of collisions on the exact geometry, within the model's wheel speeds
-    and accelerations, has no fewer turns than its polyline, can be deformed into it without crossing an obstacle, and
-    costs at most 2 % more in each smooth criterion than the polyline, planned or executed, whichever is more. Each is a
-    local optimum for its sequence of turns, or ended where the objective fell no more, as the certificate says. A
-    second program corrects the errors of fields and samples in the first, and has a hundredth of its weights of time
-    and effort. If it does not converge, the first solution stays, ``settled`` in the provenance is false, and a note
-    counts such candidates. The peak of the optic flow, which has many kinks, may not converge; a note counts such
-    polylines. Cost: a program is built once per structure, in 80 to 200 ms, and solved in 50 to 200 ms, for energy and
-    optic flow in one or two seconds; the second program takes as long. One in two to eight polylines is solved again,
-    because the first solution collides between two samples.
+    name. Guarantees that every candidate is free of collisions on the exact geometry, and keeps the model's limits of
+    wheel speeds and accelerations. It has no fewer turns than its polyline, and can be deformed into it without
+    crossing an obstacle. In each smooth criterion it costs at most 2 % more than the polyline, planned or executed,
+    whichever is more. Each is a local optimum for its sequence of turns, or the solver stopped where the objective no
+    longer fell; the certificate counts these.
+
+    Two programs are solved for each polyline. The second corrects the errors of distance fields and samples in the
+    first, with much smaller weights of time and effort. If it does not converge, the first solution is the result,
+    ``settled`` in the provenance is false, and a note counts such candidates. The peak of the optic flow has many
+    kinks, so its programs may not converge; a note counts such polylines.
+
+    Cost: a program is built once for each sequence of straight and turning phases, in 80 to 200 ms. Solving it takes 50
+    to 200 ms, for energy and optic flow one or two seconds; the second program takes as long. One in two to eight
+    polylines is solved again, because the first solution collides between two samples.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid", "wheels"})
@@ -80,10 +84,10 @@ class Smoothing:
     def solve(
         self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
     ) -> Candidates:
-        """Plan polylines, then smooth each of them; a job of the executor is one polyline.
+        """Plan polylines, then smooth each of them; each polyline is one job for the executor.
 
-        Raises UnsupportedCriterion for a criterion that nonlinear programs do not accept, OptionError for a minimised
-        cost that is not among the objectives and for a missing solver, and the errors of the planner of the polylines.
+        Raises UnsupportedCriterion for a criterion that nonlinear programs do not accept, OptionError if the cost to
+        minimise is not among the criteria or IPOPT is missing, and the errors of the planner of the polylines.
         """
         require_ipopt(NAME)
         watch = Watch(NAME, self.time_limit, progress)
@@ -121,7 +125,7 @@ def _candidates(
     status: Status,
     notes: Sequence[str],
 ) -> Candidates:
-    """Return the candidates that pass the final judgement, with notes on all failures."""
+    """Return the smoothed trajectories that pass the final check, with notes on all polylines that failed."""
     tally, criteria = Tally.of(outcomes.values()), job.criteria
     improved = {index: outcome.candidate for index, outcome in outcomes.items() if outcome.candidate is not None}
     rows = (len(improved), len(criteria))
@@ -146,7 +150,7 @@ def _candidates(
     nearly = f", {flat} of {count} only nearly: the objective fell no more" if flat else ""
     names = ", ".join(criteria[j].name for j in job.smooth)
     unsettled = sum(not origin["settled"] for origin in accepted.provenance)
-    why = "the time was over before" if tally.counts[LATE] else "the last program did not converge"
+    why = "the time limit stopped the second program" if tally.counts[LATE] else "the second program did not converge"
     return replace(
         accepted,
         certificate=(

@@ -1,10 +1,10 @@
-"""The nonlinear program of driven trajectories of a differential drive with a given sequence of turns.
+"""The nonlinear program for trajectories of a differential drive with a given sequence of turns.
 
-This is direct collocation in phases. The turns of a polyline are structure: phases of straight driving (yaw rate
-exactly zero) alternate with phases of turning (yaw rate of one sign, at least LEAST_PHASE in all), so that the number
-of turns cannot decrease. Each phase has its own free duration and a fixed number of intervals of constant wheel
-accelerations, which follow from the speeds at the nodes. The motion in an interval is
-:class:`hpop.models.driven.Drive`, the law by which the trajectory is evaluated. Criteria take CasADi symbols.
+This is direct collocation in phases, which the turns of a polyline fix. Phases of straight driving (yaw rate exactly
+zero) alternate with phases of turning (yaw rate of one sign, by LEAST_PHASE at least), so the number of turns cannot
+decrease. Each phase has a free duration and a fixed number of intervals with constant wheel accelerations, which follow
+from the speeds at the nodes between intervals. The motion in an interval is :class:`hpop.models.driven.Drive`, the law
+by which the trajectory is evaluated as well. Criteria are evaluated on CasADi symbols.
 """
 
 from __future__ import annotations
@@ -49,14 +49,14 @@ HASTE = 0.2  # weight of the duration
 
 @dataclass(frozen=True, eq=False)
 class ProgramSolution:
-    """Solution of a program by the solver.
+    """Solution that the solver found for a program.
 
-    point       variables of the program
-    rates       multipliers of the variables' bounds and of the constraints
-    trajectory  keeps the program's limits within KEPT; None if the solver did not converge
-    costs       (k,) as the program adds them up
+    point       values of the program's variables
+    rates       multipliers of the variables' bounds, and of the constraints
+    trajectory  of these values, within the program's limits up to KEPT; None if the solver did not converge
+    costs       (k,) as the program computes them
     status      of the solver, or Limits_Not_Kept if its point could not be made feasible
-    iterations  of the solver
+    iterations  number of iterations of the solver
     """
 
     point: FloatArray
@@ -68,18 +68,18 @@ class ProgramSolution:
 
     @property
     def curve(self) -> Trajectory:
-        """Trajectory of a solver that converged."""
+        """Trajectory of the solution; the solver must have converged."""
         assert self.trajectory is not None
         return self.trajectory
 
 
 @dataclass(frozen=True, eq=False)
 class CostTargets:
-    """Weights and bounds of the costs of a program.
+    """Weights, bounds and scales of the k costs of a program.
 
     weights  (k,) of the scaled costs in the objective
-    epsilon  (k,) upper bounds; inf for none
-    scale    (k,) positive: differences of costs that weigh the same
+    epsilon  (k,) upper bounds of the costs; inf for none
+    scale    (k,) positive: each cost is divided by its scale
     """
 
     weights: FloatArray
@@ -89,14 +89,14 @@ class CostTargets:
 
 @dataclass(frozen=True, eq=False)
 class _Formulas:
-    """Program as CasADi expressions.
+    """Program as CasADi expressions, from which solvers are made.
 
-    intervals    nonlinear functions, interval by interval
+    intervals    nonlinear functions of all intervals
     program      variables, parameters, objective and constraints
-    derivatives  of the program, by their names in CasADi's solvers
+    derivatives  functions for the derivatives of the program, by their names as options of CasADi's solvers
     values       function from variables and parameters to the costs
-    sizes        numbers of constraints of each group
-    stopping     options by which solvers stop
+    sizes        number of constraints in each group
+    stopping     solver options that stop it at the deadline
     """
 
     intervals: Separable
@@ -115,7 +115,7 @@ class _Formulas:
         return np.array(values).ravel(), csr_array(slopes.sparse())
 
     def solver(self, options: Mapping[str, Any]) -> Any:
-        """Return IPOPT with some options; by default with exact second derivatives."""
+        """Return an IPOPT solver for the program; ``options`` may replace its exact second derivatives."""
         import casadi
 
         with interrupts_held():
@@ -126,11 +126,11 @@ class _Formulas:
 
 @dataclass(frozen=True, eq=False)
 class DrivenProgram:
-    """Program that minimises a weighted sum of scaled costs over driven trajectories of one structure, costs bounded.
+    """Program that minimises a weighted sum of bounded costs over the drives with one structure of phases.
 
-    ``min Σ_j w_j f_j / s_j + HASTE T/T_0 + EFFORT mean(u²)  subject to  f_j <= eps_j,  d(sample) >= bound``, wheel
-    speeds and accelerations within the model's. Built once; ends, weights, scales, bounds and the first guess are
-    parameters. Local optima only.
+    ``min Σ_j w_j f_j / s_j + HASTE T/T_0 + EFFORT mean(u²)  subject to  f_j <= eps_j,  d(sample) >= bound``, and to the
+    model's limits of wheel speeds and accelerations. It is built once. Start and goal, weights, scales, bounds and the
+    initial guess are parameters. It finds local optima only.
     """
 
     problem: Problem
@@ -141,12 +141,12 @@ class DrivenProgram:
 
     @cached_property
     def spaces(self) -> tuple[tuple[tuple[float, float], float], ...]:
-        """Height ranges with different obstacles, each with the robot's reach there, m."""
+        """Height ranges (low, high) with different obstacles, m, each with the robot's largest radius there, m."""
         return reaches(in_plane(self.problem.model), self.problem.world)
 
     @cached_property
     def samples(self) -> tuple[IntArray, FloatArray]:
-        """Interval of each sample (S,) of the clearance, and its share of the interval's time."""
+        """Samples (S,) at which the clearance is bounded: interval of each, and share of the interval's time."""
         each = max(2, math.ceil(SAMPLES / len(self.structure.phase)))
         owner = np.repeat(np.arange(len(self.structure.phase)), each)
         return owner, np.tile((np.arange(each) + 0.5) / each, len(self.structure.phase))
@@ -224,7 +224,7 @@ class DrivenProgram:
         return _Formulas(intervals, program, derivatives, values, sizes, stopping)
 
     def _intervals(self, variables: Any, signs: Any) -> Separable:
-        """Return the nonlinear functions, interval by interval."""
+        """Return the nonlinear functions of all intervals, as expressions of the program's variables."""
         of_nodes, of_lasts = self.structure.variable_indices
         slacks = self._hinges.reshape(-1, len(of_lasts))
         where = np.vstack([of_nodes[:, :-1], of_nodes[:, 1:], of_lasts, slacks])
@@ -237,7 +237,7 @@ class DrivenProgram:
 
     @property
     def _hinges(self) -> IntArray:
-        """Indices of the slacks of hinges among the variables, hinge by hinge."""
+        """Indices of the slacks of hinges ``max(x, 0)`` among the variables, for all intervals hinge by hinge."""
         n, first = len(self.structure.phase), int(self.structure.variable_indices[1][-1]) + 1 + len(self._worst)
         return first + np.arange(n * self._interval.hinges)
 
@@ -250,14 +250,14 @@ class DrivenProgram:
     def solve(
         self, guess: Guess, targets: CostTargets, clearances: Sequence[FloatArray], *, exact: bool = True
     ) -> ProgramSolution:
-        """Return the local optimum near a guess.
+        """Solve the program from a guess, and return the local optimum near it.
 
         Parameters
         ----------
-        guess : of this structure
-        targets : weights, bounds and scales
-        clearances : least field values (S,) at the samples, one array per height range
-        exact : whether second derivatives are exact, or quasi-Newton
+        guess : initial values for this structure of phases
+        targets : weights, bounds and scales of the costs
+        clearances : least values (S,) of the distance field at the samples, one array for each height range
+        exact : whether to use exact second derivatives, else a quasi-Newton estimate
         """
         x0, parameters = self._point(guess, targets)
         solver = self._solver("exact" if exact else "quasi-newton")
@@ -266,7 +266,7 @@ class DrivenProgram:
     def refined(
         self, start: ProgramSolution, guess: Guess, targets: CostTargets, clearances: Sequence[FloatArray]
     ) -> ProgramSolution:
-        """Return the local optimum near a solution, with small weights of time and effort, more accurately."""
+        """Solve the program again from a solution, more accurately and with smaller weights of time and effort."""
         parameters = self._parameters(guess, targets, REFINED)
         begin = {"x0": start.point, "lam_x0": start.rates[0], "lam_g0": start.rates[1]}
         return self._solved(self._solver("refined"), guess, parameters, self._limits(guess, targets, clearances), begin)
@@ -274,7 +274,7 @@ class DrivenProgram:
     def _solved(
         self, solver: Any, guess: Guess, parameters: FloatArray, limits: tuple[Bounds, Bounds], begin: dict[str, Any]
     ) -> ProgramSolution:
-        """Run a solver and return its solution, made feasible."""
+        """Run a solver from ``begin``, and return its solution, with its point moved into the limits."""
         box, bounds = limits
         for stop in self._formulas.stopping.values():
             stop.begin()
@@ -295,7 +295,7 @@ class DrivenProgram:
         return ProgramSolution(point, rates, trajectory, costs, status, int(stats["iter_count"]))
 
     def _limits(self, guess: Guess, targets: CostTargets, clearances: Sequence[FloatArray]) -> tuple[Bounds, Bounds]:
-        """Return the lowest and highest variables, and those of the constraints."""
+        """Return the lower and upper bounds of the variables, and those of the constraints."""
         epsilon, scale, sizes = targets.epsilon, targets.scale, self._formulas.sizes
         model, counts = on_wheels(self.problem.model), np.array(self.structure.counts)
         lowest, highest = self._of_variables(*self._node_bounds(guess))
@@ -323,19 +323,19 @@ class DrivenProgram:
         return box, (lbg, ubg)
 
     def _costs(self, point: FloatArray, parameters: FloatArray) -> FloatArray:
-        """Return costs (k,) as the program adds them up."""
+        """Return the costs (k,) at given variables, as the program computes them."""
         placed = self._on_hinges(point, parameters)
         with interrupts_held():
             return np.array(self._formulas.values(placed, parameters)).ravel()
 
     def guess_at(self, guess: Guess, trajectory: Trajectory) -> Guess:
-        """Return a guess at a solution, with the signs of another guess."""
+        """Return the values of a trajectory as the guess of a next solve, with the signs of the given guess."""
         s = trajectory.states
         ends = np.cumsum([0, *self.structure.counts])
         return replace(guess, nodes=np.stack([getattr(s, name) for name in NODES]), lasts=np.diff(s.clock[ends]))
 
     def _node_bounds(self, guess: Guess) -> tuple[FloatArray, FloatArray]:
-        """Return the least and largest values (5, n+1) at the nodes."""
+        """Return the lower and upper bounds (5, n+1) of x, y, yaw, speed and turn rate at the nodes."""
         model, n = on_wheels(self.problem.model), len(self.structure.phase)
         x_min, y_min, x_max, y_max = self.problem.world.bounds
         lowest = np.repeat(np.array([[x_min], [y_min], [-np.inf], [0.0], [0.0]]), n + 1, axis=1)
@@ -353,7 +353,7 @@ class DrivenProgram:
         return lowest, highest
 
     def _of_variables(self, lowest: FloatArray, highest: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the bounds of variables from those at nodes (5, n+1): the tightest, where nodes share a variable."""
+        """Return the bounds of variables from those at nodes (5, n+1): the tightest one if nodes share a variable."""
         indices, _ = self.structure.variable_indices
         below, above = np.full(indices[-1, -1] + 1, -np.inf), np.full(indices[-1, -1] + 1, np.inf)
         np.maximum.at(below, indices, lowest)
@@ -361,12 +361,12 @@ class DrivenProgram:
         return below, above
 
     def _parameters(self, guess: Guess, targets: CostTargets, regular: float = 1.0) -> FloatArray:
-        """Return the parameters of the program, with ``regular`` times HASTE and EFFORT."""
+        """Return the values of the program's parameters, with HASTE and EFFORT multiplied by ``regular``."""
         regulariser = regular * np.array([HASTE, EFFORT]) / guess.lasts.sum()
         return np.concatenate([targets.weights, targets.scale, guess.signs[self.structure.phase], regulariser])
 
     def _point(self, guess: Guess, targets: CostTargets) -> tuple[FloatArray, FloatArray]:
-        """Return the variables and parameters of a guess."""
+        """Return the values of the program's variables and parameters for a guess."""
         of_nodes, of_lasts = self.structure.variable_indices
         point = np.empty(of_lasts[-1] + 1)
         point[of_nodes], point[of_lasts] = guess.nodes, (guess.lasts / self.structure.counts)[self.structure.phase]
@@ -381,7 +381,7 @@ class DrivenProgram:
         return point, parameters
 
     def _on_hinges(self, point: FloatArray, parameters: FloatArray) -> FloatArray:
-        """Return the point with the least slacks, so that its costs are those of the criteria."""
+        """Return the variables with each slack of a hinge at its least feasible value, so that costs are true."""
         if not len(self._hinges):
             return point
         point = point.copy()
@@ -391,7 +391,7 @@ class DrivenProgram:
         return point
 
     def _trajectory(self, guess: Guess, point: FloatArray) -> Trajectory:
-        """Return the trajectory of the program's variables, clipped to its bounds."""
+        """Return the trajectory that the program's variables describe, with values clipped to their bounds."""
         of_nodes, of_lasts = self.structure.variable_indices
         nodes = np.clip(point[of_nodes], *self._node_bounds(guess))
         nodes[4, np.abs(nodes[4]) < STILL] = 0.0

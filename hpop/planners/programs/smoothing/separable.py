@@ -1,9 +1,9 @@
-"""Functions of one interval of a program, evaluated for all its intervals, with exact sparse derivatives.
+"""Nonlinear functions with equal formulas for each part of a program, and their exact sparse derivatives.
 
-A program over a trajectory is a sum over its intervals, and each interval depends on a dozen variables only. So the
-nonlinear functions are formed once, for one interval, on CasADi's scalar symbols, and differentiated there, without
-operations on zeros or repeated ones. These scalar operations are then applied to columns with an entry per interval.
-The Hessian of a driven trajectory takes a seventh of the time of the one that CasADi forms of the whole program.
+In a program over a trajectory, the parts are its intervals, and each depends on a dozen variables only. So the formulas
+are written once, for one part, on CasADi's scalar symbols, and differentiated there, without repeated operations or
+operations on zeros. The same scalar operations are then applied to columns that have one entry for each part. The
+Hessian of a smoothing program takes a seventh of the time of the Hessian that CasADi forms of the whole program.
 """
 
 from __future__ import annotations
@@ -24,21 +24,22 @@ if TYPE_CHECKING:
 
 
 SOME = 1000  # operations between two checks of the time
-NODE = 1.2e-5  # s per node, to build a CasADi function
+NODE = 1.2e-5  # s per node of an expression graph, to build a CasADi function
 
 
 @dataclass(frozen=True, eq=False)
 class Separable:
-    """Functions of d variables and q parameters, in groups, for each of n parts of a program.
+    """Functions of the n parts of a program, which have the same formulas for each part, with their derivatives.
 
-    All are expressions (MX) of the program's variables and of the parts' parameters; group g has m values per part.
+    The functions form groups, such as costs or clearances. A group has m values for each part. All values are
+    expressions (MX) of the program's variables (size,) and of the parts' parameters.
 
-    symbols    (n, m) of each group: placeholders of its values in the formulas of a program
-    values     (n, m) of each group
-    slopes     Jacobian (n m, size) of vec(values) of each group, sparse
-    bends      CasADi function from x, p and multipliers (n, m) of each group to the upper triangle (size, size) of the
-               Hessian of the sum of all values times their multipliers, sparse
-    callbacks  stored here, as CasADi does not keep them alive
+    symbols    (n, m) for each group: placeholders for its values in the formulas of a program
+    values     (n, m) for each group: the values as expressions
+    slopes     (n m, size) for each group: sparse Jacobian of vec(values)
+    bends      CasADi function for the second derivatives: from x, p and multipliers (n, m) of each group to the upper
+               triangle (size, size) of the sparse Hessian of the sum of all values times their multipliers
+    callbacks  stored here because CasADi does not keep them alive
     """
 
     symbols: tuple[Any, ...]
@@ -56,11 +57,11 @@ class Separable:
         p: Any,
         deadline: Deadline = Deadline(),  # noqa: B008  (frozen)
     ) -> Separable:
-        """Return the functions of all parts from the formulas of one.
+        """Return the functions of all parts, given the formulas of one.
 
         Parameters
         ----------
-        write : returns groups of values, columns of SX, from the variables (d,) and parameters (q,) of a part
+        write : returns the groups of values, as columns of SX, from the d variables and q parameters of a part
         where : (d, n) indices of each part's variables in the program's vector; parts may share variables
         x : the program's variables (size,), symbols
         p : the parts' parameters (n, q), symbols
@@ -112,17 +113,17 @@ class Separable:
     def program(
         self, x: Any, p: Any, of_parts: Any, objective: Any, limits: Any
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return a program and its derivatives as options of CasADi's solvers.
+        """Return a program for CasADi's solvers, and its derivatives as options of them.
 
-        Objective and constraints are affine in x and in ``symbols``. So their Jacobian is that of the values times a
-        constant matrix, and their Hessian that of the sum of the values, each weighted by its derivative in the
-        Lagrangian.
+        Objective and constraints are affine in x and in ``symbols``. So the Jacobian of the constraints is a constant
+        matrix times the Jacobian of the values. The Hessian is that of the sum of the values, each weighted by the
+        derivative of the Lagrangian by this value.
 
         Parameters
         ----------
         x, p : variables and parameters of the program
-        of_parts : the parameters of the parts
-        objective, limits : in terms of x, p and ``symbols``
+        of_parts : the parameters of the parts, as in :meth:`of`
+        objective, limits : objective and constraints as expressions of x, p and ``symbols``
         """
         import casadi
 
@@ -149,16 +150,16 @@ class Separable:
 
 
 class _Fields:
-    """Values of fields at the lookups of all parts, read with one call per field."""
+    """Reader of the field values that the formulas look up, for all n parts together, with few calls per field."""
 
     def __init__(self, looks: Looks, n: int) -> None:
         self.callbacks: list[Any] = []
         self._looks, self._n = looks, n
 
     def numbers(self, variables: list[Any], columns: list[list[Any]]) -> list[Any]:
-        """Return the columns (n,) of the values of each lookup, lookup by lookup.
+        """Return the values of all lookups in order, each as columns (n,) with an entry for each part.
 
-        Lookups are read together, up to the first with a position that depends on the value of one of them.
+        Lookups are read together, up to the first one whose position depends on the value of another one of them.
         """
         import casadi
 
@@ -177,7 +178,10 @@ class _Fields:
         return [column for numbers in values for column in numbers]
 
     def _read(self, fields: list[Field], at: list[Any]) -> list[list[Any]]:
-        """Return the columns (n,) of the values of some lookups; ``at`` has columns u and v of each in turn."""
+        """Return columns (n,) of values for each lookup; ``at`` has two columns of grid coordinates, u and v, for each.
+
+        Lookups of the same field are read with one call.
+        """
         import casadi
 
         n = self._n
@@ -194,7 +198,10 @@ class _Fields:
 
 
 def on_columns(function: Any, columns: list[list[Any]], n: int) -> list[Any]:
-    """Return a function of scalars applied to columns (n,): results (n, outputs), one array per output."""
+    """Apply a CasADi function of scalars to columns (n,), row by row; return a matrix (n, m) for each of its outputs.
+
+    columns : for each input of the function, the columns that replace its scalar entries
+    """
     import casadi
 
     work: dict[int, Any] = {}
@@ -222,9 +229,9 @@ def on_columns(function: Any, columns: list[list[Any]], n: int) -> list[Any]:
 def scattered(
     entries: Any, rows: IntArray, columns: IntArray, shape: tuple[int, int], times: FloatArray | float = 1.0
 ) -> Any:
-    """Return a sparse matrix of entries (n, k) at rows and columns (k, n); entries at the same position are added.
+    """Return a sparse matrix with the entries (n, k) at rows and columns (k, n); entries at one position are added.
 
-    times : (k, n) factors of the entries
+    times : (k, n) factors by which the entries are multiplied
     """
     import casadi
 

@@ -1,4 +1,4 @@
-"""The spline planner: paths of joints become splines."""
+"""The spline planner: paths of a robot with joints become smooth splines."""
 
 from hpop.planners.programs.spline.planner import Spline
 

@@ -1,4 +1,4 @@
-"""Splines of one path: steps that lower costs, each certified free, until the gain is small."""
+"""One job of the spline planner: lower the costs of one path by steps, each proved free, until they gain little."""
 
 from __future__ import annotations
 
@@ -22,31 +22,34 @@ from hpop.trajectories.trajectory import Trajectory
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-FRACTIONS = np.linspace(0.125, 1.0, 8)  # of each piece, at which the distance of bodies is bounded
-APART = 0.15  # m: bodies that are farther apart bound no step
-MARGIN = 0.004  # m: least distance of bodies in a step; the certificate needs 1 mm
-FIRST, LAST, MOST = 0.2, 2e-5, 0.6  # rad or m: size of the trust region, at first, at least and at most
+FRACTIONS = np.linspace(0.125, 1.0, 8)  # of each piece, at which the distance between bodies is bounded
+APART = 0.15  # m: bodies that are farther apart do not limit a step
+MARGIN = 0.004  # m: least distance between bodies in a step; the proof of being free needs 1 mm
+FIRST, LAST, MOST = 0.2, 2e-5, 0.6  # rad or m: size of the trust region: at first, least and largest
 SHRINKS, GROWS = 0.35, 1.7  # factors on the trust region after a failed step and after a good one
 ROUND, LEAST_ROUND = 0.3, 1e-4  # share of the trust region, and rad or m, over which a kink of a cost is rounded
-STEPS, RECENT = 60, 6  # at most; the search ends if as many steps as the second gain little together
-SLOWEST = 2.0  # times the duration of the path: a spline takes no longer where the duration is no criterion
-REST = 2e-4  # of the merit: a smaller predicted gain ends the search, as does a smaller gain of the recent steps
-ENOUGH = 0.05  # of its predicted gain is the least that a step must gain
-SETTLED = 1e-3  # of the merit: a spline is settled if the next step is predicted to gain less
-INSIDE = 1e-5  # rad or m: joints stay so far from their limits, for the error of the solver
-WIDE = FIRST * SHRINKS  # rad or m: least size of the trust region for that prediction
+STEPS, RECENT = 60, 6  # largest number of steps; the search ends if RECENT steps together gain little
+SLOWEST = 2.0  # times the duration of the path: largest duration of a spline
+REST = 2e-4  # share of the merit: a smaller predicted gain ends the search, and so does a smaller gain of RECENT steps
+ENOUGH = 0.05  # share of its predicted gain that a step must achieve
+SETTLED = 1e-3  # share of the merit: a spline is settled if one more step is predicted to gain less
+INSIDE = 1e-5  # rad or m: distance that joints keep from their limits, for the error of the solver
+WIDE = FIRST * SHRINKS  # rad or m: least size of the trust region for the prediction that settles a spline
 QUADRATURE = 0.01  # relative: difference of planned and reported costs
-CUT_SHORT = "cut short"  # counts paths that the deadline ended
+CUT_SHORT = "cut short"  # name under which paths are counted that the deadline ended
 NOTHING_LESS = "no step costs less than its path"
 SPREAD = 1e-2  # weight of the costs that are not minimised
 
 
 @dataclass(eq=False)
 class _PathRun:
-    """Work on one path: its splines so far, and the steps towards the next one, all of them free.
+    """Work on one path: its finished splines, and the steps towards the next one.
 
+    counts   number of events of each name, such as "steps"
     longest  s  duration of the path
-    settled  whether the next step would gain almost nothing
+    settled  whether one more step is predicted to gain almost nothing
+    splines  finished splines
+    steps    splines after each step of the current search, all of them proved free
     """
 
     counts: Counter[str]
@@ -58,16 +61,16 @@ class _PathRun:
 
 @dataclass(frozen=True, eq=False)
 class SplineJob:
-    """Data that all paths share, and the cost functions of this process, which are not pickled.
+    """Search for splines, path by path: the data that all paths share, and the cost functions of this process.
 
     problem
-    criteria     k
+    criteria     k criteria
     smooth       indices of the criteria with gradients; the others are not optimised
-    minimise     index of the criterion of most weight; None: equal weights, and then each criterion by itself
-    pieces       approximate count of each spline
-    deadline     no step begins later
-    built        the cost functions under the key "pieces", if they are built
-    interrupted  paths during which Ctrl-C came, with the splines so far
+    minimise     index of the criterion with most weight; None: equal weights, and then each criterion by itself
+    pieces       approximate number of pieces of a spline
+    deadline     time after which no step begins
+    built        the cost functions under the key "pieces", once they are built; not pickled
+    interrupted  path that Ctrl-C interrupted, with its splines so far
     """
 
     problem: Problem
@@ -83,9 +86,10 @@ class SplineJob:
         return {**self.__dict__, "built": {}, "interrupted": []}
 
     def solve(self, trajectory: Trajectory) -> Outcome[tuple[ImprovedTrajectory, ...]]:
-        """Return the splines of one path, which depend on the path alone unless the deadline passes.
+        """Return the splines of one path, or the reason why there are none.
 
-        After Ctrl-C the splines found so far are in ``interrupted``, and KeyboardInterrupt is raised.
+        The result depends on the path alone, unless the deadline passes. After Ctrl-C the splines found so far are
+        stored in ``interrupted``, and KeyboardInterrupt is raised.
         """
         seconds, counts = {"build": 0.0, "solve": 0.0}, Counter[str]()
         run = _PathRun(counts)
@@ -106,27 +110,27 @@ class SplineJob:
         return Outcome.of(result, counts, seconds)
 
     def compile_kernels(self, trajectory: Trajectory) -> None:
-        """Compile the kernels of a step, or load them."""
+        """Compile the collision kernels that steps use, or load them from the cache, before the deadline counts."""
         self._collision.separations(trajectory.states.take([0]), APART)
         for _, m in trajectory.batches(self.problem.world):
             self._collision.motions_free(m)
 
     def _splined(self, path: Trajectory, pieces: PieceCosts, run: _PathRun) -> tuple[ImprovedTrajectory, ...] | str:
         if not path.duration:
-            return "goes nowhere"
+            return "the start is the goal"
         run.longest = path.duration
         (bounds,) = trajectory_costs(self.criteria, [path], self.problem.world)[:, list(self.smooth)]
         reason = ""
         for evenly in (False, True):  # from the path itself, else from a slower spline
             knots = Knots.along(path, pieces.law, self.pieces, evenly=evenly)
             if not self._is_free(knots):
-                reason = "the spline through its knots cannot be proved to be free"
+                reason = "the first spline through its states cannot be proved free of collisions"
             elif not (reason := self._from(knots, pieces, bounds, run)):
                 break
         return tuple(run.splines) or reason
 
     def _from(self, knots: Knots, pieces: PieceCosts, bounds: FloatArray, run: _PathRun) -> str:
-        """Search a spline for each set of weights; return why there is none, or ""."""
+        """Search for a spline for each set of weights, and record it; return the reason if there is none, else ""."""
         scale, reason = np.where(bounds > 1e-3, bounds, 1.0), ""
         for weights in self._weights():
             if self._is_late(run.counts):
@@ -142,7 +146,10 @@ class SplineJob:
         return "" if run.splines else reason
 
     def _record(self, run: _PathRun, pieces: PieceCosts, bounds: FloatArray) -> tuple[Knots, str]:
-        """Record the last step no worse than the path; return the last step, and why it is not recorded, or ""."""
+        """Record the last step of a search that costs no more than the path.
+
+        Returns the last step, and the reason why it is not recorded, or "".
+        """
         last = run.steps[-1]
         if len(run.steps) == 1:  # the start is the path, or was recorded already
             return last, NOTHING_LESS
@@ -157,7 +164,7 @@ class SplineJob:
     def _candidate(
         self, knots: Knots, pieces: PieceCosts, bounds: FloatArray, settled: bool
     ) -> tuple[ImprovedTrajectory, str]:
-        """Return a spline as a candidate, and the costs in which it is worse than its path, in words, or ""."""
+        """Return a spline as a candidate, and a text that names the costs in which it is worse than its path, or ""."""
         trajectory = knots.trajectory(self.problem.model, pieces.law)
         (costs,) = trajectory_costs(self.criteria, [trajectory], self.problem.world)
         quanta = np.array([criterion.quantum for criterion in self.criteria])
@@ -170,7 +177,7 @@ class SplineJob:
         return spline, f"no better than its path in {', '.join(names)}" if names else ""
 
     def _weights(self) -> list[FloatArray]:
-        """Return weights (k,) of the costs, one set for each spline of a path."""
+        """Return the weights (k,) of the smooth costs, one vector for each spline that is searched for a path."""
         count = len(self.smooth)
         alone = [np.where(np.arange(count) == j, 1.0, SPREAD) for j in range(count)]
         if self.minimise is not None:
@@ -178,7 +185,10 @@ class SplineJob:
         return [np.full(count, 1.0 / count), *(alone if count > 1 else [])]
 
     def _improved(self, knots: Knots, pieces: PieceCosts, aim: Aim, run: _PathRun) -> Iterator[Knots]:
-        """Yield steps that each lower the merit and are free, until no step gains or the time is over."""
+        """Yield the spline after each step, free of collisions and with lower merit (the sum that steps minimise).
+
+        The search ends when steps gain almost nothing, after STEPS steps, or at the deadline.
+        """
         counts, longest = run.counts, max(SLOWEST * run.longest, knots.duration)
         space = self.problem.model.space
         turning = np.array([name in space.turning for name in pieces.law.names])
@@ -220,16 +230,17 @@ class SplineJob:
             distance = min(MOST, distance * (GROWS if good else 1.0))
 
     def _rests(self, program: StepProgram, longest: float, merit: float) -> bool:
-        """Return whether a step within a wide trust region is predicted to gain almost nothing."""
+        """Return whether the spline is settled: a step in a wide trust region is predicted to gain almost nothing."""
         step = program.within(WIDE, longest)
         return step is not None and step.gain <= SETTLED * merit
 
     def _corrected(
         self, program: StepProgram, distance: float, longest: float, drift: FloatArray, first: tuple[Knots, FloatArray]
     ) -> tuple[Knots, FloatArray]:
-        """Return the spline and costs of a step with bounds corrected by a drift, or of the first step if it is better.
+        """Try a second step after a first one broke bounds, and return the better spline of both, with its costs.
 
-        This is a second-order correction: the first step has shown by how much costs leave their tangents.
+        This is a second-order correction: ``drift`` is by how much the costs after the first step differ from their
+        linear prediction, and the second step takes it into account.
         """
         step = program.within(distance, longest, drift)
         if step is None:
@@ -238,14 +249,17 @@ class SplineJob:
         return min(first, second, key=lambda result: program.aim.merit(result[1]))
 
     def _taken(self, step: Step, knots: Knots, pieces: PieceCosts, aim: Aim) -> tuple[Knots, FloatArray]:
-        """Return the spline after a step and its costs (k,), with the duration of the step or the least, if better."""
+        """Return the spline after a step, and its costs (k,).
+
+        Its duration is the one that the step chose, or the least possible if that has the lower merit.
+        """
         quickest = knots.moved(step.values, step.slopes, pieces.law)
         slower = quickest.lasting(max(quickest.duration, knots.duration + step.duration))
         tried = [(moved, pieces.costs(moved)) for moved in (quickest, slower)]
         return min(tried, key=lambda result: aim.merit(result[1]))
 
     def _is_late(self, counts: Counter[str]) -> bool:
-        """Return whether the time is over; if so, count the path."""
+        """Return whether the deadline has passed; if so, count the path as cut short."""
         late = self.deadline.is_past
         if late:
             counts[CUT_SHORT] = 1
@@ -256,12 +270,12 @@ class SplineJob:
         return cast(JointCollision, self.problem.model.collision(self.problem.world))
 
     def _states(self, knots: Knots, law: SplineLaw) -> States:
-        """Return the joints at the fractions of all pieces, fraction by fraction."""
+        """Return the joint states at all FRACTIONS of all pieces: all pieces at the first fraction, and so on."""
         rows = np.concatenate([knots.at(fraction) for fraction in FRACTIONS.tolist()])
         return States(**dict(zip(law.names, rows.T, strict=True)))
 
     def _is_free(self, knots: Knots) -> bool:
-        """Return whether the spline is certified free throughout."""
+        """Return whether the collision model proves that the spline is free throughout."""
         model = self.problem.model
         trajectory = knots.trajectory(model, cast(SplineLaw, model.laws[LAW]))
         return all(bool(self._collision.motions_free(m).all()) for _, m in trajectory.batches(self.problem.world))

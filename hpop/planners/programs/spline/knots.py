@@ -1,12 +1,13 @@
-"""Splines as knots, which quadratic programs move, and the costs of their pieces.
+"""Splines given by knots, which quadratic programs move, and the costs of their pieces.
 
-Along the share u of the total time T the joints q pass through knots, on a Hermite cubic from each knot to the next.
-With slopes m = dq/du, speeds are q' = (dq/du) / T and accelerations q'' = (d²q/du²) / T². So their limits,
+Let u, from 0 to 1, be the share of the total time T. The joints q pass through knots at given u, on a cubic Hermite
+curve from each knot to the next, with slopes m = dq/du at the knots. Then speeds are q' = (dq/du) / T and accelerations
+are q'' = (d²q/du²) / T². So the limits
 
-    |dq/du| <= v T,    |d²q/du²| <= a T²,
+    |dq/du| <= v T,    |d²q/du²| <= a T²
 
-are linear in knots and slopes at any u. In T the first is linear and the second convex, so that its tangent is
-conservative. Durations of pieces and speeds, in which they are not linear, are no variables.
+are linear in knots and slopes at any u. In T the first is linear and the second is convex, so its tangent is
+conservative. The limits would not be linear in speeds and in durations of pieces, so these are no variables.
 """
 
 from __future__ import annotations
@@ -28,15 +29,15 @@ from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 LAW = "spline"
-SHORT = 1e-6  # of a motion: shorter phases have no piece
+SHORT = 1e-6  # share of a motion: shorter phases have no piece
 
 
 class SplineLaw(Curve, Protocol):
-    """Law of cubics from knot to knot, of models that provide "spline".
+    """Interface of the motion law "spline" of robot models: cubic curves from knot to knot.
 
-    names          n joints
-    speeds         (n,)  the greatest
-    accelerations  (n,)  the greatest
+    names          names of the n joints
+    speeds         (n,)  largest speed of each joint
+    accelerations  (n,)  largest acceleration of each joint
     """
 
     @property
@@ -47,17 +48,17 @@ class SplineLaw(Curve, Protocol):
     def accelerations(self) -> tuple[float, ...]: ...
 
     def knots(self, values: Sequence[Column], rates: Sequence[Column], clock: Column) -> States:
-        """Return states (N,) of n joints and their speeds, columns of numbers or symbols, at times, s."""
+        """Return N states from columns of numbers or symbols: n joint values, n joint speeds, and the time, s."""
 
 
 @dataclass(frozen=True, eq=False)
 class Knots:
-    """Spline of N pieces for n joints.
+    """Spline of N cubic pieces for n joints, given by its knots.
 
-    values    (N + 1, n)  rad or m
-    slopes    (N + 1, n)  by the share of the total time
-    shares    (N,)        of the total time, of each piece
-    duration  s
+    values    (N + 1, n)  joint values at the knots, rad or m
+    slopes    (N + 1, n)  their derivatives by the share of the total time
+    shares    (N,)        share of the total time that each piece takes
+    duration  s           total time
     """
 
     values: FloatArray
@@ -67,10 +68,11 @@ class Knots:
 
     @classmethod
     def along(cls, trajectory: Trajectory, law: SplineLaw, count: int, *, evenly: bool = False) -> Knots:
-        """Return knots on a trajectory, with its speeds, at times spread over the phases of its motions.
+        """Return a spline of about ``count`` pieces through states of a trajectory, with its speeds there.
 
-        Straight motions with constant accelerations and splines keep their timing, other motions only their path; the
-        duration is the least that the limits allow. With ``evenly``, motions are halved instead of split into phases.
+        Knots are at the borders of the phases of motions (such as speeding up and braking), and between them. With
+        ``evenly``, motions are halved instead of split into phases. Straight motions with constant accelerations and
+        splines keep their timing, other motions only their path. The duration is the least that the limits allow.
         """
         lasts = trajectory.durations
         motions = np.flatnonzero(lasts > 0)
@@ -93,25 +95,31 @@ class Knots:
 
     @property
     def secants(self) -> FloatArray:
-        """Mean slopes (N, n) of the pieces."""
+        """Mean slope (N, n) of each piece: change of the joints divided by the share of the time."""
         return np.diff(self.values, axis=0) / self.shares[:, None]
 
     @property
     def bends(self) -> tuple[FloatArray, FloatArray]:
-        """Second derivatives (N, n) by the share of the total time at both ends of each piece; linear between them."""
+        """Second derivatives by the share of the time, (N, n) at the start and (N, n) at the end of each piece.
+
+        They are linear between both ends.
+        """
         width, secants, first, last = self.shares[:, None], self.secants, self.slopes[:-1], self.slopes[1:]
         return (6.0 * secants - 4.0 * first - 2.0 * last) / width, (-6.0 * secants + 2.0 * first + 4.0 * last) / width
 
     @property
     def peaks(self) -> tuple[FloatArray, FloatArray]:
-        """Fraction (N, n) of each piece at which a slope is extreme, 0.5 if nowhere, and the slope (N, n) there."""
+        """Fraction (N, n) of each piece at which the slope of a joint is extreme, and the slope (N, n) there.
+
+        If a slope is extreme only at the ends of the piece, the fraction is 0.5.
+        """
         begin, end = self.bends
         changes = begin * end < 0
         at = np.where(changes, begin / np.where(changes, begin - end, 1.0), 0.5)
         return at, self.slopes[:-1] + self.shares[:, None] * at * (begin + 0.5 * at * (end - begin))
 
     def quickest(self, law: SplineLaw) -> Knots:
-        """Return this curve with the least duration that the limits of speeds and accelerations allow."""
+        """Return the same curve with the least duration that the limits of speeds and accelerations allow."""
         (begin, end), (_, peak) = self.bends, self.peaks
         speeds, accelerations = np.array(law.speeds), np.array(law.accelerations)
         by_speed = max((np.abs(slopes) / speeds).max() for slopes in (self.slopes, peak))
@@ -119,18 +127,21 @@ class Knots:
         return Knots(self.values, self.slopes, self.shares, float(max(by_speed, np.sqrt(by_acceleration))))
 
     def within(self, low: FloatArray, high: FloatArray) -> bool:
-        """Return whether the control points of all pieces, and so the curve, keep limits of the joints."""
+        """Return whether the control points of all pieces, and therefore the curve, lie within limits of the joints."""
         reach = self.shares[:, None] / 3.0
         points = (self.values, self.values[:-1] + reach * self.slopes[:-1], self.values[1:] - reach * self.slopes[1:])
         return all(bool(((low <= point) & (point <= high)).all()) for point in points)
 
     def columns(self) -> FloatArray:
-        """Return the variables of the costs, (4 n + 1, N): knot and slope at both ends of each piece, and T."""
+        """Return the variables on which the cost of each piece depends, as columns (4 n + 1, N).
+
+        They are values and slopes at the start of the piece, values and slopes at its end, and the total time.
+        """
         rows = (self.values[:-1].T, self.slopes[:-1].T, self.values[1:].T, self.slopes[1:].T)
         return np.concatenate([*rows, np.full((1, self.shares.size), self.duration)])
 
     def at(self, fraction: float) -> FloatArray:
-        """Return the joints (N, n) at a fraction of each piece."""
+        """Return the joint values (N, n) at a fraction (0 to 1) of each piece."""
         ends = (self.values[:-1], self.slopes[:-1], self.values[1:], self.slopes[1:])
         joints = np.zeros_like(ends[0])
         for weight, column in zip(hermite(fraction, self.shares[:, None]), ends, strict=True):
@@ -138,18 +149,18 @@ class Knots:
         return joints
 
     def moved(self, values: FloatArray, slopes: FloatArray, law: SplineLaw) -> Knots:
-        """Return the spline with inner knots and slopes moved by (N - 1, n) each, with the least duration."""
+        """Return the spline with inner knots and their slopes changed by (N - 1, n) each, with the least duration."""
         moved, sloped = self.values.copy(), self.slopes.copy()
         moved[1:-1] += values
         sloped[1:-1] += slopes
         return Knots(moved, sloped, self.shares, 0.0).quickest(law)
 
     def lasting(self, duration: float) -> Knots:
-        """Return this curve with another duration, s."""
+        """Return the same curve with another duration, s."""
         return replace(self, duration=duration)
 
     def trajectory(self, model: Model, law: SplineLaw) -> Trajectory:
-        """Return the trajectory of the spline."""
+        """Return the spline as a trajectory, with a motion for each piece."""
         clock = np.concatenate([[0.0], np.cumsum(self.shares)]) * self.duration
         return Trajectory(
             model, law.knots([*self.values.T], [*self.slopes.T / self.duration], clock), (LAW,) * self.shares.size
@@ -157,7 +168,7 @@ class Knots:
 
 
 def _phases(trajectory: Trajectory, motion: int) -> FloatArray:
-    """Return the durations, s, of the phases of a motion, without negligible ones."""
+    """Return the durations of the phases of a motion (such as speeding up), s, without negligible ones."""
     start, end = (trajectory.states.take([state]) for state in (motion, motion + 1))
     phases = trajectory.model.laws[trajectory.kinds[motion]].phases(start, end)
     seconds = np.array([np.broadcast_to(phase.duration, 1)[0] for phase in phases])
@@ -165,7 +176,10 @@ def _phases(trajectory: Trajectory, motion: int) -> FloatArray:
 
 
 def hermite(fraction: Column, width: FloatArray) -> tuple[FloatArray, ...]:
-    """Return the weights of knot and slope at the start and at the end of pieces, at a fraction of their widths."""
+    """Return the cubic Hermite weights at a fraction (0 to 1) of pieces with given widths.
+
+    They multiply value and slope at the start, and value and slope at the end of the piece, in this order.
+    """
     remaining, ones = 1.0 - fraction, np.ones_like(width)
     return (
         remaining * remaining * (1.0 + 2.0 * fraction) * ones,
@@ -175,14 +189,14 @@ def hermite(fraction: Column, width: FloatArray) -> tuple[FloatArray, ...]:
     )
 
 
-PANELS = 3  # of a piece, for the integrals of criteria
+PANELS = 3  # panels into which a piece is split for the integrals of criteria
 
 
 class Slopes(NamedTuple):
     """Costs of a spline and their gradients.
 
     costs      (k,)
-    gradients  (k, N, 4 n + 1)  by the variables of each piece (:meth:`.knots.Knots.columns`)
+    gradients  (k, N, 4 n + 1)  derivatives by the variables of each piece (:meth:`.knots.Knots.columns`)
     """
 
     costs: FloatArray
@@ -190,9 +204,10 @@ class Slopes(NamedTuple):
 
 
 class PieceCosts:
-    """Cost functions of a piece of a spline in k criteria with gradients; built once, for any number of pieces.
+    """Functions for the costs and gradients of splines in k smooth criteria.
 
-    The cost and gradient of a criterion that is a maximum are those of the worst piece.
+    CasADi functions of one piece are built once, and serve any number of pieces. The cost and gradient of a criterion
+    that is a maximum are those of the worst piece.
     """
 
     def __init__(self, world: World, model: Model, criteria: Sequence[Criterion]) -> None:
@@ -202,7 +217,10 @@ class PieceCosts:
     def with_gradients(
         cls, world: World, model: Model, criteria: Sequence[Criterion]
     ) -> tuple[PieceCosts, dict[int, str]]:
-        """Return cost functions of the criteria that have a gradient, and for each criterion why it has none, or ""."""
+        """Return cost functions for those of the criteria that have a gradient on symbols.
+
+        The second value has for each criterion, by index, the reason why it has no gradient, or "".
+        """
         pieces, reasons = cls(world, model, ()), dict[int, str]()
         costs = []
         for j, criterion in enumerate(criteria):
@@ -218,12 +236,12 @@ class PieceCosts:
 
     @property
     def law(self) -> SplineLaw:
-        """Law of the model."""
+        """The law "spline" of the robot model."""
         return cast(SplineLaw, self.model.laws[LAW])
 
     @cached_property
     def _symbols(self) -> tuple[list[Any], Motions]:
-        """Symbols of the variables of a piece and of its share, and their motion."""
+        """Symbols for the variables and for the share of one piece, and the motion that they describe."""
         import casadi
 
         n = len(self.law.names)
@@ -241,12 +259,12 @@ class PieceCosts:
 
     @cached_property
     def _formulas(self) -> list[Any]:
-        """Symbolic costs of a piece, one per criterion."""
+        """Symbolic cost of one piece for each criterion."""
         return [on_symbols(criterion, self._symbols[1]) for criterion in self.criteria]
 
     @cached_property
     def _functions(self) -> dict[str, Any]:
-        """CasADi functions of the variables and share of a piece.
+        """CasADi functions of the variables and the share of one piece, by name.
 
         costs   costs (k,)
         slopes  costs (k,) and Jacobian (k, 4 n + 1)
@@ -262,17 +280,17 @@ class PieceCosts:
 
     @cached_property
     def _mapped(self) -> dict[tuple[str, int], Any]:
-        """Functions of several pieces by name and count, stored as CasADi would build them at each call."""
+        """Cache of functions for several pieces at once, by name and count; CasADi would build them at each call."""
         return {}
 
     def _at_pieces(self, name: str, count: int, *columns: FloatArray) -> Any:
-        """Evaluate a function at columns (., count) of several pieces."""
+        """Evaluate one of the functions at ``count`` pieces, given by columns (., count)."""
         if (name, count) not in self._mapped:
             self._mapped[name, count] = self._functions[name].map(count)
         return self._mapped[name, count](*columns)
 
     def build(self) -> PieceCosts:
-        """Build the functions now."""
+        """Build the CasADi functions now instead of at the first use."""
         _ = self._functions
         return self
 
@@ -281,7 +299,7 @@ class PieceCosts:
         return self._total(self._at_pieces("costs", knots.shares.size, knots.columns(), knots.shares[None]).full())
 
     def slopes(self, knots: Knots) -> Slopes:
-        """Return the costs of a spline and their gradients."""
+        """Return the costs of a spline and their gradients by the variables of each piece."""
         count, width = knots.shares.size, 4 * len(self.law.names) + 1
         costs, gradients = self._at_pieces("slopes", count, knots.columns(), knots.shares[None])
         each = costs.full()
@@ -293,10 +311,10 @@ class PieceCosts:
         return Slopes(self._total(each), change)
 
     def curvature(self, knots: Knots, weights: FloatArray, rounded: float) -> FloatArray:
-        """Return the convex part (N, 4 n + 1, 4 n + 1) of the curvature of a weighted sum of costs, piece by piece.
+        """Return the convex part of the Hessian of a weighted sum of costs for each piece, (N, 4 n + 1, 4 n + 1).
 
         Second derivatives are differences of gradients at points ``rounded`` apart (rad, m, or share of the greatest
-        speed and of the time), so that a kink is a bend of that width. Negative eigenvalues are replaced by 0.
+        speed and of the time), so that a kink counts as a bend of that width. Negative eigenvalues are replaced by 0.
         """
         count, n, columns = knots.shares.size, len(self.law.names), knots.columns()
         width = len(columns)
@@ -317,6 +335,6 @@ class PieceCosts:
         return np.asarray((vectors * np.maximum(values, 0.0)[:, None, :]) @ np.swapaxes(vectors, 1, 2))
 
     def _total(self, each: FloatArray) -> FloatArray:
-        """Return costs (k,) from those of the pieces (k, N)."""
+        """Return the costs (k,) of a spline from the costs of its pieces (k, N): their sum, or the largest."""
         worst = np.array([criterion.aggregate == "max" for criterion in self.criteria])
         return np.asarray(np.where(worst, each.max(axis=1), each.sum(axis=1)))

@@ -1,4 +1,4 @@
-"""The spline planner: paths of joints become splines without stops, each proved free."""
+"""The spline planner: paths of a robot with joints become splines without stops, each proved free of collisions."""
 
 from __future__ import annotations
 
@@ -35,35 +35,36 @@ if TYPE_CHECKING:
 NAME = "spline"
 COUNTED = ("steps", "programs", CUT_SHORT)
 MOST_PIECES = 500
-HAND_OVER = 1.0  # s after the limit in which workers may finish their step
+HAND_OVER = 1.0  # s after the time limit in which workers may finish their step
 
 
 @planner(NAME)
 @dataclass(frozen=True)
 class Spline:
-    """Splines near paths of a model with joints, which cost no more than the paths; and the paths.
+    """Planner that turns paths of a robot with joints into splines that cost no more; it returns both.
 
     pieces      approximate number of cubic pieces of a spline; each motion of the path becomes at least two
-    minimise    name of the minimised cost; None: one spline for all costs with equal weights, relative to the path's
+    minimise    name of the cost to minimise; None: one spline for all costs with equal weights, relative to the path's
                 costs, and then one for each cost if that lowers it
     warm_start  source of the paths: a planner's name, ``{name: {option: value}}``, a front, or trajectories
     time_limit  s  for everything, warm starts and compiling included; checked before each step
 
-    This is sequential quadratic programming. It starts from the path, slowed down where cubics need it, and moves
-    knots, slopes and the total time step by step, with distances of bodies replaced by their tangents and costs by
-    their tangents and convex curvature. A step is accepted only if the evaluated costs are lower and the collision
-    model certifies the spline as free throughout, so every step is a valid plan. The first answers are the paths, in
-    the stages of their planner. After a limit or Ctrl-C the answer has all paths and all splines certified so far.
-    (Workers return the splines of a path together: at Ctrl-C those of unfinished paths are lost, and a limit waits one
-    second for them.)
+    This is sequential quadratic programming. It starts from the path, slowed down where cubics need it. Each step moves
+    knots, slopes and the total time. In it, distances between bodies are linearised, and costs are replaced by a convex
+    quadratic approximation. A step is accepted only if the evaluated costs are lower, and if the collision model proves
+    that the spline is free throughout. So every step is a valid trajectory.
+
+    The first results are the paths, as their planner finds them. After a limit or Ctrl-C, the result has all paths and
+    all splines proved so far. Workers return the splines of a path together: at Ctrl-C those of unfinished paths are
+    lost, and a time limit waits one second for them.
 
     Accepts any criteria that add up along edges or take the worst moment, at least one of them with a gradient on
-    symbols; the others are not optimised, with a note. Guarantees that every spline is certified free, keeps the
+    symbols; the others are not optimised, and a note says so. Guarantees that every spline is proved free, keeps the
     limits of joints, speeds and accelerations, and costs no more than its path in any criterion with a gradient. Every
     path stays among the candidates, as a spline may be worse in the other criteria; paths without a spline are counted.
     A spline takes at most twice as long as its path. Each is a local improvement: steps end when they gain little.
-    ``settled`` in the provenance is true if the next step is predicted to gain at most 1e-3, and a note counts the
-    splines for which it is false, often those of costs with kinks, such as rotations. Cost: 0.2 to 5 s per spline.
+    ``settled`` in the provenance is true if the next step is predicted to gain at most 1e-3. A note counts the splines
+    for which it is false; often these minimise costs with kinks, such as rotations. Cost: 0.2 to 5 s per spline.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"spline"})
@@ -82,16 +83,16 @@ class Spline:
         check_warm_start(self)
 
     def budget(self) -> Budget:
-        """Return its limits."""
+        """Return the limits on the work of this planner: its time limit."""
         return Budget(self.time_limit)
 
     def solve(
         self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
     ) -> Candidates:
-        """Plan paths, then make a spline of each; a job of the executor is one path.
+        """Plan paths, then make splines of each; each path is one job for the executor.
 
-        Raises UnsupportedCriterion if no criterion has a gradient, OptionError for a minimised cost without a gradient,
-        and the errors of the planner of the paths.
+        Raises UnsupportedCriterion if no criterion has a gradient, OptionError if ``minimise`` names a cost without a
+        gradient, and the errors of the planner of the paths.
         """
         latest: Candidates | None = None
         try:
@@ -107,10 +108,10 @@ class Spline:
     def stages(
         self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
     ) -> Iterator[Candidates]:
-        """Yield the paths, in the stages of their planner, then more and more splines.
+        """Yield the paths as their planner finds them, then the paths with more and more splines.
 
-        After Ctrl-C or the time limit the last answer has all paths and all certified splines, also those of the
-        unfinished path. Raises the errors of :meth:`solve`.
+        After Ctrl-C or the time limit, the last result has all paths and all splines proved free, also those of the
+        path in progress. Raises the errors of :meth:`solve`.
         """
         spending = Spending(self.budget(), spent=problem.read_seconds)
         objectives = edge_objectives(problem.criteria, NAME)
@@ -138,7 +139,12 @@ class Spline:
 
 @dataclass(eq=False)
 class _SplineRun:
-    """Run of the planner, with its paths and their outcomes."""
+    """One run of the planner: its paths (the warm starts), and the outcome of each path so far.
+
+    notes     lines for the user
+    spending  time spent and left
+    outcomes  outcomes by the index of the path
+    """
 
     job: SplineJob
     objectives: Objectives
@@ -149,7 +155,7 @@ class _SplineRun:
     outcomes: dict[int, Outcome[tuple[ImprovedTrajectory, ...]]] = field(default_factory=dict)
 
     def stages(self, executor: Executor | None) -> Iterator[Candidates]:
-        """Yield the paths, then splines of half as many paths more each time, finally of all."""
+        """Yield the paths without splines, then with the splines of 1, 2, 3, 4, 6, 9, ... paths, finally of all."""
         paths, status, stage = self.warm.trajectories, Status.COMPLETE, 0
         grace = 0.0 if executor is None else HAND_OVER
         with Sweep(SplineJob.solve, self.job, executor) as sweep:
@@ -181,13 +187,13 @@ class _SplineRun:
         yield self._judged(self.warm.ended(status), sweep.notes)
 
     def _left(self) -> float:
-        """Return the remaining seconds."""
+        """Return the seconds until the time limit; inf if there is none."""
         limit = self.spending.limits.time_limit
         return math.inf if limit is None else limit - self.spending.seconds()
 
     @property
     def _finished(self) -> dict[int, Outcome[tuple[ImprovedTrajectory, ...]]]:
-        """Outcomes by path, in order, without paths for which no time remained."""
+        """Outcomes by the index of the path, without those of paths for which no time remained."""
         outcomes = sorted(self.outcomes.items())
         return {
             index: outcome
@@ -197,7 +203,7 @@ class _SplineRun:
 
     @cached_property
     def _costs(self) -> FloatArray:
-        """Costs (n, k) of the paths."""
+        """Costs (n, k) of the n paths."""
         criteria = self.job.criteria
         return trajectory_costs(criteria, self.warm.trajectories, self.job.problem.world).reshape(-1, len(criteria))
 
@@ -208,12 +214,12 @@ class _SplineRun:
             self.progress(Progress(NAME, done, left, splined, seconds=self.spending.seconds()))
 
     def _judged(self, status: Status, notes: Sequence[str]) -> Candidates:
-        """Return the splines and paths of the last stage that pass the final judgement."""
+        """Return the last result: all splines and paths that pass the final check, with notes."""
         left = len(self.warm.trajectories) - len(self._finished)
         omissions = [f"{status}: {counted(left, 'path')} not smoothed"] if left else []
         accepted = trusted(self._candidates(status, (*notes, *omissions)), self.job.problem, NAME)
         unsettled = sum(not origin.get("settled", True) for origin in accepted.provenance)
-        note = f"spline: {counted(unsettled, 'spline')} stopped before it settled, so a better one may be near"
+        note = f"spline: {counted(unsettled, 'spline')} may be no local optimum: its improvement stopped early"
         return replace(
             accepted,
             notes=(*accepted.notes, *([note] if unsettled else [])),
@@ -221,7 +227,7 @@ class _SplineRun:
         )
 
     def _candidates(self, status: Status, notes: Sequence[str]) -> Candidates:
-        """Return the splines and paths, with notes on all failures."""
+        """Return all splines so far and all paths as candidates, with a note for each kind of failure."""
         job, criteria = self.job, self.job.criteria
         outcomes = self._finished
         tally = Tally.of(outcomes.values())

@@ -1,7 +1,8 @@
 """One step of sequential quadratic programming, which moves the knots of a spline to lower its costs.
 
-Distances of bodies and limits of speeds are replaced by their tangents, costs by tangents and the convex part of their
-curvature. So a step is limited to a trust region (Nocedal and Wright, Numerical Optimization, 2006, chapter 18).
+Distances between bodies and limits of speeds are linearised. Costs are replaced by their tangents and the convex part
+of their curvature. These approximations hold only nearby, so a step is limited to a trust region (Nocedal and Wright,
+Numerical Optimization, 2006, chapter 18).
 """
 
 from __future__ import annotations
@@ -20,16 +21,16 @@ from hpop.planners.programs.spline.knots import Knots, Slopes, SplineLaw, hermit
 
 PENALTY = 10.0  # weight of the excess of a cost over its bound, larger than any sum of weights
 FASTER = 4.0  # bound on the change of a slope, as a share of the greatest slope, per size of the trust region
-LIKELY = 0.2  # share of the trust region: rows that a step of this size can violate are added at once
-BROKEN = 1e-6  # m or the row's unit: largest accepted violation of a row
+LIKELY = 0.2  # share of the trust region: constraints that a step of this size can violate are added at the beginning
+BROKEN = 1e-6  # m or the unit of the constraint: largest accepted violation
 SOLVED = ("Solved", "AlmostSolved")  # Clarabel's statuses of a usable solution
 
 
 class Aim(NamedTuple):
-    """Weights and bounds of the costs of a spline.
+    """Weights, bounds and scales of the k costs of a spline.
 
-    weights  (k,)  of the costs, each as a share of its scale
-    bounds   (k,)  that none should exceed
+    weights  (k,)  weights of the costs, after division by their scales
+    bounds   (k,)  values that the costs should not exceed
     scale    (k,)  positive
     """
 
@@ -38,17 +39,17 @@ class Aim(NamedTuple):
     scale: FloatArray
 
     def merit(self, costs: FloatArray) -> float:
-        """Return the merit, which a step lowers: the weighted sum of costs, and penalties beyond bounds."""
+        """Return the merit, which steps lower: the weighted sum of scaled costs, plus penalties for exceeded bounds."""
         beyond = np.maximum(0.0, (costs - self.bounds) / self.scale)
         return float((self.weights * costs / self.scale).sum() + PENALTY * beyond.sum())
 
 
 class Constraints(NamedTuple):
-    """Linear constraints of a program, A x <= b, with at most m entries in a row.
+    """R linear constraints A x <= b, stored sparsely with m entries in each row of A.
 
-    entries  (R, m)
-    indices  (R, m)  of the variable of each entry; -1 for none
-    bounds   (R,)
+    entries  (R, m)  entries of A
+    indices  (R, m)  index of the variable to which each entry belongs; -1 for an unused entry
+    bounds   (R,)    b
     """
 
     entries: FloatArray
@@ -61,25 +62,25 @@ class Constraints(NamedTuple):
 
     @property
     def sizes(self) -> Constraints:
-        """The constraints with absolute entries."""
+        """The constraints with the absolute values of all entries."""
         return self._replace(entries=np.abs(self.entries))
 
     def some(self, rows: BoolArray) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return row, column and value of the entries of some rows (R,), which are counted from 0."""
+        """Return row, column and value of the entries of the rows that a mask (R,) selects, numbered from 0."""
         entries, indices = self.entries[rows], self.indices[rows]
         row, place = np.nonzero((indices >= 0) & (entries != 0.0))
         return row, indices[row, place], entries[row, place]
 
 
 class Step(NamedTuple):
-    """Step of a program.
+    """Step that a quadratic program proposes for a spline.
 
     values       (N - 1, n)  change of the inner knots, rad or m
     slopes       (N - 1, n)  change of their slopes
     duration     s           change of the total time
     gain         predicted reduction of the merit
-    multipliers  (k,)        of the bounds of the costs
-    costs        (k,)        by their tangents
+    multipliers  (k,)        multipliers of the bounds of the costs
+    costs        (k,)        costs after the step, predicted by their tangents
     """
 
     values: FloatArray
@@ -91,9 +92,10 @@ class Step(NamedTuple):
 
 
 class StepPrograms:
-    """Quadratic programs of splines with given shares of the time.
+    """Factory of the quadratic programs for all splines with given shares of the time.
 
-    Variables are the knots between start and goal, each with its slopes, and the total time.
+    Their variables are the values and slopes of the knots between start and goal, and the total time. ``low`` and
+    ``high`` (n,) are the limits of the joints.
     """
 
     def __init__(self, shares: FloatArray, law: SplineLaw, low: FloatArray, high: FloatArray) -> None:
@@ -103,7 +105,10 @@ class StepPrograms:
 
     @cached_property
     def indices(self) -> IntArray:
-        """Index (N, 4 n + 1) of the variable of each column of a piece; -1 for start and goal, which are fixed."""
+        """Index (N, 4 n + 1) of the program's variable for each variable of each piece (:meth:`.knots.Knots.columns`).
+
+        It is -1 at the start and the goal, which are fixed.
+        """
         count, n = self.shares.size, self.joints
         knots = np.full((count + 1, 2 * n), -1)
         knots[1:-1] = np.arange((count - 1) * 2 * n).reshape(count - 1, 2 * n)
@@ -119,13 +124,17 @@ class StepPrograms:
         margin: float,
         fractions: FloatArray,
     ) -> StepProgram:
-        """Return the programs at one spline.
+        """Return the quadratic program for steps from one spline.
 
         Parameters
         ----------
+        knots : the spline
+        aim : weights and bounds of the costs
+        slopes : costs of the spline and their gradients
         bends : (N, 4 n + 1, 4 n + 1) curvature of the merit by the variables of each piece
-        apart : separations at fractions of the pieces, fraction by fraction
-        margin : m, least distance of bodies, or their present distance if that is less
+        apart : distances between bodies, with gradients, at the fractions of the pieces, fraction by fraction
+        margin : m, least distance between bodies; if they are nearer already, their present distance
+        fractions : fractions (0 to 1) of each piece to which ``apart`` refers
         """
         from scipy import sparse  # on first use
 
@@ -141,15 +150,19 @@ class StepPrograms:
 
     @cached_property
     def _limited(self) -> IntArray:
-        """Index (N, n, 5) of the variables that limit a joint in a piece: its four columns, and the total time."""
+        """Index (N, n, 5) of the variables on which the motion of each joint in each piece depends.
+
+        They are value and slope at the start, value and slope at the end, and the total time.
+        """
         n = self.joints
         columns = np.append(np.arange(4 * n).reshape(4, n).T, np.full((n, 1), 4 * n), axis=1)
         return self.indices[:, columns]
 
     def _limits(self, knots: Knots) -> Constraints:
-        """Return the limits of speeds, accelerations and joints at control points, which contain each piece.
+        """Return the limits of joint values, speeds and accelerations as linear constraints.
 
-        For its speeds a piece is split where they are extreme, so that the control points touch them there.
+        They are imposed at control points, in whose hull each piece lies. For speeds, a piece is split where its speed
+        is extreme, so that a control point has exactly the extreme speed.
         """
         count, n, duration = self.shares.size, self.joints, knots.duration
         width = self.shares[:, None]
@@ -187,7 +200,7 @@ class StepPrograms:
         return Constraints(np.concatenate(entries).reshape(-1, 5), indices, np.concatenate(bounds).ravel())
 
     def _apart(self, apart: Separations, margin: float, fractions: FloatArray) -> Constraints:
-        """Return a row per pair of bodies near each other, which keeps their distance above the margin."""
+        """Return a linear constraint for each pair of near bodies, which keeps their distance at the margin or more."""
         count = self.shares.size
         piece, fraction = apart.owner % count, fractions[apart.owner // count]
         weights = hermite(fraction[:, None], self.shares[piece, None])
@@ -197,15 +210,15 @@ class StepPrograms:
 
 @dataclass(frozen=True, eq=False)
 class StepProgram:
-    """Quadratic programs at one spline, for trust regions of any size.
+    """Quadratic program for steps from one spline, for trust regions of any size.
 
-    costs        (k,)
-    gradients    (k, V)  by the variables
-    curvature    (V, V)  of the merit, positive semidefinite; the upper triangle, sparse by columns
-    constraints  of the limits and of the distances; no bound is negative, so that a step of 0 is feasible
+    costs        (k,)    costs of the spline
+    gradients    (k, V)  their derivatives by the V variables of the program
+    curvature    (V, V)  Hessian of the merit, positive semidefinite; its upper triangle, sparse by columns
+    constraints  limits of joints, and distances between bodies; no bound is negative, so a step of 0 is feasible
 
-    Few constraints bind. So a program begins with those that a step is likely to violate, and adds those that its
-    solution violates until there are none.
+    Few constraints are active. So the program is solved with only those that a step is likely to violate. Then the
+    constraints that its solution violates are added, and it is solved again, until there are none.
     """
 
     steps: StepPrograms
@@ -218,18 +231,18 @@ class StepProgram:
 
     @cached_property
     def _bends(self) -> tuple[IntArray, IntArray]:
-        """Row and column of the entries of the curvature."""
+        """Rows and columns of the non-zero entries of the curvature."""
         curvature = self.curvature
         return curvature.indices, np.repeat(np.arange(curvature.shape[1]), np.diff(curvature.indptr))
 
     def within(self, distance: float, longest: float, drift: FloatArray | float = 0.0) -> Step | None:
-        """Return the best step, or None if the solver fails.
+        """Return the best step within a trust region, or None if the solver fails.
 
         Parameters
         ----------
-        distance : rad or m, by which joints move at most
-        longest : s, bound on the total time
-        drift : (k,) of the costs from their tangents, if an earlier step has shown it
+        distance : rad or m, largest change of a joint at a knot
+        longest : s, upper bound of the total time
+        drift : (k,) correction of the costs: by how much an earlier step missed its linear prediction
         """
         steps, knots = self.steps, self.knots
         inner, n = knots.shares.size - 1, steps.joints
@@ -257,9 +270,10 @@ class StepProgram:
     def _solved(
         self, reach: FloatArray, later: float, added: Sequence[BoolArray], drift: FloatArray | float
     ) -> tuple[FloatArray, FloatArray] | None:
-        """Return the solution (V,) and the multipliers (k,) of the costs' bounds; None if the solver fails.
+        """Solve the program with some of its constraints; return the step (V,) and the multipliers (k,) of the bounds.
 
-        The solver's variables are the step as shares of its reach, and the excess of each cost as a share of its scale.
+        The result is None if the solver fails. The solver's variables are the step, divided by its largest size
+        ``reach``, and the excess of each cost over its bound, divided by the scale. ``added`` selects constraints.
         """
         from scipy import sparse  # on first use
 
