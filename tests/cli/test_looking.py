@@ -216,7 +216,7 @@ def test_what_lacks_or_is_strange_is_told(
         "got 'x'. Options of a reader are given",
     )
     (tmp_path / "plan.xyz").touch()
-    refused(run("new", tmp_path / "plan.xyz"), 3, "does not say by its ending which reader it needs")
+    refused(run("new", tmp_path / "plan.xyz"), 3, "no reader is known for this ending")
 
 
 def test_a_look_at_a_scenario_draws_it_and_tells_of_ends_that_cannot_be_used(

@@ -237,7 +237,7 @@ def test_a_scenario_chooses_zones_of_a_file_by_their_properties(tmp_path):
     assert note.endswith("zones.geojson: 2 of 2 features are read, those with level: [1, 2].")
     text = fault(hall(tmp_path, (PLAN, f"geojson: {section.replace('[1, 2]', '7')}")), MapError)
     assert text.startswith("line 2, world.geojson: ")
-    assert "no feature has level: 7. Its values there: '2'" in text
+    assert "no feature has level: 7. Values in the file: '2'" in text
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Find dark parts of a blueprint that are no walls (grey areas, lettering, specks, thin lines), and closed regions."""
+"""Find parts of a blueprint image that are no walls, such as lettering and specks, and regions closed to the robot."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from hpop.world.geometry.shapes import Raster, rotate
 DARK, LIGHT = 0.25, 0.9
 """Brightness below which a pixel is dark, and above which it is light."""
 EDGE = 2
-"""Distance, pixels, from an obstacle within which grey is its edge: smooth lines and JPEG blur edges."""
+"""Distance, pixels, from an obstacle within which grey is the edge of the obstacle, blurred by smoothing or JPEG."""
 LEAST = 4
 """Least size, pixels, of a grey area that a note mentions."""
 TOLD = 3
@@ -31,7 +31,7 @@ LINE = 5
 WORD = 3
 """Least number of letters of a word."""
 SPARE = 2.0
-"""Factor from the largest letter to the proposed limit, if no other obstacle is between the two."""
+"""Factor between the area of the largest letter and the proposed limit, if no other obstacle is between the two."""
 MOST_SPECKS = 20_000
 """Largest number of obstacles among which lettering is searched; more are noise."""
 LABELS = 8
@@ -82,7 +82,7 @@ def without_specks(raster: Raster, smallest: float) -> tuple[BoolArray, str]:
 
 
 def closed_from(raster: Raster, inside: tuple[float, float]) -> tuple[BoolArray, str]:
-    """Make the free cells solid that cannot be reached from a point (x, y), m; return the cells (H, W) and a note.
+    """Make all free cells solid that cannot be reached from a point (x, y), m; return the cells (H, W) and a note.
 
     A cell is connected to its four neighbours that share a side, so a line of pixels that touch at corners is closed.
     Raises MapError for a point in an obstacle or beyond the image.
@@ -92,20 +92,20 @@ def closed_from(raster: Raster, inside: tuple[float, float]) -> tuple[BoolArray,
     row, column = math.floor(y / raster.resolution), math.floor(x / raster.resolution)
     where = f"inside ({inside[0]:g}, {inside[1]:g})"
     if not (0 <= row < rows and 0 <= column < columns):
-        raise MapError(f"{where} is not on the image, which is {_size(rows, columns, raster)}. Move it.")
+        raise MapError(f"{where} is not on the image, which is {_size(rows, columns, raster)}. Move the point.")
     if raster.cells[row, column]:
-        raise MapError(f"{where} is in an obstacle; expected a point of the free space. Move it, or change threshold.")
+        raise MapError(f"{where} is in an obstacle; expected a point in free space. Move it, or change threshold.")
     labels, _ = numbered(~raster.cells, None)
     reached = labels == labels[row, column]
     closed = np.count_nonzero(~reached) - np.count_nonzero(raster.cells)
     note = f"{closed * raster.resolution**2:.4g} m² that cannot be reached from {where} are solid"
     if reached[[0, -1]].any() or reached[:, [0, -1]].any():
-        note += "; what is reached goes on to the edge of the image, so the plan is open there"
+        note += "; the reached region extends to the edge of the image, so the plan is open there"
     return ~reached, note
 
 
 def greys(shade: NDArray[np.uint8], dark: BoolArray, threshold: float, raster: Raster) -> Iterator[str]:
-    """Yield notes on pixels that are neither dark nor light, and on grey areas that therefore became free.
+    """Yield notes on pixels that are neither dark nor light, and on grey areas that count as free.
 
     shade  (H, W)  brightness from 0 to 255, row 0 at the bottom
     dark   (H, W)  the obstacles
@@ -264,7 +264,7 @@ def without_lines(raster: Raster, thinnest: float) -> tuple[BoolArray, str]:
 
 
 def closing(raster: Raster) -> Iterator[str]:
-    """Yield a note on thin lines that separate rooms where walls are thicker; they may be the swings of doors."""
+    """Yield a note on lines between rooms that are thinner than the walls; they may be the swings of doors."""
     cells = raster.cells
     thick = _thick(cells, THIN + 1)
     thin = cells & ~thick
@@ -293,7 +293,7 @@ def closing(raster: Raster) -> Iterator[str]:
     yield (
         f"{parting.size:,} lines of up to {THIN * raster.resolution:.2g} m close passages, thinner than the walls, at "
         f"{', '.join(places)}{', ...' * (parting.size > TOLD)}: swings of doors, or windows. thinnest_obstacle: "
-        f"{thickness:.3g} (m) leaves out all lines as thin"
+        f"{thickness:.3g} (m) leaves out all such lines"
     )
 
 

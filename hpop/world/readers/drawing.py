@@ -35,7 +35,7 @@ MOST_BYTES = 100_000_000
 """Largest file, bytes: reading it takes about a minute."""
 MOST_PAGES = 100_000
 POINT = 0.0254 / 72
-"""Length of a point, the unit of a page, m on paper."""
+"""Length of a typographic point, the unit of a PDF page, m on paper."""
 METRES = {
     1: ("inches", 0.0254),
     2: ("feet", 0.3048),
@@ -50,9 +50,9 @@ METRES = {
 WALL_WIDTH = 0.05
 """Default thickness of a wall along a line, m; drawings show both faces of a wall as lines."""
 LONG = 400
-"""Number of points above which a line is checked: it may come too near to itself to be widened."""
+"""Number of points above which a line is checked, because widening it may take very long if it is near to itself."""
 BLOCK = 2_000
-"""Lines that are widened between two checks of the limits."""
+"""Lines that are widened between two checks of the time and memory limits."""
 
 
 class DrawingOptions(NamedTuple):
@@ -88,12 +88,12 @@ def _names(layers: Any) -> list[str] | None:
 def build(
     path: str | Path, found: ChildAnswer, placement: Placement, options: DrawingOptions, *, nothing: str
 ) -> World:
-    """Build the world of a drawing, with notes on everything left out.
+    """Build a world from the lines of a drawing, with notes on everything left out.
 
-    found      arrays ``points`` (n, 2) of all lines, index of the first point of each line ``starts`` (m + 1,), and
-               ``layer`` and ``area`` of each line (m,): lines with an equal area number above 0 bound an area
+    found      arrays: ``points`` (n, 2) of all lines; ``starts`` (m + 1,), the index of the first point of each line;
+               ``layer`` and ``area`` (m,) of each line. Lines with an equal area number above 0 bound a filled area.
     placement  conversion from the units of the drawing to metres
-    nothing    advice for a drawing without lines
+    nothing    text for the error about a drawing without lines
     """
     words, arrays = found
     left = f"left out: {counts_text(words['left_out'])}" if words["left_out"] else ""
@@ -104,8 +104,8 @@ def build(
     width, height = np.ptp(points, axis=0)
     if not SMALLEST <= max(width, height) <= LARGEST:
         raise MapError(
-            f"{path}: a scale of {placement.scale:g} m a unit makes it {width:.3g} x {height:.3g} m; expected a "
-            "building. Give another scale."
+            f"{path}: a scale of {placement.scale:g} m per unit makes it {width:.3g} x {height:.3g} m; expected the "
+            "size of a building. Give another scale."
         )
     wide = np.maximum(options.wall_width, arrays["width"] * placement.scale)  # thick lines on paper are thick walls
     thin = np.flatnonzero(area == 0)
@@ -115,14 +115,15 @@ def build(
     walls = _walls(points, starts, thin, wide, options.wall_width, path)
     solid = [*walls, *_areas(points, starts, area, path)]
     if not solid:
-        raise MapError(f"{path} has lines without length only; {left or nothing}.")
+        raise MapError(f"{path} has only lines of length 0; {left or nothing}.")
     limits.check(READING)
     by_layer = {words["layers"][layer]: count for layer, count in zip(*_counted(arrays["layer"]), strict=True)}
     try:
         check_joinable(solid, f"{path}")
     except MapError as error:
         raise MapError(
-            f"{error} layers chooses which are read, such as those of walls: {counts_text(by_layer)}."
+            f"{error} Use layers to choose which layers are read, such as those of walls; the drawing has "
+            f"{counts_text(by_layer)}."
         ) from None
     limits.check(READING)
     union = shapely.disjoint_subset_union_all(solid)  # in a thirtieth of the time of union_all
@@ -134,7 +135,7 @@ def build(
     if swings:
         notes.append(said_of_doors(swings, options.door_arcs))
     if options.layers is None:
-        notes.append("layers chooses which are read; doors that are drawn as lines are closed, so leave out theirs")
+        notes.append("layers chooses which are read; doors drawn as lines close passages, so leave out their layers")
     extent = shapely.box(*union.bounds)
     if options.inside is None:
         ground = Ground(tuple(Obstacle(part) for part in shapely.get_parts(union).tolist()), extent=extent)
@@ -142,7 +143,7 @@ def build(
         reached = _reached(shapely.difference(extent, union), options.inside, extent, path)
         ground = Ground(extent=reached, outside_is_obstacle=True)
         x, y = options.inside
-        notes.append(f"what cannot be reached from inside ({x:g}, {y:g}) is solid, {reached.area:.4g} m² are free")
+        notes.append(f"all that cannot be reached from inside ({x:g}, {y:g}) is solid, {reached.area:.4g} m² are free")
     return World(ground, notes=tuple(f"{path}: {note}." for note in notes if note))
 
 
@@ -154,7 +155,7 @@ def _counted(layer: IntArray) -> tuple[list[int], list[int]]:
 def _walls(
     points: FloatArray, starts: IntArray, lines: IntArray, widths: FloatArray, usual: float, path: str | Path
 ) -> list[BaseGeometry]:
-    """Return polygons along lines, each as wide as ``widths`` says, m; lines wider than usual get flat ends."""
+    """Return polygons along lines, each as wide as given by ``widths``, m; lines of unusual width get flat ends."""
     walls: list[BaseGeometry] = []
     for begin in range(0, len(lines), BLOCK):
         limits.check(READING)
@@ -170,7 +171,7 @@ def _walls(
 def _without(
     arcs: Sequence[Arc], points: FloatArray, starts: IntArray, widths: FloatArray, lines: IntArray
 ) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
-    """Return points, starts, widths and lines without the given arcs.
+    """Return points, starts, widths and lines (see `build`) without the given arcs.
 
     The parts of a line before and after an arc become new lines.
     """
@@ -192,7 +193,7 @@ def _without(
 
 
 def _linestrings(points: FloatArray, starts: IntArray, lines: IntArray) -> NDArray[np.object_]:
-    """Return shapely lines from the given rows of ``starts``, except lines of length 0."""
+    """Return the lines with the given numbers as shapely lines, except lines of length 0; see `build` for arrays."""
     sizes = starts[lines + 1] - starts[lines]
     owner = np.repeat(np.arange(len(lines)), sizes)
     index = np.arange(len(owner)) + np.repeat(starts[lines] - np.cumsum(sizes) + sizes, sizes)
@@ -201,7 +202,7 @@ def _linestrings(points: FloatArray, starts: IntArray, lines: IntArray) -> NDArr
 
 
 def _areas(points: FloatArray, starts: IntArray, area: IntArray, path: str | Path) -> list[BaseGeometry]:
-    """Return the filled areas as polygons: points inside an odd number of the lines that share an area number."""
+    """Return the filled areas as polygons; an area is all points inside an odd number of the lines with its number."""
     made: list[BaseGeometry] = []
     lines = np.flatnonzero(area)
     for some in np.split(lines, np.flatnonzero(np.diff(area[lines])) + 1):
@@ -222,8 +223,8 @@ def _reached(free: BaseGeometry, inside: tuple[float, float], extent: BaseGeomet
             return part  # type: ignore[no-any-return]
     x0, y0, x1, y1 = extent.bounds
     raise MapError(
-        f"{path}: inside ({inside[0]:g}, {inside[1]:g}) is in a wall or beyond; expected a point of the free space of "
-        f"a plan that spans x {x0:.2f} to {x1:.2f} m, y {y0:.2f} to {y1:.2f} m. Move it."
+        f"{path}: inside ({inside[0]:g}, {inside[1]:g}) is in a wall or outside the plan, which spans x {x0:.2f} to "
+        f"{x1:.2f} m, y {y0:.2f} to {y1:.2f} m. Move the point into free space."
     )
 
 
@@ -259,8 +260,8 @@ def read_dxf(
 
     Lines, polylines, arcs, circles, ellipses, splines and MLINEs are walls, also in inserted blocks; wide polylines,
     solid hatches, solids and traces are obstacles. Everything invisible, or on layers that are off or frozen, is left
-    out. ``world.notes`` count what was read and left out, by layer. Curves become polylines, accurate to 1/2000 of
-    their size.
+    out. ``world.notes`` count by layer what was read and what was left out. Curves become polylines, accurate to 1/2000
+    of their size.
 
     Raises
     ------
@@ -273,10 +274,10 @@ def read_dxf(
     content = read_bytes(path, "DXF drawing", limit=MOST_BYTES)
     found = extract("dxf", path, content, {"layers": checked.layers})
     elsewhere = found.words["elsewhere"]
-    nothing = "its model space is empty" + f", {elsewhere:,} things are on its sheets" * bool(elsewhere)
+    nothing = "its model space is empty" + f", {elsewhere:,} objects are on its layout sheets" * bool(elsewhere)
     unit, metres = ("units", scale) if scale is not None else _units(path, found)
     world = build(path, found, Placement(metres, origin), checked, nothing=nothing)
-    note = f"{path}: drawn in {unit} of {metres:g} m{' by its header; scale says otherwise' * (scale is None)}."
+    note = f"{path}: drawn in {unit} of {metres:g} m{' by its header; give scale to change it' * (scale is None)}."
     options = {"scale": scale, **checked._asdict(), "origin": list(origin)}
     return World(world.ground, notes=(note, *world.notes)).read_from(file_source("dxf", path, options, content))
 
@@ -289,10 +290,10 @@ def _units(path: str | Path, found: ChildAnswer) -> tuple[str, float]:
     if not len(found.arrays["points"]):
         return "no units", 1.0  # a drawing without lines is refused first
     width, height = np.ptp(found.arrays["points"], axis=0)
-    says = "does not say its units ($INSUNITS is 0)" if code == 0 else f"has $INSUNITS {code}, no unit of a building"
+    says = "does not state its units ($INSUNITS is 0)" if code == 0 else f"has $INSUNITS {code}, no unit of a building"
     raise MapError(
-        f"{path} {says}; it spans {width:.5g} x {height:.5g} units. Give scale, metres a unit: 0.001 where they are "
-        "millimetres, 0.01 centimetres, 1 metres, 0.0254 inches."
+        f"{path} {says}; it spans {width:.5g} x {height:.5g} units. Give scale, the metres per unit: 0.001 for "
+        "millimetres, 0.01 for centimetres, 1 for metres, 0.0254 for inches."
     )
 
 
@@ -342,8 +343,9 @@ def read_pdf(
     page = whole("page", page, 1, MOST_PAGES, error=MapError)
     if (scale is None) == (ratio is None):
         raise MapError(
-            f"{path}: a PDF does not say its scale. Give ratio, 100 for a plan at 1:100 on paper of its true size, or "
-            f"scale, metres a point (1/72 inch on paper); got {'none' if scale is None else 'both'} of them."
+            f"{path}: a PDF does not state its scale. Give either ratio, 100 for a plan at 1:100 whose page has its "
+            f"true size, or scale, the metres per point (1/72 inch on paper); got {'none' if scale is None else 'both'}"
+            " of them."
         )
     metres = check_positive("ratio", ratio) * POINT if scale is None else check_positive("scale", scale)
     placement = Placement(metres, origin)
@@ -356,8 +358,8 @@ def read_pdf(
         if not found.words["left_out"].get("images") or len(found.arrays["points"]):
             raise
         raise MapError(
-            f"{error} Is it scanned? Save the page as an image, such as by pdftoppm -r 150 -gray -png, and read that "
-            f"by image with resolution {metres * 72 / 150:.4g}."
+            f"{error} If the page is a scan, save it as an image, such as by pdftoppm -r 150 -gray -png, and read that "
+            f"with the reader image and resolution {metres * 72 / 150:.4g}."
         ) from None
     options = {"scale": metres, "page": page, **checked._asdict(), "origin": list(origin)}
     if (unit := found.words["unit"]) != 1.0:

@@ -1,7 +1,7 @@
 """Features of GeoJSON files: their names, values of their properties, selection by properties, and notes on faults.
 
-One note covers all features of a file with the same fault. Properties are read as GIS programs and OpenStreetMap write
-them: numbers and lengths may be text, and one text may hold several values.
+One note (a warning to print) covers all features of a file with the same fault. Properties are read as GIS programs and
+OpenStreetMap write them: numbers and lengths may be text, and one text may hold several values.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ TOLD = 8
 
 
 class Feature(NamedTuple):
-    """Feature of a file: path of the file, number of the feature in the file, and its JSON data."""
+    """Feature of a GeoJSON file: path of the file, number of the feature in it, and the JSON data of the feature."""
 
     path: str | Path
     number: int
@@ -52,9 +52,10 @@ class Feature(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Return the first text among ``name``, ``label``, ``title``, the feature's ``id``, and ``id`` or ``type``.
+        """Return a name for messages; "" if there is none.
 
-        All but the feature's ``id`` are properties. "" if there is none.
+        It is the first text among the properties ``name``, ``label``, ``title``, the feature's own member ``id``, and
+        the properties ``id`` and ``type``.
         """
         own = self.properties
         named = [own.get(key) for key in ("name", "label", "title")]
@@ -69,7 +70,7 @@ class Feature(NamedTuple):
 
     @property
     def called(self) -> str:
-        """Return the number of the feature, followed by its name if it has one."""
+        """Return the number of the feature, followed by its name if it has one, for messages."""
         return f"{self.number} {shown(self.name)}" if self.name else str(self.number)
 
     def __str__(self) -> str:
@@ -77,7 +78,7 @@ class Feature(NamedTuple):
 
 
 class FeatureNotes:
-    r"""Notes on features that were left out or mended.
+    r"""Notes on features that were left out or repaired; equal notes on several features become one line.
 
     >>> notes = FeatureNotes()
     >>> for number in (0, 1, 2, 5):
@@ -92,7 +93,7 @@ class FeatureNotes:
         self._found: dict[tuple[str, str], list[Feature]] = {}
 
     def add(self, feature: Feature, what: str) -> None:
-        """Add a note on a feature; the same note on it, such as for another part of its geometry, counts once."""
+        """Add a note on a feature; repeating it, such as for another part of the geometry, has no effect."""
         features = self._found.setdefault((str(feature.path), what), [])
         if not features or features[-1].number != feature.number:
             features.append(feature)
@@ -113,7 +114,7 @@ class FeatureNotes:
 
 
 def _listed(features: list[Feature]) -> str:
-    """Return features as text: numbers with names, or ranges of numbers if none has a name."""
+    """Return a list of features as text: numbers with names, or ranges of numbers if no feature has a name."""
     if not any(feature.name for feature in features):
         return _ranges(sorted({feature.number for feature in features}))
     called = dict.fromkeys(feature.called for feature in sorted(features, key=lambda feature: feature.number))
@@ -151,14 +152,14 @@ def length(value: Any) -> float | None:
 
 
 def number(value: Any) -> Any:
-    """Convert text that holds a number to that number; other values stay as they are."""
+    """Convert text that is a number to this number; other values stay as they are."""
     if isinstance(value, str) and len(value) <= 40 and (found := LENGTH.fullmatch(value.strip())) and not found[2]:
         return float(found[1])
     return value
 
 
 def truth(value: Any) -> bool | None:
-    """Return the truth value of a number, a boolean or a text; None if it is neither yes nor no."""
+    """Return the truth value of a number, a boolean or a text such as "yes"; None if it is neither true nor false."""
     if isinstance(value, bool | int | float):
         return bool(value)
     text = value.strip().lower() if isinstance(value, str) else None
@@ -184,7 +185,7 @@ def values(key: str, value: Any) -> set[str]:
 
 
 def _text(value: Any) -> str:
-    """Return a value as text, which is equal for 0, 0.0 and "0"."""
+    """Return a value as text for comparison; 0, 0.0 and "0" give the same text."""
     read = number(value)
     if isinstance(read, float) and read.is_integer() and abs(read) < 1e15:
         return str(int(read))
@@ -219,7 +220,7 @@ class FeatureFilter:
         return bool(self._wanted)
 
     def takes(self, properties: Mapping[str, Any], keys: Iterable[str] | None = None) -> bool:
-        """Return whether properties have the wanted values, of all keys of this filter or only of ``keys``."""
+        """Return whether properties have the values that this filter demands, for all its keys or only for ``keys``."""
         asked = self._wanted.items() if keys is None else [(k, w) for k, w in self._wanted.items() if k in keys]
         return all(wanted & values(key, properties.get(key)) for key, wanted in asked)
 
@@ -240,9 +241,9 @@ def chosen_features(
     *,
     by_level: Callable[[Feature], bool] | None = None,
 ) -> tuple[list[Feature], tuple[str, ...]]:
-    """Return the features that pass a filter, and a note on their number; MapError if none passes.
+    """Return the features that pass a filter, and a note on their number; MapError if no feature passes.
 
-    ``by_level`` returns whether a feature, such as a door, is chosen by its level alone.
+    For features such as doors, for which ``by_level`` returns True, only the level must pass the filter.
     """
     if not choice:
         return list(features), ()
@@ -261,15 +262,15 @@ def chosen_features(
         if not there:
             known = dict.fromkeys(str(name) for feature in features for name in feature.properties)
             raise MapError(
-                f"{path}: where: no feature has a property {shown(key)}.{did_you_mean(key, known)} Properties there: "
-                f"{shown(some(list(known), TOLD), 300) if known else 'none'}."
+                f"{path}: where: no feature has a property {shown(key)}.{did_you_mean(key, known)} The file has the "
+                f"properties {shown(some(list(known), TOLD), 300) if known else 'none'}."
             )
         if not any(FeatureFilter({key: choice.given[key]}).takes(feature.properties) for feature in features):
             raise MapError(
-                f"{path}: where: no feature has {key}: {shown(choice.given[key])}. Its values there: "
+                f"{path}: where: no feature has {key}: {shown(choice.given[key])}. Values in the file: "
                 f"{shown(some(list(there), TOLD), 300)}."
             )
-    raise MapError(f"{path}: where: no feature has all of {choice}.")
+    raise MapError(f"{path}: where: no feature has all of {choice} at once. Leave some of them out.")
 
 
 def notes_of_levels(of: Sequence[Feature], choice: FeatureFilter, path: str | Path) -> Iterator[str]:
@@ -281,5 +282,5 @@ def notes_of_levels(of: Sequence[Feature], choice: FeatureFilter, path: str | Pa
         if len(there) > 1:
             yield (
                 f"{path}: its features have several values of {key} ({shown(some(there, TOLD), 200)}), all read as one "
-                f"floor. where: {{{key}: {there[0]}}} chooses."
+                f"floor. where: {{{key}: {there[0]}}} chooses one floor."
             )

@@ -113,7 +113,7 @@ def read(
     width = check_width(wall_width)
     chosen = FeatureFilter(where)
     if crs is not None and (units is not None or given.scale != 1.0):
-        raise MapError(f"crs {shown(crs)} says what the coordinates are in; leave out scale and units.")
+        raise MapError(f"crs {shown(crs)} already states the unit of the coordinates; leave out scale and units.")
     content = read_bytes(path, "GeoJSON file")
     document = read_document(content, path)
     noted = FeatureNotes()
@@ -133,7 +133,7 @@ def read(
     if not areas and (polygons != "obstacles" or not lines):
         what = "polygon" if width is None or polygons != "obstacles" else "polygon or line"
         raise MapError(
-            f"{path} has no {what}: nothing to make a world of. {' '.join((*document.notes, *noted.lines(), *hint))}"
+            f"{path} has no {what} to build a world from. {' '.join((*document.notes, *noted.lines(), *hint))}"
         )
     options |= {"polygons": polygons, "wall_width": wall_width if wall_width is None else width}
     options |= {"where": chosen.given} if chosen else {}
@@ -149,7 +149,10 @@ def read(
 def _ground(
     plan: _Plan, polygons: Meaning, width: float | None, noted: FeatureNotes, path: str | Path
 ) -> tuple[Ground, list[str]]:
-    """Return the ground of a plan, for the given meaning of its polygons, with notes."""
+    """Return the obstacles and the extent of a plan, and notes (warnings to print).
+
+    ``polygons`` states whether the polygons of the plan are obstacles, free space, an outline or rooms.
+    """
     areas, lines = plan.areas, plan.lines
     if polygons == "obstacles":
         notes = [*_closing(areas, lines, width or 0.0)]
@@ -158,7 +161,7 @@ def _ground(
         check_joinable([part.area for part in areas], str(path))
         rooms = [PlanRoom(part.feature, part.area) for part in areas if kind_of(part.feature) not in SOLID]
         if not rooms:
-            raise MapError(f"{path} has no room: its polygons are walls or columns. Say polygons: obstacles.")
+            raise MapError(f"{path} has no room: its polygons are walls or columns. Give polygons: obstacles.")
         walls_of = [part.area for part in (*lines, *(each for each in areas if kind_of(each.feature) in SOLID))]
         free, solid = walled(rooms, plan.doors, walls_of, width or WALL_WIDTH, noted)
         size = f"{counted(len(rooms), 'room')} with walls {width or WALL_WIDTH:g} m thick"
@@ -184,7 +187,7 @@ def _ground(
 def _shapes(
     features: Sequence[Feature], kinds: tuple[str, ...], noted: FeatureNotes, *, doors: bool
 ) -> tuple[list[Feature], NDArray[np.object_]]:
-    """Return features and their geometries of the given kinds; with ``doors`` also all kinds of doors, at the end."""
+    """Return geometries of the given kinds with their features; with ``doors``, also doors of any kind, at the end."""
     if not doors:
         return shaped(features, kinds, noted)
     opening = [feature for feature in features if is_door(feature)]
@@ -202,9 +205,9 @@ def _placed_by(
     shapes: NDArray[np.object_],
     path: str | Path,
 ) -> tuple[Placement, NDArray[np.object_], dict[str, Any]]:
-    """Return the placement of geometries in the world, the geometries in its units, and options that record both.
+    """Determine how coordinates become metres, by the option ``crs``, or else by the document.
 
-    A crs comes from the option ``crs``, or else from the document.
+    Return the conversion, the geometries in the units that it expects, and the options to be saved with the world.
     """
     is_open = given.units is None and given.scale == 1.0
     system = systems.crs_of(crs) if crs is not None else document.crs if is_open else None
@@ -240,7 +243,7 @@ class _FeaturePolygon(NamedTuple):
 
 
 def _in_metres(declared: str | None, shapes: NDArray[np.object_], path: str | Path) -> tuple[str, ...]:
-    """Return a note on coordinates read as metres although their crs, or their size, suggests otherwise."""
+    """Return a note if coordinates are read as metres although their crs, or their size, suggests another unit."""
     x0, y0, x1, y1 = shapely.total_bounds(shapes)
     if declared is not None:
         return (
@@ -256,7 +259,7 @@ def _in_metres(declared: str | None, shapes: NDArray[np.object_], path: str | Pa
 
 
 def _closing(areas: Sequence[_FeaturePolygon], lines: Sequence[_FeaturePolygon], width: float) -> Iterator[str]:
-    """Yield a note on an obstacle that encloses all others, such as the outline of a building."""
+    """Yield a note if one obstacle encloses all others: it may be the outline of the building."""
     if not areas:
         return
     largest = max(areas, key=lambda part: part.area.area)
@@ -266,12 +269,12 @@ def _closing(areas: Sequence[_FeaturePolygon], lines: Sequence[_FeaturePolygon],
         what = "contains all else" if others else "is all that is there"
         yield (
             f"{largest.feature} {what}, and is an obstacle: the robot has no room in it. If it is the outline of the "
-            "building, say polygons: outline."
+            "building, give polygons: outline."
         )
 
 
 class _Plan(NamedTuple):
-    """Parts of a plan: polygons, walls along lines, and doors."""
+    """Contents of a floor plan, m: polygons, walls along lines, and doors."""
 
     areas: list[_FeaturePolygon]
     lines: list[_FeaturePolygon]
@@ -291,10 +294,10 @@ class _Plan(NamedTuple):
 
 
 def _heights(feature: Feature, notes: FeatureNotes) -> Heights:
-    """Return the heights of a feature, m; missing or unreadable heights are unlimited, the latter with a note."""
+    """Return the heights of a feature, m. Missing or unreadable heights are unlimited; unreadable ones get a note."""
     properties = feature.data.get("properties")
     if not isinstance(properties, dict):
-        notes.add(feature, "no properties, so of the whole height")
+        notes.add(feature, "no properties, so of unlimited height")
         return WHOLE
     given = properties.get("height")
     if isinstance(given, list):
@@ -320,12 +323,12 @@ def _heights(feature: Feature, notes: FeatureNotes) -> Heights:
     ):
         what = {key: properties[key] for key in (upper, "min_height") if properties.get(key) is not None}
         said = ", ".join(f"{key} {shown(value)}" for key, value in what.items())
-        notes.add(feature, f"{said}, which is no height above 0 in m, so of the whole height")
+        notes.add(feature, f"{said}, which is no height above 0 in m, so of unlimited height")
         return WHOLE
     z_min = low if low is not None else 0.0 if high is not None else WHOLE[0]
     z_max = WHOLE[1] if high is None else high
     if not z_min < z_max:
-        notes.add(feature, f"min_height {z_min:g} is not below height {z_max:g}, so of the whole height")
+        notes.add(feature, f"min_height {z_min:g} is not below height {z_max:g}, so of unlimited height")
         return WHOLE
     return check_heights((z_min, z_max))
 

@@ -36,10 +36,10 @@ from hpop.world.readers.placement import MOST_DEGREES, Placement, Units
 FLOW_WIDTH = 3.0
 """Default width of the lane along a flow, m."""
 ContentFile = str | Path | Mapping[str, Any]
-"""Path of a file, or a mapping with its ``path`` and ``where``, the properties that its features must have."""
+"""Path of a file, or a mapping with ``path`` and ``where``, which states properties that features must have."""
 ContentFiles = ContentFile | Sequence[ContentFile]
 Maker = Callable[[Any, Feature], Landmark | Zone | str | None]
-"""Function from a geometry, m, to its content; a text explains why there is none, None leaves this unexplained."""
+"""Function from a geometry, m, and its feature to content. If there is none, it returns a text for a note, or None."""
 
 
 def read(
@@ -77,7 +77,7 @@ def read(
 
     Returns
     -------
-    The content, and notes: on features left out or mended (no geometry, properties or rule, or another
+    The content, and notes: on features left out or repaired (no geometry, properties or rule, or another
     geometry than expected), on the number of chosen features, and on several levels read as one.
 
     Raises
@@ -104,7 +104,7 @@ def read(
 
 @dataclass(frozen=True)
 class _Source:
-    """Placement of the files in the world, coordinate system of their plan, and notes collected while reading."""
+    """Reader of content files: conversion of their coordinates, crs of the plan, and notes collected while reading."""
 
     placement: Placement
     crs: str
@@ -112,7 +112,7 @@ class _Source:
     chosen: list[str]
 
     def made(self, files: ContentFiles, kinds: tuple[str, ...], make: Maker) -> list[Landmark | Zone]:
-        """Return the content that ``make`` builds from the geometries of the given kinds in the files."""
+        """Read files, and return the content that ``make`` builds from their geometries of the given kinds."""
         things: list[Landmark | Zone] = []
         for file in [files] if isinstance(files, str | Path | Mapping) else files:
             path, choice = _path_and_choice(file)
@@ -154,14 +154,14 @@ def _path_and_choice(file: ContentFile) -> tuple[str | Path, FeatureFilter]:
     path = file.get("path")
     if not isinstance(path, str | Path) or not file.keys() <= {"path", "where"}:
         raise MapError(
-            "a file of landmarks, flows or zones is a path, or has a path and where, such as "
+            "a file of landmarks, flows or zones must be a path, or a mapping with path and where, such as "
             f"{{path: zones.geojson, where: {{level: 0}}}}; got {shown(dict(file))}."
         )
     return path, FeatureFilter(file.get("where"))
 
 
 def _content_of(make: Maker, part: BaseGeometry, feature: Feature) -> Landmark | Zone | str | None:
-    """Return the content of a geometry; an error names the feature."""
+    """Return the content that ``make`` builds from a geometry; an error names the feature."""
     try:
         return make(part, feature)
     except MapError as error:

@@ -1,4 +1,4 @@
-"""Features, coordinate system and geometries of GeoJSON documents (RFC 7946, RFC 8142), in metres, mended if invalid.
+"""Read GeoJSON documents (RFC 7946, RFC 8142): features, coordinate system, and valid geometries in metres.
 
 Files of another format raise an error that names the format.
 """
@@ -34,7 +34,7 @@ GEOMETRIES = (
     "GeometryCollection",
 )
 BLOCK = 1_000
-"""JSON objects that are read between two checks of the limits: hundredths of a second."""
+"""JSON objects that are read between two checks of the time and memory limits: hundredths of a second."""
 STAYS, PARSED = 6, 24
 """Bytes of memory per byte of a file: for its geometries, and for Python objects while it is read."""
 BETWEEN = re.compile(r"[\s\x1e]*")
@@ -104,7 +104,7 @@ def read_document(content: bytes, path: str | Path) -> GeoJsonDocument:
         own, said = placement.declared_by(text, found, path) if isinstance(text, dict) else (None, ())
         notes += said
         if own is not None and declared not in (None, own):
-            raise MapError(f"{path}: its texts declare several crs, {declared} and {own}; give one file of each.")
+            raise MapError(f"{path}: its JSON texts declare different crs, {declared} and {own}; give a file for each.")
         declared = own or declared
         for data in found:
             if not isinstance(data, dict):
@@ -148,13 +148,13 @@ def _texts(text: str, path: str | Path) -> list[Any]:
 
 
 def _after(text: str, place: int) -> int:
-    """Return the index after the separators that begin at ``place``."""
+    """Return the index after the separators between JSON texts that begin at index ``place``."""
     found = BETWEEN.match(text, place)
     return found.end() if found else place
 
 
 def _hint(text: str) -> str:
-    """Return a hint at the probable format of a text that is no JSON; "" if unknown."""
+    """Return a hint at the probable format of a text that is not JSON, for an error message; "" if unknown."""
     begin = text[:2_000].lower()
     return next((f" It seems to be {what}." for mark, what in MARKED if mark in begin), "")
 
@@ -179,7 +179,7 @@ def _features(data: Any, path: str | Path, *, several: bool) -> list[Any]:
 
 
 def _other(data: Any) -> str:
-    """Return a hint at another JSON format, with how to convert it; "" if unknown."""
+    """Return a hint at another JSON format, and how to convert it, for an error message; "" if unknown."""
     if not isinstance(data, dict):
         return ""
     if data.get("type") == "Topology":
@@ -207,7 +207,10 @@ WORDS[POLYGONS + LINES + POINTS] = "polygon, line or door"
 def shaped(
     features: Sequence[Feature], kinds: tuple[str, ...], notes: FeatureNotes
 ) -> tuple[list[Feature], NDArray[np.object_]]:
-    """Return the geometries of the given kinds, in units of the file, with the feature of each; note all others."""
+    """Return the geometries of the given kinds, in units of the file, each with its feature.
+
+    All other geometries are left out with a note.
+    """
     of: list[Feature] = []
     shapes: list[BaseGeometry] = []
     rest = iter(features)
@@ -228,11 +231,11 @@ def placed(
     *,
     rooms: bool = False,
 ) -> Iterator[tuple[Feature, list[Any]]]:
-    """Yield each feature with the polygons, lines or points of its geometry, m; mended geometries get a note.
+    """Yield each feature with the polygons, lines or points of its geometry, m; repaired geometries get a note.
 
-    Limits are checked between blocks. Polygons are valid: a self-crossing outline is mended, or refused with `MapError`
-    if mending would take too long. With ``rooms`` the polygons of a MultiPolygon are not merged where they touch or
-    overlap.
+    Polygons are valid: a self-crossing outline is repaired, or refused with `MapError` if that would take too long.
+    With ``rooms`` the polygons of a MultiPolygon are not merged where they touch or overlap. Time and memory limits are
+    checked between blocks of features.
     """
     for begin in range(0, len(of), BLOCK):
         limits.check(READING)
@@ -252,14 +255,14 @@ def placed(
 
 
 def left_out(kind: Any, kinds: tuple[str, ...]) -> str:
-    """Return the note on a geometry that is not of the expected kinds."""
+    """Return the note for a geometry that is left out because it is not of the expected kinds."""
     return f"a {shown(kind)}, not a {WORDS[kinds]}, left out"
 
 
 def _shaped(
     feature: Feature, data: Any, kinds: tuple[str, ...], notes: FeatureNotes, deep: int = 0
 ) -> Iterator[BaseGeometry]:
-    """Yield the geometries of a feature, also those in collections, in units of the file; note other kinds."""
+    """Yield the geometries of a feature, also those in collections, in units of the file; other kinds get a note."""
     if data is None:
         place = " but a place of JSON-FG" if feature.data.get("place") is not None else ""
         notes.add(feature, f"no geometry{place}, left out")
@@ -278,7 +281,8 @@ def _shaped(
         geometry = _geometry(feature, data, notes)
     except Exception as error:  # coordinates may raise any exception in shapely
         raise MapError(
-            f"{feature}: its coordinates make no {kind}, which has positions [x, y] of two numbers: {error!s:.200}."
+            f"{feature}: its coordinates make no {kind}, which must have positions [x, y] of two numbers: "
+            f"{error!s:.200}."
         ) from None
     if geometry is None or geometry.is_empty:
         notes.add(feature, f"an empty {kind}, left out")
@@ -306,7 +310,10 @@ def _geometry(feature: Feature, data: dict[str, Any], notes: FeatureNotes) -> Ba
 
 
 def _with_rings(feature: Feature, data: dict[str, Any], notes: FeatureNotes) -> dict[str, Any]:
-    """Return polygon data with only the rings that bound an area; note removed rings and rings that are not closed."""
+    """Return polygon data with only the rings that bound an area.
+
+    Removed rings, and rings that are not closed, get a note.
+    """
     polygons = data["coordinates"] if data["type"] == "MultiPolygon" else [data["coordinates"]]
     kept, is_whole = [], True
     for polygon in polygons if isinstance(polygons, list) else ():
@@ -344,7 +351,7 @@ def _bounds_area(ring: list[list[Any]]) -> bool:
 def _mended(
     of: Sequence[Feature], shapes: NDArray[np.object_], areas: BoolArray, notes: FeatureNotes, rooms: bool
 ) -> NDArray[np.object_]:
-    """Return the geometries with invalid polygons made valid; with ``rooms`` each polygon is mended by itself."""
+    """Return the geometries with invalid polygons made valid; with ``rooms`` each polygon is repaired by itself."""
     check_each_joinable(shapes[areas], [each for each, area in zip(of, areas, strict=True) if area])
     invalid = np.flatnonzero(areas & ~shapely.is_valid(shapes)).tolist()
     crossings = [check_mendable(shapes[i], str(of[i])) for i in invalid]

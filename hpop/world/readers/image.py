@@ -47,12 +47,12 @@ DEEP = ("I", "I;16", "I;16B", "F")
 BLOCK = 1_000_000
 """Pixels that are processed together."""
 DECODED, SHADES = 8, 80
-"""Bytes per pixel while an image is read: for the image and its cells, and for pixels processed together."""
+"""Memory per pixel while an image is read, bytes: for the image and its cells, and for pixels processed together."""
 
 
 @dataclass(frozen=True, eq=False)
 class DecodedImage:
-    """Decoded image, row 0 at the top.
+    """Image that can be read block by block, row 0 at the top.
 
     height, width  pixels
     is_turned      whether it was rotated or mirrored by its EXIF orientation
@@ -112,7 +112,7 @@ def read_image(data: bytes, path: str | Path, *, upright: bool = False) -> Decod
             f"image {named(path)} is no image that can be read; expected PGM (P2, P5), PNG, BMP, GIF or JPEG."
         ) from None
     except Exception as error:  # each decoder fails in its own way
-        raise MapError(f"image {named(path)} cannot be read ({error}); is its header broken?") from None
+        raise MapError(f"image {named(path)} cannot be read ({error}); check that the file is intact.") from None
     width, height = image.size
     check_size(height, width, f"image {named(path)}")
     pixels = height * width
@@ -139,8 +139,8 @@ def _orientation(image: Any) -> int:
 def _unreadable(image: Any, path: str | Path, error: Exception) -> MapError:
     width, height = image.size
     return MapError(
-        f"image {named(path)} is {width} x {height} by its header, but its pixels cannot be read ({error}). Is the "
-        "file cut off?"
+        f"image {named(path)} is {width} x {height} by its header, but its pixels cannot be read ({error}). Check that "
+        "the file is complete."
     )
 
 
@@ -185,9 +185,9 @@ def read(
     thinnest_obstacle : float, optional
         Thinner lines, m, are no obstacle, such as the swings of doors between thicker walls.
 
-    A photograph is rotated by its EXIF orientation. ``world.notes`` mention this, the number of grey pixels, grey areas
-    that are free, specks that look like lettering, and thin lines that close passages, each with the option that
-    changes it; and the areas that these options removed or closed.
+    A photograph is rotated by its EXIF orientation, which ``world.notes`` mention. They also report grey pixels, grey
+    areas that count as free, specks that look like lettering, and thin lines that close passages, each with the option
+    that changes it. Finally they state the areas that these options removed or closed.
 
     Raises
     ------

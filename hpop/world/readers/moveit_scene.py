@@ -24,7 +24,7 @@ from hpop.world.geometry.solids import MOST_POINTS, MOST_SOLIDS, Box, Cylinder, 
 from hpop.world.world import World
 
 MOST_BYTES = 5_000_000
-"""Largest scene file, bytes: some seconds."""
+"""Size of the largest scene file, bytes: some seconds of reading."""
 PARSED = 60
 """Memory of Python objects per byte of a file while it is read, bytes."""
 DIMENSIONS = {"box": 3, "sphere": 1, "cylinder": 2}
@@ -46,7 +46,7 @@ CUT = "..."
 """Text that ``ros2 topic echo`` writes in place of omitted values."""
 NO_ARRAY = ("<sequence type:", "<array type:")
 CONVEX = 1e-4
-"""Share of the volume of its hull that a convex mesh may lack, by rounding in files; the hull replaces it."""
+"""Largest difference between a convex mesh and its hull, by rounding in files, as a share of the hull's volume."""
 
 
 class SceneEntry(NamedTuple):
@@ -56,7 +56,7 @@ class SceneEntry(NamedTuple):
     given: Any
 
     def fault(self, expected: str) -> MapError:
-        """Return an error that states the location, the expected and the actual value."""
+        """Return an error that states the location, the expected value and the actual value."""
         return MapError(f"{self.what} must be {expected}; got {shown(self.given)}.")
 
     def get(self, key: str) -> SceneEntry:
@@ -91,7 +91,7 @@ class SceneEntry(NamedTuple):
 
 
 class Object(NamedTuple):
-    """Collision object.
+    """Collision object of a scene.
 
     frame   name of the frame in which the pose is stated
     pose    (4, 4) of the object in this frame
@@ -106,16 +106,16 @@ class Object(NamedTuple):
 def read(path: str | Path) -> World:
     """Read the collision objects of a scene's world as solids, each named by the id of its object.
 
-    The extent is the bounding box of the solids, 1 m larger on each side. There is no floor unless it is an object. Of
-    several messages, later ones that are changes (``is_diff``) are applied. ``world.notes`` list ignored parts: padding
-    and scale of links, the collision matrix, states of the robot, colours, subframes. Solid parts that cannot be read
-    are refused: other shapes, meshes that are not convex or in other files, planes, octomaps, objects attached to the
-    robot.
+    The extent is the bounding box of the solids, 1 m larger on each side. There is no floor unless it is an object. If
+    the file has several messages, changes (``is_diff``) are applied to the last whole scene before them.
+    ``world.notes`` list ignored parts: padding and scale of links, the collision matrix, states of the robot, colours,
+    subframes. Solid parts that cannot be read are refused: other shapes, meshes that are not convex or in other files,
+    planes, octomaps, objects attached to the robot.
 
     Raises
     ------
     MapError
-        If the file is missing or no scene, or an object cannot be read; names the object.
+        If the file is missing or no scene, or an object cannot be read; the message names the object.
     """
     content = read_bytes(path, "scene file", limit=MOST_BYTES)
     limits.hold(READING, len(content), PARSED * len(content))
@@ -142,14 +142,14 @@ def read(path: str | Path) -> World:
         Solid(shape, thing.pose @ within, name) for name, thing in objects.items() for shape, within in thing.shapes
     ]
     if not solids:
-        raise MapError(f"{named(path)} has no collision object with a shape: nothing to make a world of.")
+        raise MapError(f"{named(path)} has no collision object with a shape to build a world from.")
     world = World.from_solids(solids)
     source = file_source("moveit_scene", path, {}, content)
     return World(world.ground, notes=(*dict.fromkeys(notes), *world.notes)).read_from(source)
 
 
 def _apply(scene: SceneEntry, objects: dict[str, Object], *, is_diff: bool) -> None:
-    """Update the objects, by name, with the message ``scene``; MapError for unreadable objects."""
+    """Apply a message (a scene, or a change of a scene) to the objects by name; MapError for unreadable objects."""
     world = scene.get("world")
     if not isinstance(world.given, dict) or "collision_objects" not in world.given:
         raise MapError(
@@ -169,7 +169,9 @@ def _apply(scene: SceneEntry, objects: dict[str, Object], *, is_diff: bool) -> N
         if name in objects and name not in named_before and operation == ADD:
             raise MapError(f"{thing.what} is there twice, the second time as number {place}; give each its own id.")
         if operation != ADD and name not in objects:
-            raise MapError(f"{thing.what} is to be removed, added to or moved, but it is not there.")
+            raise MapError(
+                f"{thing.what} is to be removed, moved or extended, but no such object exists; add it first."
+            )
         if operation == REMOVE:
             del objects[name]
             continue
@@ -191,7 +193,7 @@ def _apply(scene: SceneEntry, objects: dict[str, Object], *, is_diff: bool) -> N
 
 
 def _unread(scene: SceneEntry) -> Iterator[str]:
-    """Yield notes on parts of a message that have a meaning but are not read."""
+    """Yield notes (warnings to print) on parts of a message that may matter but are not read."""
     paddings = [entry.get("padding") for entry in scene.get("link_padding").entries()]
     scales = [entry.get("scale") for entry in scene.get("link_scale").entries()]
     padded = [
@@ -213,7 +215,7 @@ def _unread(scene: SceneEntry) -> Iterator[str]:
         yield f"{matrix.what} is not read: all objects count, and an SRDF says which links may touch"
     joints = state.get("joint_state").given if isinstance(state.given, dict) else None
     if isinstance(joints, dict) and joints.get("name"):
-        yield f"{state.what} is not read: a problem has the start"
+        yield f"{state.what} is not read: the start is given to the problem"
     if colours := scene.get("object_colors").entries():
         yield f"{scene.what} has {counted(len(colours), 'colour')} of objects, which are not read"
     things = scene.get("world").get("collision_objects").entries()
@@ -241,7 +243,7 @@ def _transforms(scene: SceneEntry) -> dict[str, tuple[str, FloatArray]]:
 
 
 def _resolved(frame: str, transforms: Mapping[str, tuple[str, FloatArray]]) -> tuple[str, FloatArray]:
-    """Return the root of a chain of frames that begins at a frame, and the pose (4, 4) of this frame in the root."""
+    """Follow a frame to its parents; return the last parent, and the pose (4, 4) of the frame in that parent."""
     pose, passed = np.eye(4), set[str]()
     while frame in transforms and frame not in passed:
         passed.add(frame)
@@ -260,11 +262,11 @@ def _refuse_unread(scene: SceneEntry) -> None:
             raise MapError(f"{octomap.what} has cells, which are not read. Save the scene without, or give boxes.")
     state = scene.get("robot_state")
     if isinstance(state.given, dict) and (attached := state.get("attached_collision_objects")).given:
-        raise MapError(f"{attached.what} are not read: give what the robot holds as a part of the robot.")
+        raise MapError(f"{attached.what} are not read: make objects that the robot holds a part of the robot.")
 
 
 def _frame(thing: SceneEntry) -> str:
-    """Return the name of the frame in which an object is given."""
+    """Return the name of the frame in which the pose of an object is given."""
     header = thing.get("header")
     frame = None if header.given is None else header.get("frame_id").given
     if not isinstance(frame, str | None):
@@ -273,12 +275,12 @@ def _frame(thing: SceneEntry) -> str:
 
 
 def _operation(thing: SceneEntry, *, is_diff: bool) -> int:
-    """Return the operation of an object; ROS 2 prints the byte as a character."""
+    """Return the operation of an object (add, remove, ...), given as a number, a character or a word."""
     operation = thing.get("operation")
     given = operation.given
     known = isinstance(given, int | str | None) and not isinstance(given, bool) and given in OPERATIONS
     if not known or (OPERATIONS[given] != ADD and not is_diff):
-        raise operation.fault("0, add: a scene says what is there, not what changes (is_diff: true)")
+        raise operation.fault("0 (add), unless the message is a change of a scene (is_diff: true)")
     return OPERATIONS[given]
 
 
@@ -315,7 +317,7 @@ def _shapes(thing: SceneEntry) -> Iterator[tuple[Shape, FloatArray]]:
 
 
 def _pose(part: SceneEntry, place: str = "position", turned: str = "orientation") -> FloatArray:
-    """Return the pose (4, 4) of a position and an orientation; a missing one, or a zero quaternion, is an identity."""
+    """Return a pose (4, 4) from position and orientation; a missing part or zero quaternion counts as the identity."""
     if part.given is None:
         return np.eye(4)
     position, orientation = part.get(place), part.get(turned)
@@ -333,7 +335,7 @@ def _primitive(part: SceneEntry) -> Shape:
     given = part.get("type").given
     kind = NUMBERED.get(given) if type(given) is int else given
     if not isinstance(kind, str) or kind not in DIMENSIONS:
-        raise part.get("type").fault(f"one of {', '.join(DIMENSIONS)}, or a convex mesh be given instead")
+        raise part.get("type").fault(f"one of {', '.join(DIMENSIONS)} (give other shapes as convex meshes)")
     sizes = part.get("dimensions")
     if not isinstance(sizes.given, list) or len(sizes.given) != DIMENSIONS[kind]:
         form = {"box": "[x, y, z]", "sphere": "[radius]", "cylinder": "[height, radius]"}[kind]
@@ -352,7 +354,7 @@ def _primitive(part: SceneEntry) -> Shape:
 def _mesh(part: SceneEntry) -> Hull:
     """Return a convex mesh as a hull; MapError if it is not convex."""
     if part.get("resource").given is not None:
-        raise part.get("resource").fault("left out, and the mesh's vertices and triangles be given: no file is read")
+        raise part.get("resource").fault("left out, as no mesh file is read: give vertices and triangles instead")
     vertices = np.array([v.numbers("xyz") for v in part.get("vertices").entries(MOST_POINTS)]).reshape(-1, 3)
     triangles = [_triangle(t, len(vertices)) for t in part.get("triangles").entries(2 * MOST_POINTS)]
     corners = vertices[np.array(triangles, dtype=np.int64).reshape(-1, 3)]
@@ -362,8 +364,8 @@ def _mesh(part: SceneEntry) -> Hull:
         raise MapError(f"{part.what}: {error}") from None
     if not _is_convex(hull, corners):
         raise MapError(
-            f"{part.what} is not convex, or its triangles are no closed surface that turns one way. Give its convex "
-            "pieces as meshes of their own."
+            f"{part.what} is not convex, or its triangles are no closed and consistently oriented surface. Give its "
+            "convex pieces as meshes of their own."
         )
     return hull
 

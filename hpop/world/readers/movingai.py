@@ -32,7 +32,7 @@ def read(path: str | Path, *, resolution: float = 1.0) -> World:
     Raises
     ------
     MapError
-        If the file is missing, its header is not that of an octile map, or its rows do not fit the header.
+        If the file is missing, its header is no header of an octile map, or its rows do not fit the header.
     """
     content = read_bytes(path, "map file")
     limits.hold(READING, len(content), LINES * len(content))
@@ -51,7 +51,8 @@ def read(path: str | Path, *, resolution: float = 1.0) -> World:
     lengths = {len(row) for row in rows}
     if len(rows) != height or lengths != {width}:
         raise MapError(
-            f"{path} announces {height} rows of {width} cells; got {len(rows)} rows of {sorted(lengths)[:5]} cells."
+            f"{path} must have {height} rows of {width} cells, as its header says; got {len(rows)} rows of "
+            f"{sorted(lengths)[:5]} cells. Check that the file is complete."
         )
     occupied = np.empty((height, width), dtype=bool)
     step = max(1, BLOCK // width)
@@ -59,7 +60,7 @@ def read(path: str | Path, *, resolution: float = 1.0) -> World:
         limits.check(READING)
         text = "".join(rows[top : top + step])
         if unknown := set(text) - set(TERRAIN):
-            raise MapError(f"{path}: cells must be out of {TERRAIN}; got {min(unknown)!r} among them.")
+            raise MapError(f"{path}: each cell must be one of the characters {TERRAIN}; got {min(unknown)!r}.")
         cells = np.frombuffer(text.encode("ascii"), dtype=np.uint8).reshape(-1, width)
         occupied[top : top + step] = ~np.isin(cells, [ord(letter) for letter in PASSABLE])
     resolution = check_positive("resolution", resolution)

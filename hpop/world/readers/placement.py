@@ -1,6 +1,7 @@
-"""Placement of coordinates of a file in the world: metres in a plane, degrees on the earth, or a crs.
+"""Convert the coordinates of a file to metres in the world: from plane coordinates, degrees on the earth, or a crs.
 
-A crs is a coordinate reference system, which pyproj converts to degrees. Degrees are projected to a tangent plane.
+A crs is a coordinate reference system, such as EPSG:3857; pyproj converts it to degrees. Degrees are projected to a
+plane that touches the earth.
 """
 
 from __future__ import annotations
@@ -27,19 +28,19 @@ RADIUS = 6378137.0
 """Radius of the earth at the equator, m (WGS 84)."""
 DEGREES = "EPSG:4326"
 GEOGRAPHIC = frozenset({"EPSG:4326", "EPSG:4979", "EPSG:4258", "EPSG:4269", "EPSG:4267"})
-"""Systems of degrees, which differ by at most 200 m: within a building they are equal."""
+"""Coordinate systems in degrees. They are shifted by at most 200 m, so within a building they are equivalent."""
 MERCATOR = frozenset({"EPSG:3857", "ESRI:102100", "EPSG:3785", "ESRI:102113"})
 """Codes of the projection of web maps."""
 OLD = {"EPSG:900913": "EPSG:3857"}
 CODE = re.compile(r"\b(EPSG|ESRI)\b.*?(\d{4,6})", re.IGNORECASE)
 LONGITUDE_FIRST = re.compile(r".*\bCRS:?84h?", re.IGNORECASE)
 MEMBERS = ("crs", "coordRefSys")
-"""Members that declare a coordinate system: of GeoJSON 2008, and of JSON-FG."""
+"""JSON members that declare a coordinate system: of GeoJSON 2008, and of JSON-FG."""
 DEEPEST = 20
 """Deepest nesting of collections and lists that is searched for a position."""
 Units = Literal["m", "deg"]
 FARTHEST_UNIT = 1000 * FARTHEST
-"""Greatest coordinate of a file, in its units, which may be millimetres."""
+"""Greatest coordinate of a file, in the units of the file, which may be millimetres."""
 MOST_DEGREES = (180.0, 90.0)
 """Greatest longitude and latitude."""
 WIDEST = 0.1
@@ -65,8 +66,8 @@ def crs_of(name: Any) -> str:
     found = CODE.search(text)
     if found is None or found.end() != len(text):
         raise MapError(
-            f"a crs is named by its code, such as EPSG:3857 or urn:ogc:def:crs:OGC:1.3:CRS84; got {shown(name)}. Save "
-            "the file again in CRS84, or give crs; units: m says that its coordinates are metres."
+            f"a crs must be named by its code, such as EPSG:3857 or urn:ogc:def:crs:OGC:1.3:CRS84; got {shown(name)}. "
+            "Save the file again in CRS84, or give crs; give units: m if its coordinates are metres."
         )
     code = f"{found[1].upper()}:{int(found[2])}"
     code = OLD.get(code, code)
@@ -74,9 +75,10 @@ def crs_of(name: Any) -> str:
 
 
 def declared(member: Any) -> str | None:
-    """Return the crs that a member of a file names, or None: ``crs`` (GeoJSON 2008) or ``coordRefSys`` (JSON-FG).
+    """Return the code of the crs that a JSON member ``crs`` (GeoJSON 2008) or ``coordRefSys`` (JSON-FG) declares.
 
-    The latter is a text in brackets, a reference, or a list with the horizontal system first.
+    Return None for None. ``coordRefSys`` is a text in brackets, a reference, or a list with the horizontal system
+    first.
 
     >>> declared({"type": "name", "properties": {"name": "EPSG:25832"}}), declared(None)
     ('EPSG:25832', None)
@@ -102,7 +104,8 @@ def declared_by(text: Mapping[str, Any], features: Sequence[Any], path: Any) -> 
     """Return the crs that the JSON of a file declares for its geometries, or None, and notes.
 
     In JSON-FG (OGC 21-045) ``coordRefSys`` is the crs of the members ``place``, which are not read, while geometries
-    are in degrees. If the first position of a file cannot be degrees, its geometries are taken to be in that crs too.
+    are in degrees. But if the first position of a file cannot be in degrees, its geometries are assumed to be in that
+    crs too.
     """
     crs, system = (text.get(key) for key in MEMBERS)
     if crs is not None or system is None:
@@ -138,21 +141,21 @@ def degrees_of(points: FloatArray, crs: str, what: Any) -> FloatArray:
         import pyproj  # of an extra
     except ImportError:
         raise MapError(
-            f"{what}: its coordinates are in {crs}, which pyproj turns into metres, of the extra hpop[plans]: pip "
-            f"install 'hpop[plans]'. Or save the file in CRS84{_stretched(points, crs)}."
+            f"{what}: its coordinates are in {crs}; converting them to metres needs pyproj: pip install 'hpop[plans]'. "
+            f"Or save the file in CRS84{_stretched(points, crs)}."
         ) from None
     try:
         transformer = pyproj.Transformer.from_crs(crs, DEGREES, always_xy=True)
     except pyproj.exceptions.ProjError:
         raise MapError(
-            f"{what}: pyproj knows no crs {crs}. Save the file in CRS84; units: m says that its coordinates are metres."
+            f"{what}: pyproj knows no crs {crs}. Save the file in CRS84, or give units: m if coordinates are metres."
         ) from None
     found = np.stack(transformer.transform(points[:, 0], points[:, 1]), axis=1)
     if not np.isfinite(found).all():
         first = points[(~np.isfinite(found)).any(axis=1).argmax()]
         raise MapError(
-            f"{what}: ({first[0]:.10g}, {first[1]:.10g}) is no place in {crs}. units: m says that its coordinates are "
-            "metres."
+            f"{what}: ({first[0]:.10g}, {first[1]:.10g}) is no valid position in {crs}. Give another crs, or units: m "
+            "if its coordinates are metres."
         )
     return np.asarray(found)
 
@@ -164,7 +167,7 @@ def on_earth(shapes: NDArray[np.object_], crs: str, what: Any) -> NDArray[np.obj
 
 
 def _stretched(points: FloatArray, crs: str) -> str:
-    """Return advice on the scale that turns web-map coordinates into metres; "" for another crs."""
+    """Return advice, for an error, on the scale that converts web-map coordinates to metres; "" for another crs."""
     if crs not in MERCATOR or not len(points):
         return ""
     return f", or give scale: {1 / math.cosh(float(points[:, 1].mean()) / RADIUS):.4g}"
@@ -216,8 +219,8 @@ class Placement:
         if strange.any():
             first = strange.argmax()
             raise MapError(
-                f"{of[owner[first]]}: ({points[first, 0]:g}, {points[first, 1]:g}) is no longitude and latitude. Are "
-                "metres mixed with degrees? Give all in one of them, and units m where it is metres."
+                f"{of[owner[first]]}: ({points[first, 0]:g}, {points[first, 1]:g}) is no longitude and latitude. If "
+                "metres are mixed with degrees, give all in one of them; give units: m if all are metres."
             )
         return replace(self, units="deg", origin=self.origin or (float(south_west[0]), float(south_west[1])))
 
@@ -231,7 +234,7 @@ class Placement:
             who, (width, height) = "all of it" if small.all() else "the others", np.ptp(points, axis=0)
             raise MapError(
                 f"{_spanned(of, shapes, small)}, and {who} {width:.4g} x {height:.4g}, as metres do. Give all in one "
-                "of them; units m or deg says that it is."
+                "of them, and units: m or deg to state which."
             )
         return "m"
 
@@ -242,37 +245,37 @@ class Placement:
             raise MapError(f"{_spanned(of, shapes, small)}, but the plan is in metres. Give both in one of them.")
 
     def placed(self, points: FloatArray) -> FloatArray:
-        """Convert points (n, 2) to metres; the placement must be settled."""
+        """Convert points (n, 2) to metres; units and origin must be known, see `settled`."""
         origin = self.origin or (0.0, 0.0)
         if self.units != "deg":
             return np.asarray((points - origin) * self.scale)
         metres = _east_north(points, origin)
         if not (np.hypot(metres[:, 0], metres[:, 1]) < math.radians(NEAR) * RADIUS).all():
             raise MapError(
-                f"origin ({origin[0]:g}, {origin[1]:g}), longitude and latitude, is more than {NEAR:g} degree from "
-                "what is in the file; give a point of the building, or leave it out."
+                f"origin ({origin[0]:g}, {origin[1]:g}), longitude and latitude, is more than {NEAR:g} degree from a "
+                "point of the file; give a point of the building, or leave origin out."
             )
         return metres
 
     def place(self, shapes: NDArray[np.object_]) -> NDArray[np.object_]:
-        """Convert geometries to metres in the plane; the placement must be settled."""
+        """Convert geometries to metres in the plane; units and origin must be known, see `settled`."""
         placed = shapely.transform(shapely.force_2d(shapes), self.placed)
         check_coordinates(placed, "a geometry, less the origin and times the scale,")
         return np.asarray(placed, dtype=object)
 
     def note(self, path: Any, crs: str | None = None) -> tuple[str, ...]:
-        """Return a note on the conversion of degrees or a crs to metres; the placement must be settled."""
+        """Return a note on the conversion of degrees or a crs to metres; () if there was none."""
         if self.units != "deg" or self.origin is None:
             return ()
         what = "degrees" if crs is None else f"in {crs}"
         return (
             f"{path}: its coordinates are {what}, put on a plane in metres, x east and y north; (0, 0) is longitude "
-            f"{self.origin[0]:.7f}, latitude {self.origin[1]:.7f}. units: m says that they are metres.",
+            f"{self.origin[0]:.7f}, latitude {self.origin[1]:.7f}. Give units: m if they are metres.",
         )
 
 
 def _as_degrees(shapes: NDArray[np.object_]) -> BoolArray:
-    """Mark geometries (n,) that look like degrees: within 180 and 90, tiny if in metres, and no points."""
+    """Mark geometries (n,) that look like degrees: within 180 and 90, too small to be in metres, and no points."""
     bounds = shapely.bounds(shapes).reshape(-1, 4)
     spans = bounds[:, 2:] - bounds[:, :2]
     within = (np.abs(bounds) <= MOST_DEGREES * 2).all(axis=1)
@@ -280,7 +283,7 @@ def _as_degrees(shapes: NDArray[np.object_]) -> BoolArray:
 
 
 def _spanned(of: Sequence[Feature], shapes: NDArray[np.object_], small: BoolArray) -> str:
-    """Return a text that describes the first of the geometries marked as ``small``, which look like degrees."""
+    """Return a text for an error: the size of the first geometry marked as ``small``, which looks like degrees."""
     first = int(small.argmax())
     x0, y0, x1, y1 = shapely.bounds(shapes[first])
     return f"{of[first]} spans {x1 - x0:.3g} x {y1 - y0:.3g} at ({x0:g}, {y0:g}), as degrees do"

@@ -1,6 +1,6 @@
-"""Registry of the readers of maps by name: those of hpop, and those of installed packages.
+"""Registry of map readers by name: the readers of hpop and those of installed packages.
 
-A reader is a function ``read(path, **options) -> World``. A package names its own in the entry-point group
+A reader is a function ``read(path, **options) -> World``. A package registers its own readers in the entry-point group
 ``hpop.readers``::
 
     [project.entry-points."hpop.readers"]
@@ -58,20 +58,23 @@ OTHERS = {
 
 
 def reader_of(path: str | Path) -> str:
-    """Return the name of the reader for a file, by its ending; a folder is a bag. `MapError` for an unknown ending."""
+    """Return the name of the reader for a file, by its ending; a folder counts as a ROS bag.
+
+    Raises `MapError` for an unknown ending.
+    """
     try:
         ending = Path(path).suffix.lower()
         if os.path.isdir(path):
             return "ros_bag"
     except (TypeError, ValueError):
-        raise MapError(f"a map is named by its path; got {shown(path)}.") from None
+        raise MapError(f"a map must be given by its path, a str or Path; got {shown(path)}.") from None
     if ending in OTHERS:
         todo = OTHERS[ending].format(shlex.quote(Path(path).name))
-        raise MapError(f"{named(path)} is of a format that no reader reads; {todo}.")
+        raise MapError(f"{named(path)} has a format that no reader reads; {todo}.")
     if ending not in ENDINGS:
         raise MapError(
-            f"{named(path)} does not say by its ending which reader it needs; give reader, one of {', '.join(readers)}."
-            f" Endings known: {', '.join(sorted(ENDINGS))}."
+            f"{named(path)}: no reader is known for this ending; give reader, one of {', '.join(readers)}. Known "
+            f"endings: {', '.join(sorted(ENDINGS))}."
         )
     return ENDINGS[ending]
 

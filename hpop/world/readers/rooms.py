@@ -26,7 +26,7 @@ from hpop.world.readers.features import Feature, FeatureNotes, length, truth
 WALL_WIDTH = 0.1
 """Default thickness of the walls of rooms, m."""
 DOOR_WIDTH = 0.9
-"""Width of a door without a property ``width``, m."""
+"""Assumed width of a door without a property ``width``, m."""
 UNWALLED = frozenset({"area", "corridor", "level", "outline", "building_outline"})
 """Kinds of areas without walls of their own (OpenStreetMap, Simple Indoor Tagging)."""
 SOLID = frozenset({"wall", "column", "pillar", "window"})
@@ -38,7 +38,7 @@ GRID = 1e-3
 MOST_PAIRS = 5_000
 """Largest number of pairs of rooms whose outlines are compared."""
 SHARPEST = 2.0
-"""Largest reach of a corner of widened lines, in half widths: corners below sixty degrees are cut off."""
+"""Largest distance of a corner of a widened line from the line, in half widths: sharp corners are cut off."""
 DoorArcs = Literal["closed", "open"]
 RADII = (0.4, 1.6)
 """Least and greatest width of a door leaf, m."""
@@ -83,10 +83,10 @@ def is_door(feature: Feature) -> bool:
 def walled(
     rooms: Sequence[PlanRoom], doors: Sequence[Door], lines: Sequence[BaseGeometry], width: float, notes: FeatureNotes
 ) -> tuple[BaseGeometry, list[Polygon]]:
-    """Return the free space of rooms without their walls, and the polygons of other walls; doors open both, m.
+    """Return the free space of rooms without their walls, m, and the polygons of the other walls, m.
 
-    A wall of thickness ``width`` is centred on each outline of a room; ``lines`` are further walls. Areas such as
-    corridors have no walls, so that they join. A door opens walls over its width.
+    A wall of thickness ``width`` is centred on each outline of a room; ``lines`` are other walls. Areas such as
+    corridors have no walls, so that they are connected. A door opens both kinds of walls over its width.
     """
     outlined = [room for room in rooms if kind_of(room.feature) not in UNWALLED]
     outlines = [room.area.boundary for room in outlined]
@@ -131,7 +131,7 @@ def _polygons(geometry: BaseGeometry) -> list[Polygon]:
 
 
 def touching(rooms: Sequence[PlanRoom]) -> tuple[PlanRoom, PlanRoom] | None:
-    """Return two rooms with a common part of their outlines, or None; at most `MOST_PAIRS` pairs are compared."""
+    """Return two rooms whose outlines share a part, or None; at most `MOST_PAIRS` pairs are compared."""
     areas = np.array([room.area for room in rooms], dtype=object)
     tree = shapely.STRtree(areas)
     looked = 0
@@ -154,7 +154,7 @@ def check_width(width: Any) -> float | None:
 
 
 def walls(line: LineString, width: float, what: str) -> list[Polygon]:
-    """Return the area within half of ``width`` (m) of a line; ends are square, so that walls meet without a notch.
+    """Return the wall of thickness ``width`` (m) along a line; ends are square, so that walls meet without a notch.
 
     >>> [wall.bounds for wall in walls(LineString([(0, 0), (4, 0)]), 0.5, "the line")]
     [(-0.25, -0.25, 4.25, 0.25)]
@@ -166,7 +166,7 @@ def walls(line: LineString, width: float, what: str) -> list[Polygon]:
 
 
 def widened(lines: NDArray[np.object_], width: float, cap: Literal["square", "flat"] = "square") -> list[Polygon]:
-    """Return the areas within half of ``width`` (m) of each line (n,), as `walls` does for one line.
+    """Return the walls of thickness ``width`` (m) along lines (n,), as `walls` does for one line.
 
     The lines must have passed `check_widenable`. ``cap`` is the shape of the ends.
     """
@@ -176,7 +176,7 @@ def widened(lines: NDArray[np.object_], width: float, cap: Literal["square", "fl
 
 
 class Arc(NamedTuple):
-    """Swing of a door, drawn as an arc within a line.
+    """Swing of a door, drawn as an arc that is a part of a line.
 
     line         index of the line
     first, last  indices of its first and last point
@@ -192,7 +192,10 @@ class Arc(NamedTuple):
 
 
 def door_arcs(points: FloatArray, starts: IntArray, lines: IntArray) -> Iterator[Arc]:
-    """Yield the arcs of door swings among lines of points (n, 2), m; a line may also include the leaf of the door."""
+    """Yield the arcs among lines of points (n, 2), m, that look like door swings.
+
+    A line may also include the leaf of the door. Line i has the points ``starts[i]`` to ``starts[i + 1]``.
+    """
     sizes = starts[lines + 1] - starts[lines]
     for number, line in enumerate(lines[(sizes >= POINTS[0]) & (sizes <= POINTS[1])].tolist()):
         if number % LINES_AT_ONCE == 0:

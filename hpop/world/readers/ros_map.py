@@ -31,9 +31,9 @@ MODES = ("trinary", "scale", "raw")
 MAX_YAML = 1_000_000
 """Largest yaml file, bytes; a larger file is an image that was given by mistake."""
 GREY = 205
-"""Grey value that map_saver writes for an unknown cell, whatever the thresholds in its yaml file."""
+"""Grey value that map_saver writes for an unknown cell, regardless of the thresholds in its yaml file."""
 TELLS_GREY = 0.196
-"""Largest free_thresh with which this grey is read as unknown."""
+"""Largest free_thresh with which this grey value is read as unknown."""
 NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)(e[-+]?\d+)?", re.IGNORECASE)
 """Pattern of a text that is a number."""
 ENDINGS = (".pgm", ".png", ".bmp", ".ppm", ".gif", ".jpg", ".jpeg")
@@ -47,14 +47,14 @@ OCCUPIED, FREE = 65, 19
 
 @dataclass(frozen=True, eq=False)
 class OccupancyMap:
-    """Map of map_server: occupied, free and unknown cells.
+    """Map in the format of map_server: occupied, free and unknown cells.
 
     occupied, free  (H, W) bool       row 0 at the bottom; a cell that is neither is unknown
     resolution      float         m
     origin          (x, y, yaw)   m, m, rad
     contents        bytes of the yaml file and of the image
-    free_greys      free cells with the grey that map_saver writes for unknown cells
-    notes           on repairs
+    free_greys      number of free cells with the grey that map_saver writes for unknown cells
+    notes           warnings to print, such as on an image found elsewhere
     """
 
     occupied: BoolArray
@@ -133,9 +133,9 @@ def _on_unknown(grid: OccupancyMap, path: str | Path) -> tuple[str, ...]:
         f"{path}: {100 * cells / grid.free.size:.3g} % of its cells" for cells in (grid.unknown, grid.free_greys)
     )
     notes = (
-        f"{share} are unknown and obstacles; with unknown_is_free they are free.",
-        f"{greys} have the grey {GREY} that map_saver writes for unknown ones, and its "
-        f"free_thresh makes them free, as map_server has it. If they were never seen, write free_thresh: {TELLS_GREY}.",
+        f"{share} are unknown and count as obstacles; with unknown_is_free they are free.",
+        f"{greys} have the grey {GREY} that map_saver writes for unknown ones, but its free_thresh makes them free, as "
+        f"in map_server. If these cells were never seen, write free_thresh: {TELLS_GREY}.",
     )
     return tuple(note for note, cells in zip(notes, (grid.unknown, grid.free_greys), strict=True) if cells)
 
@@ -153,7 +153,7 @@ def _on_mask(mask: OccupancyMap, path: str | Path) -> tuple[str, ...]:
 
 
 def load(path: str | Path) -> OccupancyMap:
-    """Read a yaml file and its image, and classify the cells; `MapError` for other files."""
+    """Read a map_server yaml file and its image, and classify the cells; `MapError` for invalid files."""
     content = read_bytes(path, "map file", limit=MAX_YAML)
     data = _mapping(read_text(content, path, "map file"), path)
     data = {key: _plain(value) for key, value in data.items()}
@@ -209,7 +209,7 @@ def _plain(value: Any) -> Any:
 
 
 def _image_beside(path: Path, name: str) -> tuple[Path, tuple[str, ...]]:
-    """Return the path of the image that a yaml file names, and a note if it is at another place.
+    """Return the path of the image that a yaml file names, and a note if the image was found elsewhere.
 
     A map copied from another machine may name another folder, case or ending. Only the folders of the named image and
     of the yaml file are searched; if no image is there, the named path is returned.

@@ -1,4 +1,4 @@
-"""Compiled loops of sight: rays and optic flow along bearings, shadows, isovists, and landmarks in view."""
+"""Compiled loops for sight: rays and optic flow along bearings, shadows, isovists, and landmarks in view."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.runtime.compiled import kernel
 
-PAD = 2  # nodes of padding before the first sample of a field
+PAD = 2  # samples of padding before the first sample of a field
 TOUCHING = 1e-9  # m: an edge nearer than this blocks as if it were this far away
 
 
@@ -101,9 +101,9 @@ def flow(
     largest: bool,
     out: FloatArray,
 ) -> None:
-    """Write to out (M,) the mean, or the largest, angular speed over the bearings, rad/s; see `Bearings`.
+    """Write to out (M,) the mean, or the largest, angular speed of surfaces over the bearings, rad/s; see `Bearings`.
 
-    layers  (H, W, 3 B)  `Bearings.layers`, or the distances (H, W, B) alone
+    layers  (H, W, 3 B)  as from `Bearings.layers`, or the distances (H, W, B) alone
     u, v    (M,)         positions in grid steps, clamped as in `Field`
     tilt    (3, M)       upward velocity, and rotation about x and about y; (3, 0) if all are zero
     yaw     (M,)         middle of the angle ``width`` of visible bearings, rad; (0,) if all are visible
@@ -166,9 +166,10 @@ def _weights(s: float, out: FloatArray) -> None:
 
 @kernel
 def _line(turns: IntArray, low: int, left: int, ax: float, ay: float, bx: float, by: float) -> None:
-    """Add a directed line of an outline to turns: nodes to its right get +1 if it goes down, and -1 if it goes up.
+    """Add one directed line of an outline, from (ax, ay) to (bx, by), to the array ``turns`` of winding numbers.
 
-    Summed over an outline, this counts how often the outline winds round each node. Rows are half open and x is
+    In each row that the line crosses, the next node to its right gets +1 if the line goes down, and -1 if it goes up.
+    Then the sum of a row up to a node counts how often the outline winds round the node. Rows are half open, and x is
     computed from the lower end, so that opposite lines cancel exactly. ``turns`` begins at row ``low`` and column
     ``left``.
     """
@@ -197,7 +198,7 @@ def shadows(
     left: int,
     turns: IntArray,
 ) -> None:
-    """Add the outlines of all shadows to turns (H, W + 1); sums along a row count the shadows on each node.
+    """Add the outlines of all shadows to turns (H, W + 1), so that sums along a row count the shadows on each node.
 
     edges      (E, 4)  grid steps: x0, y0, x1, y1, with the solid on the left
     near, far  (E,)    where the shadow of an edge begins and ends, in multiples of its distance from the light
@@ -321,7 +322,9 @@ def unseen(
     pitch: FloatArray,
     out: FloatArray,
 ) -> None:
-    """Write to out (M,) 1 - the sum, in [0, 1], of the fields of the landmarks within the angle of view.
+    """Write to out (M,) 1 - the total visibility, in [0, 1], of the landmarks within the angle of view.
+
+    The visibility of each landmark, times its weight, is a field; see `landmark_field`.
 
     values            (N,)    samples of all fields in turn, row by row; a field is 0 beyond its window
     windows           (L, 5)  of each field: index of its first value, first row, rows, first column, columns

@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     from hpop.motions.states import Vector
 
 REACH = 20.0
-"""m; farther surfaces are ignored, as flow past them is below 0.05 rad/s at 1 m/s."""
+"""Distance, m, beyond which surfaces are ignored: flow past them is below 0.05 rad/s at 1 m/s."""
 MARGIN = 5.0
-"""m beyond an extent without walls, up to which `as_seen` knows distances."""
+"""Distance, m, beyond an extent without walls up to which the world of `as_seen` reaches."""
 MAX_NODES = 250_000
-"""Largest number of grid nodes of the distances; a larger world is sampled more coarsely."""
+"""Largest number of grid nodes at which distances are sampled; a larger world is sampled more coarsely."""
 
 
 CAST = 4096
@@ -90,7 +90,8 @@ class Bearings:
         """Return coefficients (H, W, 3 B) of three splines per bearing, cached for each ``nearest``, m.
 
         The first is the distance d. The second is 1 / max(d, nearest), 1/m, sampled itself. The third is the weight of
-        the second: 1 where a jump of d lies among the sixteen nodes of a spline, else 0, so that there d is inverted.
+        the second: 1 where d jumps among the sixteen nodes of a spline, and 0 elsewhere, where 1/d is computed from the
+        first.
         """
         if nearest not in self._layers:
             sampled = self.distances[PAD:-PAD, PAD:-PAD]
@@ -177,7 +178,7 @@ class Bearings:
         return 2.0 * math.pi / len(self.directions)
 
     def _share(self, bearing: int, seen: ViewAngles) -> Column:
-        """Return the visible fraction (M,) of the sector about a bearing."""
+        """Return the fraction (M,) of the sector about a bearing that is within the view."""
         angle = bearing * self.sector - seen.yaw
         off = np.abs(np.arctan2(np.sin(angle), np.cos(angle)))
         inside = (0.5 * seen.width - off) / self.sector + 0.5
@@ -219,10 +220,10 @@ class Bearings:
 
 
 def as_seen(world: World, heights: Heights) -> World:
-    """Return the world as a camera sees it: `clearance` is the distance to surfaces within a range of heights, m.
+    """Return a world whose `clearance` is the distance to the nearest surface that a camera sees, m.
 
-    Distances are exact up to `MARGIN` beyond the extent, where this world ends. The result is cached for each ground,
-    range and class of world.
+    Only surfaces within a range of heights count. If the extent has no walls, the world reaches `MARGIN` beyond it. The
+    result is cached for each ground, range and class of world.
     """
     ground = world.ground
 
@@ -259,7 +260,10 @@ def bearings(world: World, z: float, count: int = 16) -> Bearings:
 
 
 def _near_jumps(distances: FloatArray) -> BoolArray:
-    """Mark nodes and bearings (H, W, B) within two nodes of a bend or jump of the distance, except inside obstacles."""
+    """Mark nodes and bearings (H, W, B) at most two nodes away from a bend or jump of the distance.
+
+    Bends and jumps inside obstacles do not count.
+    """
     rows, columns, count = distances.shape
     bends = np.zeros((rows + 4, columns + 4, count), dtype=bool)
     inside = bends[2:-2, 2:-2]
@@ -289,7 +293,7 @@ def _cast(edges: FloatArray, x: FloatArray, y: FloatArray, directions: FloatArra
 
 
 def _is_walled(ground: Ground, heights: Heights) -> bool:
-    """Return whether the area beyond the extent is an obstacle at these heights; it is as high as the cells."""
+    """Return whether the area beyond the extent is an obstacle at these heights. It is as high as occupied cells."""
     return ground.outside_is_obstacle and (ground.raster is None or ground.layer(heights).cells)
 
 
@@ -304,7 +308,10 @@ def _column(values: Column, shape: tuple[int, ...]) -> FloatArray:
 
 
 def bearing(pose: Pose, x: float, y: float) -> Column:
-    """Return the angle (M,), rad in (-pi, pi], of a point to the left of the camera's yaw; 0 at the camera."""
+    """Return the bearing (M,), rad in (-pi, pi], of a point: its angle to the left of the camera's yaw.
+
+    It is 0 for a point at the camera.
+    """
     dx, dy, ahead, left = x - pose.x, y - pose.y, np.cos(pose.yaw), np.sin(pose.yaw)
     apart = dx * dx + dy * dy > 0
     along, aside = ahead * dx + left * dy, ahead * dy - left * dx
@@ -312,7 +319,7 @@ def bearing(pose: Pose, x: float, y: float) -> Column:
 
 
 def elevation(pose: Pose, x: float, y: float, z: float) -> Column:
-    """Return the elevation (M,), rad in [-pi/2, pi/2], of a point as seen from the camera; 0 at the camera."""
+    """Return the elevation (M,), rad in [-pi/2, pi/2], of a point as seen from the camera; 0 for a point at it."""
     dx, dy, rise = x - pose.x, y - pose.y, z - pose.z
     flat = hypot(dx, dy)
     return np.arctan2(rise, np.where(flat + np.abs(rise) > 0, flat, 1.0))

@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 def landmarks_unseen(
     world: World, pose: Pose, size: int, *, near: float, far: float, fov: float, vertical: float
 ) -> FloatArray:
-    """Return 1 - the weighted mean visibility (N,) of the landmarks, in [0, 1], for a camera of changing height.
+    """Return the unseen share (N,) of the landmarks, in [0, 1]: 1 - their weighted mean visibility.
 
-    In contrast to :func:`hpop.world.sight.visibility.landmarks_unseen` each line of sight is tested against solids, and
-    the view rolls with the camera.
+    In contrast to :func:`hpop.world.sight.visibility.landmarks_unseen`, the height of the camera may change, each line
+    of sight is tested against solids, and the view rolls with the camera.
 
     size           number N of poses
-    near, far      m: a landmark counts in full up to ``near``, and linearly less up to ``far``
+    near, far      m: a landmark counts in full up to ``near``, then linearly less, and not at all beyond ``far``
     fov, vertical  rad, horizontal and vertical angles of view
     """
     landmarks = world.content.landmarks
@@ -49,7 +49,7 @@ def landmarks_unseen(
 
 
 def sees(world: World, pose: Pose, landmark: Landmark, size: int, *, far: float) -> FloatArray:
-    """Return 1 (N,) where a camera in front of a landmark, within ``far`` m, has a free line to it, else 0."""
+    """Return 1 (N,) for camera poses in front of a landmark, within ``far`` m, with a free line to it, else 0."""
     offset = _from_landmark(pose, landmark, size)
     close = (np.linalg.norm(offset, axis=1) <= far) & (_in_front(offset, landmark) > 0.0)
     seen = np.zeros(size)
@@ -83,7 +83,7 @@ def _from_landmark(pose: Pose, landmark: Landmark, size: int) -> FloatArray:
 
 
 def _in_front(offset: FloatArray, landmark: Landmark) -> FloatArray:
-    """Return the cosine (N,), at least 0, of the angle in the plane between the front of a landmark and the camera."""
+    """Return the cosine (N,), at least 0, of the plane angle between a landmark's front and the camera's direction."""
     if landmark.facing is None:
         return np.ones(len(offset))
     flat = np.hypot(offset[:, 0], offset[:, 1])

@@ -49,11 +49,11 @@ FINENESS = 50
 COARSEST = 0.2
 """Spacing, m, up to which `FINENESS` may make the samples of the openness coarser."""
 BEYOND = 1.0
-"""Width, m, of the obstacle round a world whose outside is an obstacle, plus two samples."""
+"""Width, m, less two samples, of the obstacle that stands for the outside if the outside is an obstacle."""
 SAMPLE = 8
 """Bytes of a sample."""
 SCRATCH = 9 * SAMPLE
-"""Further bytes per sample while lines of sight or isovists are computed."""
+"""Additional memory per sample, bytes, while lines of sight or isovists are computed."""
 SIGHT = "the visibility of landmarks was sampled"
 OPENNESS = "the openness was sampled"
 
@@ -91,9 +91,9 @@ def line_of_sight(world: World, landmark: Landmark, camera_z: float, far: float 
 def landmark_field(world: World, index: int, camera_z: float, near: float, far: float) -> Field:
     """Return the visibility, in [0, 1], of the landmark ``world.content.landmarks[index]``, for any yaw of the camera.
 
-    It is a product of the line of sight, of the cosine, at least 0, between the front of the landmark and the direction
-    to the camera in the plane (1 without a front), and of a factor of distance: 1 up to ``near`` m, then linear to 0 at
-    ``far`` m.
+    It is a product of three factors: 1 if the line of sight is free, else 0; the cosine, at least 0, between the front
+    of the landmark and the direction to the camera in the plane (1 without a front); and a factor of distance, which is
+    1 up to ``near`` m, then linear to 0 at ``far`` m.
     """
     ground, landmark = world.ground, world.content.landmarks[index]
     key = ("landmark", landmark, float(camera_z), float(near), float(far))
@@ -117,7 +117,7 @@ def _seen(ground: Ground, landmark: Landmark, camera_z: float, near: float, far:
 def landmarks_unseen(
     world: World, pose: Pose, *, near: float, far: float, fov: float = 2 * math.pi, vertical: float = math.pi
 ) -> Column:
-    """Return 1 - the weighted mean visibility (M,) of all landmarks; in [0, 1].
+    """Return the unseen share (M,) of all landmarks, in [0, 1]: 1 - their weighted mean visibility.
 
     A landmark is in view if its bearing is within ``fov`` / 2 of the camera's yaw and its elevation within ``vertical``
     / 2 of its pitch, rad; on symbols these edges are smoothed. Roll is ignored.
@@ -131,7 +131,7 @@ def landmarks_unseen(
 
 
 def sees(world: World, pose: Pose, landmark: Landmark, *, far: float) -> Column:
-    """Mark poses (M,) of a camera in front of a landmark, within ``far`` m, with a free line to it. No symbols."""
+    """Return which poses (M,) of a camera see a landmark: from its front, within ``far`` m. Numbers only."""
     dx, dy = pose.x - landmark.x, pose.y - landmark.y
     free = _by_height(pose, lambda z: line_of_sight(world, landmark, z, far)(pose.x, pose.y)) > 0.5
     close = dx * dx + dy * dy + (pose.z - landmark.z) ** 2 <= far * far
@@ -141,12 +141,12 @@ def sees(world: World, pose: Pose, landmark: Landmark, *, far: float) -> Column:
 
 
 def openness(world: World, pose: Pose, radius: float) -> Column:
-    """Return the open fraction (M,), in [0, 1], of the disc of ``radius`` m round the camera; see `openness_field`."""
+    """Return the visible fraction (M,), in [0, 1], of the disc of ``radius`` m round the camera: `openness_field`."""
     return _by_height(pose, lambda z: openness_field(world, z, radius)(pose.x, pose.y))
 
 
 def openness_field(world: World, camera_z: float, radius: float) -> Field:
-    """Return a `Field` of the open fraction, in [0, 1], of the disc of ``radius`` m round a camera at a height, m.
+    """Return the visible fraction, in [0, 1], of the disc of ``radius`` m round a camera at a height, m, as a field.
 
     It is the area of the isovist, ½ ∫ R(θ)² dθ, over pi radius². R, at most ``radius``, is the distance along 360 rays
     to the first obstacle that reaches the camera's height; 0 within obstacles. A ray at the edge of a gap changes the
@@ -161,7 +161,7 @@ def openness_field(world: World, camera_z: float, radius: float) -> Field:
 def _by_height(pose: Pose, evaluate: Callable[[float], Column]) -> Column:
     """Evaluate a function of the camera height for each distinct height of the poses; return the values (M,)."""
     if is_symbolic(pose.z):
-        raise OptionError("visibility needs camera heights as numbers; here they are variables.")
+        raise OptionError("visibility needs camera heights as numbers, not variables; use a planner on a graph.")
     heights = np.asarray(pose.z, dtype=np.float64)
     if heights.size and heights.min() == heights.max():
         return evaluate(float(heights.flat[0]))
@@ -257,7 +257,7 @@ def _unseen_in_view(
 
 
 def _lit(ground: Ground, landmark: Landmark, camera_z: float, far: float) -> Window:
-    """Return the fraction of free lines of sight in each cell, up to ``far`` m from the landmark in x and y."""
+    """Return the fraction of free lines of sight for each sample up to ``far`` m from a landmark in x and y."""
     from hpop.world.sight._kernels import lit, shadows  # numba is slow to import
 
     limits.check(SIGHT)
@@ -297,9 +297,9 @@ def _within(places: FloatArray, centre: float, far: float) -> slice:
 def _hiding(bottom: FloatArray, top: FloatArray, landmark_z: float, camera_z: float) -> tuple[FloatArray, FloatArray]:
     """Return where the shadow of each edge begins and ends (E,), in multiples of its distance from the landmark.
 
-    At a fraction t of the way to the camera the line of sight has height z(t), which is between bottom and top of a
-    prism for t in (low, high), independent of the camera's position. So an outline at distance d hides cameras from d /
-    high to d / low.
+    At a fraction t of the way to the camera the line of sight has height z(t). It is between bottom and top of a prism
+    for t in (low, high), wherever the camera is. So an outline at distance d hides cameras at distances from d / high
+    to d / low.
     """
     rise = camera_z - landmark_z
     if abs(rise) < 1e-9:

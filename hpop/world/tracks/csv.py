@@ -32,7 +32,7 @@ NAMES = {
     "y": ("y", "pos_y", "y_pos"),
 }  # fmt: skip
 UPRIGHT = ("", "z", "pos_z", "z_pos")
-"""Titles of columns that are ignored without a note: row numbers, and heights, as people stand upright."""
+"""Titles of columns that are ignored without a note: row numbers and heights."""
 SECONDS = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
     **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3),
@@ -48,10 +48,10 @@ SAID_UNIT = re.compile(r"#+\s*units?\s*[:=]\s*(mm|cm|m)\b", re.IGNORECASE)
 UNITED = re.compile(r"\s*(?:/\s*(\w+)|[\[(]\s*(\w+)\s*[\])])")
 """Unit after a title, with or without a blank before it."""
 HEAD = 20_000
-"""Characters at the begin of a file in which comments are searched."""
+"""Number of characters at the beginning of a file in which comments are searched."""
 LONGEST = 500  # characters of a row of four columns and some more
 CLOSER = 0.7
-"""Factor by which steps must be shorter for a first column without title to be frames rather than ids."""
+"""Factor by which people's steps must be shorter if the first column of a file without a header is read as frames."""
 
 
 class Columns(NamedTuple):
@@ -77,7 +77,9 @@ def titled(titles: Sequence[str], source: TrackFile) -> Columns:
         if kind is None:
             continue
         if kind in places:
-            raise source.error(f"has two columns for {kind}: {shown(titles[places[kind]])} and {shown(title)}.")
+            raise source.error(
+                f"has two columns for {kind}: {shown(titles[places[kind]])} and {shown(title)}; rename one of them."
+            )
         places[kind] = place
         if unit is not None and kind != "id":
             units["t" if kind in ("t", "frame") else "x"].add(unit)
@@ -88,7 +90,7 @@ def titled(titles: Sequence[str], source: TrackFile) -> Columns:
         raise source.error(f"lacks a column for {', '.join(lacking)}; its header is {shown(list(titles))}.")
     if {"t", "frame"} <= set(places):
         del places["frame"]  # both are equivalent; times need no rate
-    for what, known, given in (("places", UNITS, units["x"]), ("times", SECONDS, units["t"])):
+    for what, known, given in (("positions", UNITS, units["x"]), ("times", SECONDS, units["t"])):
         if what == "times" and "frame" in places:
             continue  # a frame has no unit
         if len(given) > 1 or given - set(known):
@@ -157,7 +159,7 @@ def tracks(text: str, source: TrackFile, wanted: Sequence[Hashable] | None = Non
     said, rows = comments_of(text, source), _rows(text, source)
     first = next(rows, None)
     if first is None:
-        raise source.error("has no rows: expected id, t, x, y.")
+        raise source.error("has no rows: expected rows of id, t, x, y.")
     header = not said.titles and not _is_number(first[-1])
     titles = first if header else said.titles
     columns = titled(titles, source) if titles else None
@@ -187,13 +189,13 @@ def tracks(text: str, source: TrackFile, wanted: Sequence[Hashable] | None = Non
 
 @dataclass(frozen=True)
 class _Lines:
-    """Lines of a file; they are numbered only when an error reports a faulty row."""
+    """Text of a file, to find the line number of a faulty row for an error message."""
 
     text: str
     header: bool
 
     def of(self, row: int) -> int:
-        """Return the number of the line, from 1, that holds a row of cells, counted from 0."""
+        """Return the line number, from 1, of a row of the table, which is counted from 0."""
         lines = (number for number, line in enumerate(self.text.splitlines(), 1) if _has_a_row(line))
         return next(islice(lines, row + self.header, None), 0)
 
@@ -256,14 +258,17 @@ class _Table:
         return np.array(seconds), 1.0
 
     def ids(self) -> list[Hashable]:
-        """Return the ids, as int where they are whole numbers; MapError if one is missing."""
+        """Return the ids, as int if they are whole numbers; MapError if one is missing."""
         ids = [_identity(text) for text in self.cells["id"]]
         if "" in ids:
             raise self.source.error(f"has no id in line {self.lines.of(ids.index(''))}; expected a number or a name.")
         return ids
 
     def ordered(self, *, frames: bool) -> _Table:
-        """Return the table with names for the columns of a file without a header, guessed from order and contents."""
+        """Return the table with its columns named, for a file without a header; names are guessed from the contents.
+
+        ``frames`` says that times are frame numbers.
+        """
         columns = list(self.cells.values())
         numbers = [_finite(column) for column in columns]
         if len(columns) == 5 and numbers[0] is not None and np.array_equal(numbers[0], np.arange(len(columns[0]))):
@@ -311,7 +316,7 @@ def _delimiter(line: str) -> str:
 
 
 def _without_titles(first: Sequence[str], source: TrackFile) -> dict[str, int]:
-    """Return the column indices by number, for a file without titles; MapError unless it has four or five."""
+    """Return column indices by column number as text, for a file without titles; MapError unless it has 4 or 5."""
     if len(first) not in (4, 5):
         raise source.error(
             f"has no header, and {len(first)} columns; expected id, t, x, y, or a header that names them."

@@ -35,7 +35,7 @@ CELLS = ("id", "frame", "pos_x", "pos_y")
 LONGEST = 10_000  # bytes of a cell
 TrackFormat = Literal["csv", "petrack", "obsmat", "jupedsim"]
 MAX_BYTES = 200_000_000
-"""Largest file of tracks that is read."""
+"""Size of the largest file of tracks that is read, bytes."""
 
 
 def read_numbers(text: str, source: TrackFile, widths: Sequence[int], columns: str) -> FloatArray:
@@ -55,7 +55,7 @@ def read_numbers(text: str, source: TrackFile, widths: Sequence[int], columns: s
 
 
 def _wrong_line(text: str, widths: Sequence[int]) -> str:
-    """Describe the first line with a word that is no finite number, or of another length than the first line."""
+    """Describe, for an error, the first line with a word that is no finite number, or with a wrong number of words."""
     width = None
     for number, line in enumerate(text.splitlines(), 1):
         words = line.partition("#")[0].split()
@@ -73,7 +73,7 @@ def _is_finite(value: Any) -> bool:
 
 
 def _wrong_cell(rows: Sequence[Sequence[Any]]) -> str:
-    """Describe the first cell of the tables of JuPedSim that is no finite number."""
+    """Describe, for an error, the first cell of JuPedSim's tables that is no finite number."""
     for number, row in enumerate(rows, 1):
         for column, value in zip(CELLS, row, strict=True):
             if not _is_finite(value):
@@ -82,7 +82,7 @@ def _wrong_cell(rows: Sequence[Sequence[Any]]) -> str:
 
 
 def is_obsmat(text: str) -> bool:
-    """Return whether a file begins with a row of eight numbers."""
+    """Return whether a file seems to be an obsmat.txt of the ETH data set: it begins with a row of eight numbers."""
     first = text.lstrip().partition("\n")[0].split()
     return len(first) == OBSMAT_COLUMNS and not first[0].startswith("#") and "," not in first[0]
 
@@ -104,7 +104,7 @@ def obsmat_tracks(text: str, source: TrackFile, wanted: Sequence[Hashable] | Non
 
 
 def is_petrack(text: str, source: TrackFile) -> bool:
-    """Return whether a file begins like those of PeTrack: comments, then numbers separated by blanks."""
+    """Return whether a file begins like a file of PeTrack: comments, then numbers separated by blanks."""
     rows = [line for line in text[:HEAD].splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if not text.lstrip().startswith("#") or not rows or "," in rows[0] or len(rows[0].split()) not in (4, 5):
         return False
@@ -183,9 +183,9 @@ def read_tracks(
     format : "csv", "petrack", "obsmat" or "jupedsim" (SQLite); recognised by default
     ids : people to read; all by default
 
-    Times are those of the file: frame 0 is 0 s; times since 1970 begin at 0 s. :meth:`Track.later` shifts time 0. The
-    ``notes`` of the result mention all that was left out, repaired or assumed: people with one point, unreachable
-    points, gaps, unsorted rows, the order of columns without a header.
+    Times are those of the file: frame 0 is at 0 s. Times counted from 1970 are shifted to begin at 0 s.
+    :meth:`Track.later` shifts time 0. The ``notes`` of the result mention all that was left out, repaired or assumed:
+    people with one point, unreachable points, gaps, unsorted rows, the order of columns without a header.
 
     Raises MapError for a file that is unreadable, too large or contradictory, or that has no valid tracks: two
     positions at one time, invalid numbers, or speeds that suggest a wrong unit.
@@ -195,7 +195,7 @@ def read_tracks(
         is_list = isinstance(ids, list | tuple) or (isinstance(ids, np.ndarray) and ids.ndim == 1)
         chosen = [python_value(person) for person in ids] if is_list else []
         if not chosen or not all(isinstance(person, str | int | float) for person in chosen):
-            raise MapError(f"ids are a list of numbers and names, such as [1, 7]; got {shown(ids)}.")
+            raise MapError(f"ids must be a list of numbers and names, such as [1, 7]; got {shown(ids)}.")
         ids = chosen
     if format is not None:
         one_of("the format of a track file", format, get_args(TrackFormat), error=MapError)

@@ -18,22 +18,22 @@ from hpop.world.files import named
 from hpop.world.tracks.track import FASTEST, Track
 
 UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
-"""Names of units of length, with their number in a metre."""
+"""Names of units of length, each with the number of units in a metre."""
 FASTEST_CAMERA = 10_000.0
 """Largest frame rate, frames per second."""
 MOST_ROWS = 5_000_000
 """Largest number of rows of a file."""
 EPOCHS = {1e18: 1e-9, 1e15: 1e-6, 1e12: 1e-3, 1e9: 1.0}
-"""Unit of times since 1970, s, by the least number that such a time has had since 2001."""
+"""Unit of times since 1970, s (nanoseconds to seconds), by the number in 2001 from which times are in this unit."""
 SINCE_1970 = 1e8
-"""s; later times are taken for times since 1970."""
+"""Time, s, above which times count as times since 1970."""
 LEAVES = 10.0
-"""s; a person who is missing for longer comes back as another person."""
+"""Absence, s, after which a person counts as a different person."""
 MISSING = 1.0
-"""s; a person who is missing for longer, and for more than five usual steps, is mentioned in a note."""
+"""Absence, s, above which a person is mentioned in a note, if it is also longer than five usual time steps."""
 
 MOSTLY = 0.9
-"""Least share of time steps that are alike if a camera watches, and of steps that people can walk."""
+"""Least share of time steps that are regular in a recording by a camera, and of steps at speeds that people reach."""
 MOST_NAMED = 8
 """Largest number of people that a note names."""
 
@@ -68,7 +68,7 @@ class TrackFile:
         """Return the frames per second, from the file or the options; MapError if both are missing or they differ."""
         if said is None and self.frame_rate is None:
             raise self.error(
-                "counts frames and does not say how many there are a second; give frame_rate=, such as 25."
+                "counts frames and does not say how many there are per second; give frame_rate=, such as 25."
             )
         if said is not None and not 0 < said <= FASTEST_CAMERA:
             raise self.error(
@@ -76,14 +76,14 @@ class TrackFile:
             )
         if said is not None and self.frame_rate is not None and said != self.frame_rate:
             raise self.error(
-                f"says {said:g} frames a second, and frame_rate {self.frame_rate:g}; leave frame_rate out."
+                f"says {said:g} frames a second, but frame_rate is {self.frame_rate:g}; leave frame_rate out."
             )
         return float(said if self.frame_rate is None else self.frame_rate)  # type: ignore[arg-type]  # one is there
 
     def a_metre(self, said: str | None) -> float:
         """Return the number of units in a metre; MapError if file and options state different units."""
         if said is not None and self.unit is not None and said != self.unit:
-            raise self.error(f"says that places are in {said}, and unit {self.unit}; leave unit out.")
+            raise self.error(f"says that positions are in {said}, but unit is {self.unit}; leave unit out.")
         return UNITS[self.unit or said or "m"]
 
 
@@ -111,7 +111,7 @@ class _Points(NamedTuple):
     y: FloatArray
 
     def take(self, kept: BoolArray | IntArray) -> _Points:
-        """Return the points that are marked, or have the given indices."""
+        """Return the points that are marked by a mask, or have the given indices."""
         return _Points(self.who[kept], self.t[kept], self.x[kept], self.y[kept])
 
     @property
@@ -138,15 +138,15 @@ def tracks_of(
     second: float | None = 1.0,
     notes: Iterable[str] = (),
 ) -> Tracks:
-    """Return recorded tracks by id, in the order in which ids first appear. Each of N rows is a point of a person.
+    """Build recorded tracks by id from N rows, each a point of a person, in the order in which ids first appear.
 
     times  (N,)  in units of ``second`` s; None: in s, or in the unit guessed for times since 1970
     x, y   (N,)  m
 
-    Rows are sorted by time, and repeated rows count once. Single unreachable points, and people with one point, are
-    left out. A person who jumps, or is missing for more than ``LEAVES`` s, continues as another, such as "7 (2)".
-    Between irregular or rare rows a person walks straight. Notes report all this. Raises MapError with the file and the
-    id for an invalid track or a missing id.
+    Rows are sorted by time, and repeated rows count once. Single points that are too far away to be reached, and people
+    with one point, are left out. A person who jumps, or is missing for more than ``LEAVES`` s, continues as another
+    person, such as "7 (2)". Between rows a person walks straight. Notes of the result report all this. Raises MapError,
+    with the file and the id, for an invalid track or a missing id.
     """
     if not len(ids):
         raise source.error("has no rows: expected a row per person and time.")
@@ -176,7 +176,9 @@ def tracks_of(
             except MapError as error:
                 raise source.error(f"has a fault at the id {shown(name)}: {error}") from None
     if not tracks:
-        raise source.error(f"has nobody who is there at two times: {counted(len(names), 'id')}, each in one row.")
+        raise source.error(
+            f"has no person with rows at two times, as a track needs: {counted(len(names), 'id')}, each in one row."
+        )
     if alone:
         told.append(f"has people at one time only, who are left out: {some(alone, MOST_NAMED)}")
     tracks.notes = tuple(f"the track file {named(str(source.path))} {note}" for note in told)
@@ -187,10 +189,10 @@ def _numbers(source: TrackFile, wanted: Sequence[Hashable], first: Mapping[Hasha
     """Return the indices of the wanted ids; MapError if an id is missing or wanted twice."""
     if absent := [name for name in wanted if name not in first]:
         known = ", ".join(map(str, list(first)[:8])) + (", ..." if len(first) > 8 else "")
-        raise source.error(f"has nobody with the id {shown(absent[0])}; it has {counted(len(first), 'id')}: {known}.")
+        raise source.error(f"has no id {shown(absent[0])}; it has {counted(len(first), 'id')}: {known}.")
     doubled = [name for index, name in enumerate(wanted) if name in wanted[:index]]
     if doubled:
-        raise source.error(f"is asked for the id {shown(doubled[0])} twice; give each once.")
+        raise source.error(f"cannot be read with ids that repeat {shown(doubled[0])}; give each id once.")
     return [first[name] for name in wanted]
 
 
@@ -221,14 +223,14 @@ def _sorted(points: _Points, names: Sequence[Hashable]) -> tuple[_Points, list[s
 
 
 def _without_wrong_points(points: _Points, names: Sequence[Hashable]) -> tuple[_Points, list[str]]:
-    """Return the points without single ones that are too far from both neighbours, and notes."""
+    """Return the points without single ones that are too far away to be reached and left again, and notes."""
     fast = _few(points.speeds > FASTEST)
     wrong = np.concatenate([[False], fast[:-1] & fast[1:], [False]]) if fast.size else np.zeros(points.t.size, bool)
     if not wrong.any():
         return points, []
     where = some([f"{names[who]} at {t:.4g} s" for who, t in zip(points.who[wrong], points.t[wrong], strict=True)])
     return points.take(~wrong), [
-        f"has single points to which nobody runs and back (faster than {FASTEST:g} m/s), which are left out: {where}"
+        f"has single points too far to run to and back (faster than {FASTEST:g} m/s), which are left out: {where}"
     ]
 
 
@@ -281,5 +283,5 @@ def _named(names: Sequence[Hashable], numbers: IntArray) -> str:
 
 
 def identity(number: float) -> Hashable:
-    """Return an id that is a whole number as int, any other id unchanged."""
+    """Return a numerical id, as int if it is a whole number."""
     return int(number) if number == int(number) else number

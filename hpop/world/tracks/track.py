@@ -18,7 +18,7 @@ from hpop.base.text import shown
 from hpop.errors import MapError
 
 FASTEST = 10.0
-"""m/s; no person in a building runs faster, so a greater speed means a wrong unit or frame rate."""
+"""Speed, m/s, above which a unit or frame rate must be wrong: no person in a building runs faster."""
 MOST_POINTS = 100_000
 """Largest number of points of a track: more than an hour at 25 per second."""
 
@@ -30,7 +30,7 @@ class Track:
 
     times     (N,)  s  rising, at least two; 0 is now, and earlier times are allowed
     x, y      (N,)  m
-    recorded  whether it is a recording rather than a prediction; then walls and horizons do not cut it
+    recorded  whether it is a recording rather than a prediction; a recording is not cut at walls and horizons
 
     Raises MapError for times that do not rise, invalid numbers, fewer than two points, or a speed above ``FASTEST``
     (for a recording its mean speed, because single points may be wrong).
@@ -51,10 +51,12 @@ class Track:
         object.__setattr__(self, "recorded", truth("recorded", self.recorded, error=MapError))
         count = self.times.size
         if not count == self.x.size == self.y.size:
-            raise MapError(f"a track has as many times as x and y; got {count}, {self.x.size} and {self.y.size}.")
+            raise MapError(
+                f"times, x and y of a track must have one length; got {count}, {self.x.size} and {self.y.size}."
+            )
         if not 2 <= count <= MOST_POINTS:
-            least = "; who stands is a person without a track" if count < 2 else ""
-            raise MapError(f"a track has 2 to {MOST_POINTS:,} points; got {count:,}{least}.")
+            least = "; a standing person needs no track" if count < 2 else ""
+            raise MapError(f"a track must have 2 to {MOST_POINTS:,} points; got {count:,}{least}.")
         steps = np.diff(self.times)
         if not (steps > 0).all():
             place = int(np.argmin(steps > 0))
@@ -70,14 +72,14 @@ class Track:
         speed = whole if self.recorded and np.isfinite(legs).all() else legs.max()
         if speed > FASTEST:
             raise MapError(
-                f"a track of {speed:.3g} m/s is faster than anybody runs ({FASTEST:g} m/s). Places are in m and times "
-                "in s: check the unit (cm, mm?) and the frame rate."
+                f"a track has a speed of {speed:.3g} m/s, faster than anybody runs ({FASTEST:g} m/s). Positions are in "
+                "m and times in s: check the unit (cm, mm?) and the frame rate."
             )
 
     @classmethod
     def through(cls, waypoints: Sequence[Sequence[float]]) -> Track:
-        """Return a predicted track through waypoints (t s, x m, y m); MapError if they are no track."""
-        wrong = f"waypoints are a list of (t, x, y), s and m; got {shown(waypoints)}."
+        """Return a predicted track through waypoints (t, x, y), in s and m; MapError for invalid waypoints."""
+        wrong = f"waypoints must be a list of (t, x, y), s and m; got {shown(waypoints)}."
         try:
             rows = [tuple(point) for point in waypoints]
         except TypeError:
@@ -113,14 +115,17 @@ class Track:
         return legs(self.x[:-1]) + legs(vx) * since, legs(self.y[:-1]) + legs(vy) * since
 
     def velocity(self, t: Column) -> tuple[Column, Column]:
-        """Return the velocity (x, y), m/s, at times t, s; at a point that of the following leg, 0 beyond the ends."""
+        """Return the velocity (x, y), m/s, at times t, s; it is 0 before the first and after the last time.
+
+        At a time of the track it is the velocity towards the next point.
+        """
         vx, vy = (np.concatenate([[0.0], part, [0.0]]) for part in self._velocities)
         return self._of_leg(t, vx), self._of_leg(t, vy)
 
     def ahead(self, t: Column) -> tuple[Column, Column] | None:
-        """Return the unit vector (x, y) in which the person walks at times t, s; at rest, the last such vector.
+        """Return the unit vector (x, y) in which the person walks at times t, s; None if the person never walks.
 
-        None if the person never walks.
+        At rest it is the direction of the last movement.
         """
         if self._ahead is None:
             return None
@@ -128,7 +133,7 @@ class Track:
         return self._of_leg(t, ux), self._of_leg(t, uy)
 
     def later(self, t: float) -> Track:
-        """Return the track with times counted from ``t`` seconds on, without points that are no longer needed."""
+        """Return the track with its time ``t``, s, as the new time 0, without points that are no longer needed."""
         first = min(max(int(np.searchsorted(self.times, t, side="right")) - 1, 0), self.times.size - 2)
         return replace(self, times=self.times[first:] - t, x=self.x[first:], y=self.y[first:])
 
@@ -136,7 +141,7 @@ class Track:
         """Return the track up to time t, s, which must be after the begin of the track."""
         kept = int(np.searchsorted(self.times, t, side="left"))
         if kept == 0 or t <= self.begin:
-            raise MapError(f"a track that begins at {self.begin:g} s has no part until {t:g} s.")
+            raise MapError(f"a track that begins at {self.begin:g} s cannot end at {t:g} s; give a later time.")
         if kept == self.times.size:
             return self
         x, y = self.at(t)
@@ -157,7 +162,10 @@ class Track:
 
     @cached_property
     def _ahead(self) -> tuple[FloatArray, FloatArray] | None:
-        """Return unit vectors (N+1,) before the track, on its legs, and after it; at rest the last one."""
+        """Return the directions (N+1,) of movement before the track, on its legs, and after it, as unit vectors.
+
+        At rest it is the direction of the last movement. Return None if the person never walks.
+        """
         vx, vy = self._velocities
         speed = np.hypot(vx, vy)
         walks = np.flatnonzero(speed > 0)
@@ -189,7 +197,7 @@ class Track:
 
 
 def _column(name: str, values: Any, most: float) -> FloatArray:
-    """Return numbers as a read-only column (N,); MapError unless all are finite and at most ``most``."""
+    """Return numbers as a read-only array (N,); MapError unless all are finite and at most ``most``."""
     try:
         array = np.array(values)
     except (TypeError, ValueError, OverflowError):
@@ -207,9 +215,9 @@ def _column(name: str, values: Any, most: float) -> FloatArray:
 
 
 def _symbolic_legs(begins: FloatArray, t: Column) -> Any:
-    """Return a function from one value per leg to the value of the leg at symbolic times t, s.
+    """Return a function that looks up a value per leg: it takes one value for each leg, and returns them at times t, s.
 
-    Legs begin at the times ``begins``.
+    t are CasADi symbols. Legs begin at the times ``begins``.
     """
     import casadi  # slow to import
 

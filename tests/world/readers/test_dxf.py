@@ -70,7 +70,7 @@ def test_a_plan_in_millimetres_is_the_room_that_was_drawn(plan):
     units, what, left, swings, doors = world.notes
     assert "1 arcs look like the swing of a door, 0.9 m wide" in swings
     assert "drawn in millimetres of 0.001 m by its header" in units
-    assert "doors that are drawn as lines are closed" in doors
+    assert "doors drawn as lines close passages" in doors
     assert "5 lines and fills of 6 x 4 m; lines are walls 0.1 m thick" in what
     assert "WALLS (2)" in what
     assert "TEXT (1)" in left
@@ -139,9 +139,9 @@ def test_blocks_are_where_they_are_inserted_on_the_layer_of_the_reference():
     ("draw", "options", "message"),
     [
         (lambda d: None, {}, "has no lines; its model space is empty"),
-        (lambda d: d.layout("Layout1").add_line((0, 0), (1, 1)), {}, "empty, 1 things are on its sheets"),
+        (lambda d: d.layout("Layout1").add_line((0, 0), (1, 1)), {}, "empty, 1 objects are on its layout sheets"),
         (lambda d: d.modelspace().add_text("Hall"), {}, r"has no lines; left out: TEXT \(1\)"),
-        (lambda d: d.modelspace().add_line((0, 0), (1e-9, 0)), {}, "a scale of 1 m a unit makes it 1e-09 x 0 m"),
+        (lambda d: d.modelspace().add_line((0, 0), (1e-9, 0)), {}, "a scale of 1 m per unit makes it 1e-09 x 0 m"),
         (lambda d: d.modelspace().add_line((0, 0), (9, 9), dxfattribs={"layer": "WALLS"}), {"layers": "WALS"},
          r"it has no layer 'wals'. Did you mean 'WALLS'\? It has WALLS \(1\)"),
     ],
@@ -190,7 +190,7 @@ def test_more_crossings_than_a_plan_has_are_refused_with_the_layers(tmp_path):
 
     path = tmp_path / "plan.dxf"
     path.write_bytes(dxf(tiles))
-    with pytest.raises(MapError, match=r"outlines that cross .* layers chooses .*: FLOOR \(380\)"):
+    with pytest.raises(MapError, match=r"outlines that cross .* Use layers to choose .* FLOOR \(380\)"):
         World.from_file(path)
 
 

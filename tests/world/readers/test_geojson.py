@@ -34,7 +34,7 @@ def test_the_museum_outline_is_a_building_with_eight_columns(shared_data):
     x0, y0, x1, y1 = world.bounds
     assert (x1 - x0, y1 - y0) == pytest.approx((285.95 * 0.7447, 180.73 * 0.7447), abs=0.1)
     assert world.outside_is_obstacle
-    assert world.notes == (f"{path}: 9 features (0 to 8): no properties, so of the whole height.",)
+    assert world.notes == (f"{path}: 9 features (0 to 8): no properties, so of unlimited height.",)
 
 
 def test_the_museum_areas_are_free_space(shared_data):
@@ -97,7 +97,7 @@ def test_what_is_left_out_or_mended_is_told(tmp_path):
     assert len(world.obstacles) == 4  # the bow tie became two triangles
     assert world.notes == (
         f"{path}: feature 1: no geometry, left out.",
-        f"{path}: feature 2: no properties, so of the whole height.",
+        f"{path}: feature 2: no properties, so of unlimited height.",
         f"{path}: feature 3: a 'LineString', not a polygon, left out.",
         f"{path}: feature 4: no valid polygon (Self-intersection), mended.",
         f"{path}: feature 5: an empty Polygon, left out.",
@@ -237,7 +237,7 @@ def test_a_plan_in_metres_or_other_units_of_a_plane_is_left_as_it_is(tmp_path):
          r"feature 1 'hall' spans 0.0004 x 0.0003 at \(7.6, 51.9\), as degrees do, and the others 30 x 51.9"),
         ([feature(square(0, 0, 1, 1)), feature(square(-9.7e6, 5.1e6, -9.6e6, 5.2e6), name="hall")], {"units": "deg"},
          r"feature 1 'hall': \(-9.7e\+06, 5.1e\+06\) is no longitude and latitude"),
-        ([feature(square(7.6, 51.9, 7.61, 51.91)), feature(square(7.9, 51.9, 7.905, 51.905))], {}, "units m or deg"),
+        ([feature(square(7.6, 51.9, 7.61, 51.91)), feature(square(7.9, 51.9, 7.905, 51.905))], {}, "units: m or deg"),
         ([feature(square(7.6, 51.9, 7.61, 51.91))], {"scale": 0.5, "units": "deg"}, "leave out scale"),
         ([feature(square(7.6, 51.9, 7.61, 51.91))], {"origin": (0, 0)}, "more than 1 degree"),
         ([feature(square(0, 0, 30, 20))], {"units": "feet"}, "m, deg"),
@@ -280,7 +280,7 @@ def test_lines_are_walls_of_a_width(tmp_path):
     x, y = np.array([3.0, 0.0, 6.05, 6.0]), np.array([2.0, 0.75, 4.05, 2.0])
     assert world.clearance(x, y) == pytest.approx([1.9, 0.1, 0.0, 0.0])  # the door is the walls' border away
     assert world.obstacles[0].heights == (0, 2.5)
-    with pytest.raises(MapError, match=r"has no polygon: .* wall_width: 0.1 makes walls of its lines"):
+    with pytest.raises(MapError, match=r"has no polygon .* wall_width: 0.1 makes walls of its lines"):
         World.from_geojson(path)
     with pytest.raises(MapError, match="has no polygon"):
         World.from_geojson(path, wall_width=0.2, polygons="outline")

@@ -291,10 +291,10 @@ def test_each_file_of_content_is_chosen_from_by_itself(tmp_path):
     ("given", "said"),
     [
         ({"path": "zones.geojson", "where": {"levle": 0}}, "no feature has a property 'levle'.*Did you mean 'level'"),
-        ({"path": "zones.geojson", "where": {"level": 7}}, "no feature has level: 7. Its values there: '0, 1, 2'"),
+        ({"path": "zones.geojson", "where": {"level": 7}}, "no feature has level: 7. Values in the file: '0, 1, 2'"),
         ({"path": "zones.geojson", "where": "level"}, "where must name properties, each with a value"),
-        ({"path": "zones.geojson", "were": {"level": 0}}, "is a path, or has a path and where"),
-        ({"where": {"level": 0}}, "is a path, or has a path and where"),
+        ({"path": "zones.geojson", "were": {"level": 0}}, "must be a path, or a mapping with path and where"),
+        ({"where": {"level": 0}}, "must be a path, or a mapping with path and where"),
     ],
 )
 def test_a_choice_of_content_that_makes_no_sense_is_refused(tmp_path, monkeypatch, given, said):

@@ -126,7 +126,7 @@ def test_features_are_chosen_by_type_and_level(tmp_path):
     ("where", "message"),
     [
         ({"indor": "room"}, "no feature has a property 'indor'. Did you mean 'indoor'"),
-        ({"indoor": "hall"}, "no feature has indoor: 'hall'. Its values there: 'room, corridor'"),
+        ({"indoor": "hall"}, "no feature has indoor: 'hall'. Values in the file: 'room, corridor'"),
         ({"indoor": "room", "name": "R2"}, "no feature has all of indoor: 'room', name: 'R2'"),
         ("indoor", "where must name properties"),
         ({"indoor": {"is": "room"}}, "where must name properties"),
@@ -219,7 +219,7 @@ def test_a_height_that_is_none_is_the_whole_one_and_told(tmp_path, height):
     world = World.from_geojson(geojson_file(tmp_path, feature(CASE, height=height, name="case")))
     assert world.obstacles[0].heights == (-math.inf, math.inf)
     assert "feature 0 'case': height " in world.notes[0]
-    assert "so of the whole height" in world.notes[0]
+    assert "so of unlimited height" in world.notes[0]
 
 
 @pytest.mark.parametrize(

@@ -177,17 +177,17 @@ TABLE, BALL, BLOCK = ((*OBJECTS, i) for i in range(3))
             "'table' is given in frame 'world', object 'ball' in frame",
         ),
         (changed(*BALL, "header", "frame_id", to=3), "frame_id must be the name of a frame; got 3"),
-        (changed(*BALL, "operation", to=1), "'ball': operation must be 0, add"),
+        (changed(*BALL, "operation", to=1), "'ball': operation must be 0 .add., unless"),
         (changed(*BALL, "planes", to=[{"coef": [0, 0, 1, 0]}]), "'ball': planes have no end and are not read"),
         (
             changed(*BLOCK, "meshes", 0, to={"resource": "package://a/b.dae"}),
-            "'block': meshes 0: resource .* no file is read",
+            "'block': meshes 0: resource .* no mesh file is read",
         ),
         (changed(*BLOCK, "meshes", 0, "vertices", 7, to=[0.2, 0.2, 0.2]), "'block': meshes 0 is not convex"),
         (changed(*BLOCK, "meshes", 0, "triangles", to=[]), "'block': meshes 0: a hull needs 4 to 100,000 points"),
         (
             changed(*BLOCK, "meshes", 0, "triangles", 3, to=None),
-            "'block': meshes 0 is not convex, or .* no closed surface",
+            "'block': meshes 0 is not convex, or .* no closed and consistently oriented surface",
         ),
         (
             changed(*BLOCK, "meshes", 0, "triangles", 3, to=[1, 2, 8]),
@@ -197,7 +197,7 @@ TABLE, BALL, BLOCK = ((*OBJECTS, i) for i in range(3))
         (changed("world", "octomap", "octomap", "data", to=[1]), "octomap has cells, which are not read"),
         (
             changed("robot_state", "attached_collision_objects", to=[{"link_name": "hand"}]),
-            "attached_collision_objects are not read: give what the robot holds as a part of the robot",
+            "attached_collision_objects are not read: make objects that the robot holds a part of the robot",
         ),
     ],
 )
@@ -245,7 +245,7 @@ def test_changes_after_a_scene_are_applied(tmp_path):
     assert list(names_and_places(written(tmp_path, text + again))[0]) == ["box"]
     alone = {"is_diff": True, "world": {"collision_objects": changes[2:3]}}
     assert "is a change of a scene (is_diff)" in names_and_places(written(tmp_path, alone))[1][0]
-    with pytest.raises(MapError, match="object 'lamp' is to be removed, added to or moved, but it is not there"):
+    with pytest.raises(MapError, match="object 'lamp' is to be removed, moved or extended, but no such object exists"):
         World.from_moveit_scene(
             written(tmp_path, alone | {"world": {"collision_objects": [{"id": "lamp", "operation": 1}]}})
         )

@@ -107,20 +107,20 @@ def test_lines_as_light_as_paper_and_what_is_not_drawn_are_none():
 @pytest.mark.parametrize(
     ("data", "options", "message"),
     [
-        (pdf(ROOM), {}, "a PDF does not say its scale. Give ratio, .* got none"),
+        (pdf(ROOM), {}, "a PDF does not state its scale. Give either ratio, .* got none"),
         (pdf(ROOM), {"scale": 0.01, "ratio": 100}, "got both"),
         (pdf(b""), {"ratio": 100}, "has no lines; page 1 of 1 is empty"),
         (pdf(b"q 400 0 0 300 0 0 cm /I Do Q", resources=b"/XObject << /I 5 0 R >>", objects=[IMAGE]), {"ratio": 100},
-         r"no lines; left out: images \(1\)\. Is it scanned\? .* pdftoppm -r 150 .* image with resolution 0.01693"),
+         r"no lines; left out: images \(1\)\. If the page is a scan.* pdftoppm -r 150 .* image and resolution 0.01693"),
         (pdf(b"BT /F 12 Tf (Hall) Tj ET", resources=b"/Font << /F 5 0 R >>", objects=[LETTERS]), {"ratio": 100},
          r"has no lines; left out: texts \(1\)"),
         (pdf(ROOM), {"ratio": 100, "page": 2}, "it has 1 pages; page must be from 1 to 1, got 2"),
         (pdf(ROOM), {"ratio": 100, "page": 0}, "page must be a whole number"),
-        (pdf(ROOM), {"ratio": 0.001}, "expected a building. Give another scale"),
-        (pdf(ROOM), {"ratio": 100, "inside": (0, 0)}, r"inside \(0, 0\) is in a wall or beyond"),
+        (pdf(ROOM), {"ratio": 0.001}, "expected the size of a building. Give another scale"),
+        (pdf(ROOM), {"ratio": 100, "inside": (0, 0)}, r"inside \(0, 0\) is in a wall or outside the plan"),
         (b"%PDF-1.6 but nothing else", {"ratio": 100}, "cannot be read as a PDF"),
         (b"plain text", {"ratio": 100}, "cannot be read as a PDF"),
-        (pdf(ROOM), {"ratio": 1e8}, "expected a building. Give another scale"),
+        (pdf(ROOM), {"ratio": 1e8}, "expected the size of a building. Give another scale"),
     ],
 )  # fmt: skip
 def test_what_is_no_plan_is_refused_with_the_way_out(tmp_path, data, options, message):
@@ -136,7 +136,7 @@ def test_a_scenario_reads_a_plan_and_closes_what_cannot_be_reached(tmp_path):
     world = load_scenario(tmp_path / "scenario.yaml").problem.world
     assert world.bounds == pytest.approx((0.025, 0.025, 5.975, 3.975))
     assert world.extent.area == pytest.approx(5.95 * 3.95 - 0.05 * 5.65)
-    with pytest.raises(MapError, match=r"expected a point of the free space of a plan that spans x -0\.03 to 6\.03 m"):
+    with pytest.raises(MapError, match=r"outside the plan, which spans x -0\.03 to 6\.03 m"):
         World.from_file(tmp_path / "plan.pdf", scale=0.02, origin=(50, 50), inside=(9, 9))
 
 

@@ -98,11 +98,11 @@ def test_grey_that_a_threshold_makes_free_is_told_with_the_threshold_that_does_n
     world = World.from_ros_map(write(tmp_path, image, free_thresh=0.25))
     assert world.clearance(np.array([1.75]), np.array([2.75])) > 0  # free, as in map_server
     unknown, note = world.notes
-    assert "16.7 % of its cells are unknown and obstacles" in unknown  # the pixel of 150
+    assert "16.7 % of its cells are unknown and count as obstacles" in unknown  # the pixel of 150
     assert "50 % of its cells have the grey 205" in note
     corrected = float(note.partition("write free_thresh: ")[2].removesuffix("."))
     (unknown,) = World.from_ros_map(write(tmp_path, image, free_thresh=corrected)).notes
-    assert "66.7 % of its cells are unknown and obstacles" in unknown
+    assert "66.7 % of its cells are unknown and count as obstacles" in unknown
     assert World.from_ros_map(tmp_path / "map.yaml", unknown_is_free=True).notes == ()
     assert load(tmp_path / "map.yaml").free.sum() == 1
 
@@ -340,12 +340,12 @@ def test_a_missing_file_and_a_directory_are_refused(tmp_path):
         (b"", "is empty"),
         (b"not an image", "is no image that can be read"),
         (b"P5\n3 2\n", "cannot be read"),
-        (b"P5\n3 2\n255\n\x00\x00", "cut off"),
-        (b"P2\n3 2\n255\n0 0 0", "cut off"),
+        (b"P5\n3 2\n255\n\x00\x00", "file is complete"),
+        (b"P2\n3 2\n255\n0 0 0", "file is complete"),
         (b"P5\n0 2\n255\n", "is no image that can be read"),
         (b"P5\n50000 50000\n255\n\x00", f"too large: at most {MAX_CELLS:,}"),
         (b"P5\n12000 12000\n255\n\x00", f"at most {MAX_CELLS:,}"),
-        (b"P5\n99999999999999999999 2\n255\n\x00", "is its header broken"),
+        (b"P5\n99999999999999999999 2\n255\n\x00", "check that the file is intact"),
         (b"\x89PNG\r\n\x1a\n\x00\x00", "read"),
     ],
 )
