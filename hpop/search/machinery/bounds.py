@@ -104,8 +104,14 @@ def cost_to_go(
     tops: IntArray,
     above: NDArray[np.int32],
     below: NDArray[np.int32],
-) -> None:
+    last: IntArray,
+    source: int,
+    until: int,
+) -> int:
     """Search backward from the targets by one cost; write the least remaining cost of each node and its next node.
+
+    Stops before nodes that are farther than `until`, or than the source; returns the distance of the nearest open node,
+    or UNREACHABLE where none is left. The next call goes on from there.
 
     start, tails, weights   arcs by head, of :func:`sort_arcs_by_head`, with this cost alone
     group (n,), rows        group of each node, and the table of groups
@@ -113,35 +119,44 @@ def cost_to_go(
     out, parent (n,)        output: least cost, and next node on such a path or -1
     turned (g,)             groups that have turned, 0 before the call
     turning (n,)            nodes with a path that begins with a turn, 0 before the call
-    tops (PILES,)           -1 before the call; above and below (n,) are scratch
+    tops (PILES,)           -1 before the first call; above and below (n,) are scratch
+    last (1,)               cost of the last node taken, -1 before the first call
+    source                  node in the order of the groups, or -1
 
     Open nodes are in a radix heap (Ahuja, Mehlhorn, Orlin and Tarjan 1990). Let d be the cost of the last node taken.
     Pile b holds the nodes with a cost that differs from d first in bit b, counted from 1; pile 0 those of cost d. When
     pile 0 is empty, d becomes the least cost of the next pile, and the nodes of that pile are distributed again.
     """
     n = len(start) - 1
-    lowest = d = np.int64(0)  # not 0: numba would compile the helpers once for that number alone
-    for v in range(n):
-        out[v] = UNREACHABLE
-        parent[v] = -1
-    for v in targets:
-        if out[v] > 0:
-            out[v] = 0
-            put_on_pile(v, lowest, tops, above, below)
+    lowest = np.int64(0)  # not 0: numba would compile the helpers once for that number alone
+    d = max(int(last[0]), 0)
+    if last[0] < 0:
+        for v in range(n):
+            out[v] = UNREACHABLE
+            parent[v] = -1
+        for v in targets:
+            if out[v] > 0:
+                out[v] = 0
+                put_on_pile(v, lowest, tops, above, below)
     while True:
         if tops[0] < 0:
             pile = 1
             while pile < PILES and tops[pile] < 0:
                 pile += 1
             if pile == PILES:
-                return
+                last[0] = d
+                return int(UNREACHABLE)
             top = tops[pile]
-            tops[pile] = -1
-            d = out[top]
+            nearest = int(out[top])
             v = below[top]
             while v >= 0:
-                d = min(d, out[v])
+                nearest = min(nearest, out[v])
                 v = below[v]
+            if nearest > until:
+                last[0] = d
+                return int(nearest)
+            tops[pile] = -1
+            d = nearest
             v = top
             while v >= 0:
                 following = below[v]
@@ -149,6 +164,8 @@ def cost_to_go(
                 v = following
         v = tops[0]
         take_from_pile(v, lowest, tops, above, below)
+        if v == source:
+            until = min(until, d)
         g = group[v]
         offset, members = rows[g, OFFSET], rows[g, SIZE]
         entering = start[v + 1] - start[v]
@@ -217,19 +234,24 @@ def lower_bounds(
     h is UNREACHABLE at nodes that reach no target; a source that reaches no target has no vectors, (0, k). If memory
     does not suffice, h is (k, 0).
     """
-    n, k = graph.nodes, graph.criteria
+    k = graph.criteria
     clock.report("bounds")
     try:
         groups = groups or Groups.of(graph, clock)
     except NoRoom:
         return np.empty((k, 0), np.int64), np.zeros((0, k), np.int64), Status.MEMORY_LIMIT
-    m = len(groups.heads)
-    memory = m * (ARC + COST * k) + n * (NODE + NODE_COST * k) + groups.nbytes
+    memory = memory_of_searches(graph, groups)
     status = clock.exceeded(0, memory)
     if status is not None:
         return np.empty((k, 0), np.int64), np.zeros((0, k), np.int64), status
     h, onward = costs_to_go(graph, targets, clock, groups)
     return h, costs_of_least_paths(graph, source, h, onward, clock), clock.exceeded(0, memory)
+
+
+def memory_of_searches(graph: Graph, groups: Groups) -> int:
+    """Return the bytes that the searches of all costs take, groups included."""
+    n, k, m = graph.nodes, graph.criteria, len(groups.heads)
+    return m * (ARC + COST * k) + n * (NODE + NODE_COST * k) + groups.nbytes
 
 
 def costs_to_go(
@@ -239,29 +261,61 @@ def costs_to_go(
 
     The next node of a node is its successor on a path of the least cost in that column.
     """
-    columns = range(graph.criteria) if columns is None else columns
-    n, k, m = graph.nodes, len(columns), len(groups.heads)
-    is_max = _is_max(graph)
-    group = np.repeat(np.arange(len(groups.rows)), groups.rows[:, SIZE])
-    begin, tails, weights = np.zeros(n + 2, np.int64), np.empty(m, np.int32), np.empty((graph.criteria, m), np.int64)
-    clock.call(sort_arcs_by_head, groups.start, groups.heads, groups.origin, graph.costs, begin, tails, weights)
-    in_order = (groups.nodes[:-1] < groups.nodes[1:]).all()  # no node was renumbered
-    h = np.empty((k, n), np.int64)
-    parents = np.empty((k, n), np.int32)
-    dearest = np.ascontiguousarray(groups.dearest.T)
-    ends = groups.new_number[targets]
+    searches = BackwardSearches(graph, targets, clock, groups, columns)
+    searches.settle(-1, np.full(len(searches.columns), UNREACHABLE))
+    return searches.results()
 
-    def arguments(row: int, j: int) -> tuple[Any, ...]:
-        turns = (group, groups.rows, dearest[j], bool(groups.alike[j]), groups.turns[j])
-        piles = (np.full(PILES, -1), np.empty(n, np.int32), np.empty(n, np.int32))
-        marks = (np.zeros(len(groups.rows), np.uint8), np.zeros(n, np.uint8))
-        return (begin[:-1], tails, weights[j], bool(is_max[j]), *turns, ends, h[row], parents[row], *marks, *piles)
 
-    clock.call_all(cost_to_go, [arguments(row, j) for row, j in enumerate(columns)])
-    for j in range(k if not in_order else 0):
-        h[j] = h[j][groups.new_number]
-        parents[j] = np.where(parents[j] < 0, -1, groups.nodes[parents[j]])[groups.new_number]
-    return h, parents
+class BackwardSearches:
+    """Searches backward from targets, one for each cost; they stop at distances, and go on from there."""
+
+    def __init__(
+        self, graph: Graph, targets: IntArray, clock: Clock, groups: Groups, columns: Sequence[int] | None = None
+    ) -> None:
+        """Sort the plain arcs by head.
+
+        columns  costs of the searches, by default all
+        """
+        self.clock, self.groups = clock, groups
+        self.columns = range(graph.criteria) if columns is None else columns
+        n, k, m = graph.nodes, len(self.columns), len(groups.heads)
+        is_max = _is_max(graph)
+        group = np.repeat(np.arange(len(groups.rows)), groups.rows[:, SIZE])
+        begin, tails, weights = (
+            np.zeros(n + 2, np.int64),
+            np.empty(m, np.int32),
+            np.empty((graph.criteria, m), np.int64),
+        )
+        clock.call(sort_arcs_by_head, groups.start, groups.heads, groups.origin, graph.costs, begin, tails, weights)
+        self.h, self.parents = np.empty((k, n), np.int64), np.empty((k, n), np.int32)
+        dearest = np.ascontiguousarray(groups.dearest.T)
+        ends = groups.new_number[targets]
+
+        def arguments(row: int, j: int) -> tuple[Any, ...]:
+            turns = (group, groups.rows, dearest[j], bool(groups.alike[j]), groups.turns[j])
+            marks = (np.zeros(len(groups.rows), np.uint8), np.zeros(n, np.uint8))
+            piles = (np.full(PILES, -1), np.empty(n, np.int32), np.empty(n, np.int32), np.full(1, -1))
+            distances = (self.h[row], self.parents[row])
+            return (begin[:-1], tails, weights[j], bool(is_max[j]), *turns, ends, *distances, *marks, *piles)
+
+        self._searches = [arguments(row, j) for row, j in enumerate(self.columns)]
+
+    def settle(self, source: int, until: IntArray) -> IntArray:
+        """Go on up to distances (k,), or to a source unless it is -1; return the distances (k,) of the open nodes.
+
+        A distance is UNREACHABLE where no node is open.
+        """
+        end = source if source < 0 else int(self.groups.new_number[source])
+        calls = [(*search, end, distance) for search, distance in zip(self._searches, until.tolist(), strict=True)]
+        return np.array(self.clock.call_all(cost_to_go, calls), np.int64)
+
+    def results(self) -> tuple[IntArray, NDArray[np.int32]]:
+        """Return the remaining costs (k, n) and the next nodes (k, n) so far, nodes in the order of the graph."""
+        groups = self.groups
+        if (groups.nodes[:-1] < groups.nodes[1:]).all():  # no node was renumbered
+            return self.h, self.parents
+        parents = np.where(self.parents < 0, -1, groups.nodes[self.parents]).astype(np.int32)
+        return self.h[:, groups.new_number], parents[:, groups.new_number]
 
 
 def costs_of_least_paths(graph: Graph, source: int, h: IntArray, onward: NDArray[np.int32], clock: Clock) -> IntArray:

@@ -1,4 +1,4 @@
-"""Lower bounds of one query on a graph without groups of turns: reversed arcs are cached, and searches stop early.
+"""Lower bounds of one query: searches stop early, and reversed arcs of graphs without groups of turns are cached.
 
 A backward Dijkstra search for each cost runs until it reaches the source. This gives the path that is least in the
 cost. Let U be the largest cost j of these k paths. Search j goes on until all open nodes are farther than U, and stops
@@ -16,7 +16,14 @@ from hpop.base.arrays import IntArray
 from hpop.runtime.compiled import lean
 from hpop.runtime.status import Status
 from hpop.search.graph import Graph
-from hpop.search.machinery.bounds import UNREACHABLE, costs_of_least_paths, lower_bounds, sort_arcs_by_head
+from hpop.search.machinery.bounds import (
+    UNREACHABLE,
+    BackwardSearches,
+    costs_of_least_paths,
+    lower_bounds,
+    memory_of_searches,
+    sort_arcs_by_head,
+)
 from hpop.search.machinery.kernels import WORD_BITS
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import CACHED, Groups
@@ -89,11 +96,13 @@ def plain_bounds(
 ) -> tuple[IntArray, IntArray, Status | None]:
     """Return the results of :func:`.lower_bounds` for searches from the source; bounds of far nodes may be smaller.
 
-    With groups of turns, or with costs that do not fit a heap entry, they are those of :func:`.lower_bounds`.
+    With costs that do not fit a heap entry, they are those of :func:`.lower_bounds`.
     """
+    if groups.column >= 0:
+        return _bounds_with_groups(graph, source, targets, clock, groups)
     n, k, m = graph.nodes, graph.criteria, len(groups.heads)
     bits = n.bit_length()
-    if groups.column >= 0 or int(graph.largest.max(initial=0)) * n >> (WORD_BITS - bits):
+    if int(graph.largest.max(initial=0)) * n >> (WORD_BITS - bits):
         return lower_bounds(graph, source, targets, clock, groups)
     clock.report("bounds")
     memory = groups.nbytes + k * (12 * n + 8 * (m + len(targets))) + 8 * n + m * (4 + 8 * k)
@@ -117,14 +126,40 @@ def plain_bounds(
     samples = costs_of_least_paths(graph, source, h, onward, clock)
     if len(samples):
         sizes = settled(-1, samples.max(axis=0), sizes)
-        unreached = np.zeros(n, np.bool_)
-        for j in range(k):
-            if sizes[j] > 0:
-                np.minimum(h[j], heaps[j, 0] >> bits, out=h[j])
-            else:
-                unreached |= h[j] >= UNREACHABLE
-        h[:, unreached] = UNREACHABLE
+        nearest = [heaps[j, 0] >> bits if sizes[j] > 0 else UNREACHABLE for j in range(k)]
+        _bound_open_nodes(h, np.array(nearest, np.int64))
     return h, samples, clock.exceeded(0, memory)
+
+
+def _bounds_with_groups(
+    graph: Graph, source: int, targets: IntArray, clock: Clock, groups: Groups
+) -> tuple[IntArray, IntArray, Status | None]:
+    """Return the bounds of :func:`plain_bounds` on a graph with groups of turns."""
+    clock.report("bounds")
+    k, memory = graph.criteria, memory_of_searches(graph, groups)
+    status = clock.exceeded(0, memory)
+    if status is not None:
+        return np.empty((k, 0), np.int64), np.zeros((0, k), np.int64), status
+    searches = BackwardSearches(graph, targets, clock, groups)
+    searches.settle(source, np.full(k, UNREACHABLE))
+    samples = costs_of_least_paths(graph, source, *searches.results(), clock)
+    until = samples.max(axis=0) if len(samples) else np.full(k, UNREACHABLE)
+    until[groups.column] = UNREACHABLE  # few turns lead almost everywhere; it finds the nodes that reach no target
+    nearest = searches.settle(-1, until)
+    h, _ = searches.results()
+    _bound_open_nodes(h, nearest)
+    return h, samples, clock.exceeded(0, memory)
+
+
+def _bound_open_nodes(h: IntArray, nearest: IntArray) -> None:
+    """Lower the bounds h (k, n) of open nodes to the distance (k,) of the nearest one, UNREACHABLE if none is open."""
+    unreached = np.zeros(h.shape[1], np.bool_)
+    for bounds, distance in zip(h, nearest, strict=True):
+        if distance < UNREACHABLE:
+            np.minimum(bounds, distance, out=bounds)
+        else:
+            unreached |= bounds >= UNREACHABLE
+    h[:, unreached] = UNREACHABLE
 
 
 def _reversed(graph: Graph, groups: Groups, clock: Clock) -> tuple[IntArray, NDArray[np.int32], IntArray]:

@@ -69,7 +69,11 @@ def test_bounds_that_stop_early_are_exact_near_the_source_and_consistent_everywh
         n, rng.integers(0, n, m), rng.integers(0, n, m), rng.integers(0, [3, 9, 10**6], (m, 3)), aggregates=how
     )
     targets, clock = np.unique(rng.integers(0, n, 2)), Clock(Budget(), None)
-    groups = Groups.single_nodes(graph, clock)
+    check_early_bounds(graph, targets, Groups.single_nodes(graph, clock))
+
+
+def check_early_bounds(graph: Graph, targets: np.ndarray, groups: Groups) -> None:
+    clock, n, how = Clock(Budget(), None), graph.nodes, graph.aggregates
     full, expected, _ = lower_bounds(graph, 3, targets, clock, groups)
     for _ in range(2):  # the second query takes the reversed arcs from the cache
         h, samples, status = plain_bounds(graph, 3, targets, clock, groups)
@@ -87,6 +91,31 @@ def test_bounds_that_stop_early_are_exact_near_the_source_and_consistent_everywh
             reached = onward < UNREACHABLE
             along = np.maximum(cost, onward) if how[j] == "max" else cost + onward
             assert (h[j, tails] <= along)[reached].all()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_bounds_with_groups_that_stop_early_are_exact_near_the_source_and_consistent_everywhere(seed):
+    rng = np.random.default_rng(seed)
+    cells, size = 300, 4
+    first = size * np.arange(cells)[:, None]
+    a, b = (axis.ravel() for axis in np.nonzero(~np.eye(size, dtype=bool)))
+    tails, heads = rng.integers(0, cells * size, (2, 5 * cells))
+    turn = rng.integers(10, 20, (1 if seed % 2 else cells, a.size))
+    turns = np.stack([np.broadcast_to(turn, (cells, a.size)).ravel(), np.ones(cells * a.size, int)], axis=1)
+    moves = np.stack([rng.integers(1, [3, 100][seed % 2], tails.size), np.zeros(tails.size, int)], axis=1)
+    costs = np.concatenate([turns, moves])
+    costs = np.stack([costs[:, 0], costs[:, 1], rng.integers(0, 50, len(costs)) * (costs[:, 1] == 0)], axis=1)
+    names = rng.permutation(cells * size) if seed % 3 else np.arange(cells * size)
+    graph = Graph.from_arcs(
+        cells * size,
+        names[np.append((first + a).ravel(), tails)],
+        names[np.append((first + b).ravel(), heads)],
+        costs,
+        aggregates=["sum", "sum", ["sum", "max"][seed // 3]],
+    )
+    groups = Groups.of_turns(graph, 1, Clock(Budget(), None))
+    assert groups is not None
+    check_early_bounds(graph, names[rng.integers(0, cells * size, 1)], groups)
 
 
 def test_parallel_arcs_do_not_add_up():
