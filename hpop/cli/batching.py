@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hpop.base.lazy import library
 from hpop.base.options import MOST_WORKERS
 from hpop.base.text import argument
 from hpop.cli import results
@@ -57,6 +58,7 @@ def batch(
 
     if sum(given is not None for given in (workers, dask, ray)) > 1:
         raise click.UsageError("give only one of --workers, --dask and --ray")
+    _need_tables()
     user_code.register(imports)
     out = out or Path("out", spec.stem)
     results.check_writable(out)
@@ -106,6 +108,7 @@ def print_summary(found: Results) -> int:
     from hpop.batches.summary import summaries, summary_lines
     from hpop.view import draw_batch
 
+    _need_tables()
     summary = summaries(found)
     if not summary:
         raise OutputError(f"{found.folder} holds no results yet; run `hpop batch` again to continue")
@@ -115,3 +118,11 @@ def print_summary(found: Results) -> int:
         draw_batch(summary, found.folder / FIGURE)
     echo(f"written to {found.folder}: {FOLDER}/*.parquet, {FIGURE}")
     return sum(each.counts.get("error", 0) for each in summary)
+
+
+def _need_tables() -> None:
+    """Raise OutputError if the library that reads and writes the tables of results is not installed."""
+    try:
+        library("pyarrow.parquet", "a batch")
+    except ImportError as error:
+        raise OutputError(str(error)) from None

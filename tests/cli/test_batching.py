@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -45,10 +46,23 @@ def test_a_batch_is_solved_summarised_and_shown(specification: Path) -> None:
     assert f"continuing: {out} has 4 of 4 cases" in again.stdout
 
 
+def test_without_the_library_of_tables_one_message_says_what_to_install(
+    specification: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    done = run("batch", specification, "--out", specification.parent / "out")
+    assert done.exit_code == 12
+    assert "pip install 'hpop[tables]'" in done.stderr
+    assert done.stderr.count("\n") == 1
+    (specification.parent / "out" / "results").mkdir(parents=True)
+    assert "pip install 'hpop[tables]'" in run("show", specification.parent / "out").stderr
+
+
 def test_ctrl_c_keeps_what_is_finished_and_the_same_command_goes_on(
     specification: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    solve, solved = running.solve, []
+    solve = running.solve
+    solved: list[object] = []
 
     def interrupted(*arguments: object) -> object:
         if len(solved) == 2:
