@@ -110,7 +110,7 @@ def test_the_step_divides_the_time_without_a_double_end():
     [
         ({"step": 0}, "step must be a time in s"),
         ({"step": float("nan")}, "step must be a time in s"),
-        ({"step": 1e-6}, "a table has at most 1,000,000 rows"),
+        ({"step": 1e-6}, "a table may have at most 1,000,000 rows"),
         ({"body": "cam"}, "Did you mean 'camera'?"),
         ({"body": "tool"}, "this robot has no body 'tool'. body must be one of base, camera, or None for its states"),
         ({"body": "plane"}, "body must be one of"),

@@ -1,4 +1,4 @@
-"""Goals of a trajectory, states or wanted poses of a body; and tours, stops to visit on the way."""
+"""Goals of a trajectory (states, or poses of a body such as the camera), and tours (stops to visit on the way)."""
 
 from hpop.goals.base import REACHED, AnyOf, Goal, GoalSet, GoalSpec, checked_goal, goal, is_named
 from hpop.goals.bodies import CameraAt, LookAt, ToolAt

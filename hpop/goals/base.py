@@ -1,6 +1,6 @@
-"""Goals: their contract, the registry of goals by name, sets of states, and any of several goals.
+"""Goals: the protocol that each goal follows, the registry of goals by name, sets of states, and alternative goals.
 
-A goal is given as a state, as a goal by name with its parameters, or as a list of these.
+A user gives a goal as a state, as the name of a goal with its parameters, or as a list of these.
 """
 
 from __future__ import annotations
@@ -31,31 +31,31 @@ if TYPE_CHECKING:
 
 T = TypeVar("T", bound=type)
 
-MOST_STATES = 10_000  # of a goal that are looked for at once
+MOST_STATES = 10_000  # states of a goal that can be drawn at once
 REACHED = 1e-6  # m or rad: no column of a state that reaches a goal is off by more
 
 
 @runtime_checkable
 class Goal(Protocol):
-    """Goal with one or more states; a trajectory must reach any one of them.
+    """Protocol of goals: a goal is one or more states, and a trajectory must reach any one of them.
 
-    These attributes are optional, with defaults:
+    These attributes are optional; their defaults follow after the semicolon:
 
     requires      capabilities that a model must provide; frozenset()
     places        positions (x, y, z), m, that pictures mark; ()
     listed        values of the goal's states, if the goal is a list of states; ()
     looked_at     position (x, y, z), m, at which the camera looks in the goal's states; None
-    alternatives  method: the alternative goals; by default the goal itself
+    alternatives  method that returns the alternative goals; the goal itself
     """
 
     def states(self, problem: Problem, rng: np.random.Generator, count: int) -> States:
-        """Return at most ``count`` states of the goal (n,), drawn at random if there are more."""
+        """Return at most ``count`` states (n,) of the goal, drawn at random if there are more."""
 
     def reached(self, model: Model, states: States) -> BoolArray:
-        """Return which states (M,) reach the goal."""
+        """Return which of the states (M,) reach the goal."""
 
     def describe(self) -> Any:
-        """Return a JSON-able description, from which a problem makes an equal goal."""
+        """Return a JSON-able description, from which a problem builds an equal goal."""
 
     if TYPE_CHECKING:  # the defaults are set by `completed`
 
@@ -75,7 +75,7 @@ class Goal(Protocol):
 
 
 class GoalDefaults:
-    """Defaults of the optional parts of a goal's contract."""
+    """Defaults of the optional attributes of a `Goal`; goals may inherit from this class."""
 
     requires: Any = frozenset[str]()
     places: Any = ()
@@ -88,7 +88,7 @@ class GoalDefaults:
 
 
 def checked_count(count: int) -> int:
-    """Return a number of states to draw; raise QueryError if it is invalid."""
+    """Return the number of states to draw as an int; raise QueryError if it is invalid."""
     return whole("count", count, 0, MOST_STATES, "a number of states", error=QueryError)
 
 
@@ -98,7 +98,9 @@ def goal(name: str) -> Callable[[T], T]:
 
     def declare(cls: T) -> T:
         if not is_dataclass(cls) or not all(hasattr(cls, method) for method in ("states", "reached", "describe")):
-            raise QueryError(f"goal {name!r} must be a dataclass that follows hpop.goals.Goal, such as a Region")
+            raise QueryError(
+                f"goal {name!r} must be a dataclass with the methods of hpop.goals.Goal: states, reached and describe"
+            )
         setattr(cls, "name", name)  # noqa: B010  (a type variable has no attribute to assign)
         goals.add(name, with_optional_members(cls, vars(GoalDefaults)))
         return checked_arguments(cls)
@@ -109,7 +111,7 @@ def goal(name: str) -> Callable[[T], T]:
 @checked_arguments
 @dataclass(frozen=True)
 class GoalSet(GoalDefaults):
-    """Set of states; a trajectory must reach any one of them. A value of None may have any value.
+    """Set of states; a trajectory must reach any one of them. None stands for a free angle.
 
     >>> GoalSet([(3, 1, None), (5, 2, 0.0)]).describe()
     [[3, 1, None], [5, 2, 0.0]]
@@ -126,13 +128,13 @@ class GoalSet(GoalDefaults):
         return self.members
 
     def __str__(self) -> str:
-        """Return the states in few characters."""
+        """Return the states as short text for messages."""
         if len(self.members) > 1:
             return f"any of {len(self.members)}"
         return f"({', '.join('any' if value is None else f'{value:.4g}' for value in self.members[0])})"
 
     def states(self, problem: Problem, rng: RNG, count: int) -> States:
-        """Return each fully given member once, then the other members in turn, with free angles drawn at random."""
+        """Return states (n,): each member without free angles once, then the others, with random angles, in turn."""
         count = checked_count(count)
         whole, others = ([m for m in self.members if (None in m) is free] for free in (False, True))
         rows = list(islice(chain(whole, cycle(others)), count))
@@ -146,7 +148,7 @@ class GoalSet(GoalDefaults):
         )
 
     def reached(self, model: Model, states: States) -> BoolArray:
-        """Return which states (M,) are a member, within 1e-6 m or rad."""
+        """Return which states (M,) equal a member, within 1e-6 m or rad."""
         space, found = model.space, np.zeros(states.size, dtype=bool)
         for member in self.members:
             differences = space.differences(space.state(member, free=space.angles), states).values()
@@ -164,7 +166,7 @@ class GoalSet(GoalDefaults):
 class AnyOf(GoalDefaults):
     """Alternative goals; a trajectory must reach any one of them, such as a view of one of several cans.
 
-    Members may be goals, states, or their names; the problem resolves them.
+    Members may be goals, states, or names of these, which the problem looks up.
 
     >>> AnyOf("ready", [0, 0, 0]).members, AnyOf(["ready", "home"]).members
     (('ready', [0, 0, 0]), ('ready', 'home'))
@@ -181,12 +183,12 @@ class AnyOf(GoalDefaults):
 
     @property
     def requires(self) -> frozenset[str]:
-        """Return what any of the members requires."""
+        """Return all capabilities of a model that any of the members requires."""
         return frozenset().union(*(member.requires for member in self.members))
 
     @property
     def places(self) -> tuple[tuple[float, float, float], ...]:
-        """Return the places of all members."""
+        """Return the positions (x, y, z), m, that pictures mark, of all members."""
         return tuple(place for member in self.members for place in member.places)
 
     def alternatives(self) -> tuple[Goal, ...]:
@@ -194,7 +196,10 @@ class AnyOf(GoalDefaults):
         return tuple(goal for member in self.members for goal in member.alternatives())
 
     def states(self, problem: Problem, rng: RNG, count: int) -> States:
-        """Return about equally many states of each member; warn of unreachable members, raise QueryError if all are."""
+        """Return about equally many states of each member.
+
+        Warn of members that cannot be reached; raise QueryError if no member can be reached.
+        """
         count = checked_count(count)
         rng = np.random.default_rng(rng)  # one for all members
         shares = [count // len(self.members) + (i < count % len(self.members)) for i in range(len(self.members))]
@@ -224,7 +229,7 @@ class AnyOf(GoalDefaults):
         return rows
 
 
-ENTRIES = (list, tuple, np.ndarray, Mapping, Goal)  # of a list of goals; names as well, where states have any
+ENTRIES = (list, tuple, np.ndarray, Mapping, Goal)  # types in a list of goals; str as well if states have names
 
 GoalSpec = StateSpec | Goal | Mapping[str, Mapping[str, Any]] | Sequence[StateSpec | Goal | Mapping[str, Any]]
 
@@ -269,7 +274,7 @@ def is_named(given: Any) -> bool:
 
 
 def _several(given: Any, kinds: tuple[type, ...]) -> list[Any]:
-    """Return the members of a set, the entries of a list of goals, or the single goal, as a list."""
+    """Return a list of goals: the members of a set, the entries of a list, or the single goal that was given."""
     if isinstance(given, GoalSet | AnyOf):
         return [
             entry for member in given.members for entry in (_several(member, kinds) if _is_set(member) else [member])

@@ -1,7 +1,7 @@
 """Goals for the pose of a body: the camera looks at a target, or the camera or a tool is at a position.
 
 Differences of directions and orientations are angles: the logarithm of the remaining rotation, with a closed form of
-its derivative (Solà, Deray and Atchuthan 2018, arXiv 1812.01537). So a search that follows them has exact derivatives
+its derivative (Solà, Deray and Atchuthan 2018, arXiv 1812.01537). So inverse kinematics has exact derivatives
 everywhere, not only at the goal.
 """
 
@@ -23,14 +23,14 @@ from hpop.goals.region import DEGREE, Place, Region, checked_angle, checked_numb
 from hpop.motions import Pose, Twist, Vector
 
 ALIGNED = 1e-7  # rad: below, the sine of an angle is the angle to the last bit
-CLOSEST = 1e-12  # m or rad: smallest divisor
+CLOSEST = 1e-12  # m or rad: smallest divisor, against division by 0
 Axes = tuple[Vector, Vector, Vector]
 
 
 def off_axis(pose: Pose, offset: Vector) -> tuple[Column, Column]:
     """Return two angles (M,), rad: how far an offset points to the left of a body's forward axis, and above it.
 
-    The norm of the two is the whole angle. An offset straight behind is half a turn to the left.
+    The norm of the two is the angle between offset and axis. An offset straight behind is half a turn to the left.
     """
     ahead, left, up = (dot(axis, offset) for axis in (pose.ahead, pose.left, pose.up))
     sine = norm((left, up))
@@ -41,7 +41,10 @@ def off_axis(pose: Pose, offset: Vector) -> tuple[Column, Column]:
 
 
 def off_axis_rates(pose: Pose, twist: Twist, offset: Vector, change: Vector) -> tuple[Column, Column]:
-    """Return the rates of the angles of :func:`off_axis`, rad/s, if the offset changes at a rate and the body turns."""
+    """Return the rates of the angles of :func:`off_axis`, rad/s, for a body with a twist and an offset that changes.
+
+    ``change`` is the rate of the offset, m/s.
+    """
     length = np.maximum(norm(offset), CLOSEST)
     turned = _difference(change, cross(twist.rotation, offset))
     ahead, left, up = (dot(axis, offset) / length for axis in (pose.ahead, pose.left, pose.up))
@@ -59,7 +62,7 @@ def off_axis_rates(pose: Pose, twist: Twist, offset: Vector, change: Vector) -> 
 
 
 def roll_of(pose: Pose) -> Column:
-    """Return the roll (M,), rad, of a body to the right; arbitrary if it looks straight up or down."""
+    """Return the roll (M,), rad, of a body to its right; arbitrary if it looks straight up or down."""
     return np.arctan2(pose.left[2], pose.up[2])
 
 
@@ -73,7 +76,7 @@ def roll_rate(pose: Pose, twist: Twist) -> Column:
 def turn_to(pose: Pose, axes: Axes) -> Vector:
     """Return the rotation vector, rad, world frame, that turns a body's orientation to given axes ahead, left, up.
 
-    For half a turn its length is right, and its direction is the x axis.
+    For half a turn, where the direction of the vector is undetermined, it is along the x axis.
     """
     normal, sine, cosine = _remaining_rotation(pose, axes)
     some = sine > ALIGNED
@@ -95,7 +98,7 @@ def turn_to_rates(pose: Pose, twist: Twist, axes: Axes) -> Vector:
 
 
 def _remaining_rotation(pose: Pose, axes: Axes) -> tuple[Vector, Column, Column]:
-    """Return the axis of the remaining rotation, with the sine as its length, and the sine and cosine of its angle."""
+    """Return the rotation from a body's axes to given axes: its axis times the sine, the sine, and the cosine."""
     own = (pose.ahead, pose.left, pose.up)
     normals = [cross(one, other) for one, other in zip(own, axes, strict=True)]
     normal = tuple(0.5 * sum(part) for part in zip(*normals, strict=True))
@@ -135,40 +138,40 @@ class LookAt(Region):
         for one in (least, most):
             real("distance", one, LEAST, MOST, f"{form}, each", error=QueryError)
         if least > most:
-            raise QueryError(f"distance is {form}, the least first, got {written((least, most))}")
+            raise QueryError(f"distance must be {form}, the least first, got {written((least, most))}")
         object.__setattr__(self, "distance", (least, most))
         if self.roll is not None:
             object.__setattr__(self, "roll", checked_angle("roll", self.roll))
         set_reals(self, "angle_tolerance", least=LEAST, most=math.pi, kind="an angle in rad", error=QueryError)
 
     def __str__(self) -> str:
-        """Return the target and the distances in few characters."""
+        """Return the target and the distances as short text for messages."""
         rolled = "" if self.roll is None else f", rolled {math.degrees(self.roll):.4g} degrees"
         return f"look_at {written(self.target)} from {self.distance[0]:.4g} to {self.distance[1]:.4g} m{rolled}"
 
     @property
     def body(self) -> str:
-        """Return the camera."""
+        """Return the name of the body: the camera."""
         return "camera"
 
     @property
     def looked_at(self) -> Place:
-        """Return the target."""
+        """Return the position at which the camera looks: the target."""
         return self.target
 
     @property
     def places(self) -> tuple[Place, ...]:
-        """Return the target."""
+        """Return the positions that pictures mark: the target."""
         return (self.target,)
 
     @property
     def widened(self) -> tuple[str, ...]:
-        """Return the parameters that give the goal more room: distance and angle tolerance."""
+        """Return the parameters that make the goal easier to reach: distance and angle tolerance."""
         return "distance", "angle_tolerance"
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Return bounds of the coordinates: the band of distances, m, and zeros for the angles, rad."""
+        """Return the bounds of the coordinates: the distances, m, and 0 for the angles, rad."""
         still = [0.0] * (2 if self.roll is None else 3)
         return np.array([self.distance[0], *still]), np.array([self.distance[1], *still])
 
@@ -179,16 +182,16 @@ class LookAt(Region):
 
     @property
     def tolerances(self) -> tuple[float, float]:
-        """Return the tolerances: almost 0 m, since the distance has a band, and the angle tolerance, rad."""
+        """Return the tolerances: almost 0 m, since the distance has bounds, and the angle tolerance, rad."""
         return REACHED, self.angle_tolerance
 
     def coordinates(self, pose: Pose) -> tuple[Column, ...]:
-        """Return the distance, the target's angles to the left and above the middle of the view, and the roll error."""
+        """Return distance, m, the target's angles left of and above the middle of the view, and the roll error, rad."""
         offset = self._offset(pose)
         return norm(offset), *off_axis(pose, offset), *(() if self.roll is None else (self._off_roll(pose),))
 
     def rates(self, pose: Pose, twist: Twist) -> tuple[Column, ...]:
-        """Return the rates of the coordinates."""
+        """Return the rates (M,) of the coordinates, m/s and rad/s."""
         offset = self._offset(pose)
         x, y, z = (-part for part in twist.velocity)
         approach = dot(offset, (x, y, z)) / np.maximum(norm(offset), CLOSEST)
@@ -196,12 +199,12 @@ class LookAt(Region):
         return approach, *off_axis_rates(pose, twist, offset, (x, y, z)), *rolled
 
     def _off_roll(self, pose: Pose) -> Column:
-        """Return the roll error, rad; 0 if the camera looks straight up or down."""
+        """Return the roll error (M,), rad; 0 if the camera looks straight up or down."""
         off_vertical = np.arctan2(hypot(pose.left[2], pose.up[2]), np.abs(pose.ahead[2]))
         return np.where(off_vertical <= REACHED, 0.0, wrap(roll_of(pose) - self.roll))
 
     def _offset(self, pose: Pose) -> Vector:
-        """Return the offset from the camera to the target, m."""
+        """Return the offset (x, y, z) from the camera to the target, m."""
         x, y, z = self.target
         return x - pose.x, y - pose.y, z - pose.z
 
@@ -219,20 +222,22 @@ class PoseAt(Region):
     def __post_init__(self) -> None:
         object.__setattr__(self, "position", checked_place("position", self.position))
         if self.yaw_pitch_roll is not None and self.direction is not None:
-            raise QueryError(f"{self.name} takes yaw_pitch_roll, direction or neither, got both")
+            raise QueryError(f"{self.name} takes yaw_pitch_roll, direction or neither, got both; leave one out")
         if self.yaw_pitch_roll is not None:
             angles = checked_numbers("yaw_pitch_roll", self.yaw_pitch_roll, 3, "(yaw, pitch, roll) in rad")
             object.__setattr__(self, "yaw_pitch_roll", tuple(checked_angle("yaw_pitch_roll", one) for one in angles))
         if self.direction is not None:
             vector = checked_numbers("direction", self.direction, 3, "(x, y, z), a vector of any length")
             if math.hypot(*vector) < LEAST:
-                raise QueryError(f"direction is (x, y, z), a vector of any length but 0, got {shown(self.direction)}")
+                raise QueryError(
+                    f"direction must be (x, y, z), a vector of any length but 0, got {shown(self.direction)}"
+                )
             object.__setattr__(self, "direction", vector)
         set_reals(self, "position_tolerance", least=LEAST, most=MOST, kind="a length in m", error=QueryError)
         set_reals(self, "angle_tolerance", least=LEAST, most=math.pi, kind="an angle in rad", error=QueryError)
 
     def __str__(self) -> str:
-        """Return the place and the orientation in few characters."""
+        """Return the position and the orientation as short text for messages."""
         turned = ""
         if self.yaw_pitch_roll is not None:
             yaw, pitch, roll = (f"{math.degrees(angle):.4g}" for angle in self.yaw_pitch_roll)
@@ -243,17 +248,17 @@ class PoseAt(Region):
 
     @property
     def places(self) -> tuple[Place, ...]:
-        """Return the position."""
+        """Return the positions that pictures mark: the position of the goal."""
         return (self.position,)
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Return zero bounds: coordinates must be 0, within the tolerances."""
+        """Return bounds of 0: coordinates must be 0, within the tolerances."""
         return np.zeros(self.lengths.size), np.zeros(self.lengths.size)
 
     @property
     def lengths(self) -> BoolArray:
-        """Mark the coordinates of the position as those in m."""
+        """Mark the coordinates in m: the three of the position."""
         angles = 3 if self.yaw_pitch_roll is not None else 2 if self.direction is not None else 0
         return np.array([True] * 3 + [False] * angles)
 
@@ -271,7 +276,7 @@ class PoseAt(Region):
         return (*apart, *off_axis(pose, self.direction)) if self.direction is not None else apart
 
     def rates(self, pose: Pose, twist: Twist) -> tuple[Column, ...]:
-        """Return the rates of the coordinates."""
+        """Return the rates (M,) of the coordinates, m/s and rad/s."""
         if self._axes is not None:
             return *twist.velocity, *turn_to_rates(pose, twist, self._axes)
         if self.direction is not None:
@@ -280,7 +285,7 @@ class PoseAt(Region):
 
     @cached_property
     def _axes(self) -> Axes | None:
-        """Return the goal's axes ahead, left and up: turned by the yaw, then up by the pitch, right by the roll."""
+        """Return the axes ahead, left and up that yaw_pitch_roll demands; None without yaw_pitch_roll."""
         if self.yaw_pitch_roll is None:
             return None
         (cy, cp, cr), (sy, sp, sr) = (tuple(map(f, self.yaw_pitch_roll)) for f in (math.cos, math.sin))
@@ -308,7 +313,7 @@ class CameraAt(PoseAt):
 
     @property
     def body(self) -> str:
-        """Return the camera."""
+        """Return the name of the body: the camera."""
         return "camera"
 
 
@@ -331,4 +336,4 @@ class ToolAt(PoseAt):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not isinstance(self.body, str) or not self.body:
-            raise QueryError(f"body is the name of a body of the model, such as 'tool', got {shown(self.body)}")
+            raise QueryError(f"body must be the name of a body of the model, such as 'tool', got {shown(self.body)}")

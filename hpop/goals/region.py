@@ -1,12 +1,13 @@
 """Goals in space: states of any model in which a body is within bounds, found by inverse kinematics.
 
-A task space region of Berenson, Srinivasa and Kuffner 2011 (doi 10.1177/0278364910396389): coordinates of a body's pose
-and bounds on them. States are drawn by sampling the bounds and descending to each sample.
+Such a goal is a task space region (Berenson, Srinivasa and Kuffner 2011, doi 10.1177/0278364910396389): coordinates of
+a body's pose and bounds on them. To draw a state, a point within the bounds is sampled, and an optimisation (a
+"descent") moves a random state until the body is at this point.
 
 The descent is damped least squares on the coordinates' distance to their bounds (Wampler 1986, doi
 10.1109/TSMC.1986.289285). The damping is raised where a step does not help and lowered where it does (Marquardt 1963,
-doi 10.1137/0111030). Columns of the Jacobian are the twists of the body at unit rates of one state each, so this code
-knows nothing of joints. Where a limit holds a state, its column is left out and the others take over.
+doi 10.1137/0111030). Columns of the Jacobian are the twists of the body at unit rates of one state variable each, so
+this code knows nothing of joints. A state variable that is held at its limit is left out, and the others take over.
 """
 
 from __future__ import annotations
@@ -35,8 +36,8 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
     from hpop.world import World
 
-STEPS = 30  # of each descent
-DONE = 1e-18  # square of m or rad: the descent has arrived
+STEPS = 30  # most steps of each descent
+DONE = 1e-18  # square of m or rad: a descent with a smaller error has arrived
 DAMPING = 1e-2  # of the first step
 EASED, RAISED = 0.2, 5.0
 LEAST_DAMPING, MOST_DAMPING = 1e-9, 1e6  # steps with more damping are negligible: a local optimum
@@ -47,7 +48,7 @@ Place = tuple[float, float, float]
 
 
 class Miss(NamedTuple):
-    """Distances (M,) of a body beyond the bounds of a region: of its lengths, m, and of its angles, rad."""
+    """Error of a body (M,): its distance outside the bounds of a region, in lengths, m, and in angles, rad."""
 
     metres: FloatArray
     radians: FloatArray
@@ -62,27 +63,30 @@ class InverseKinematics:
     region: Region
 
     def states(self, rows: FloatArray) -> States:
-        """Return rows (M, n), the coordinates of the space as columns, as states (M,)."""
+        """Convert rows (M, n), with one column per state variable, to states (M,)."""
         return States(**dict(zip(self.space.names, rows.T, strict=True)))
 
     def rows(self, states: States) -> FloatArray:
-        """Return states (M,) as rows (M, n), with the coordinates of the space as columns."""
+        """Convert states (M,) to rows (M, n), with one column per state variable."""
         return np.stack([getattr(states, name) for name in self.space.names], axis=1)
 
     def excess(self, states: States, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Return the signed excess (M, k) of the region's coordinates beyond bounds (M, k) or (k,)."""
+        """Return how far (M, k), with sign, the region's coordinates are outside bounds (M, k) or (k,); 0 inside."""
         pose = self.model.pose(self.region.body, states)
         found = _stacked(self.region.coordinates(pose), states.size)
         return found - np.clip(found, low, high)
 
     def miss(self, states: States) -> Miss:
-        """Return the distance of each state (M,) from the region."""
+        """Return how far the body is outside the region in each state (M,)."""
         low, high = self.region.bounds
         excess, lengths = self.excess(states, low, high), self.region.lengths
         return Miss(*(np.sqrt((excess[:, part] ** 2).sum(axis=1)) for part in (lengths, ~lengths)))
 
     def descend(self, rows: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Return rows (M, n) after a descent that moves the region's coordinates towards bounds (M, k)."""
+        """Change states, given as rows (M, n), step by step until the region's coordinates are within bounds (M, k).
+
+        Return the rows; some may have stopped at a local optimum outside the bounds.
+        """
         least, most = self._limits
         rows, damping = rows.copy(), np.full(len(rows), DAMPING)
         excess = self.excess(self.states(rows), low, high)
@@ -108,7 +112,7 @@ class InverseKinematics:
         return self._within_one_turn(rows)
 
     def distinct(self, rows: FloatArray) -> FloatArray:
-        """Return the distinct rows (N, n)."""
+        """Return rows (N, n) without repetitions: of states nearer than `APART`, only the first is kept."""
         from scipy.spatial import KDTree  # slow to import
 
         columns = []
@@ -121,7 +125,7 @@ class InverseKinematics:
         return rows[kept]
 
     def _step(self, jacobian: FloatArray, excess: FloatArray, damping: FloatArray) -> FloatArray:
-        """Return damped least squares steps (m, n) against the excess (m, k)."""
+        """Return the damped least squares steps (m, n) that reduce the excess (m, k)."""
         square = jacobian @ jacobian.transpose(0, 2, 1) + damping[:, None, None] * np.eye(excess.shape[1])
         pull = np.linalg.solve(square, excess[:, :, None])
         return -(jacobian.transpose(0, 2, 1) @ pull)[:, :, 0]
@@ -144,7 +148,7 @@ class InverseKinematics:
 
     @cached_property
     def _weights(self) -> FloatArray:
-        """Return metres per unit of each column, so that steps are short in the metric of the space."""
+        """Return metres per unit of each state variable (n,), so that steps are short in the metric of the space."""
         weights = np.array(self.space.weights, float)
         return np.where(weights > 0.0, weights, 1.0)
 
@@ -157,7 +161,7 @@ class InverseKinematics:
 
 
 def sampled_space(model: Model, world: World) -> StateSpace:
-    """Return the space in which states are sampled; the base's position is bounded by the world."""
+    """Return the space in which states are sampled: that of the model, with a mobile base limited to the world."""
     if not ({"base", "plane"} & model.provides and {"x", "y"} <= set(model.space.names)):
         return model.space
     x_min, y_min, x_max, y_max = world.bounds
@@ -165,7 +169,7 @@ def sampled_space(model: Model, world: World) -> StateSpace:
 
 
 def _unit_rates(states: States, moving: str) -> States:
-    """Return rates of 1 per second for one state and 0 for the others."""
+    """Return rates (M,) of the states: 1 per second for the variable ``moving``, 0 for the others."""
 
     def rate(name: str) -> Column:
         return np.full(states.size, float(name == moving))
@@ -180,9 +184,9 @@ def _stacked(columns: tuple[Column, ...], size: int) -> FloatArray:
 
 @checked_arguments
 class Region(GoalDefaults, ABC):
-    """Base class of goals that keep a body within bounds: frozen dataclasses with parameters as fields.
+    """Base class of goals that put a body within bounds: frozen dataclasses with parameters as fields.
 
-    A goal of your own needs ``body``, ``coordinates`` of its pose, their ``rates`` and ``bounds``;
+    A goal of your own defines ``body``, ``coordinates`` of its pose, and their ``rates``, ``bounds`` and ``lengths``;
     :func:`hpop.goals.goal` registers it.
     """
 
@@ -191,12 +195,12 @@ class Region(GoalDefaults, ABC):
     @property
     @abstractmethod
     def body(self) -> str:
-        """Name of the body in the model."""
+        """Name of the body in the model, such as "camera"."""
 
     @property
     @abstractmethod
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper bounds of the coordinates (k,), equal for an exact value; states are drawn within them."""
+        """Lower and upper bounds (k,) of the coordinates, between which states are drawn; equal for an exact value."""
 
     @property
     @abstractmethod
@@ -214,15 +218,15 @@ class Region(GoalDefaults, ABC):
 
     @abstractmethod
     def rates(self, pose: Pose, twist: Twist) -> tuple[Column, ...]:
-        """Return the rate (M,) of each coordinate, from the velocity and the rotation rate of the body."""
+        """Return the rate of change (M,) of each coordinate, given the twist (velocity, rotation rate) of the body."""
 
     @property
     def requires(self) -> frozenset[str]:
-        """Return the requirement of a model: the body."""
+        """Return the capability that a model must provide: the body."""
         return frozenset({self.body})
 
     def states(self, problem: Problem, rng: RNG, count: int) -> States:
-        """Return at most ``count`` distinct states (n,); fewer if further random descents find no others.
+        """Return at most ``count`` distinct states (n,) of the goal; fewer if more random starts find no others.
 
         Raises QueryError, with the distance of the nearest state, if none is found.
         """
@@ -249,11 +253,14 @@ class Region(GoalDefaults, ABC):
 
     @property
     def widened(self) -> tuple[str, ...]:
-        """Return the names of the parameters that leave the goal more room."""
+        """Return the names of the parameters that a user can increase to make the goal easier to reach."""
         return tuple(field.name for field in fields(self) if field.name.endswith("tolerance"))  # type: ignore[arg-type]
 
     def _descend_from(self, sought: InverseKinematics, rng: np.random.Generator, seeds: int) -> FloatArray:
-        """Descend from random rows (seeds, n) to samples of the bounds, or else to any point within the bounds."""
+        """Draw random states as rows (seeds, n), and move each to a random point within the bounds.
+
+        States for which this fails are moved to any point within the bounds.
+        """
         low, high = (np.broadcast_to(bound, (seeds, len(bound))) for bound in self.bounds)
         aims = rng.uniform(low, high)
         rows = sought.descend(sought.rows(sought.space.sample(rng, seeds)), aims, aims)
@@ -277,10 +284,10 @@ class Region(GoalDefaults, ABC):
 
 
 def checked_numbers(name: str, given: Any, count: int, form: str) -> tuple[float, ...]:
-    """Return ``count`` numbers; raise QueryError for other values, with ``form`` as a description of the numbers."""
+    """Return ``count`` numbers as floats; raise QueryError for other values. ``form`` describes them in the message."""
     many = given.tolist() if isinstance(given, np.ndarray) else given
     if not isinstance(many, Sequence) or isinstance(many, str) or len(many) != count:
-        raise QueryError(f"{name} is {form}, got {shown(given)}")
+        raise QueryError(f"{name} must be {form}, got {shown(given)}")
     return tuple(float(real(name, one, -FARTHEST, FARTHEST, f"{form}, each", error=QueryError)) for one in many)
 
 
@@ -299,7 +306,7 @@ def checked_angle(name: str, given: Any) -> float:
 
 
 def written(place: Sequence[float]) -> str:
-    """Return numbers in few characters.
+    """Return numbers as short text for messages.
 
     >>> written((0.5, 0.0, 1.25))
     '(0.5, 0, 1.25)'

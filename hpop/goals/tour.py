@@ -1,7 +1,8 @@
 """Tours: stops to visit between start and goal, in a given order, in any order, or in a partial order.
 
-The progress of a tour is the set of its decided stops, those visited or skipped. The sets that a partial order allows
-are its order ideals; here they are numbered and called layers, since a search has a copy of its graph for each of them.
+The progress of a tour is the set of its decided stops: the stops that were visited or skipped. Only some sets are
+possible under a partial order (its order ideals). Here they are numbered and called layers, because a search has a copy
+of its graph for each of them.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 MOST_STOPS = 60
-MOST_LAYERS = 2**6  # of stops that are not all in one order: six in any order
+MOST_LAYERS = 2**6  # sets of decided stops, unless the order is given: six stops in any order
 NEAR = 3.0  # m: default of the largest distance from which the camera sees a landmark
 FORMS = "at with within, a goal such as look_at, or landmark"
 Order = Literal["given", "any"] | Sequence[tuple[int | str, int | str]]
@@ -41,10 +42,10 @@ class TourStop:
 
     at        m  (x, y): the base is within ``within`` of this position, with any heading
     goal      any goal of :mod:`hpop.goals`, in the forms that a problem takes; a target of ``look_at`` must be visible
-    landmark  name of a landmark of the world that the camera sees from at most ``within``, 3 m by default
+    landmark  name of a landmark of the world that the camera must see from at most ``within``, 3 m by default
     within    m  radius of the disc about ``at``, or largest distance between camera and landmark
-    dwell     s  time for which the robot stands there; with 0, a motion begins or ends there
-    name      in messages, tables and pictures; by default that of the landmark, or "stop" with its number from 1
+    dwell     s  time for which the robot stands there; with 0, a motion only begins or ends there
+    name      shown in messages, tables and pictures; default: name of the landmark, or "stop" with its number from 1
     optional  whether the tour may skip it, which costs in the criterion ``stops_missed``
     """
 
@@ -77,7 +78,7 @@ class TourStop:
             kind = "a length in m"
             within = float(real(f"within of {what}", within, LEAST, MOST, kind, error=QueryError))
         elif within is not None:
-            raise QueryError(f"within of {what} is for at and landmark; a goal has bounds of its own. Leave it out")
+            raise QueryError(f"within of {what} is only for at and landmark; a goal has its own bounds. Leave it out")
         object.__setattr__(self, "within", within)
         dwell = real(f"dwell of {what}", self.dwell, 0, LONGEST, "a time in s", error=QueryError)
         object.__setattr__(self, "dwell", float(dwell))
@@ -85,7 +86,7 @@ class TourStop:
 
     @classmethod
     def of(cls, spec: Any) -> TourStop:
-        """Return the stop of a mapping, in which the name of a goal may stand for the key ``goal``."""
+        """Build a stop from a mapping of its fields; instead of ``goal``, the name of a goal may be a key."""
         if isinstance(spec, TourStop):
             return spec
         if not isinstance(spec, Mapping):
@@ -99,17 +100,17 @@ class TourStop:
                 hint = did_you_mean(key, [*known, *goals])
                 raise QueryError(f"a stop has no key {shown(key)}.{hint} It takes {', '.join([*known, *goals])}")
             if own.get("goal") is not None:
-                raise QueryError(f"a stop must have one goal, got {shown(key)} beside another")
+                raise QueryError(f"a stop must have one goal, got {shown(key)} beside another; leave one out")
             own["goal"] = {key: spec[key]}
         return cls(**own)
 
     @property
     def target(self) -> Goal | None:
-        """Goal as an object; None for a disc or a landmark. Call this on a stop of :meth:`Tour.on`."""
+        """Goal as an object; None for a position or a landmark. Use this only on a stop from :meth:`Tour.on`."""
         return GoalSet((self.goal,)) if isinstance(self.goal, tuple) else self.goal
 
     def on(self, model: Model, world: World) -> TourStop:
-        """Return the stop with its goal as an object; raise QueryError if model and world cannot have such a stop."""
+        """Return the stop with its goal as an object; raise QueryError if the stop does not fit the model or world."""
         if self.at is not None and not ({"x", "y"} <= set(model.space.names) and "base" in model.provides):
             raise QueryError(
                 f"stop {self.name!r} is a position of the base (at), but {model.name} has none; give a goal such as "
@@ -140,7 +141,10 @@ class TourStop:
         return stop
 
     def place(self, world: World) -> tuple[float, float] | None:
-        """Return where pictures mark the stop, m: its position, its landmark, or a target or state of its goal."""
+        """Return the position (x, y), m, at which pictures mark the stop; None if there is none.
+
+        It is the position of the stop, its landmark, or a target or state of its goal.
+        """
         if self.at is not None:
             return self.at
         marks = [(mark.x, mark.y) for mark in world.content.landmarks if mark.name == self.landmark]
@@ -152,7 +156,7 @@ class TourStop:
         return (float(first[0]), float(first[1])) if len(first) == 2 and None not in first else None  # type: ignore[arg-type]
 
     def describe(self) -> dict[str, Any]:
-        """Return the stop as JSON, without defaults; a stop of a checked tour, with its goal as an object."""
+        """Return the stop as JSON, without default values. Use this only on a stop from :meth:`Tour.on`."""
         target = self.target
         values: dict[str, Any] = {"at": None if self.at is None else list(self.at), "landmark": self.landmark}
         values |= {"goal": None if target is None else target.describe(), "within": self.within, "name": self.name}
@@ -161,11 +165,11 @@ class TourStop:
 
 
 class TourStep(NamedTuple):
-    """Visit of a stop, as a step from one layer of a tour to another.
+    """Visit of a stop, as a step from one layer (set of decided stops) of a tour to another.
 
     stop     index of the visited stop
-    layer    layer after the visit
-    skipped  indices of the optional stops that the visit skips
+    layer    index of the layer after the visit
+    skipped  indices of the optional stops that are skipped by this visit
     """
 
     stop: int
@@ -180,8 +184,8 @@ class Tour:
 
     stops  stops, or mappings with their parameters: ``{"at": (6, 16), "within": 1.5, "dwell": 10}``,
            ``{"look_at": {"target": (22, 16, 1.5), "distance": (1, 2.5)}}``, ``{"landmark": "the vase"}``
-    order  "given": as listed; "any"; or pairs of stops, by index from 0 or by name, the first of which comes before the
-           second
+    order  "given": as listed; "any": in any order; or pairs of stops, by index from 0 or by name, each of which says
+           that the first stop comes before the second
 
     Raises QueryError for invalid stops, equal names, an unknown stop in a pair, and pairs that contradict each other.
 
@@ -215,7 +219,7 @@ class Tour:
 
     @classmethod
     def of(cls, spec: Any) -> Tour:
-        """Return the tour of a mapping with the keys of a scenario: ``stops``, and ``order`` or ``some``."""
+        """Build a tour from a mapping with the keys of a scenario: ``stops``, and ``order`` or ``some`` (pairs)."""
         if isinstance(spec, Tour):
             return spec
         if not isinstance(spec, Mapping) or not {"stops"} <= set(spec) <= {"stops", "order", "some"}:
@@ -243,7 +247,7 @@ class Tour:
 
     @property
     def words(self) -> str:
-        """Stops and order in words, as part of a certificate."""
+        """Stops and order in words, for the certificate of a front."""
         *most, last = (f"{stop.name} (optional)" if stop.optional else stop.name for stop in self.stops)
         listed = f"{', '.join(most)} and {last}" if most else last
         if self.order == "any":
@@ -254,7 +258,7 @@ class Tour:
         return f"visiting {listed} in any order with {pairs}"
 
     def describe(self) -> dict[str, Any]:
-        """Return a JSON-able description, from which :meth:`of` makes an equal tour."""
+        """Return a JSON-able description, from which :meth:`of` builds an equal tour."""
         listed = {"stops": [stop.describe() for stop in self.stops]}
         if isinstance(self.order, str):
             return listed if self.order == "given" else {"order": self.order, **listed}
@@ -292,14 +296,14 @@ class Tour:
 
     @property
     def _pairs(self) -> list[tuple[int, int]]:
-        """Pairs of stops (i, j) of which i comes before j."""
+        """Pairs (i, j) of indices of stops where stop i must come before stop j."""
         if isinstance(self.order, str):
             return [(i, i + 1) for i in range(len(self.stops) - 1)] if self.order == "given" else []
         return [(self._index(i), self._index(j)) for i, j in self.order]
 
     @cached_property
     def before(self) -> tuple[frozenset[int], ...]:
-        """Stops that come before each stop, directly or not; raise QueryError for a cycle."""
+        """For each stop, the indices of all stops that must come before it; QueryError if the pairs make a cycle."""
         direct: list[set[int]] = [set() for _ in self.stops]
         for i, j in self._pairs:
             direct[j].add(i)
@@ -317,7 +321,7 @@ class Tour:
 
     @staticmethod
     def _cycle(direct: Sequence[set[int]]) -> list[int]:
-        """Return the stops of a cycle, the first one again at the end; at least one stop has to be on a cycle."""
+        """Return the stops of a cycle, with the first one again at the end; there must be a cycle."""
         within = set(range(len(direct)))
         while len(left := {j for j in within if direct[j] & within}) < len(within):
             within = left
@@ -328,7 +332,7 @@ class Tour:
 
     @cached_property
     def layers(self) -> tuple[frozenset[int], ...]:
-        """Sets of decided stops that the order allows, by size; the first is empty, the last has all stops.
+        """Sets of decided stops that the order allows, sorted by size: the first is empty, the last has all stops.
 
         Raises QueryError if there are too many for an exact search.
         """
@@ -350,7 +354,7 @@ class Tour:
 
     @cached_property
     def steps(self) -> tuple[tuple[TourStep, ...], ...]:
-        """Visits that are possible in each layer; a visit skips the undecided stops before it, which are optional."""
+        """Visits that are possible in each layer. A visit skips undecided stops that come before it, all optional."""
         number = {done: i for i, done in enumerate(self.layers)}
         return tuple(
             tuple(
@@ -363,7 +367,7 @@ class Tour:
 
     @property
     def endings(self) -> Iterator[tuple[int, tuple[int, ...]]]:
-        """Yield the layers in which a tour may end, and the optional stops that such an end skips."""
+        """Yield each layer in which the tour may end, with the optional stops that are then skipped."""
         for i, done in enumerate(self.layers):
             left = [j for j in range(len(self.stops)) if j not in done]
             if all(self.stops[j].optional for j in left):

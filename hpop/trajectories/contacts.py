@@ -1,7 +1,8 @@
-"""Contact of a trajectory with people who move, checked moment by moment.
+"""Contact of a trajectory with moving people, checked moment by moment.
 
-This check shares no geometry and no rule with the planners that keep clear. The robot's outline is placed every
-hundredth of a second. An uncertain person is placed at points that stand for equal shares of the normal distribution.
+This check shares no geometry and no rules with the planners, so it can verify their results. The robot's outline is
+placed every hundredth of a second. A person of uncertain position is placed at 1000 points, each of which stands for an
+equal share of the normal distribution.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from hpop.trajectories.trajectory import Trajectory
 from hpop.world.content.people import Person
 
 STEP = 0.01  # s between moments
-TOGETHER = 2**16  # moments
+TOGETHER = 2**16  # moments that are checked together
 TOUCH = 1e-3  # m: tolerance for touching surfaces and for motion between moments
 RISK = 0.05  # accepted share of a prediction in contact at a moment
 UNSURE = 0.01  # tolerance for the computed share; one point of POINTS is far less
@@ -41,11 +42,11 @@ def contact(
 ) -> str:
     """Return a description of the first contact, or of the first distance below a margin, m; "" if there is none.
 
-    For a person with an uncertain position or several futures, contact begins when more than 5 % of the prediction is
-    too near, also if this happens within a second while no gap becomes smaller. A robot that begins within a person's
-    margin, or is approached within a second, may leave. So may a robot that begins in contact, as long as its own
-    motion does not reduce the gap. People who stand are not checked, except those with numbers in ``left``, which the
-    robot leaves.
+    For a person with an uncertain position or several futures, it counts as contact if more than 5 % of the prediction
+    is too near. A robot that begins within a person's margin, or is approached within a second, may leave. So may a
+    robot that begins in contact (with an uncertain person, within a second), as long as its own motion does not reduce
+    the gap. Standing people are not checked, except those with indices in ``left``, which the robot touches at its
+    start.
     """
     moments = _moments(trajectory)
     for least, what in ((0.0, "touches"), (margin, f"comes within {margin:g} m of")):
@@ -59,7 +60,9 @@ def contact(
 def first_contact(
     parts: Sequence[Any], people: Sequence[Person], trajectory: Trajectory, margin: float, *, begin: float = 0.0
 ) -> tuple[float, str] | None:
-    """Return the first time, s, at which a robot is nearer than a margin, m, to any person, and a description of both.
+    """Return the first time, s, at which a robot is nearer than a margin, m, to any person, and the person's name.
+
+    Return None if this never happens. A robot may leave people near its start, see :func:`contact`.
 
     begin  s, of the trajectory, at which the predictions of people begin; the returned time counts from then
     """
@@ -89,9 +92,9 @@ def _earliest_contact(
     margin: float,
     left: Collection[int] = (),
 ) -> tuple[float, str] | None:
-    """Return the first time, s, at which the robot is too near to a person, and a description of the person.
+    """Return the first time, s, at which the robot is too near to a person, and the person's name; None if never.
 
-    People who move are checked, and people who stand if ``left`` has their numbers.
+    Moving people are checked, and standing people with indices in ``left``.
     """
     found = [
         (moment, person.name or f"person {number}")
@@ -105,7 +108,10 @@ def _earliest_contact(
 def _first_contact_with(
     parts: Sequence[Any], person: Person, moments: Sequence[_Moments], margin: float
 ) -> float | None:
-    """Return the first time, s, at which the robot is too near to one person, or None; leaving is allowed."""
+    """Return the first time, s, at which the robot is too near to one person, or None.
+
+    Moments in which the robot leaves the person near its start do not count, see :func:`contact`.
+    """
     uncertain = any(likely.spread or likely.growth for _, likely in person.hypotheses)
     leaves, parts_from = margin > 0.0, margin == 0.0  # it may still be leaving; or parting from contact
     for times, states in moments:
@@ -129,10 +135,10 @@ def _first_contact_with(
 def _moments_of_leaving(
     parts: Sequence[Any], person: Person, states: States, times: FloatArray, near: BoolArray
 ) -> int:
-    """Return the number of moments, from the first one on, in contact without the robot itself reducing the gap.
+    """Return the number of moments, from the first one on, in which contact is excused because the robot leaves.
 
-    A person may follow faster than the robot leaves. A chance of contact that arises later must arise without any
-    person coming nearer, as a position becomes less certain.
+    The robot's own motion must not reduce the gap; a person may follow faster than the robot leaves. If contact only
+    becomes likely later, this must be because the position becomes less certain, while the gap does not shrink.
     """
     first = int(np.argmax(near))
     apart = np.flatnonzero(~near[first:])
@@ -176,7 +182,7 @@ def _share_too_near(
 
 
 def _distance(parts: Sequence[Any], states: States, positions: FloatArray) -> FloatArray:
-    """Return the distance (N,), m, of positions (N, 2) from the robot in states (N,); 0 within it."""
+    """Return the distance (N,), m, of positions (N, 2), m, from the robot's outline in states (N,); 0 within it."""
     x, y = positions[:, 0] - states.x, positions[:, 1] - states.y
     cos, sin = np.cos(states.yaw), np.sin(states.yaw)
     ahead, left = cos * x + sin * y, cos * y - sin * x

@@ -1,8 +1,8 @@
 """History of a whole trajectory in time order, for criteria with memory.
 
-Sickness builds up and decays, a landmark is seen once or never, a curve changes its sign: such a criterion declares
-``aggregate="trajectory"`` and its ``cost(m)`` gets a :class:`History` instead of a batch of motions under one law. It
-returns the running value (M,) at the end of each motion, and the last one is the cost.
+Some criteria depend on the past: sickness builds up and decays, a landmark is seen once or never, curvature changes its
+sign. Such a criterion declares ``aggregate="trajectory"``, and its ``cost(m)`` receives a :class:`History` instead of a
+batch of motions under one law. It returns the running value (M,) at the end of each motion; the last one is the cost.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ T = TypeVar("T")
 
 
 class SampledTrajectory(Instants):
-    """Moments of an executed trajectory at ``times`` (N,), s, with its real speed ramps."""
+    """States and rates of an executed trajectory, with its speed ramps, at ``times`` (N,), s."""
 
     def __init__(self, executed: Trajectory, times: FloatArray) -> None:
         states, (rates, changes) = executed.at(times), executed.rates(times)
@@ -57,7 +57,7 @@ class History:
 
     @property
     def model(self) -> Model:
-        """Model that moves."""
+        """Model of the robot that moves."""
         return self.trajectory.model
 
     @property
@@ -71,7 +71,7 @@ class History:
         return self.trajectory.times[:-1]
 
     def of_motions(self, column: Callable[[Motions], Column]) -> FloatArray:
-        """Return a column (M,) of the motions, computed law by law and put in time order."""
+        """Return a value (M,) for each motion in time order; ``column`` computes the values of a batch of motions."""
         values = np.zeros(len(self))
         for index, motions in self.trajectory.batches(self.world):
             values[index] = column(motions)
@@ -94,15 +94,15 @@ class History:
         return self.at(np.linspace(0.0, lasts, count))
 
     def at(self, times: FloatArray) -> SampledTrajectory:
-        """Return moments (N,) of the execution, s; before its start and after its end the robot stands."""
+        """Return samples of the execution at times (N,), s; before its start and after its end the robot stands."""
         return SampledTrajectory(self.executed, times)
 
     def at_motion_ends(self, times: FloatArray, values: FloatArray) -> FloatArray:
-        """Return running values (N,) at executed times, read where each planned motion (M,) is completed."""
+        """Return running values at the end of each planned motion (M,), from values (N,) at times of the execution."""
         return np.interp(self.passed[1:], times, values)
 
     def once(self, key: Hashable, make: Callable[[], T]) -> T:
-        """Return a value that several criteria derive from these motions, computed by the first of them."""
+        """Return a value that several criteria share: computed by ``make`` at the first call, then cached."""
         if key not in self._derived:
             self._derived[key] = make()
         derived: T = self._derived[key]
@@ -119,9 +119,9 @@ class History:
 
 @dataclass(frozen=True, eq=False)
 class Sections(Motions):
-    """Batch of sections of motions under one law.
+    """Batch of sections of motions under one law; a section is the part of a motion between two times.
 
-    timing  phases of the whole motions, clipped to the sections, with shares of the whole motions
+    timing  phases (speed profiles) of the whole motions, clipped to the sections
     """
 
     timing: tuple[Phase, ...] = ()
@@ -130,7 +130,7 @@ class Sections(Motions):
 
     @cached_property
     def phases(self) -> tuple[Phase, ...]:
-        """Timing of the whole motions, clipped."""
+        """Phases (speed profiles) of the whole motions, clipped to the sections."""
         return self.timing
 
 
@@ -142,15 +142,15 @@ def sections(
     ends: tuple[States, States],
     turns: tuple[FloatArray, FloatArray] | None,
 ) -> Sections:
-    """Return sections (P,) of some motions.
+    """Return sections (P,) of motions, each the part of a motion between two times.
 
     Parameters
     ----------
     whole : the motions (M,)
     owner : (P,) index of each section's motion
-    since, until : (P,) s from the start of the motion
-    ends : states (P,) at these moments
-    turns : (P,) rad, two columns, as of :class:`Motions`
+    since, until : (P,) begin and end of each section, s from the start of its motion
+    ends : states (P,) at these two times
+    turns : (P,) rad, two columns, as in :class:`Motions`
     """
     t0 = None if whole.t0 is None else whole.t0[owner] + since
     timing = _clipped(whole, owner, since, until)
@@ -158,7 +158,7 @@ def sections(
 
 
 def _clipped(whole: Motions, owner: IntArray, since: FloatArray, until: FloatArray) -> tuple[Phase, ...]:
-    """Return the phases (P,) between two moments."""
+    """Return the phases (speed profiles) of motions, clipped to sections (P,) between two times."""
 
     def pick(column: Column) -> FloatArray:
         return np.broadcast_to(column, len(whole))[owner]
@@ -272,5 +272,5 @@ class PiecesHistory(History):
 
     @property
     def passed(self) -> FloatArray:
-        """Executed time (n+1,), s, at which the pieces begin and end: spread over each motion as it is planned."""
+        """Executed time (n+1,), s, at which pieces begin and end, interpolated from the ends of the planned motions."""
         return np.interp(self.pieces.times, self.trajectory.times, super().passed)

@@ -1,7 +1,7 @@
 """Distinct motions of many trajectories, so that a large front stores, evaluates and checks shared motions once.
 
-Trajectories of one front share most of their states: of five million motions on a lattice some ten thousand differ.
-States are equal if their numbers are equal bit for bit.
+Trajectories of one front share most of their motions: of five million motions on a lattice, some ten thousand are
+different. States count as equal if their numbers are equal bit for bit.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ BLOCK = 2**16  # motions in a batch, so that evaluations take bounded memory
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MotionTable:
-    """Table of the states and motions that trajectories of one model share.
+    """Table of the distinct states and motions of n trajectories of one model.
 
     model    the model that moves
     states   (S,) columns: distinct states, NaN in a column that no motion at the state needs
-    laws     names of the motions' laws
+    laws     names of the motion laws
     law      (M,) law of each distinct motion, as index into ``laws``
     start    (M,) state in which each motion begins
     end      (M,) state in which each motion ends
@@ -59,7 +59,7 @@ class MotionTable:
 
     @classmethod
     def of(cls, trajectories: Sequence[Trajectory]) -> MotionTable:
-        """Return the table of one trajectory or more."""
+        """Build the table of one or more trajectories."""
         several = [t.states for t in trajectories]
         names = dict.fromkeys(name for states in several for name in states.names)
         counts = np.array([len(t.kinds) for t in trajectories], dtype=np.int64)
@@ -94,12 +94,12 @@ class MotionTable:
 
     @cached_property
     def owner(self) -> IntArray:
-        """Trajectory (N,) of each of the motions."""
+        """Index (N,) of the trajectory to which each motion belongs."""
         return np.repeat(np.arange(self.counts.size), self.counts)
 
     @cached_property
     def last(self) -> IntArray:
-        """State (n,) in which each trajectory ends."""
+        """Index (n,) of the state in which each trajectory ends."""
         ends = np.cumsum(self.counts) - 1
         moves = self.counts > 0
         last = self.first.copy()
@@ -108,25 +108,25 @@ class MotionTable:
 
     @cached_property
     def curved(self) -> BoolArray:
-        """Mask (M,) of motions along curves, which depend on their neighbours."""
+        """Mask (M,) of motions along curves, whose costs depend on the motions before and after."""
         laws = laws_of(self.model)
         return np.array([is_curve(laws[name]) for name in self.laws], dtype=bool)[self.law]
 
     @cached_property
     def timed(self) -> BoolArray:
-        """Mask (M,) of motions that need states beside the model's own, as holds and curves do."""
+        """Mask (M,) of motions that need more state variables than the model has, as holds and curves do."""
         return np.array([bool(extras(self.model, (name,))) for name in self.laws], dtype=bool)[self.law]
 
     def having(self, motions: BoolArray) -> BoolArray:
-        """Return which trajectories (n,) have one of some motions (M,)."""
+        """Return which trajectories (n,) contain any of the motions marked in a mask (M,)."""
         return np.bincount(self.owner[motions[self.motions]], minlength=self.counts.size) > 0
 
     def through(self, states: BoolArray) -> BoolArray:
-        """Return which trajectories (n,) pass one of some states (S,)."""
+        """Return which trajectories (n,) pass any of the states marked in a mask (S,)."""
         return states[self.first] | self.having(states[self.end])
 
     def sums(self, each: FloatArray) -> FloatArray:
-        """Return the sum (n,) of a value of each distinct motion (M,) over each trajectory, law by law."""
+        """Return the sum (n,) over each trajectory of ``each`` (M,), a value per distinct motion; added law by law."""
         total = np.zeros(self.counts.size)
         for i in range(len(self.laws)):
             of_law = self._of_law(i)
@@ -134,14 +134,20 @@ class MotionTable:
         return total
 
     def maxima(self, each: FloatArray) -> FloatArray:
-        """Return the largest value (n,) of a motion (M,) of each trajectory; 0 without motions, NaN if one is NaN."""
+        """Return the maximum (n,) over each trajectory of ``each`` (M,), a value per distinct motion.
+
+        It is 0 for a trajectory without motions, and NaN if a value is NaN.
+        """
         most = np.zeros(self.counts.size)
         with np.errstate(invalid="ignore"):
             np.maximum.at(most, self.owner, each[self.motions])
         return most
 
     def batches(self, world: World) -> Iterator[tuple[IntArray, Motions]]:
-        """Yield the distinct motions (M,) of each law in batches of bounded size, without time or neighbours."""
+        """Yield the distinct motions (M,) in batches of bounded size, each under one law, with their indices.
+
+        The batches have no start times, and motions have no neighbours.
+        """
         for index, law, start, end in self.by_law():
             yield index, Motions(world, self.model, law, start, end)
 
@@ -157,7 +163,7 @@ class MotionTable:
                 yield block, laws_of(self.model)[kind], start, end
 
     def trajectories(self) -> tuple[Trajectory, ...]:
-        """Return the trajectories; columns of those without curves and holds are views of common ones.
+        """Return the trajectories; trajectories without curves and holds share the memory of their states.
 
         Raises ModelError for a motion that does not follow its law.
         """
@@ -203,7 +209,7 @@ class MotionTable:
 
     @classmethod
     def from_description(cls, model: Model, description: Mapping[str, Any]) -> MotionTable:
-        """Return the table of a description; raise ModelError or ValueError for a wrong one."""
+        """Build the table from its description; raise ModelError or ValueError for an invalid one."""
         kinds, states, motions, several = parts(
             description, "the items", {"kinds": list, "states": dict, "motions": dict, "trajectories": dict}
         )
@@ -218,7 +224,7 @@ class MotionTable:
             keys["punctual"] = list
         first, own, *others = parts(several, "trajectories", keys)
         if not set(map(type, own)) <= {list} or len(own) != len(first):
-            raise ModelError("expected a start and a list of motions for each trajectory, found others")
+            raise ModelError("expected one start and one list of motions for each trajectory, found something else")
         size, moves = len(columns[names[0]]), list(chain.from_iterable(own))
         made = cls(
             model=model,
@@ -264,11 +270,11 @@ class MotionTable:
 
 
 def _distinct(columns: Sequence[Any]) -> tuple[IntArray, IntArray]:
-    """Return the indices of rows that differ in some bit, by first appearance, and for each row its distinct row.
+    """Return the indices of the distinct rows, in order of first appearance, and for each row the number of its equal.
 
-    Each row checks the slot of its hash, which holds the first row with that hash. If all bits agree, it is that row;
-    otherwise it gets another hash. Few rows differ, so this takes a tenth of the time of sorting. Hashes are drawn anew
-    each time, so that no input can be prepared to collide.
+    Rows are equal if all bits are. Each row looks up the slot of its hash, which holds the first row with that hash. If
+    the two are equal, the row is done; otherwise it gets another hash. Few rows are distinct, so this takes a tenth of
+    the time of sorting. Hash keys are drawn anew each time, so that no input can be prepared to collide.
     """
     bits = [np.ascontiguousarray(column).view(np.uint64) for column in columns]
     size = bits[0].size
@@ -290,7 +296,7 @@ def _distinct(columns: Sequence[Any]) -> tuple[IntArray, IntArray]:
 
 
 def _hashes(bits: Sequence[NDArray[np.uint64]], width: int) -> IntArray:
-    """Return a hash (N,) of the first ``width`` bits of each row, by a random key."""
+    """Return a hash (N,) of ``width`` bits for each row, with a random key."""
     key = np.uint64(int.from_bytes(os.urandom(8)) | 1)
     mixed = np.zeros(bits[0].size, dtype=np.uint64)
     for column in bits:
@@ -302,13 +308,13 @@ def _hashes(bits: Sequence[NDArray[np.uint64]], width: int) -> IntArray:
 
 
 def _column(states: States, name: str) -> FloatArray:
-    """Return a column of some states; NaN if they have none of this name."""
+    """Return the column of this name of states (N,); NaN if they have no such column."""
     column: FloatArray | None = states.__dict__.get(name)
     return np.full(states.size, np.nan) if column is None else column
 
 
 def _with_gaps(column: FloatArray) -> list[float | None]:
-    """Return a column for JSON: null for NaN."""
+    """Return a column for JSON, with None (null) for NaN."""
     values: list[float | None] = column.tolist()
     for i in np.flatnonzero(np.isnan(column)).tolist():
         values[i] = None

@@ -1,4 +1,4 @@
-"""Poses of a body along a trajectory, sampled evenly in time, for rides and other programs."""
+"""Poses of a body along a trajectory, sampled evenly in time, for rides in VR and for other programs."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from hpop.motions.states import Pose, States, Vector
 from hpop.trajectories.trajectory import MOST_ROWS, Trajectory
 
 SLOWEST = 20.0  # Hz: least rate at which yaw is sampled, so that no turn between two samples is lost
-NEXT = 0.01  # share of a step: least length of the last step, by which another may be longer
+NEXT = 0.01  # share of a step: a shorter last step is merged with the step before
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Poses:
     """Poses of a body at N times, in the world's frame: right-handed, x and y on the floor, z up (REP-103).
 
-    times        (N,)    s      from 0, strictly increasing also in whole ns; the last is the end of the trajectory
+    times        (N,)    s      from 0, strictly increasing even in whole ns; the last is the end of the trajectory
     positions    (N, 3)  m      x, y, z
     quaternions  (N, 4)  1      x, y, z, w: they turn the axes of the world to those of the body, x ahead, y left, z up.
                                 Unit; w >= 0 in the first; signs without jumps: q · q_before >= 0
     yaws         (N,)    rad    of the direction ahead, counter-clockwise from the world's x; continuous,
-                                but for half a turn where the body looks straight up or down
+                                except for half a turn when the body passes straight up or down
     speeds       (N,)    m/s    forward: the velocity along the direction ahead
     yaw_rates    (N,)    rad/s  about the vertical, counter-clockwise
     velocities   (N, 3)  m/s    in the world's frame
     rotations    (N, 3)  rad/s  angular velocity, in the world's frame
-    states       (N,)           of the robot, columns
-    body                        its name
-    planned                     True for the plan, False for the execution, from rest to rest
+    states       (N,)           states of the robot
+    body                        name of the body
+    planned                     True for the planned motion, False for the execution, from rest to rest
     """
 
     times: FloatArray
@@ -58,11 +58,11 @@ class Poses:
 
 
 def poses(trajectory: Trajectory, *, rate: float = 20.0, body: str = "camera", planned: bool = False) -> Poses:
-    """Return the poses of a body ``rate`` times a second, and at the end, of the executed trajectory by default.
+    """Return the poses of a body along a trajectory, ``rate`` times a second and at its end.
 
     Parameters
     ----------
-    rate : Hz; the last step is shorter where the duration is no multiple of a step
+    rate : Hz; the last step is shorter if the duration is no multiple of a step
     body : "camera", "base" or "tool", as far as the model has them
     planned : the planned trajectory, in which a robot is at full speed at once; else the executed one
         (:meth:`Trajectory.execution`), from rest to rest
@@ -103,9 +103,9 @@ def poses_at(run: Trajectory, times: FloatArray, *, body: str = "camera", planne
 
 
 def quaternions_of(axes: FloatArray) -> FloatArray:
-    """Return quaternions (N, 4) x, y, z, w of rotations (N, 3, 3) with the axes of a body in the world as columns.
+    """Return quaternions (N, 4) x, y, z, w of rotations (N, 3, 3), whose columns are the axes of a body in the world.
 
-    The largest of the four components is computed first, so that no division is by a small number (Shepperd 1978, J.
+    The largest of the four components is computed first, to avoid dividing by a small number (Shepperd 1978, J.
     Guidance and Control 1(3)).
     """
     r = axes
@@ -132,9 +132,9 @@ def quaternions_of(axes: FloatArray) -> FloatArray:
 
 
 def on_one_side(quaternions: FloatArray) -> FloatArray:
-    """Return quaternions (N, 4) of equal rotations with signs that do not jump; w >= 0 in the first.
+    """Return quaternions (N, 4) of the given rotations, with signs chosen so that they do not jump.
 
-    Interpolation between them then goes the shorter way.
+    The first has w >= 0. Interpolation between successive quaternions then goes the shorter way.
     """
     along = np.einsum("ni,ni->n", quaternions[1:], quaternions[:-1])
     first = 1.0 if quaternions[0, 3] >= 0.0 else -1.0
@@ -156,14 +156,18 @@ def _times(duration: float, rate: float) -> FloatArray:
     """Return times every 1/rate seconds, and the end."""
     if duration * rate >= MOST_ROWS:
         raise OptionError(
-            f"poses are at most {MOST_ROWS:,}, but {rate:g} Hz gives more in {duration:g} s; choose a lower rate"
+            f"there may be at most {MOST_ROWS:,} poses, but {rate:g} Hz gives more in {duration:g} s; choose a lower "
+            "rate"
         )
     steps = max(ceil(duration * rate - NEXT), int(duration > 0.0))  # the last one ends there
     return np.append(np.arange(steps) / rate, duration)
 
 
 def _continuous(run: Trajectory, body: str, times: FloatArray, pose: Pose) -> FloatArray:
-    """Return the yaw (N,), rad, without jumps by whole turns, which arms have; moments in between are sampled too."""
+    """Return the yaw (N,), rad, without jumps by whole turns.
+
+    Moments between the times are sampled too, so that no turn is missed.
+    """
     steps = np.diff(times)
     several = ceil(SLOWEST * steps.max(initial=0.0) - 2.0 * NEXT)
     if several <= 1:

@@ -27,19 +27,19 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 STRAIGHT = 1e-6  # rad: consecutive moves whose directions differ by less are one straight run
-MOST_ROWS = 10**6  # of a table
+MOST_ROWS = 10**6  # most rows of a table
 
 
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectory:
-    """Motions of a model, in time order; the end of each is the start of the next.
+    """Timed sequence of n motions of a model; each motion begins in the state in which the one before it ends.
 
     model     the model that moves
-    states    (n+1,) columns: states where motions begin, and the final one; yaw is continuous, rad; the model's states,
-              then those that curves and holds need besides
-    kinds     (n,) law of each motion; none when the start is the goal
-    punctual  whether its :meth:`execution` keeps to its times, as it must among people who move
+    states    (n+1,) columns: the states in which motions begin, and the final one. First the model's state variables
+              (yaw continuous, rad), then those that curves and holds need in addition
+    kinds     (n,) name of the law of each motion; empty if the start is the goal
+    punctual  whether its :meth:`execution` keeps to the planned times, as it must among moving people
     """
 
     model: Model
@@ -58,10 +58,10 @@ class Trajectory:
         laws = laws_of(with_optional_members(self.model, MODEL_DEFAULTS))
         unknown = set(self.kinds) - set(laws)
         if unknown:
-            raise ModelError(f"no motion law {sorted(unknown)}; this model has {sorted(laws)}")
+            raise ModelError(f"kinds must be motion laws of this model, {sorted(laws)}; got {sorted(unknown)}")
         names = (*self.model.space.names, *extras(self.model, self.kinds))
         if self.states.names != names:
-            raise ModelError(f"states {self.states.names} given, but the model has {names} for motions of these kinds")
+            raise ModelError(f"motions of these kinds need states with the columns {names}; got {self.states.names}")
         for kind, index in self._by_kind():
             start, end = self.states.take(index), self.states.take(index + 1)
             refuse_impossible(self.model, laws[kind], start, end, index)
@@ -76,14 +76,14 @@ class Trajectory:
 
     @classmethod
     def of_checked(cls, model: Model, states: States, kinds: tuple[str, ...], punctual: bool = False) -> Trajectory:
-        """Return a trajectory with frozen columns and checked motions, for many that share them."""
+        """Return a trajectory without checking it again; its columns must be read-only, and its motions checked."""
         made = cls.__new__(cls)
         made.__dict__.update(model=model, states=states, kinds=kinds, punctual=punctual)
         return made
 
     @classmethod
     def from_poses(cls, model: Model, poses: Sequence[tuple[float, float, float]]) -> Trajectory:
-        """Return turns and moves through poses (x m, y m, yaw rad): turn towards the next, move there, turn to its yaw.
+        """Return the trajectory through poses (x m, y m, yaw rad): turn towards the next, move there, turn to its yaw.
 
         >>> from hpop.base.registry import make_model
         >>> Trajectory.from_poses(make_model("differential_drive"), [(0, 0, 0), (3, 0, 0), (3, 4, np.pi)]).kinds
@@ -91,7 +91,7 @@ class Trajectory:
         """
         if model.space.names != ("x", "y", "yaw"):
             raise ModelError(
-                f"poses (x m, y m, yaw rad) are no states of this model, which are {model.space}; take "
+                f"poses (x m, y m, yaw rad) are no states of this model, which are {model.space}; use "
                 "Trajectory.through with States, which the model connects"
             )
         try:
@@ -123,7 +123,7 @@ class Trajectory:
 
     @classmethod
     def through(cls, model: Model, states: States) -> Trajectory:
-        """Return a trajectory through states (N,), from each to the next as the model connects them.
+        """Return a trajectory through states (N,), with the motions by which the model connects each to the next.
 
         Raises ModelError if the model cannot connect two of them.
 
@@ -142,7 +142,8 @@ class Trajectory:
             if (np.abs(off) > STILL).any():  # NaN is free
                 i = int(np.nanargmax(np.abs(off)))
                 raise ModelError(
-                    f"the model does not lead from state {i} to state {i + 1}: {name} is off by {off[i]:.3g}"
+                    f"the model cannot move from state {i} to state {i + 1}: {name} would be off by {off[i]:.3g}; give "
+                    "states in between, or others"
                 )
         rows, kinds = [states.take(slice(0, 1))], list[str]()
         for pair in range(states.size - 1):
@@ -173,10 +174,10 @@ class Trajectory:
         return self._changed(columns, kinds)
 
     def with_holds(self, at: IntArray, seconds: FloatArray, *, punctual: bool = False) -> Trajectory:
-        """Return a trajectory without holds with some, in order of time; the shape of its motions does not change.
+        """Return this trajectory, which must have no holds (pauses), with holds inserted at some of its states.
 
-        at       (h,)  states, as indices of this trajectory, rising; several holds may be at one state
-        seconds  (h,)  durations, s
+        at       (h,)  indices of the states, not decreasing; several holds may be at one state
+        seconds  (h,)  duration of each hold, s
         """
         if not at.size:
             return Trajectory.of_checked(self.model, self.states, self.kinds, punctual)
@@ -188,7 +189,7 @@ class Trajectory:
         return Trajectory(self.model, States(**columns), tuple(kinds.tolist()), punctual)
 
     def without_holds(self) -> Trajectory:
-        """Return the trajectory without holds; the trajectory itself if it has none."""
+        """Return the trajectory without its holds (pauses); the trajectory itself if it has none."""
         holds = np.array([kind == HOLD.kind for kind in self.kinds], dtype=bool)
         if not holds.any():
             return self
@@ -199,7 +200,7 @@ class Trajectory:
         return self._changed(columns, tuple(kind for kind in self.kinds if kind != HOLD.kind))
 
     def _changed(self, columns: Mapping[str, FloatArray], kinds: tuple[str, ...]) -> Trajectory:
-        """Return motions of some kinds through states, with those columns that their laws need."""
+        """Return a trajectory with other motions, taking from ``columns`` the state columns that their laws need."""
         names = (*self.model.space.names, *extras(self.model, kinds))
         return Trajectory(self.model, States(**{name: columns[name] for name in names}), kinds, self.punctual)
 
@@ -222,17 +223,17 @@ class Trajectory:
         return float(self.times[-1])
 
     def batches(self, world: World) -> Iterator[tuple[IntArray, Motions]]:
-        """Yield the motions grouped by law, each group with the indices of its motions in time order."""
+        """Yield the motions law by law: the indices of the motions of a law, and these motions, in time order."""
         for kind, index in self._by_kind():
             yield index, motions_of(world, self.model, kind, self.states, self.times, self.turns, index, index)
 
     @cached_property
     def turns(self) -> tuple[FloatArray, FloatArray]:
-        """Signed rotations, two columns (n,), rad, of the turns along curves that end in each motion; 0 for none.
+        """Signed angles, rad, of the turns along curves that end in each motion: two columns (n,), 0 for none.
 
-        A turn is a maximal stretch of curves in which the heading changes with one sign. It ends with its motion where
-        the next begins to turn the other way or does not turn at all, and within a motion where the yaw rate changes
-        its sign; so two can end in one motion. Wherever curves are cut, their turns stay the same.
+        A turn is a maximal stretch of curves in which the heading changes with one sign. It ends with a motion if the
+        next motion turns the other way or does not turn at all. It also ends within a motion where the yaw rate changes
+        its sign. So up to two turns can end in one motion. Cutting curves into pieces does not change their turns.
         """
         if not any(True for _ in self._curves()):
             return np.zeros(len(self)), np.zeros(len(self))
@@ -264,7 +265,7 @@ class Trajectory:
         return Trajectory(self.model, self.at(times), tuple(self.kinds[i] for i in owner), self.punctual)
 
     def at(self, t: FloatArray | float) -> States:
-        """Return states at times t (N,), s; before the start and after the goal the robot stands there.
+        """Return the states at times t (N,), s; before time 0 the robot is at the start, after the end at the goal.
 
         Raises OptionError for invalid times.
         """
@@ -279,19 +280,19 @@ class Trajectory:
         return velocity, acceleration
 
     def execution(self) -> Trajectory:
-        """Return the robot's real motion: moves in one line become a run, all from rest to rest.
+        """Return the robot's real motion, with speed ramps: moves in one line become one run from rest to rest.
 
-        The same criteria evaluate it, so executed costs stand beside planned ones. Without turns at the ends or in
-        succession, and with runs of at least v²/a, it lasts the planned time plus v/a; else it is quicker. Holds last
-        as planned; one between two moves costs v/a more, because it stops the robot.
+        The same criteria evaluate it, so that executed costs can be compared with planned ones. Without turns at the
+        ends or in succession, and with runs of at least v²/a, it lasts the planned time plus v/a; else it is quicker.
+        Holds last as planned; a hold between two moves costs v/a more, because it stops the robot.
 
-        A punctual trajectory, as `lattice` and `roadmap` plan where people move, goes on no earlier than planned: the
-        robot waits for the planned time (:mod:`hpop.models.execution`).
+        A punctual trajectory, as `lattice` and `roadmap` plan it among moving people, starts no motion earlier than
+        planned: the robot waits for the planned time (:mod:`hpop.models.execution`).
         """
         return self.model.execution(self)[0]
 
     def table(self, step: float = 0.1, *, body: str | None = "camera", executed: bool = True) -> Table:
-        """Return a body's motion every ``step`` seconds and at the end, for scripts and spreadsheets.
+        """Return a table of a body's motion every ``step`` seconds and at the end, for scripts and spreadsheets.
 
         Columns have units: ``t``; the pose of the body (``x``, ``y``, ``z``, ``yaw``, ``pitch``, ``roll``), its
         velocity (``vx``, ``vy``, ``vz``) and rotation (``wx``, ``wy``, ``wz``), in the world's frame.
@@ -308,7 +309,10 @@ class Trajectory:
         step = real("step", step, LEAST, MOST, "a time in s")
         whole = int(run.duration / step + 1e-9)  # steps
         if whole >= MOST_ROWS:
-            raise OptionError(f"a table has at most {MOST_ROWS:,} rows, got a step of {step:g} s of {run.duration:g} s")
+            raise OptionError(
+                f"a table may have at most {MOST_ROWS:,} rows, but a step of {step:g} s gives more in "
+                f"{run.duration:g} s; choose a longer step"
+            )
         times = np.round(step * np.arange(whole + 1), 9)
         if run.duration - times[-1] > 1e-6 * step:
             times = np.append(times, run.duration)
@@ -330,7 +334,9 @@ class Trajectory:
             kinds = tuple(str(kind) for kind in description["kinds"])
             punctual = description.get("punctual", False) is True
         except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-            raise ModelError(f"not a trajectory: expected kinds and states, got {shown(error)}") from None
+            raise ModelError(
+                f"expected the description of a trajectory, with kinds and states: {shown(error)}"
+            ) from None
         return cls(model, States(**columns), kinds, punctual)
 
     def _by_kind(self) -> Iterator[tuple[str, IntArray]]:
@@ -370,7 +376,7 @@ class Trajectory:
     def _sample_law(
         self, kind: str, motion: IntArray, t: FloatArray, place: IntArray, out: tuple[dict[str, FloatArray], ...]
     ) -> None:
-        """Write the samples at times t that lie in motions of one law into ``out`` at ``place``."""
+        """Sample motions of one law at times t (n,); write values and derivatives to ``out`` at indices ``place``."""
         law = laws_of(self.model)[kind]
         start, end = self.states.take(motion), self.states.take(motion + 1)
         elapsed = t - self.times[motion]

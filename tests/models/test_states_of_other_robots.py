@@ -89,7 +89,7 @@ def test_what_ends_with_another_pan_is_told() -> None:
 
 
 def test_poses_in_the_plane_are_no_trajectory_of_it() -> None:
-    with pytest.raises(ModelError, match=r"which are \(x m, y m, yaw rad, pan rad\); take Trajectory.through"):
+    with pytest.raises(ModelError, match=r"which are \(x m, y m, yaw rad, pan rad\); use Trajectory.through"):
         hpop.Trajectory.from_poses(ROBOT, [(1, 1, 0), (5, 1, 0)])
 
 
@@ -97,7 +97,7 @@ def test_a_trajectory_through_states_that_nothing_leads_to_is_refused() -> None:
     pans = np.array([0.5, 0.5, 0.9])
     states = States(x=np.array([1.0, 3.0, 5.0]), y=np.ones(3), yaw=np.zeros(3), pan=pans)
     assert hpop.Trajectory.through(ROBOT, states.take([0, 1])).kinds == ("move",)
-    with pytest.raises(ModelError, match=r"does not lead from state 1 to state 2: pan is off by -0\.4"):
+    with pytest.raises(ModelError, match=r"cannot move from state 1 to state 2: pan would be off by -0\.4"):
         hpop.Trajectory.through(ROBOT, states)
 
 

@@ -137,7 +137,7 @@ def test_it_is_described_and_made_again_exactly(goes):
         ([0, 0, -2, -2, -2, -2], "motion 1, a hold, must last 0 to 3,600 s, got -2 s"),
         ([0, 0, 1e9, 1e9, 1e9, 1e9], "motion 1, a hold, must last 0 to 3,600 s, got 1e[+]09 s"),
         ([0, 0, np.nan, 0, 0, 0], "finite"),
-        (None, "states .* given, but the model has .*clock"),
+        (None, "need states with the columns .*clock"),
     ],
 )
 def test_a_file_may_not_say_that_time_runs_backwards(clock, text):

@@ -149,7 +149,7 @@ def test_poses_cannot_be_changed():
     [
         ({"rate": 0}, "rate must be a number of poses a second, in Hz, from 1e-06 to 1,000,000, got 0"),
         ({"rate": "fast"}, "got 'fast'"),
-        ({"rate": 1e6}, "poses are at most 1,000,000, but 1e\\+06 Hz gives more in 1[0-9.]+ s; choose a lower rate"),
+        ({"rate": 1e6}, "at most 1,000,000 poses, but 1e\\+06 Hz gives more in 1[0-9.]+ s; choose a lower rate"),
         ({"body": "tool"}, r"no body 'tool'\. body must be one of base, camera$"),
         ({"body": "camara"}, "Did you mean 'camera'"),
     ],

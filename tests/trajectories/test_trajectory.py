@@ -259,11 +259,11 @@ def test_a_description_survives_json_exactly(where):
 @pytest.mark.parametrize(
     ("given_states", "kinds", "message"),
     [
-        (States(x=np.zeros(2), y=np.zeros(2)), ("move",), "the model has"),
+        (States(x=np.zeros(2), y=np.zeros(2)), ("move",), "need states with the columns"),
         (states((0, 0, 0), (1, 0, 0)), ("move", "turn"), "2 motions need 3 states"),
         (states((0, 0, 0), (1, 0, np.nan)), ("move",), "finite"),
         (states((0, 0, 0), (1, 0, np.inf)), ("move",), "finite"),
-        (states((0, 0, 0), (1, 0, 0)), ("fly",), "no motion law"),
+        (states((0, 0, 0), (1, 0, 0)), ("fly",), "must be motion laws"),
         (states((0, 0, 0), (1, 0, 1)), ("move",), "a move must not change yaw"),
         (states((0, 0, 0), (0, 1, 1)), ("turn",), "a turn must not change y"),
         (states((0, 0, 0), (1, 0, 0), (5, 0, 1)), ("run", "spin"), "a spin must not change x"),
