@@ -98,8 +98,8 @@ def test_a_goal_of_ones_own_is_a_short_class_with_a_name() -> None:
         ({"look_at": {"target": (1, 2, 3)}}, QueryError, "goal 'look_at' needs distance as well; it has target, "),
         ({"look_at": [1, 2, 3]}, QueryError, "the parameters of goal 'look_at' are given by name, got"),
         ({"look_at": {"goal": (1, 2, 3)}}, QueryError, "has no parameter 'goal'. It has target, distance, roll"),
-        ([CAN, 3.0], QueryError, "the goal is .*x m, y m"),
-        ([CAN, (1, 2)], QueryError, "the goal 1 is .x m, y m, yaw rad, pan rad, tilt rad., got .1, 2."),
+        ([CAN, 3.0], QueryError, "the goal must be given as .*x m, y m"),
+        ([CAN, (1, 2)], QueryError, "the goal 1 must be given as .x m, y m, yaw rad, pan rad, tilt rad., got .1, 2."),
         ({"tool_at": {"position": (4, 3, 0)}}, QueryError, r"the goal tool_at \(4, 3, 0\) requires tool, which"),
     ],
 )  # fmt: skip
@@ -122,7 +122,7 @@ def test_what_names_no_goal_is_refused(given: Any, kind: type[HpopError], said: 
         (lambda: LookAt((1, 2, 3), (0.1, 1), angle_tolerance=0), "angle_tolerance must be an angle in rad from 1e-06"),
         (lambda: CameraAt((1, 2, True)), "position must be"),
         (lambda: CameraAt((1, 2, 3), (0, 0, 0), (1, 0, 0)), "camera_at takes yaw_pitch_roll, direction or neither"),
-        (lambda: CameraAt((1, 2, 3), yaw_pitch_roll=(0, 0)), r"yaw_pitch_roll must be \(yaw, pitch, roll\) in rad, got"),
+        (lambda: CameraAt((1, 2, 3), yaw_pitch_roll=(0, 0)), r"yaw_pitch_roll must be \(yaw, pitch, roll\) in rad"),
         (lambda: CameraAt((1, 2, 3), yaw_pitch_roll=(90, 0, 0)), "yaw_pitch_roll is in radians"),
         (lambda: CameraAt((1, 2, 3), direction=(0, 0, 0)), "direction must be .*, a vector of any length but 0, got"),
         (lambda: CameraAt((1, 2, 3), position_tolerance=-1), "position_tolerance must be a length in m"),
@@ -178,7 +178,7 @@ def test_a_scenario_lists_goals_of_which_any_will_do(tmp_path: Path) -> None:
     [
         ("look_at", "lok_at", UnknownName, "line 7, goal.lok_at: unknown goal 'lok_at'. Did you mean 'look_at'?"),
         ("distance", "distanse", ScenarioError, "line 7, goal.look_at.distanse: no such key; did you mean 'distance'?"),
-        ("[0.5, 1.5]", "[1.5, 0.5]", QueryError, "line 7, goal.look_at: distance must be (least, greatest) distance in m"),
+        ("[0.5, 1.5]", "[1.5, 0.5]", QueryError, "line 7, goal.look_at: distance must be (least, greatest) distance"),
         ("[0.5, 1.5]", "near", ScenarioError, "goal.look_at.distance: expected a list of 2 numbers, got 'near'"),
         ("90 deg", "90 degrees", ScenarioError, "line 7, goal.look_at.roll: expected a number"),
         ("{target: [4, 3, 1.5], distance: [0.5, 1.5], roll: 90 deg}", "[4, 3, 1.5]", ScenarioError,
