@@ -1,10 +1,11 @@
-"""Pictures of a problem and its front: the map, the front itself, one trajectory over time and on the map.
+"""Pictures of a problem and its front: maps, charts of costs and of one trajectory over time, panoramas and web pages.
 
-The explorer is a page to choose a trajectory in a browser.
+The explorer is a web page to choose a trajectory in a browser.
 
-Each function returns a ``matplotlib.figure.Figure`` outside pyplot's global state: ``draw_map(problem,
-front).savefig("map.pdf")``. A notebook shows it as the last value of a cell, and, once this package is imported, small
-pictures of worlds, problems and fronts. With ``ax=`` it draws in your own figure. The core never imports this package.
+Each ``draw_`` function returns a ``matplotlib.figure.Figure`` outside pyplot's global state: ``draw_map(problem,
+front).savefig("map.pdf")``. A notebook shows the figure if it is the last value of a cell. Once this package is
+imported, notebooks also show small pictures of worlds, problems and fronts. With ``ax=`` a function draws in your own
+figure. The core of hpop never imports this package.
 """
 
 from __future__ import annotations

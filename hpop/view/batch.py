@@ -1,4 +1,4 @@
-"""The figure of a batch: box plots of planning time, front size and hypervolume by planner."""
+"""Figure of a batch: box plots of planning time, front size and hypervolume for each planner."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ PANELS = (
 
 @checked_arguments
 def draw_batch(found: Sequence[PlannerSummary], path: Path) -> None:
-    """Write box plots of planning time, front size and hypervolume by planner, as a PNG or PDF."""
+    """Write box plots of planning time, front size and hypervolume for each planner to a PNG, PDF or SVG file."""
     if path.suffix.lower() not in (".png", ".pdf", ".svg"):
-        raise OptionError(f"a figure is a .png, .pdf or .svg file, got {path.name!r}")
+        raise OptionError(f"expected a file name that ends in .png, .pdf or .svg, got {path.name!r}")
     figure = _figure(found)
     with replacing(path) as file:
         figure.savefig(file, format=path.suffix[1:].lower(), dpi=150)

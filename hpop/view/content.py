@@ -1,4 +1,4 @@
-"""People, conversations, landmarks and zones on a map."""
+"""Drawing of people, conversations, landmarks and zones on a map."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ Handle = Line2D | Patch
 
 
 def draw_content(axes: Axes, world: World, view: View, *, small: bool = False) -> list[Handle]:
-    """Draw a world's content, except keep-out zones, in a view, and return its legend entries.
+    """Draw the people, conversations, landmarks and zones in a view of the map, and return their legend entries.
 
-    On a small map names are left out and symbols enlarged.
+    Keep-out zones are drawn with the obstacles. On a small map names are left out and symbols enlarged.
     """
     content = world.content
     shown = shapely.box(view.x_min, view.y_min, view.x_max, view.y_max)
@@ -58,7 +58,7 @@ def draw_content(axes: Axes, world: World, view: View, *, small: bool = False) -
 
 
 def _draw_predicted_paths(axes: Axes, people: Sequence[Person]) -> list[Handle]:
-    """Draw a dotted line along each predicted path, one for each hypothesis of a person, unless many people walk."""
+    """Draw a dotted line along the predicted path of each hypothesis of a person; draw none if many people walk."""
     walking = [person for person in people if person.moves and math.isfinite(person.settled)]
     if not walking or len(walking) > MOST_NAMES:
         return []
@@ -70,7 +70,10 @@ def _draw_predicted_paths(axes: Axes, people: Sequence[Person]) -> list[Handle]:
 
 
 def _draw_people(axes: Axes, people: Sequence[Person], side: float) -> Iterator[Handle]:
-    """Draw discs, dashed for people who come later, with ticks for headings and arrows for velocities."""
+    """Draw people as discs, with a tick for the heading and an arrow for the velocity; return the legend entries.
+
+    The disc of a person who comes later is dashed.
+    """
     for person in people:
         radius = _disc(person, side)
         likeliest = person.likeliest
@@ -99,7 +102,7 @@ def _draw_people(axes: Axes, people: Sequence[Person], side: float) -> Iterator[
 
 
 def _draw_groups(axes: Axes, talks: Sequence[Sequence[Person]]) -> Iterator[Handle]:
-    """Draw a line between two people in conversation, or around three or more."""
+    """Draw a dashed line between two people in conversation, or a ring through three or more."""
     look = {"color": TALK, "linewidth": 1.8, "linestyle": (0, (1.5, 1))}
     for talk in talks:
         points: FloatArray = np.array([(person.x, person.y) for person in talk])
@@ -112,7 +115,7 @@ def _draw_groups(axes: Axes, talks: Sequence[Sequence[Person]]) -> Iterator[Hand
 
 
 def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark], side: float) -> Iterator[Handle]:
-    """Draw stars, with a tick in the direction of a landmark's front."""
+    """Draw landmarks as stars; a tick shows the direction that a landmark faces."""
     look = {"marker": "*", "markerfacecolor": STAR, "markeredgecolor": INK, "markeredgewidth": 0.7}
     for mark in landmarks:
         if mark.facing is not None:
@@ -125,7 +128,7 @@ def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark], side: float) -> I
 
 
 def _draw_zones(axes: Axes, zones: Sequence[Zone], side: float) -> Iterator[Handle]:
-    """Draw hatched areas, with a speed limit in the middle or arrows along a one-way path."""
+    """Draw hatched areas: speed limits with their number in the middle, one-way zones with arrows along their path."""
     for kind, label, colour, hatch in (
         ("speed", "speed limit", SLOW, "...."),
         ("one-way", "one-way, along the arrows", WAY, "///"),
@@ -145,7 +148,7 @@ def _draw_zones(axes: Axes, zones: Sequence[Zone], side: float) -> Iterator[Hand
 
 
 def _draw_arrows(axes: Axes, path: LineString, side: float) -> None:
-    """Draw arrows along a path, at least one."""
+    """Draw evenly spaced arrows along a path, at least one."""
     count = max(1, round(path.length / (PITCH * side)))
     size = min(0.035 * side, path.length / count)
     for middle in (np.arange(count) + 0.5) * path.length / count:
@@ -155,7 +158,7 @@ def _draw_arrows(axes: Axes, path: LineString, side: float) -> None:
 
 
 def _draw_names(axes: Axes, people: Sequence[Person], landmarks: Sequence[Landmark], side: float) -> None:
-    """Write names beside landmarks and people; people only if drawn to scale, and neither if there are too many."""
+    """Write names beside landmarks and people, unless there are too many. People drawn enlarged get no name."""
     named = [mark for mark in landmarks if mark.name]
     for mark in named if len(named) <= MOST_NAMES else ():
         write(axes, mark.name, mark.x, mark.y, (6, 3), INK, "left")
@@ -166,7 +169,7 @@ def _draw_names(axes: Axes, people: Sequence[Person], landmarks: Sequence[Landma
 
 
 def write(axes: Axes, text: str, x: float, y: float, off: tuple[float, float], colour: str, align: str) -> None:
-    """Write text at an offset, in typographical points, from a point of the map, unless the point is out of view."""
+    """Write text beside a point of the map, shifted by ``off`` typographical points, if the point is in view."""
     label = axes.annotate(
         printable(text),
         (x, y),
@@ -183,7 +186,7 @@ def write(axes: Axes, text: str, x: float, y: float, off: tuple[float, float], c
 
 
 def _disc(person: Person, side: float) -> float:
-    """Return the radius, m, of the disc that stands for a person, enlarged where it would be too small to see."""
+    """Return the radius, m, of a person's disc: the true radius, or a larger one if that is too small to see."""
     return max(person.radius, LEAST_RADIUS * side)
 
 

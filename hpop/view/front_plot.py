@@ -1,4 +1,4 @@
-"""Charts of a front: the costs of its trajectories and their trade-offs, and the weights of a person's preference."""
+"""Charts of a front: scatter plots of its costs, and the weights that a person gives to the costs."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ ROOM = 0.06  # share of an axis left free at both ends
 @checked_arguments
 @plain
 def draw_front(front: Front, *, chosen: Mapping[str, int] | None = None, ax: Axes | None = None) -> Figure:
-    """Draw the costs of a front: scatters of every pair for two to four criteria, else parallel coordinates.
+    """Draw the costs of a front: scatter plots of all pairs for two to four criteria, else parallel coordinates.
 
-    At most 2,000 parallel lines are drawn, evenly over the front, as the title then says.
+    At most 2,000 parallel lines are drawn, evenly over the front; the title then says so.
 
     Parameters
     ----------
@@ -67,7 +67,10 @@ def draw_front(front: Front, *, chosen: Mapping[str, int] | None = None, ax: Axe
         If the front has no points, or ``chosen`` names a row that it does not have.
     """
     if not len(front):
-        raise OptionError(f"a front without points cannot be drawn; its search ended with {front.status!r}")
+        raise OptionError(
+            f"expected a front with at least one point, got none; its search ended with {front.status!r}, and "
+            "hpop.view.draw_map draws the empty map"
+        )
     columns = quantities(front)[: len(front.names)]
     named = marks(front, chosen)
     if 2 <= len(columns) <= MOST_IN_MATRIX:
@@ -76,7 +79,7 @@ def draw_front(front: Front, *, chosen: Mapping[str, int] | None = None, ax: Axe
 
 
 def limits(values: FloatArray) -> tuple[float, float]:
-    """Return axis limits round the values; a constant gets room on both sides.
+    """Return the limits of an axis that holds some values, with a margin; a constant gets a margin too.
 
     >>> limits(np.array([5.0, 5.0]))
     (4.5, 5.5)
@@ -125,6 +128,7 @@ def _scatter_matrix(columns: Sequence[Quantity], named: Sequence[Mark], ax: Axes
 
 
 def _scatter(axes: Axes, x: Quantity, y: Quantity, named: Sequence[Mark]) -> None:
+    """Draw the scatter plot of one pair of criteria, with the named trajectories as larger markers."""
     count = x.values.size
     axes.scatter(
         x.values,
@@ -158,7 +162,7 @@ def _scatter(axes: Axes, x: Quantity, y: Quantity, named: Sequence[Mark]) -> Non
 
 
 def _staircase(axes: Axes, x: Quantity, y: Quantity) -> None:
-    """Shade the region dominated by points of a two-criteria front."""
+    """Shade the area of costs that are dominated by a point of a two-criteria front."""
     order = np.argsort(x.values, kind="stable")
     right, top = axes.get_xlim()[1], axes.get_ylim()[1]
     across = np.append(x.values[order], right)
@@ -170,7 +174,7 @@ def _staircase(axes: Axes, x: Quantity, y: Quantity) -> None:
 def _parallel(
     columns: Sequence[Quantity], named: Sequence[Mark], rows: IntArray, drawn: str, ax: Axes | None
 ) -> FigureBase:
-    """Draw a vertical axis for each criterion, least value at the bottom, and a line for each of some trajectories."""
+    """Draw parallel coordinates: a vertical axis for each criterion, least at the bottom, and a line per trajectory."""
     count = rows.size
     bounds = np.array([limits(column.values) for column in columns])  # (k, 2)
     table = np.stack([column.values for column in columns], axis=1)  # (n, k)
@@ -222,6 +226,7 @@ def _parallel(
 
 
 def _title(columns: Sequence[Quantity], reading: str, drawn: str = "") -> str:
+    """Return the title of a chart: the number of trajectories, and how to read the axes."""
     count = columns[0].values.size
     return f"{count} non-dominated {'trajectory' if count == 1 else 'trajectories'}{drawn}\n{reading}"
 
@@ -253,14 +258,14 @@ def _handles(columns: Sequence[Quantity], named: Sequence[Mark], width: int) -> 
     return entries
 
 
-LEVEL = 0.9
+LEVEL = 0.9  # probability of the intervals of the weights
 WIDTH, HEIGHT = 13.0, 5.2
 
 
 @checked_arguments
 @plain
 def draw_preference(problem: Problem, front: Front, person: Preference, *, ax: Axes | None = None) -> Figure:
-    """Draw the weight of each cost with its 90 % interval, and the map with the best trajectory and the knee.
+    """Draw a person's weights of the costs with their 90 % intervals, and a map with the best trajectory and the knee.
 
     Parameters
     ----------
@@ -289,7 +294,7 @@ def draw_preference(problem: Problem, front: Front, person: Preference, *, ax: A
 
 
 def _draw_shares(axes: Axes, person: Preference) -> None:
-    """Draw the mean weight of each cost as a dot on its interval, the greatest weight at the top."""
+    """Draw the mean weight of each cost as a dot on the line of its interval, the greatest weight at the top."""
     shares, intervals = person.weights, person.interval(LEVEL)
     names = sorted(shares, key=lambda name: shares[name])
     places = np.arange(len(names))

@@ -1,4 +1,4 @@
-"""Ground of a map: obstacles, keep-out zones, the obstruction field and a scale bar."""
+"""Background of a map: obstacles, keep-out zones, shading by the share of view that obstacles fill, and a scale bar."""
 
 from __future__ import annotations
 
@@ -31,20 +31,20 @@ OFF_CAMERA = "#b4b4b4"
 KEEP_OUT = "#8c4a6b"
 # White to sand, one hue and evenly falling lightness: trajectories stand out on it.
 FIELD_COLOURS = LinearSegmentedColormap.from_list("obstruction", ["#ffffff", "#dac69b"])
-MOST_SEEN = 0.99  # quantile of the obstructed fraction over free space at which the colours end
-GROWTH = 0.6  # exponent of the colours of the obstructed fraction
-PIXELS = 700  # of the field along the longer side of the map
-CELLS = 2000  # of a raster along its longer side, more than a picture has pixels: 100 bytes are taken for each
+MOST_SEEN = 0.99  # quantile of the obstruction over free space at which the colours end
+GROWTH = 0.6  # exponent by which the colours grow with the obstruction
+PIXELS = 700  # points of the obstruction grid along the longer side of the map
+CELLS = 2000  # most drawn cells of a raster along its longer side: more than a picture has pixels, 100 bytes for each
 MARGIN = 0.4  # m round the free space
-SURROUNDINGS = 0.2  # round the paths where they are a small part of the map, as a share of their longer side
+SURROUNDINGS = 0.2  # margin round paths that fill only a small part of the map, as a share of their longer side
 LEAST_SURROUNDINGS = 4.0  # m
 ROUND_A_HAND = 0.4  # m: as LEAST_SURROUNDINGS, for a fixed robot
-SMALL_PART = 0.4  # of the longer side of the map
+SMALL_PART = 0.4  # share of the map's longer side below which only the surroundings of the paths are shown
 
 
 @dataclass(frozen=True)
 class View:
-    """Rectangle that a map shows, m."""
+    """Rectangle of the world that a picture shows, m."""
 
     x_min: float
     y_min: float
@@ -63,23 +63,22 @@ class View:
 
 
 class Unresolved(LimitPassed):
-    """Ball smaller than a pixel of the map."""
+    """Signal that the obstruction is not drawn, because its ball is smaller than a pixel of the map."""
 
 
 @dataclass(frozen=True)
 class Ball:
-    """Ball round the camera for the obstruction: radius and height of its centre, m."""
+    """Ball round the camera in which obstruction is measured: its radius, and the height of its centre, m."""
 
     radius: float
     z: float
 
 
 def view_of(problem: Problem, paths: Sequence[FloatArray] = ()) -> View:
-    """Return the rectangle of free space, start and goal, with a margin.
+    """Return the rectangle that a map shows: free space, start and goal, with a margin.
 
-    Unknown surroundings of a map file are cut off.
-
-    If paths (N, 2), m, stay in a small part of it, only the surroundings of start, goal and paths are shown.
+    Unknown surroundings of a map file are cut off. If paths (N, 2), m, are given and stay in a small part of this
+    rectangle, only the surroundings of start, goal and paths are shown.
     """
     start, goals = end_poses(problem)
     ends = shapely.MultiPoint([pose[:2] for pose in (start, *goals)])
@@ -101,9 +100,10 @@ def view_of(problem: Problem, paths: Sequence[FloatArray] = ()) -> View:
 
 
 def ball_of(problem: Problem) -> Ball | None:
-    """Return the ball of the problem's obstruction criterion (default radius 2 m), at the camera's height.
+    """Return the ball in which the map measures obstruction: that of the problem's criterion, at the camera's height.
 
-    A fixed robot has no ball unless a criterion has one, because its whole reach would be inside.
+    Without such a criterion the radius is 2 m; but a fixed robot then has no ball (None), because its whole
+    reach would be inside.
     """
     measured = [c for c in problem.criteria if isinstance(c, Obstruction | Exposure)]
     if not measured and "base" not in problem.model.provides:
@@ -114,13 +114,13 @@ def ball_of(problem: Problem) -> Ball | None:
 
 
 def draw_field(axes: Axes, world: World, view: View, ball: Ball) -> AxesImage:
-    """Draw the obstructed fraction of the ball over the extent.
+    """Shade the map by obstruction: the share of the ball round the camera that obstacles fill.
 
     Colours range from 0 to the 99th percentile over free space, and grow faster at first, because corners of a room are
     several times more obstructed than paths.
 
-    Raises LimitPassed if the field exceeds a limit of the caller, and Unresolved if the ball is smaller than a pixel,
-    because a useful field would then need too much memory.
+    Raises LimitPassed if the computation exceeds a limit of the caller, and Unresolved if the ball is smaller than a
+    pixel, because useful shading would then need too much memory.
     """
     pixel = max(view.width, view.height) / PIXELS
     if pixel > 2 * ball.radius:
@@ -146,12 +146,12 @@ def draw_field(axes: Axes, world: World, view: View, ball: Ball) -> AxesImage:
 
 
 def draw_bare_floor(axes: Axes, world: World) -> None:
-    """Draw the extent white, without its obstructed fraction."""
+    """Draw the extent of the world white, without shading by obstruction."""
     axes.add_artist(PathPatch(outline(world.extent), facecolor="white", edgecolor="none", zorder=0))
 
 
 def draw_obstacles(axes: Axes, world: World, heights: Heights, view: View) -> list[Patch]:
-    """Draw obstacles and keep-out zones in a view, and return their legend entries.
+    """Draw obstacles and keep-out zones in a view of the map, and return their legend entries.
 
     Obstacles at the camera's height are dark; those above or below it are light and hatched. For a camera that rises,
     obstacles at some of its heights are in between.
@@ -178,14 +178,14 @@ def draw_obstacles(axes: Axes, world: World, heights: Heights, view: View) -> li
 
 
 def _layer(obstacle: tuple[float, float], heights: Heights) -> int:
-    """Return 2 for an obstacle at all heights of a camera, 1 at some of them, 0 at none."""
+    """Classify an obstacle by its heights: 2 at all heights of the camera, 1 at some of them, 0 at none."""
     if obstacle[1] < heights.low or heights.high < obstacle[0]:
         return 0
     return 2 if obstacle[0] <= heights.low and heights.high <= obstacle[1] else 1
 
 
 def _obstacle_looks(heights: Heights) -> dict[int, Patch]:
-    """Return the appearance and legend text of obstacles by layer."""
+    """Return a legend entry, with the colours to draw in, for each class of `_layer`."""
     if not heights.vary:
         light = f"obstacle below or above\nthe camera (at {heights})"
         return {2: Patch(facecolor=OBSTACLE, label="obstacle"), 0: _hatched_patch(OFF_CAMERA, "////", light)}
@@ -197,6 +197,7 @@ def _obstacle_looks(heights: Heights) -> dict[int, Patch]:
 
 
 def _hatched_patch(colour: str, hatch: str, label: str) -> Patch:
+    """Return a legend entry with a colour and a hatch."""
     return Patch(facecolor=colour, edgecolor=OBSTACLE, hatch=hatch, label=label)
 
 
@@ -222,7 +223,7 @@ def draw_scale_bar(axes: Axes, view: View) -> None:
 
 
 def outline(geometry: BaseGeometry) -> Path:
-    """Return a Matplotlib path of the polygons of a geometry.
+    """Return the polygons of a geometry as a Matplotlib path.
 
     Holes run in the opposite direction, so they stay empty.
     """
@@ -230,18 +231,20 @@ def outline(geometry: BaseGeometry) -> Path:
 
 
 def _rings(geometry: BaseGeometry) -> Iterator[FloatArray]:
+    """Yield the corners (N, 2), m, of each ring of a geometry's polygons: outlines first, then holes."""
     for part in shapely.get_parts(shapely.orient_polygons(geometry)):
         if part.geom_type == "Polygon":
             yield from (shapely.get_coordinates(ring) for ring in (part.exterior, *part.interiors))
 
 
 def _open_area(world: World) -> BaseGeometry:
-    """Return the extent without all obstacles, whatever their height; the whole extent if nothing remains."""
+    """Return the extent minus all obstacles, whatever their height; the whole extent if nothing remains."""
     rest = shapely.difference(world.extent, world.solid())
     return world.extent if rest.is_empty else rest
 
 
 def _fill(axes: Axes, geometry: BaseGeometry, like: Patch, zorder: float) -> None:
+    """Draw a geometry filled and hatched like a legend entry."""
     patch = PathPatch(outline(geometry), linewidth=0.5, zorder=zorder)
     patch.set_facecolor(like.get_facecolor())
     patch.set_edgecolor(like.get_edgecolor())
@@ -253,7 +256,10 @@ def _fill(axes: Axes, geometry: BaseGeometry, like: Patch, zorder: float) -> Non
 
 
 def _draw_raster(axes: Axes, raster: Raster, colour: ColorType, view: View) -> None:
-    """Draw the raster's cells in view, merged to blocks if too many; a block with an occupied cell is occupied."""
+    """Draw the occupied cells of a raster that are in view.
+
+    If there are too many, they are merged to blocks; a block with an occupied cell is drawn as occupied.
+    """
     to_world = (
         Affine2D().scale(raster.resolution).rotate(raster.origin[2]).translate(raster.origin[0], raster.origin[1])
     )

@@ -1,4 +1,4 @@
-"""Look at a problem before planning: the map in metres, free space of the robot, and validity of start and goal."""
+"""Picture of a problem before planning: the map, the robot's free space, and whether start and goals can be used."""
 
 from __future__ import annotations
 
@@ -39,12 +39,11 @@ BETTER: dict[str, Any] = {
 
 
 class MapLook(NamedTuple):
-    """Picture and verdict on a problem before planning.
+    """Picture of a problem before planning, with a verdict on its start and goals.
 
-    figure
-    refused  reasons why the start or a goal is blocked, with the nearest free place; empty if all are free
-    notes    how much of the map is free, and which goals are cut off
-    no_way   whether start and goals are free, but every goal is in another part of free space than the start
+    figure refused reasons why the start or a goal is blocked, with the nearest free position; empty if all are free
+    notes how much of the map is free, and which goals are cut off no_way whether start and goals are free, but no goal
+    is in the same part of free space as the start
     """
 
     figure: Figure
@@ -57,6 +56,7 @@ class MapLook(NamedTuple):
 def _map_figure(
     problem: Problem, title: str, free: FreeMap | None, text: Sequence[str], better: Sequence[States]
 ) -> Figure:
+    """Draw the picture of `look`; ``better`` are the nearest free states to blocked ones, ``text`` is written below."""
     view = view_of(problem)
     axes = new_figure(1.0, 1.0, layout=None).add_axes(WHOLE, label="look")
     axes.set_facecolor("white")
@@ -81,11 +81,11 @@ def _map_figure(
 
 
 def look(problem: Problem, title: str) -> MapLook:
-    """Draw a problem's map, free space, start, goals, people, landmarks and zones, and judge start and goals.
+    """Draw the map of a problem before planning, and check whether start and goals are free and connected.
 
-    Parameters
-    ----------
-    title : title of the picture
+    The picture shows free space, start, goals, people, landmarks and zones.
+
+    Parameters ---------- title : title of the picture
     """
     model, world = problem.model, problem.world
     ends = _ends(problem)
@@ -120,19 +120,20 @@ def _ends(problem: Problem) -> dict[str, States]:
 
 
 def _same(place: States, state: States) -> bool:
+    """Return whether two states are at the same position, within a nanometre."""
     return bool(np.hypot(place.x[0] - state.x[0], place.y[0] - state.y[0]) < 1e-9)
 
 
 def _apart(free: FreeMap, ends: dict[str, States]) -> list[str]:
-    """Return the goals in another part of free space than the start, as far as the grid resolves."""
+    """Return the names of goals that lie in another part of the free space than the start."""
     parts = {what: free.part_at(float(state.x[0]), float(state.y[0])) for what, state in ends.items()}
     return [what for what, part in parts.items() if part != parts["start"]]
 
 
 def _notes(free: FreeMap, apart: Sequence[str]) -> list[str]:
-    """Return notes on the free area, and on goals cut off from the start."""
+    """Return notes on the size of the free space, and on goals that are cut off from the start."""
     if not free.main:
-        return ["the robot is free nowhere on this map: is its scale right, or the robot too large?"]
+        return ["the robot is free nowhere on this map: check the map's scale and the robot's size"]
     whole = float(free.areas.sum())
     largest = float(free.areas.max())
     many = int((free.areas > 0.0).sum())
@@ -141,18 +142,18 @@ def _notes(free: FreeMap, apart: Sequence[str]) -> list[str]:
         notes[0] += f", in {many} parts between which it cannot go; the largest has {_area(largest)}"
     if apart:
         notes.append(
-            f"no path seems to lead from the start to the {' or the '.join(apart)}: the free space between is cut off"
+            f"no path seems to lead from the start to the {' or the '.join(apart)}: they are in separate free areas"
         )
     return notes
 
 
 def _area(area: float) -> str:
-    """Return an area, m², to three figures."""
+    """Format an area with its unit, m², to three figures."""
     return f"{area:,.0f} m²" if area >= 100 else f"{area:.3g} m²"
 
 
 def _draw_free(axes: Axes, problem: Problem, free: FreeMap | None) -> list[Patch]:
-    """Colour the free space, and the part reachable from the start, and return the legend entries."""
+    """Colour the robot's free space: the part that the start can reach, and the rest; return the legend entries."""
     if free is None:
         return []
     start = problem.model.space.state(problem.start)
@@ -179,7 +180,7 @@ def _draw_free(axes: Axes, problem: Problem, free: FreeMap | None) -> list[Patch
 
 
 def _draw_robot(axes: Axes, problem: Problem, view: View) -> list[Patch]:
-    """Draw the robot at its start, to scale."""
+    """Draw the robot at its start, to scale, unless it would be hidden by the letter there; return the legend entry."""
     model, start = problem.model, problem.model.space.state(problem.start)
     outlines = outlines_at(model, start, from_above)
     if not outlines and model.platform:

@@ -1,4 +1,4 @@
-"""Map: the trajectories of a front as lines on the ground, coloured by a cost, with the named ones on top."""
+"""Map of a front: its trajectories as lines over the obstacles, coloured by a cost, with the named ones on top."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ Line = Callable[[Trajectory], FloatArray]  # points (N, 2) of a trajectory in a 
 
 
 def scale_of(front: Front, colour: str | None) -> Quantity:
-    """Return the column that colours the trajectories: by default the length, else the first column."""
+    """Return the column whose values colour the trajectories: by default the length, else the first column."""
     columns = quantities(front)
     names = [column.name for column in columns]
     if colour is None:
@@ -94,7 +94,10 @@ def scale_of(front: Front, colour: str | None) -> Quantity:
 
 
 def draw_all(axes: Axes, front: Front, scale: Quantity, rows: IntArray, line: Line) -> list[Bar]:
-    """Draw the trajectories in ``rows`` by ``scale``, the least on top; return the colour bar if values differ."""
+    """Draw the trajectories in ``rows`` as thin lines coloured by ``scale``, the least value on top.
+
+    Returns the colour bar in a list, which is empty if all values are equal.
+    """
     order = rows[np.argsort(-scale.values[rows], kind="stable")]
     norm = Normalize(float(scale.values.min()), float(scale.values.max()))
     alpha = float(np.clip(7.0 / np.sqrt(rows.size), 0.15, 0.9))
@@ -118,7 +121,7 @@ def draw_all(axes: Axes, front: Front, scale: Quantity, rows: IntArray, line: Li
 
 
 def draw_named(axes: Axes, front: Front, named: Sequence[Mark], line: Line) -> list[Handle]:
-    """Draw named trajectories thick, and return their legend entries with costs."""
+    """Draw the named trajectories as thick lines, and return their legend entries, which state their costs."""
     handles: list[Handle] = []
     for layer, mark in enumerate(named):
         x, y = line(front.trajectories[mark.row]).T
@@ -138,7 +141,7 @@ def draw_named(axes: Axes, front: Front, named: Sequence[Mark], line: Line) -> l
 
 
 def planner_entries(front: Front) -> list[Handle]:
-    """Return legend entries of the planners of a joint front, each with its own dashes."""
+    """Return legend entries for the planners of a front; each planner's trajectories have their own dashes."""
     counts = _counts(front)
     return [
         Line2D([], [], color=QUIET, linestyle=dashes, linewidth=1.2, label=printable(f"found by {name}: {count}"))
@@ -148,7 +151,7 @@ def planner_entries(front: Front) -> list[Handle]:
 
 
 def _counts(front: Front) -> dict[str, int]:
-    """Return the number of trajectories of each planner, the largest first."""
+    """Return how many trajectories each planner found, the largest number first."""
     return dict(Counter(str(origin.get("planner")) for origin in front.provenance).most_common())
 
 
@@ -163,22 +166,22 @@ def draw_map(
     view: View | None = None,
     ax: Axes | None = None,
 ) -> Figure:
-    """Draw a front's trajectories over the obstacles and the obstructed fraction.
+    """Draw a map with the trajectories of a front, the obstacles, and shading by how much obstacles obstruct the view.
 
     Parameters
     ----------
     problem : Problem
-        World, model, start and goal; the ball of its obstruction criterion (2 m without one) gives the field.
+        World, model, start and goal. Its obstruction criterion gives the radius for the shading (2 m without one).
     front : Front
-        Its trajectories, coloured by a criterion, the least on top; at most 2,000, evenly over the front, as the title
-        then says. An empty front is explained in the title.
+        Its trajectories, coloured by a criterion, the least on top. At most 2,000 are drawn, evenly over the front; the
+        title then says so. The title of an empty front says why it is empty.
     chosen : mapping from label to row, optional
         Trajectories to draw thick and name; by default the knee and the best of each criterion.
     colour : str, optional
         The criterion or reported value that colours the trajectories; by default the length, else the first.
     view : View, optional
-        The rectangle to show, m; by default all free space, or where the trajectories lead if that is less than
-        two fifths of it along the longer side.
+        The rectangle to show, m; by default all free space, or only the area of the trajectories if its longer side is
+        less than two fifths of that.
     ax : Axes, optional
         Axes to draw in, with a colour bar and only the named trajectories in the legend; their figure is returned. By
         default a new figure with all legends and the certificate.
@@ -244,7 +247,10 @@ def draw_map(
 
 
 def _draw_floor(axes: Axes, problem: Problem, view: View, heights: Heights) -> list[Bar]:
-    """Draw the obstructed fraction at the height of the start; not for a fixed robot, unless a criterion has a ball."""
+    """Shade the floor by obstruction at the camera's height at the start, and return the colour bar.
+
+    For a fixed robot without an obstruction criterion the floor is white.
+    """
     ball = ball_of(problem)
     if ball is None:
         draw_bare_floor(axes, problem.world)
@@ -255,13 +261,13 @@ def _draw_floor(axes: Axes, problem: Problem, view: View, heights: Heights) -> l
 
 
 def _turn_places(trajectory: Trajectory) -> FloatArray:
-    """Return the positions (N, 2), m, at which the base turns in place."""
+    """Return the positions (N, 2), m, at which the robot turns in place."""
     turns = turns_in_place(trajectory)
     return mapped_points(trajectory.model, trajectory.states)[1:][turns]
 
 
 def turn_dot(colour: str, x: FloatArray | None = None, y: FloatArray | None = None, **more: object) -> Line2D:
-    """Return dots for turns in place; without coordinates the legend entry."""
+    """Return dots that mark turns in place; without coordinates, the legend entry for them."""
     nowhere = np.zeros(0)
     return Line2D(
         nowhere if x is None else x,
@@ -277,7 +283,7 @@ def turn_dot(colour: str, x: FloatArray | None = None, y: FloatArray | None = No
 
 
 def _hidden_turns_note(turns: FloatArray, ends: Ends, view: View) -> str:
-    """Return the legend's note on turns (N, 2), m, that the letter of start or goal covers; "" if there are none."""
+    """Return a note for the legend if the letter at start or goal covers turns (N, 2), m; otherwise ""."""
     covered = CIRCLE / 2 / 72 * max(view.width / MOST_WIDE, view.height / MOST_HIGH)  # m
     start, goals = ends
     under = [
@@ -289,7 +295,7 @@ def _hidden_turns_note(turns: FloatArray, ends: Ends, view: View) -> str:
 
 
 def draw_headed_ends(axes: Axes, problem: Problem, ends: Ends, view: View) -> Sequence[Handle]:
-    """Draw start and goals, with arrows along the headings."""
+    """Draw the letters of start and goals, with arrows along their headings; return the legend entries."""
     reach = 0.055 * max(view.width, view.height)
     start, goals = ends
     for name, (x, y, yaw) in (("start", start), *(("goal", goal) for goal in goals)):
@@ -311,13 +317,13 @@ def draw_headed_ends(axes: Axes, problem: Problem, ends: Ends, view: View) -> Se
 
 
 def _headings(ends: Sequence[EndPose]) -> str:
-    """Return the legend's words for headings at the start, or at the goals."""
+    """Return the legend's words for the headings at the start, or at the goals: free, or along the arrow."""
     free = [end.yaw is None for end in ends]
     return ", any heading" if all(free) else ", heading along the arrow" + ", if there is one" * any(free)
 
 
 def draw_frame(axes: Axes, view: View) -> None:
-    """Draw axes in metres with a scale bar, round a map of a view."""
+    """Set up the axes of a map: limits of the view, labels in metres, and a scale bar."""
     axes.set(xlim=(view.x_min, view.x_max), ylim=(view.y_min, view.y_max), aspect="equal")
     axes.set_xlabel("x (m)", fontsize=NORMAL)
     axes.set_ylabel("y (m)", fontsize=NORMAL)

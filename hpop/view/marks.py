@@ -1,4 +1,4 @@
-"""Marks on a picture: start and goal, targets of criteria and goals, and clocks where a robot holds."""
+"""Symbols on a map: start and goal, targets to look at, stops of a tour, and clocks where the robot waits."""
 
 from __future__ import annotations
 
@@ -28,7 +28,10 @@ Place = Sequence[float]
 
 
 class EndPose(NamedTuple):
-    """Pose of the mapped body at the start or a goal: m, m, rad; yaw is None where it is free, or without a base."""
+    """Pose at the start or a goal of the body that the map shows: m, m, rad.
+
+    yaw is None if the heading is free, or if the robot has no base
+    """
 
     x: float
     y: float
@@ -39,9 +42,9 @@ Ends = tuple[EndPose, tuple[EndPose, ...]]
 
 
 def end_poses(problem: Problem, found: Sequence[Trajectory] = ()) -> Ends:
-    """Return the poses on a map of a problem's start and of its goals.
+    """Return the pose of the start and the poses of the goals, for a map.
 
-    A goal that lists no states is represented by the last poses of the ``found`` trajectories.
+    For a goal that is not a list of states, the last poses of the ``found`` trajectories are returned.
     """
     model, poses = problem.model, []
     for state in _end_states(problem, found):
@@ -63,9 +66,8 @@ def end_positions(problem: Problem, found: Sequence[Trajectory] = ()) -> tuple[F
 def camera_ends(problem: Problem, found: Sequence[Trajectory] = ()) -> Ends:
     """Return the camera's poses at the start and at the goals, seen from above; see :func:`end_poses`.
 
-    A free heading is None. If a free heading moves the camera, the last poses of the ``found`` trajectories are
-    returned
-    for the goals.
+    A free heading is None. If a free heading would move the camera, the last poses of the ``found`` trajectories are
+    returned for the goals.
     """
     states, poses = _end_states(problem, found), []
     start, *listed = (problem.model.pose("camera", state) for state in states)
@@ -82,14 +84,14 @@ def camera_ends(problem: Problem, found: Sequence[Trajectory] = ()) -> Ends:
 
 
 def goal_words(problem: Problem, count: int) -> str:
-    """Return the words that follow "goal" in the legend, for a number of goals."""
+    """Return the words that follow "goal" in the legend, such as ", any of 3"."""
     if not problem.target.listed:
         return ", where trajectories end"
     return f", any of {count}" * (count > 1)
 
 
 def _end_states(problem: Problem, found: Sequence[Trajectory]) -> list[States]:
-    """Return the start, then the goals; free values are NaN."""
+    """Return the state of the start, then the states of the goals; free values are NaN."""
     space = problem.model.space
     states = [space.state(problem.start)]
     if problem.target.listed:
@@ -98,7 +100,7 @@ def _end_states(problem: Problem, found: Sequence[Trajectory]) -> list[States]:
 
 
 def draw_ends(axes: Axes, start: Place, goals: Sequence[Place], words: tuple[str, str] = ("", "")) -> list[Line2D]:
-    """Draw letters at start and goals, and return the legend entries with additional words."""
+    """Draw the letters S and G at start and goals, and return the legend entries, with ``words`` added to each."""
     handles = []
     for (name, (letter, fill)), places, more in zip(LOOKS.items(), ([start], goals), words, strict=True):
         look: dict[str, Any] = {"marker": "o", "markerfacecolor": fill, "markeredgecolor": "black"}
@@ -124,13 +126,13 @@ SIZE, WIDTH = 14.0, 2.0  # points: round the star of a landmark that is the targ
 
 
 def targets_of(problem: Problem) -> FloatArray:
-    """Return the distinct targets (n, 3), m."""
+    """Return the distinct points (n, 3), m, that criteria or goals refer to, such as a landmark to look at."""
     places = dict.fromkeys(place for _, place in _named_targets(problem))
     return np.array(list(places), float).reshape(-1, 3)
 
 
 def targets_by_name(problem: Problem) -> list[tuple[str, tuple[float, float, float]]]:
-    """Return the distinct targets, m, each with the names of its criteria or goals."""
+    """Return the distinct targets, m, each with the names of the criteria or goals that it belongs to."""
     names: dict[tuple[float, float, float], list[str]] = {}
     for name, place in _named_targets(problem):
         names.setdefault(place, []).append(name)
@@ -148,13 +150,13 @@ def draw_targets(axes: Axes, problem: Problem, flatten: Callable[[FloatArray], F
 
 
 def _named_targets(problem: Problem) -> list[tuple[str, tuple[float, float, float]]]:
-    """Return the criteria and goals that have a target, with the targets."""
+    """Return each target, m, with the name of its criterion, or "the goal"."""
     named = [(criterion.name, place) for criterion in problem.criteria for place in criterion.places]
     return [*named, *(("the goal", place) for place in problem.target.places)]
 
 
 def draw_stops(axes: Axes, problem: Problem) -> list[Line2D]:
-    """Draw the number of each stop of a tour, with the discs of positions, and return the legend entry."""
+    """Draw the numbers of a tour's stops, and circles within which they count as visited; return the legend entry."""
     if problem.tour is None:
         return []
     for number, stop in enumerate(problem.tour.stops, 1):
@@ -184,7 +186,7 @@ CLOCK = Path.make_compound_path(Path.unit_circle(), HANDS)
 
 
 class Held(NamedTuple):
-    """Place, m, where a robot stands still, with the total time, s, and the motions."""
+    """Position, m, where a robot stands still, with the total waiting time, s, and the indices of the motions."""
 
     x: float
     y: float
@@ -193,12 +195,12 @@ class Held(NamedTuple):
 
 
 def is_held(trajectory: Trajectory) -> BoolArray:
-    """Return which motions (n,) are holds."""
+    """Return a mask (n,) of the motions in which the robot stands still."""
     return np.array([kind == HOLD.kind for kind in trajectory.kinds], dtype=bool)
 
 
 def holds_of(trajectory: Trajectory) -> list[Held]:
-    """Return the places where the robot holds, in order of time, with holds at one place merged."""
+    """Return the positions where the robot waits, in order of time; waits at one position are added up."""
     spots: dict[tuple[float, float], list[int]] = {}
     points = np.round(mapped_points(trajectory.model, trajectory.states), HOLD_DIGITS)
     for i in np.flatnonzero(is_held(trajectory)).tolist():
@@ -207,7 +209,7 @@ def holds_of(trajectory: Trajectory) -> list[Held]:
 
 
 def written_time(seconds: float) -> str:
-    """Return a duration in words.
+    """Format a duration.
 
     >>> written_time(3.0), written_time(2.25), written_time(0.04), written_time(600.0)
     ('3 s', '2.2 s', '0.04 s', '10 min')
@@ -227,11 +229,10 @@ def draw_holds(
     gid: str = "hold",
     face: Callable[[Held], Colour] = lambda held: WHITE,
 ) -> None:
-    """Draw a clock with the waiting time beside each position where a trajectory holds.
+    """Draw a clock with the waiting time beside each position where the robot stands still.
 
-    width  m, of the picture: clocks of close positions are drawn side by side
-    row    number of the trajectory: the clocks of each trajectory have a row of their own
-    face   colour of a clock's face, by its hold
+    width m, width of the picture: clocks of close positions are drawn side by side row number of the trajectory: the
+    clocks of each trajectory are in a row of their own face function that returns the colour of a clock's face
     """
     figure = axes.get_figure(root=True)
     drawn = holds_of(trajectory)
@@ -251,7 +252,7 @@ def draw_holds(
 
 
 def _are_near(one: Held, other: Held, width: float) -> bool:
-    """Return whether the clocks of two places would overlap in a picture of a width, m."""
+    """Return whether the clocks of two positions would overlap in a picture that is ``width`` m wide."""
     along, across = NEAR
     return abs(one.x - other.x) < along * width and abs(one.y - other.y) < across * width
 
@@ -259,7 +260,7 @@ def _are_near(one: Held, other: Held, width: float) -> bool:
 def hold_clock(
     colour: str, x: float | None = None, y: float | None = None, face: Colour = WHITE, **more: Any
 ) -> Line2D:
-    """Return a clock at a position, or for the legend without one; its hands are white on a dark face."""
+    """Return a clock symbol at a position, or the legend entry without one; its hands are white on a dark face."""
     xs, ys = ([], []) if x is None or y is None else ([x], [y])
     edge = colour if sum(face[:3]) > DARK else "white"
     look: dict[str, Any] = {"markerfacecolor": face, "markeredgecolor": edge, "markeredgewidth": 1.2}
@@ -267,5 +268,5 @@ def hold_clock(
 
 
 def hold_entry() -> Line2D:
-    """Return the legend entry of clocks."""
+    """Return the legend entry for the clocks of waits."""
     return hold_clock(QUIET, label="stands still, for this time")

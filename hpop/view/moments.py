@@ -1,9 +1,9 @@
-"""Maps at moments: one for each event of a drive, or of a trajectory among moving people.
+"""Maps at several times: one for each event of a drive, or along a trajectory among moving people.
 
 The lower panel of :func:`draw_encounters` shows the distance driven, m, over time. Its line rises while the robot
-drives and is level while the robot turns or holds. Behind the line, each position and time is coloured by the
-distance to the nearest person then: a person who crosses the path is a tube, and a line beside a tube has let that
-person pass.
+drives, and is level while the robot turns or waits. The background shows, for each position on the path and each time,
+how near the nearest person is. A person who crosses the path appears as a coloured band; where the line passes beside a
+band, the robot has let that person pass.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def draw_drive(drive: Execution, happenings: Sequence[Happening]) -> Figure:
     Raises OptionError if there are no events.
     """
     if not happenings:
-        raise OptionError("this drive has no event to draw; hpop.view.draw_map draws its plan")
+        raise OptionError("expected a drive with at least one event, got none; hpop.view.draw_map draws its plan")
     shown = happenings[:MOST]
     problem = drive.problem
     ways = [path_points(option.item) for happening in shown for option in happening.options]
@@ -112,7 +112,7 @@ def draw_drive(drive: Execution, happenings: Sequence[Happening]) -> Figure:
 def _draw_map(
     axes: Axes, problem: Problem, view: View, plan: Trajectory, closed: Sequence[Closing], people: Sequence[Person]
 ) -> None:
-    """Draw the map with closed areas and people."""
+    """Draw the map with obstacles, closed areas and people at one moment."""
     draw_bare_floor(axes, problem.world)
     draw_map_obstacles(axes, problem, camera_heights(problem, [plan]), view)
     for closing in closed:
@@ -132,6 +132,7 @@ def _draw_map(
 
 
 def _draw_options(axes: Axes, happening: Happening) -> None:
+    """Draw the options at an event as thin lines, the plan before it dashed, and the option taken thick."""
     options = happening.options
     for option in options:
         axes.plot(*path_points(option.item).T, color=POINT, linewidth=0.8, zorder=3, gid="option")
@@ -141,6 +142,7 @@ def _draw_options(axes: Axes, happening: Happening) -> None:
 
 
 def _draw_robot(axes: Axes, problem: Problem, happening: Happening) -> None:
+    """Draw the path driven until an event, and the robot at its end."""
     driven = mapped_points(problem.model, happening.driven.states)
     axes.plot(*driven.T, color=DRIVEN, linewidth=2.4, zorder=4.1)
     x, y = driven[-1]
@@ -150,7 +152,7 @@ def _draw_robot(axes: Axes, problem: Problem, happening: Happening) -> None:
 TIMES, PLACES = 400, 300  # samples of the lower panel: times, and positions along the path
 MOMENTS = 4  # maps above the lower panel
 TRAIL = 2.0  # s of path shown behind each person
-NEARNESS = ("#7f1d1d", "#e8956d", "#f6cf9f", "#fbf0dc", "#ffffff")  # touching, and Hall's zones, from within
+NEARNESS = ("#7f1d1d", "#e8956d", "#f6cf9f", "#fbf0dc", "#ffffff")  # touching, then Hall's zones from near to far
 WORDS = ("robot and person would touch", *(f"{zone} zone, to {limit:g} m" for zone, limit in HALL.items()))
 ROBOT = COLOURS[2]
 
@@ -160,7 +162,7 @@ ROBOT = COLOURS[2]
 def draw_encounters(
     problem: Problem, trajectory: Trajectory, *, name: str = "the trajectory", ax: Axes | None = None
 ) -> Figure:
-    """Draw a trajectory over time among moving people, and maps at the moments when they are nearest.
+    """Draw a trajectory over time among moving people, with maps at the moments when people are nearest.
 
     Distances are between surfaces, with a round robot. Each hypothesis of a person is drawn; people of uncertain
     position are drawn at the predicted position.
@@ -180,7 +182,7 @@ def draw_encounters(
     """
     walkers = _walkers(problem)
     if not walkers:
-        raise QueryError("this problem's world has no moving people; draw the map with hpop.view.draw_map")
+        raise QueryError("expected a world with moving people, got none; hpop.view.draw_map draws the map")
     driven = _Driven.of(trajectory)
     view = view_of(problem, [path_points(trajectory)])
     wide = view.width >= view.height
@@ -206,11 +208,9 @@ def draw_encounters(
 
 
 class _Driven(NamedTuple):
-    """A trajectory over time.
+    """Trajectory sampled over time, for the lower panel.
 
-    times   (T,)    s
-    points  (T, 2)  m, of the body that maps show
-    along   (T,)    m, driven until then
+    times (T,) s points (T, 2) m, of the body that maps show along (T,) m, distance driven until then
     """
 
     times: FloatArray
@@ -226,13 +226,13 @@ class _Driven(NamedTuple):
 
 
 def _walkers(problem: Problem) -> list[Person]:
-    """Return the moving people, a person with several hypotheses once for each."""
+    """Return the moving people; a person with several hypotheses appears once for each hypothesis."""
     people = problem.world.content.people
     return [one for person in people if person.moves for _, one in person.hypotheses]
 
 
 def _gap(problem: Problem, person: Person, driven: _Driven) -> FloatArray:
-    """Return the gap (PLACES, TIMES), m, that a robot at each position of its path would have to a person at each time.
+    """Return the gap (PLACES, TIMES), m, between a person and the robot, for each position on its path and each time.
 
     It is inf while the person is absent.
     """
@@ -246,9 +246,9 @@ def _gap(problem: Problem, person: Person, driven: _Driven) -> FloatArray:
 
 
 def _moments(walkers: Sequence[Person], driven: _Driven, gaps: FloatArray) -> FloatArray:
-    """Return the times (MOMENTS,), s, of the maps: the start, and the nearest encounters while people move.
+    """Return the times (MOMENTS,), s, of the maps: the start, and times when a person is near.
 
-    That time is divided into equal parts, and each part has its nearest encounter.
+    The time in which people move is divided into equal parts; each part contributes the time when a person is nearest.
     """
     t = np.linspace(0.0, driven.times[-1], TIMES)
     changing = np.flatnonzero(t <= max(person.settled for person in walkers))
@@ -262,7 +262,7 @@ def _moments(walkers: Sequence[Person], driven: _Driven, gaps: FloatArray) -> Fl
 def _draw_moment(
     axes: Axes, problem: Problem, trajectory: Trajectory, walkers: Sequence[Person], view: View, moment: float
 ) -> None:
-    """Draw a map at a moment: the path until then, and the people."""
+    """Draw a map at a time: the path driven until then, the robot, and the people."""
     draw_bare_floor(axes, problem.world)
     draw_map_obstacles(axes, problem, camera_heights(problem, [trajectory]), view)
     axes.plot(*path_points(trajectory).T, color=ROBOT, linewidth=0.8, alpha=0.5, zorder=3)
@@ -281,7 +281,10 @@ def _draw_moment(
 
 
 def _draw_person(axes: Axes, person: Person, moment: float, weight: float) -> None:
-    """Draw a person as a disc, fainter if less likely, with a dotted path behind; people who left are omitted."""
+    """Draw a person at a time as a disc, with a dotted line along the last two seconds of the walk.
+
+    Less likely hypotheses are fainter; people who are absent are omitted.
+    """
     t = np.linspace(max(0.0, moment - TRAIL), moment, 40)
     x, y = (np.broadcast_to(column, t.shape) for column in person.at(t))
     there = np.broadcast_to(person.there(t), t.shape) > 0
@@ -299,7 +302,7 @@ def _draw_person(axes: Axes, person: Person, moment: float, weight: float) -> No
 
 
 def _draw_progress(axes: Axes, driven: _Driven, gaps: FloatArray, moments: FloatArray) -> None:
-    """Draw the distance driven over time, on colours for the distance to the nearest person."""
+    """Draw the distance driven over time, on a background coloured by the distance to the nearest person."""
     levels = [-1e9, 0.0, *HALL.values(), 1e9]
     axes.imshow(
         gaps,
@@ -323,7 +326,7 @@ def _draw_progress(axes: Axes, driven: _Driven, gaps: FloatArray, moments: Float
 
 
 def _name_tube(axes: Axes, person: Person, driven: _Driven, gaps: FloatArray) -> None:
-    """Write a person's name where the tube touches the path or comes nearest to it."""
+    """Write a person's name in the lower panel where that person is nearest to the robot's path."""
     touching = max(float(gaps.min()), 0.0)
     moments, places = np.nonzero((gaps <= touching).T)  # by time
     middle = moments.size // 2

@@ -1,4 +1,4 @@
-"""Layout of a picture: its figure, a map's page in inches, colour bars, legends, title and certificate."""
+"""Layout of pictures: the figure, a map with colour bars, and legends, title and certificate around it."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ SCREEN = 90  # dots an inch in a notebook
 
 
 class Picture(Figure):
-    """Figure outside pyplot's global state, which a notebook shows as the last value of a cell."""
+    """Figure outside pyplot's global state, which a notebook shows if it is the last value of a cell."""
 
     def _repr_png_(self) -> bytes:
         return png_of(self, SCREEN)
 
 
 def new_figure(width: float, height: float, layout: Any = "constrained") -> Picture:
-    """Make a white figure of a size in inches."""
+    """Create an empty white figure, with its size in inches."""
     figure = Picture(figsize=(width, height), layout=layout, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
 
 
 def figure_for(ax: Axes | None, width: float, height: float, layout: Any = "constrained") -> Figure | SubFigure:
-    """Return a new figure of a size in inches, or a part of the figure of axes, which are removed.
+    """Return a new figure with its size in inches, or the part of a user's figure that ``ax`` occupies.
 
-    Raises OptionError unless the axes are in a grid.
+    ``ax`` is removed. Raises OptionError unless it is in a grid.
     """
     if ax is None:
         return new_figure(width, height, layout)
@@ -53,27 +53,27 @@ def figure_for(ax: Axes | None, width: float, height: float, layout: Any = "cons
     parent = ax.get_figure(root=False)
     if place is None or parent is None:
         raise OptionError(
-            "a picture of several panels takes the place of axes of a grid, such as plt.subplots(1, 2) makes; these "
-            "are in none"
+            "ax must be axes in a grid, such as plt.subplots(1, 2) creates, because a picture of several panels takes "
+            "their place; got axes that are in no grid"
         )
     ax.remove()
     return parent.add_subfigure(place)
 
 
 def checked_axes(ax: Any) -> Axes:
-    """Return ``ax``; OptionError unless it is Matplotlib axes."""
+    """Return ``ax`` unchanged; raise OptionError unless it is a Matplotlib Axes."""
     if not isinstance(ax, Axes):
         raise OptionError(f"ax must be axes of Matplotlib, such as one of plt.subplots(1, 2)[1], got {shown(ax)}")
     return ax
 
 
 def whole(figure: FigureBase) -> Figure:
-    """Return the root figure of a figure or part of a figure."""
+    """Return the complete figure that a figure or subfigure belongs to."""
     return figure.get_figure(root=True)
 
 
 def png_of(figure: Figure, dpi: float) -> bytes:
-    """Return a figure as a PNG."""
+    """Return a figure as the bytes of a PNG file."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=dpi)
     return buffer.getvalue()
@@ -93,12 +93,10 @@ CLAIM_LINE = 0.155  # height of a line of the certificate
 
 @dataclass(frozen=True)
 class PageLayout:
-    """Layout of a page: sizes in inches, positions as shares of the figure.
+    """Layout of a page with a map: sizes in inches, positions as shares of the figure.
 
-    width, height          of the figure
-    map_width, map_height  of the map, with its true proportions unless these are extreme
-    left, bottom           of the map
-    bars                   left edges of the colour bars
+    width, height of the figure map_width, map_height of the map, with its true proportions unless these are extreme
+    left, bottom of the map bars left edges of the colour bars
     """
 
     width: float
@@ -111,11 +109,10 @@ class PageLayout:
 
     @classmethod
     def of(cls, view: View, *, words: Sequence[float], lines: int, claim: int) -> PageLayout:
-        """Return the layout of a map of a view.
+        """Compute the layout of a page for a map that shows ``view``.
 
-        words  inches, width of the labels beside each colour bar
-        lines  number of lines of the longer legend
-        claim  number of lines of the certificate
+        words inches, width of the labels beside each colour bar lines number of lines of the longer legend claim number
+        of lines of the certificate
         """
         map_width, map_height = _size(view)
         offsets = np.cumsum([GAP, *(max(PITCH, BAR + wide + GAP) for wide in words)])
@@ -128,7 +125,7 @@ class PageLayout:
 
     @property
     def title(self) -> tuple[float, float]:
-        """Return the middle of the title's upper edge."""
+        """Return the position of the title: the middle of its upper edge."""
         return 0.5, 1.0 - 0.1 / self.height
 
     @property
@@ -140,15 +137,15 @@ class PageLayout:
 
     @property
     def claim(self) -> tuple[float, float]:
-        """Return the lower left corner of the certificate."""
+        """Return the position of the certificate's lower left corner."""
         return self.legends[0][0], 0.08 / self.height
 
     def map_box(self) -> Box:
-        """Return the box of the map."""
+        """Return the box that the map occupies in the figure."""
         return self._box(self.left, self.map_width)
 
     def bar_box(self, position: int) -> Box:
-        """Return the box of a colour bar, counted from the map outwards."""
+        """Return the box of a colour bar, by its number counted from the map outwards."""
         return self._box(self.bars[position], BAR)
 
     def _box(self, left: float, width: float) -> Box:
@@ -156,13 +153,13 @@ class PageLayout:
 
 
 def stretch_of(view: View) -> float:
-    """Return the ratio of vertical to horizontal scale of a view that fills its box."""
+    """Return by which factor a view is stretched vertically: its vertical scale divided by its horizontal scale."""
     width, height = _size(view)
     return (height / view.height) / (width / view.width)
 
 
 def _size(view: View) -> tuple[float, float]:
-    """Return width and height, inches, of the box of a view."""
+    """Return width and height, inches, of the box in which a view is drawn."""
     scale = min(MOST_WIDE / view.width, MOST_HIGH / view.height)
     return max(LEAST, scale * view.width), max(LEAST, scale * view.height)
 
@@ -175,12 +172,10 @@ Corner = Literal["upper left", "upper center"]
 
 @dataclass(frozen=True, eq=False)
 class Bar:
-    """Colour bar to be drawn.
+    """Colour bar to be drawn beside a map.
 
-    of      colours that the bar explains
-    words   label
-    counts  whether the values are counts, with whole numbers as ticks
-    extend  ends with an arrow, for values beyond the bar
+    of mapping from values to the colours that the bar explains words label counts whether the values are counts, with
+    whole numbers as ticks extend end that is drawn as an arrow, for values beyond the bar: "neither" or "max"
     """
 
     of: ScalarMappable
@@ -190,7 +185,7 @@ class Bar:
 
 
 def lay_on(axes: Axes, front: Front, *, bars: Sequence[Bar], lines: Sequence[Handle]) -> Figure:
-    """Draw the title, colour bars and a legend of named trajectories around a user's axes; return the figure."""
+    """Add the title, colour bars and a legend of named trajectories around a user's axes; return the figure."""
     figure = cast(FigureBase, axes.get_figure(root=False))
     for bar in bars:
         drawn = figure.colorbar(bar.of, ax=axes, extend=bar.extend, extendfrac=0.025, shrink=0.8)
@@ -214,7 +209,7 @@ def lay_out(
     lines: Sequence[Handle],
     symbols: Sequence[Handle],
 ) -> Figure:
-    """Place the axes of a new figure, write the texts around them, and fit the size of the figure."""
+    """Place the map of a new figure, write title, legends and certificate around it, and fit the size of the figure."""
     figure = whole(cast(FigureBase, axes.get_figure(root=True)))
     drawn = [_draw_bar(figure, bar) for bar in bars]
     sheet = PageLayout.of(
@@ -238,12 +233,12 @@ def lay_out(
 
 
 def draw_caption(axes: Axes, words: str) -> None:
-    """Write a caption above the upper left corner of a picture."""
+    """Write a caption above the upper left corner of the axes."""
     axes.text(0.0, 1.02, words, transform=axes.transAxes, ha="left", va="bottom", fontsize=SMALL, gid="caption")
 
 
 def height_of(handles: Sequence[Handle]) -> int:
-    """Return the number of lines of text in a legend."""
+    """Return the number of lines of text that legend entries take."""
     return sum(1 + str(handle.get_label()).count("\n") for handle in handles)
 
 
@@ -258,7 +253,7 @@ def _draw_bar(figure: Figure, bar: Bar) -> Axes:
 
 
 def _width_of_words(figure: Figure, cax: Axes) -> float:
-    """Return the width of the ticks and label beside a colour bar, inches."""
+    """Return the width of the ticks and the label beside a colour bar, in inches."""
     box = cast(Bbox, cax.get_tightbbox())
     return float(box.x1 - cax.bbox.x1) / figure.dpi
 
@@ -276,12 +271,12 @@ def _draw_legend(figure: Figure, handles: Sequence[Handle], at: tuple[float, flo
 
 
 def claim_of(front: Front) -> str:
-    """Return the certificate, a paragraph for each planner, since a picture is passed on without its front."""
+    """Return the certificate of a front as text to print below a picture, with a paragraph for each planner."""
     return paragraphs(front.certificate.split(JOINT))
 
 
 def paragraphs(parts: Sequence[str]) -> str:
-    """Return wrapped text for below a picture."""
+    """Wrap each text to the width of a page, and join them by line breaks."""
     return "\n".join(wrapped(printable(part), CLAIM_WRAP) for part in parts)
 
 

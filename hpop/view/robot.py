@@ -1,4 +1,4 @@
-"""Robot's outline at the ends of its paths, and view directions of its camera along a trajectory."""
+"""Robot's outline at both ends of a path, and symbols for the directions in which its camera looks."""
 
 from __future__ import annotations
 
@@ -28,26 +28,26 @@ LOOK: dict[str, Any] = {"facecolor": ("#5b7aa5", 0.18), "edgecolor": ("#34507a",
 
 
 def from_above(points: FloatArray) -> FloatArray:
-    """Return points in space (..., 3) as they are on a map (..., 2)."""
+    """Project points in space (..., 3) to a map (..., 2), by dropping the height."""
     return points[..., :2]
 
 
 def solid_outline(solid: Solid, flatten: Flatten) -> Polygon:
-    """Return the outline of a convex solid in a picture, m."""
+    """Return the outline of a convex solid, m, after projection to a picture by ``flatten``."""
     if isinstance(solid.shape, Sphere):
         return shapely.Point(flatten(solid.pose[:3, 3])).buffer(solid.shape.radius)
     return shapely.convex_hull(shapely.MultiPoint(flatten(solid.corners)))  # type: ignore[return-value]
 
 
 def robot_outlines(trajectories: Sequence[Trajectory], flatten: Flatten) -> list[BaseGeometry]:
-    """Return outlines, m, of the robot at both ends of the first trajectory; none for models without ``bodies``."""
+    """Return the robot's outlines, m, at start and end of the first trajectory; none for models without ``bodies``."""
     if not trajectories:
         return []
     return outlines_at(trajectories[0].model, trajectories[0].states.take([0, -1]), flatten)
 
 
 def outlines_at(model: Model, states: States, flatten: Flatten) -> list[BaseGeometry]:
-    """Return outlines, m, of a robot in states (N,), from its ``bodies``."""
+    """Return the robot's outlines, m, in states (N,), computed from the model's ``bodies``."""
     placed = [[Solid(shape, pose) for pose in poses] for shape, poses in model.bodies(states)]
     return [
         shapely.union_all([solid_outline(solid, flatten) for solid in parts]) for parts in zip(*placed, strict=True)
@@ -55,12 +55,12 @@ def outlines_at(model: Model, states: States, flatten: Flatten) -> list[BaseGeom
 
 
 def corners_of(outlines: Sequence[BaseGeometry]) -> FloatArray:
-    """Return the points (N, 2), m, of outlines."""
+    """Return all corner points (N, 2), m, of some outlines."""
     return shapely.get_coordinates(np.array(outlines, dtype=object))
 
 
 def draw_robot(axes: Axes, outlines: Sequence[BaseGeometry], named: Sequence[Mark]) -> list[Patch]:
-    """Draw the robot's outlines at both ends of the first named trajectory, and return the legend entry."""
+    """Draw the robot's outlines at both ends of the first named trajectory; return the legend entry."""
     if not outlines:
         return []
     paths = [outline(geometry) for geometry in outlines]
@@ -69,9 +69,9 @@ def draw_robot(axes: Axes, outlines: Sequence[BaseGeometry], named: Sequence[Mar
 
 
 REACH = 0.045  # length of a wedge, as a share of the map's longer side
-APART = 1.5  # reaches: from one wedge to the next, along the path
-CONE_REACH = 0.07  # as REACH, of a cone
-CONES_APART = 3.0  # reaches
+APART = 1.5  # distance between wedges along the path, as a multiple of REACH
+CONE_REACH = 0.07  # length of a cone, as a share of the map's longer side
+CONES_APART = 3.0  # distance between cones along the path, as a multiple of CONE_REACH
 RIM = np.linspace(-1.0, 1.0, 9)  # shares of half an angle of view at which a cone's rim is sampled
 AHEAD = 1 + RIM.size**2 // 2  # index of the middle of the view among the points of a cone
 POINTER = math.radians(16.0)  # width of the wedge of an all-round camera
@@ -80,7 +80,7 @@ ASIDE = 1e-6  # rad: tolerance of "the camera looks along the base"
 
 
 def looks_aside(model: Model, trajectories: list[Trajectory]) -> bool:
-    """Return whether pictures must show the view: it is partial, or does not point along the base."""
+    """Return whether pictures must show where the camera looks: it sees only a part, or turns away from the base."""
     if "camera" not in model.provides:
         return False
     if "base" not in model.provides or model.field_of_view is not None:
@@ -90,9 +90,9 @@ def looks_aside(model: Model, trajectories: list[Trajectory]) -> bool:
 
 
 def draw_sight(axes: Axes, trajectory: Trajectory, colour: str, view: View, *, zorder: float, gid: str) -> None:
-    """Draw the camera's view directions from above: wedges for a base, cones for a camera in a hand.
+    """Draw where the camera looks, from above: as wedges for a robot with a base, as cones for a camera in a hand.
 
-    They are drawn at the start, at even distances along the path, and at the goal; a wedge that looks up or down is
+    They are drawn at the start, at even distances along the path, and at the goal. A wedge that looks up or down is
     shorter. Where the robot stands, the view with which it continues is drawn.
     """
     if "base" not in trajectory.model.provides:
@@ -115,7 +115,7 @@ def draw_cones(
 ) -> None:
     """Draw short view cones of the camera at even distances along the path, in a picture seen from above or the side.
 
-    flatten : points in space (..., 3) as they are in the picture (..., 2)
+    flatten : projects points in space (..., 3) to the picture (..., 2)
     """
     reach = CONE_REACH * max(view.width, view.height)
     pose = trajectory.model.pose("camera", trajectory.at(_moments(trajectory, CONES_APART * reach)))
@@ -127,7 +127,7 @@ def draw_cones(
 
 
 def cone_points(model: Model, pose: Pose, reach: float) -> FloatArray:
-    """Return points (N, 1 + K, 3), m, of view cones: the camera, then K points in view at the distance ``reach``, m.
+    """Return the corners (N, 1 + K, 3), m, of N view cones: the camera, then K points at the distance ``reach``, m.
 
     A camera that sees all round has a narrow cone ahead.
     """
@@ -142,7 +142,7 @@ def cone_points(model: Model, pose: Pose, reach: float) -> FloatArray:
 
 
 def sight_entry(model: Model, *, cones: bool) -> Patch:
-    """Return the legend entry for wedges, or for cones."""
+    """Return the legend entry for the wedges, or for the cones, of the camera's view."""
     given = model.field_of_view
     width, height = ("", "") if given is None else (f"{math.degrees(angle):.0f}°" for angle in given)
     said = f",\n{width} wide and {height} high" if cones else f", {width} wide"
@@ -154,13 +154,13 @@ def _look(colour: str) -> dict[str, Any]:
 
 
 def _width(model: Model) -> float:
-    """Return the width of a wedge, rad."""
+    """Return the angle of the wedge that shows the camera's view, rad."""
     given = model.field_of_view
     return POINTER if given is None or given[0] >= 2.0 * math.pi else float(given[0])
 
 
 def _moments(trajectory: Trajectory, apart: float) -> FloatArray:
-    """Return times (N,), s, at equal distances, m, along the camera's path, including the end."""
+    """Return times (N,), s, at which the camera has moved equal distances ``apart``, m; the end is included."""
     times = np.linspace(0.0, trajectory.duration, SAMPLES)
     steps = np.diff(positions(trajectory.model.pose("camera", trajectory.at(times))), axis=0)
     gone = np.append(0.0, np.cumsum(np.sqrt((steps**2).sum(axis=1))))

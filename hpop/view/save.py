@@ -1,4 +1,4 @@
-"""Pictures in files, each written whole or not at all, and the small pictures of notebooks."""
+"""Pictures as files, each written completely or not at all, and the small pictures that notebooks show."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from hpop.world import World
 
 DPI = 200
 LEAST_DPI, MOST_DPI = 10, 1200  # a map is up to some 13 inches wide: of more pixels it takes gigabytes
-MOST_FIELD = 500_000_000  # bytes of the map's field by default; a fine raster would take a gigabyte, and 20 s
+MOST_FIELD = 500_000_000  # default memory limit of the map's shading, bytes; a fine raster takes 1 GB, and 20 s
 OTHERS = {
     "front.png",
     "trace.png",
@@ -67,21 +67,24 @@ def save_pictures(
     max_memory: int | None = None,
     preference: Preferring | None = None,
 ) -> list[Path]:
-    """Write ``map.png``, ``front.png``, and for the knee ``trace.png`` and ``where.png``; for an empty front the map.
+    """Write pictures of a problem and its front to a folder, and return the paths of the files.
 
-    If people move, ``encounters.png`` shows the knee over time among them. If the camera rises or sinks, ``side.png``
-    is a view from the side. If states change that maps do not show, such as joints, there is ``states.png``. With a
-    person's ``preference`` the best trajectory for that person is marked too. The map's field is left out, and the map
-    says so, if it takes more than ``max_memory`` bytes (by default 500 MB). A knee without motion, since the start is
-    the goal, has no ``trace.png`` and ``where.png``. The folder is created if missing; existing pictures are replaced,
-    or removed if this front has none of that name. All are drawn before the first is written.
+    For an empty front this is only ``map.png``. Otherwise also ``front.png``, and for the knee ``trace.png`` and
+    ``where.png``, unless it has no motion. If people move, ``encounters.png`` shows the knee over time among them. If
+    the camera rises or sinks, ``side.png`` is a view from the side. If states change that maps do not show, such as
+    joints, ``states.png`` shows them.
+
+    With a person's ``preference`` the best trajectory for that person is marked too. If the shading of the map by
+    obstruction takes more than ``max_memory`` bytes (by default 500 MB), it is left out, and the map says so. The
+    folder is created if missing. Existing pictures are replaced, or removed if this front has none of that name. All
+    are drawn before the first is written.
 
     Raises
     ------
     OptionError
         If ``dpi`` is not from 10 to 1,200.
     OutputError
-        If the folder cannot be made or written to; no picture is then half-written.
+        If the folder cannot be created or written to; no partial picture remains.
     """
     dpi = real("dpi", dpi, LEAST_DPI, MOST_DPI, "a number of pixels per inch")
     target = Path(folder)
@@ -116,13 +119,13 @@ def save_pictures(
 
 
 def save_figure(figure: Figure, path: Path, dpi: float = DPI) -> None:
-    """Write a picture as PNG to a file, creating its folder if missing; raises OSError."""
+    """Write a figure to a PNG file, creating its folder if missing; raises OSError if this fails."""
     path.parent.mkdir(parents=True, exist_ok=True)
     _write(path, _png(figure, dpi)())
 
 
 def _png(figure: Figure, dpi: float) -> Callable[[], bytes]:
-    """Draw a figure once, where `savefig` would draw it twice, and return a function that compresses it."""
+    """Draw a figure once (`savefig` would draw it twice), and return a function that compresses it to PNG bytes."""
     figure.set_dpi(dpi)
     canvas: Any = FigureCanvasAgg(figure)
     with warnings.catch_warnings():  # about letters missing in the font, which become boxes
@@ -139,7 +142,7 @@ def _png(figure: Figure, dpi: float) -> Callable[[], bytes]:
 
 
 def _write(path: Path, data: bytes) -> Path:
-    """Replace a file by a complete one."""
+    """Write data to a file completely or not at all, replacing an existing file."""
     with replacing(path) as file:
         file.write(data)
     return path
@@ -154,7 +157,7 @@ SOLID: dict[str, Any] = {"facecolor": "#b3aa9a", "edgecolor": "#6f675a", "linewi
 
 @plain
 def small_map(world: World, problem: Problem | None = None) -> Figure:
-    """Draw a world from above: obstacles, people, landmarks, zones; start and goal of a problem."""
+    """Draw a small map for notebooks: obstacles, people, landmarks and zones; start and goal if a problem is given."""
     x0, y0, x1, y1 = shapely.total_bounds([world.extent, *(obstacle.polygon for obstacle in world.obstacles)]).tolist()
     room = ROOM * max(x1 - x0, y1 - y0)
     view = View(x0 - room, y0 - room, x1 + room, y1 + room)
@@ -177,6 +180,7 @@ def small_map(world: World, problem: Problem | None = None) -> Figure:
 
 
 def _draw_ground(axes: Axes, world: World) -> None:
+    """Draw obstacles, keep-out areas and the outline of a world."""
     solid = [*(obstacle.polygon for obstacle in world.obstacles), world.ground.raster_solid(), world.keep_out]
     outlines = [outline(geometry) for geometry in solid if not geometry.is_empty]
     axes.add_collection(PathCollection(outlines, zorder=1.0, gid="obstacles", **SOLID), autolim=False)
@@ -184,11 +188,12 @@ def _draw_ground(axes: Axes, world: World) -> None:
 
 
 def _front_png(front: Front) -> bytes | None:
+    """Return the picture of a front for notebooks; None for an empty front."""
     return png_of(draw_front(front), NOTEBOOK_DPI) if len(front) else None
 
 
 def provide() -> None:
-    """Register the small pictures that notebooks show for worlds, problems and fronts."""
+    """Register the small pictures of worlds, problems and fronts, so that notebooks show them."""
     PICTURES[World] = lambda world: png_of(small_map(world), NOTEBOOK_DPI)
     PICTURES[Problem] = lambda problem: png_of(small_map(problem.world, problem), NOTEBOOK_DPI)
     PICTURES[Front] = _front_png

@@ -1,4 +1,4 @@
-"""View from the side: camera heights along the trajectories of a front, among nearby obstacles."""
+"""View from the side: the heights of the camera along the trajectories of a front, among nearby obstacles."""
 
 from __future__ import annotations
 
@@ -56,10 +56,10 @@ def draw_side(
     colour: str | None = None,
     ax: Axes | None = None,
 ) -> Figure:
-    """Draw the camera's paths of a front from the side, among the obstacles near them.
+    """Draw the camera paths of a front from the side, with the obstacles near them.
 
-    The view is horizontal, at right angles to the direction in which the paths spread most. Lines and colours are those
-    of the map (:func:`hpop.view.draw_map`).
+    The direction of view is horizontal, at right angles to the direction in which the paths spread most. Lines and
+    colours are those of the map (:func:`hpop.view.draw_map`).
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def draw_side(
 
 
 def _view(points: FloatArray, solid: Heights, drives: bool) -> View:
-    """Return the rectangle with points (N, 2), m, obstacles just above, and the floor or obstacles just below."""
+    """Return the rectangle of a side view: points (N, 2), m, obstacles just above, floor or obstacles just below."""
     (a, low), (b, high) = points.min(axis=0), points.max(axis=0)
     border = max(BORDER * max(b - a, high - low), LEAST_BORDER)
     near = max(2.0 * border, NEAR)
@@ -136,14 +136,14 @@ def _view(points: FloatArray, solid: Heights, drives: bool) -> View:
 
 
 def _draw_floor(axes: Axes, view: View) -> Iterator[Handle]:
-    """Draw the floor, at height 0."""
+    """Draw the floor at height 0, hatched below; yield the legend entry."""
     axes.axhspan(view.y_min - 1.0, 0.0, facecolor="white", edgecolor=EARTH, hatch="////", linewidth=0.0, zorder=1.1)
     axes.axhline(0.0, color=EARTH, linewidth=1.4, zorder=2.0, gid="floor")
     yield Patch(facecolor="none", edgecolor=EARTH, hatch="////", label="below the floor (height 0)")
 
 
 def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark], section: Section, view: View) -> Iterator[Handle]:
-    """Draw stars at the landmarks' heights."""
+    """Draw landmarks in view as stars at their heights, with names; yield the legend entry."""
     look: dict[str, Any] = {"marker": "*", "markerfacecolor": STAR, "markeredgecolor": INK, "markeredgewidth": 0.7}
     shown = 0
     for mark in landmarks:
@@ -158,6 +158,7 @@ def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark], section: Section,
 
 
 def _draw_frame(axes: Axes, view: View, section: Section) -> None:
+    """Set up the axes of a side view: limits, labels and caption."""
     stretch = stretch_of(view)
     larger = f", drawn {stretch:.2g} times as large" if stretch > STRETCHED else ""
     axes.set(xlim=(view.x_min, view.x_max), ylim=(view.y_min, view.y_max), aspect="auto")

@@ -1,7 +1,7 @@
-"""Outlines of obstacles: all of them on a map, or those near some paths in a vertical plane.
+"""Outlines of obstacles: all of them on a map, or those near some paths in a view from the side.
 
-A camera in a robot's hand moves over, under and between obstacles, so a map of its paths shows obstacles of all
-heights.
+A camera in a robot's hand moves over, under and between obstacles, so a map of its paths shows
+obstacles of all heights.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ MINUS = "\N{MINUS SIGN}"
 
 @dataclass(frozen=True)
 class Section:
-    """Vertical plane, seen at right angles.
+    """Vertical plane onto which a view from the side is projected.
 
-    degrees  of its direction, counter-clockwise from x: a multiple of 15, above -90 and up to 90
+    degrees direction of the plane, counter-clockwise from x: a multiple of 15, above -90 and up to 90
     """
 
     degrees: int
 
     @classmethod
     def along(cls, paths: Sequence[FloatArray]) -> Section:
-        """Return the section along the principal axis of paths (N, 3), m; along x if they do not spread."""
+        """Return the plane along the direction in which paths (N, 3), m, spread most; along x if they do not spread."""
         pieces = np.concatenate([np.stack([path[:-1, :2], path[1:, :2]], axis=1) for path in paths])  # (n, 2, 2)
         middle = pieces.mean(axis=1)
         weight = np.hypot(*(pieces[:, 1] - pieces[:, 0]).T)
@@ -55,7 +55,7 @@ class Section:
 
     @property
     def direction(self) -> FloatArray:
-        """Return the horizontal unit vector (2,) of the plane."""
+        """Return the unit vector (2,) along the plane, in the map."""
         yaw = math.radians(self.degrees)
         return np.array([math.cos(yaw), math.sin(yaw)])
 
@@ -72,7 +72,7 @@ class Section:
         return f"along {sign.strip('+')}{angle}: x cos {angle} {sign} y sin {angle} (m)"
 
     def flattened(self, points: FloatArray) -> FloatArray:
-        """Return points in space (..., 3) projected to the picture (..., 2), m."""
+        """Project points in space (..., 3), m, to the picture (..., 2): position along the plane, and height."""
         return np.stack([points[..., :2] @ self.direction, points[..., 2]], axis=-1)
 
 
@@ -84,11 +84,10 @@ ENDLESS = 1e5  # m: drawn height of unlimited obstacles
 
 @dataclass(frozen=True)
 class PathSurroundings:
-    """Zone round some paths, for obstacles in a view from the side.
+    """Area round some paths, which decides which obstacles a view from the side shows.
 
-    among    the hull of the paths on the ground
-    beside   the hull, grown by a border
-    heights  range of the paths' heights
+    among convex hull of the paths, seen from above beside the hull, grown by a border heights range
+    of the paths' heights
     """
 
     among: BaseGeometry
@@ -97,7 +96,7 @@ class PathSurroundings:
 
     @classmethod
     def of(cls, paths: Sequence[FloatArray]) -> PathSurroundings:
-        """Return the surroundings of paths (N, 3), m."""
+        """Return the area round paths (N, 3), m."""
         points = np.concatenate(paths)
         hull = shapely.convex_hull(shapely.MultiPoint(points[:, :2]))
         x0, y0, x1, y1 = hull.bounds
@@ -105,7 +104,7 @@ class PathSurroundings:
         return cls(hull, beside, Heights(float(points[:, 2].min()), float(points[:, 2].max())))
 
     def silhouettes(self, world: World, section: Section) -> list[Polygon]:
-        """Return outlines, m, in a section's plane, of obstacles among and beside the paths.
+        """Return the outlines, m, of obstacles near the paths, projected to the plane of a side view.
 
         Prisms and cells beside the paths that span all heights of the paths, such as walls of a room, are left out,
         because they would hide everything.
@@ -122,7 +121,7 @@ class PathSurroundings:
 
 
 def draw_map_obstacles(axes: Axes, problem: Problem, heights: Heights, view: View) -> list[Patch]:
-    """Draw obstacles on a map, shaded by the camera's heights if there is a base; return the legend entries."""
+    """Draw obstacles on a map, shaded by the camera's heights if the robot has a base; return the legend entries."""
     world = problem.world
     if "base" in problem.model.provides:
         return draw_obstacles(axes, world, heights, view)
@@ -133,7 +132,7 @@ def draw_map_obstacles(axes: Axes, problem: Problem, heights: Heights, view: Vie
 
 
 def draw_silhouettes(axes: Axes, found: Sequence[Polygon], view: View) -> list[Patch]:
-    """Draw obstacles lightly, as they may be in front of the paths or behind them, and return the legend entry."""
+    """Draw outlines of obstacles lightly, since they may be before or behind the paths; return the legend entry."""
     shown = shapely.box(view.x_min - 1.0, view.y_min - 1.0, view.x_max + 1.0, view.y_max + 1.0)
     outlines = [shapely.get_coordinates(shapely.intersection(shown, one)) for one in found if shown.intersects(one)]
     if not outlines:
@@ -143,13 +142,14 @@ def draw_silhouettes(axes: Axes, found: Sequence[Polygon], view: View) -> list[P
 
 
 def ends_of(found: Sequence[Polygon]) -> Heights:
-    """Return the lowest and the highest end of outlines, m; (inf, -inf) if there are none."""
+    """Return the lowest and highest end of some outlines, m, leaving out unlimited ends; (inf, -inf) for none."""
     ends = np.array([(one.bounds[1], one.bounds[3]) for one in found]).reshape(-1, 2)
     lows, highs = (side[np.abs(side) < ENDLESS] for side in ends.T)
     return Heights(float(lows.min(initial=np.inf)), float(highs.max(initial=-np.inf)))
 
 
 def _prisms(world: World) -> Iterator[tuple[BaseGeometry, float, float]]:
+    """Yield the outline, bottom and top, m, of each obstacle that is an upright prism, and of the raster's cells."""
     for obstacle in world.obstacles:
         if obstacle.solid is None:
             yield obstacle.polygon, *obstacle.heights

@@ -1,4 +1,4 @@
-"""Page in one file: a bundled script with its data, which needs no network.
+"""Web page in one HTML file: a bundled script and its data, without any network access.
 
 A content security policy enforces this: it allows only the page's own scripts, by hash, no connections, and no
 evaluation of text. Data are in an element that is not executed, with ``</`` escaped, so that a name such as
@@ -33,7 +33,7 @@ PAGE = """<!doctype html>
 <title>{title}</title>
 </head>
 <body>
-<noscript>This page needs JavaScript: it draws with it what the file holds, and sends nothing anywhere.</noscript>
+<noscript>This page needs JavaScript to draw the content of this file. It sends nothing anywhere.</noscript>
 <script type="application/json" id="payload">{payload}</script>
 <script type="text/plain" id="bundle">{bundle}</script>
 <script>{loader}</script>
@@ -49,21 +49,21 @@ LOADER = """
   document.body.append(script);
 })();
 """
-LEVEL = 9  # of 9: 10 ms
+LEVEL = 9  # compression level, of 9; takes 10 ms
 ENDINGS = (".html", ".htm")
 
 
 def page_file(path: str | os.PathLike[str]) -> Path:
-    """Return the path of a page; OptionError unless its name ends in .html."""
+    """Return the path of a page to write; raise OptionError unless its name ends in .html or .htm."""
     target = Path(path)
     if target.suffix.lower() not in ENDINGS:
-        raise OptionError(f"pages are HTML files, so the name must end in .html, got {shown(target.name)}")
+        raise OptionError(f"expected a file name that ends in .html, got {shown(target.name)}; pages are HTML files")
     return target
 
 
 @cache
 def bundle(name: str) -> str:
-    """Return the script of a page, bundled by web/build.mjs: "explorer.js", "ride.js", "study.js", "widget.js"."""
+    """Return the text of a script bundled by web/build.mjs: "explorer.js", "ride.js", "study.js" or "widget.js"."""
     return resources.files("hpop.view").joinpath("web", name).read_text(encoding="utf-8")
 
 
@@ -76,11 +76,10 @@ def single_page(
     frames: Iterable[str] = (),
     language: str = "en",
 ) -> str:
-    """Return the text of a page: the bundle named ``script`` with its payload.
+    """Return the HTML text of a page that contains the bundled script ``script`` and its data ``payload``.
 
-    connect   policy for connections and media; nothing unless a server of hpop serves the page
-    frames    hashes of the scripts of embedded pages, which must satisfy both policies
-    language  of its texts, as HTML writes it
+    connect security policy for connections and media; nothing unless a server of hpop serves the page frames hashes of
+    the scripts of embedded pages, which must satisfy both policies language of its texts, as HTML writes it
     """
     code = bundle(script).encode()
     scripts = " ".join(dict.fromkeys((_hash_of(LOADER.encode()), _hash_of(code), *frames)))
@@ -103,10 +102,10 @@ def single_page(
 
 @lru_cache(maxsize=4)
 def _compressed_script(code: bytes) -> str:
-    """Return a script in the compressed form of a page, cached, since a study has a page for each participant."""
+    """Return a script compressed as base64 text; cached, because a study writes a page for each participant."""
     return base64.b64encode(zlib.compress(code, LEVEL)).decode()
 
 
 def _hash_of(script: bytes) -> str:
-    """Return the hash of a script, as written in a policy."""
+    """Return the hash of a script in the form of a content security policy."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(script).digest()).decode()}'"

@@ -1,7 +1,7 @@
-"""Shared style of all pictures: colours, words for units, named trajectories, and lines of trajectories.
+"""Shared style of all pictures: colours, labels with units, named trajectories, and points along trajectories.
 
-Colours of named trajectories are those of Okabe and Ito (2008, "Color universal design"), which remain
-distinct for colour-blind readers; line styles and markers repeat the distinction for print without colour.
+Colours of named trajectories are those of Okabe and Ito (2008, "Color universal design"), which remain distinct for
+colour-blind readers; line styles and markers repeat the distinction for print without colour.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ NAME_WIDTH = 15  # characters a line of a stacked name
 
 
 def plain(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Make a drawing function show texts literally, without parsing dollar signs as formulas."""
+    """Decorate a drawing function so that dollar signs in texts are shown literally, not parsed as formulas."""
 
     @wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
@@ -64,13 +64,10 @@ def plain(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
 @dataclass(frozen=True)
 class Mark:
-    """Named trajectory of a front, drawn alike in every picture.
+    """Named trajectory of a front, with the colour, dashes and marker that all pictures use for it.
 
-    names   such as "knee", "least turns"
-    row     row of the front
-    colour  of its line and marker
-    dashes  offset and on-off pattern, points
-    marker  of its point
+    names such as "knee", "least turns" row row of the front colour of its line and marker dashes offset and on-off
+    pattern, points marker of its point
     """
 
     names: tuple[str, ...]
@@ -81,21 +78,20 @@ class Mark:
 
     @property
     def label(self) -> str:
-        """Return the names: "knee, least turns"."""
+        """Return the names as one text, such as "knee, least turns"."""
         return ", ".join(self.names)
 
     def legend(self, columns: Iterable[Quantity], width: int) -> str:
-        """Return names and costs, in lines of at most ``width`` characters, broken only between names and costs."""
+        """Return names and costs for a legend, in lines of at most ``width`` characters, broken only between them."""
         values = ", ".join(_nonbreaking(column.text(column.values[self.row])) for column in columns)
         return fill(", ".join(map(_nonbreaking, self.names)) + ": " + values, width, break_long_words=False)
 
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """Column of a front, for an axis.
+    """Column of a front, as an axis of a picture shows it.
 
-    values  (n,)  in the unit
-    counts  whether the values are whole numbers by nature
+    values (n,) in the unit counts whether the values are whole numbers by nature
     """
 
     name: str
@@ -105,11 +101,11 @@ class Quantity:
 
     @property
     def label(self) -> str:
-        """Return name and unit: "length (m)", "turns (count)"."""
+        """Return the name with its unit, such as "length (m)" or "turns (count)"."""
         return label(self.name, self.unit, self.counts)
 
     def text(self, value: float) -> str:
-        """Return a value in words: "length 12.3 m", "turns 4"."""
+        """Return the name with a value, such as "length 12.3 m" or "turns 4"."""
         return f"{self.name} {value_text(value, self.unit, self.counts)}"
 
 
@@ -123,7 +119,7 @@ def label(name: str, unit: str, counts: bool) -> str:
 
 
 def stacked(words: str) -> str:
-    r"""Return an axis label with its unit on a separate line, and a long name broken after underscores.
+    r"""Break an axis label: its unit goes on a separate line, and a long name is broken after underscores.
 
     >>> stacked("length (m)"), stacked("landmark_blindness (s)")
     ('length\n(m)', 'landmark_\nblindness\n(s)')
@@ -133,7 +129,7 @@ def stacked(words: str) -> str:
 
 
 def value_text(value: float, unit: str, counts: bool) -> str:
-    """Return a value with its unit, to three digits.
+    """Format a value with its unit, to three digits.
 
     >>> value_text(16.0, "m", False), value_text(4.0, "1", True), value_text(1234.5, "s", False)
     ('16.0 m', '4', '1234 s')
@@ -153,12 +149,12 @@ def drawn_rows(front: Front) -> IntArray:
 
 
 def how_many_drawn(front: Front) -> str:
-    """Return the title's words if not all lines are drawn: ", 2,000 of them drawn"."""
+    """Return an addition to a title if only some lines are drawn: ", 2,000 of them drawn"; otherwise ""."""
     return f", {MOST_LINES:,} of them drawn" if len(front) > MOST_LINES else ""
 
 
 def quantities(front: Front) -> tuple[Quantity, ...]:
-    """Return the criteria of a front, then its reported values; a cost below half its quantum counts as 0."""
+    """Return the columns of a front: its criteria, then its reported values. A cost below half its quantum is 0."""
     costs = np.where(np.abs(front.costs) < 0.5 * np.array(front.quanta), 0.0, front.costs)
     whole = [unit == "1" and quantum == 1.0 for unit, quantum in zip(front.units, front.quanta, strict=True)]
     return tuple(
@@ -176,7 +172,7 @@ def quantities(front: Front) -> tuple[Quantity, ...]:
 def marks(
     front: Front, chosen: Mapping[str, int] | None = None, *, preference: Preferring | None = None
 ) -> tuple[Mark, ...]:
-    """Return named trajectories: the rows ``chosen`` by label, or the knee and the best of each criterion and person.
+    """Return named trajectories: the rows ``chosen`` by label, or the knee, the least of each cost, and the preferred.
 
     A row with several names is one mark. Raises OptionError for a row that the front does not have.
     """
@@ -192,7 +188,7 @@ def marks(
 
 
 def turns_in_place(trajectory: Trajectory) -> BoolArray:
-    """Return which motions (n,) turn the mapped body by more than a degree without moving it."""
+    """Return a mask (n,) of the motions that turn the robot by more than a degree without moving it."""
     pose = mapped_pose(trajectory.model, trajectory.states)
     still = np.hypot(np.diff(pose.x), np.diff(pose.y)) == 0.0
     turns: BoolArray = (np.abs(np.diff(pose.yaw)) > LEAST_TURN) & still
@@ -200,17 +196,17 @@ def turns_in_place(trajectory: Trajectory) -> BoolArray:
 
 
 def mapped_body(model: Model) -> str:
-    """Return the body that maps show: the base, or the camera of a robot without one."""
+    """Return the body whose path maps show: "base", or "camera" for a robot without a base."""
     return "base" if "base" in model.provides else "camera"
 
 
 def mapped_pose(model: Model, states: States) -> Pose:
-    """Return the pose of the body that the map shows."""
+    """Return the pose, in some states, of the body whose path maps show."""
     return model.pose(mapped_body(model), states)
 
 
 def mapped_points(model: Model, states: States) -> FloatArray:
-    """Return the positions (M, 2), m, of the mapped body."""
+    """Return the positions (M, 2), m, in M states, of the body whose path maps show."""
     pose = mapped_pose(model, states)
     return np.stack([pose.x, pose.y], axis=1)
 
@@ -222,7 +218,7 @@ def whole_ticks(axis: Axis, counts: bool, most: int = 5) -> None:
 
 
 class _WholeValue(ScalarFormatter):
-    """Formatter of plain numbers; very small and large ones have their power of ten at each tick.
+    """Formatter of ticks that writes every number in full; very small and large ones carry their power of ten.
 
     Offsets and powers at the end of an axis are easily overlooked, and overlap other texts.
     """
@@ -260,7 +256,7 @@ class Heights(NamedTuple):
 
 
 def path_points(trajectory: Trajectory) -> FloatArray:
-    """Return points (N, 2), m, of the path on a map: ends of motions, and more along curves."""
+    """Return points (N, 2), m, of a trajectory's line on a map: ends of motions, and more along curves."""
     model = trajectory.model
     pieces = _base_pieces if "base" in model.provides else _camera_pieces
     return mapped_points(model, _sampled_states(trajectory, pieces))
@@ -272,7 +268,7 @@ def camera_path(trajectory: Trajectory) -> FloatArray:
 
 
 def positions(pose: Pose) -> FloatArray:
-    """Return the positions (N, 3), m, of poses."""
+    """Return the positions (N, 3), m, of N poses."""
     return np.stack(np.broadcast_arrays(pose.x, pose.y, pose.z), axis=1)
 
 
@@ -287,13 +283,16 @@ def camera_heights(problem: Problem, trajectories: Iterable[Trajectory]) -> Heig
 
 
 def may_rise(model: Model, state: States) -> bool:
-    """Return whether the camera can go up and down; a twist has the number 0.0 for a component that is always zero."""
+    """Return whether the model's camera can change its height.
+
+    A twist (velocity of a body) has the number 0.0 instead of an array for a component that is always zero.
+    """
     rates = States(**{name: np.ones(1) for name in state.names})
     return not isinstance(model.twist("camera", state, rates).velocity[2], float)
 
 
 def _sampled_states(trajectory: Trajectory, pieces_of: Callable[[Law], int]) -> States:
-    """Return the states at the ends of motions, and within motions drawn in several pieces."""
+    """Return the states at the ends of a trajectory's motions, and within motions that are drawn in several pieces."""
     pieces = _pieces(trajectory, pieces_of)
     if not (pieces > 1).any():
         return trajectory.states
@@ -304,13 +303,16 @@ def _sampled_states(trajectory: Trajectory, pieces_of: Callable[[Law], int]) -> 
 
 
 def _pieces(trajectory: Trajectory, pieces_of: Callable[[Law], int]) -> IntArray:
+    """Return the number (n,) of straight pieces in which each motion is drawn."""
     laws = laws_of(trajectory.model)
     return np.array([pieces_of(laws[kind]) for kind in trajectory.kinds], dtype=np.int64)
 
 
 def _base_pieces(law: Law) -> int:
+    """Return the number of straight pieces for drawing a motion of the base."""
     return CURVE_PIECES if {"x", "yaw"} <= law.varies else 1
 
 
 def _camera_pieces(law: Law) -> int:
+    """Return the number of straight pieces for drawing a motion of the camera."""
     return 1 if law.varies <= IN_PLANE else SWING_PIECES

@@ -52,11 +52,11 @@ DIGIT, GAP = 0.64 * SMALL, 11.0  # points: width of a digit at a tick, and other
 def draw_trace(
     problem: Problem, trajectory: Trajectory, *, name: str = "the trajectory", ax: Axes | None = None
 ) -> Figure:
-    """Draw each criterion of the problem, and the camera's planned and executed speeds, along one trajectory.
+    """Draw each criterion, and the camera's planned and executed speeds, over time along one trajectory.
 
-    A sum is shown as its running total, a criterion with memory as its running value. Time-means and worst moments are
-    a line, the running mean or worst value, over an area, the value in each piece. Planned turns in place and holds
-    are shaded; their executed times differ slightly.
+    A sum is shown as its running total, a criterion with memory as its running value. For a time-mean or a maximum, a
+    line shows the running mean or maximum, and an area the value at the time. Planned turns in place and waits are
+    shaded; their executed times differ slightly.
 
     Parameters
     ----------
@@ -114,11 +114,9 @@ def draw_trace(
 
 
 class CameraRates(NamedTuple):
-    """Speed and rotation of a camera at times (N,).
+    """Speed and rotation of a camera at N times.
 
-    speed          m/s
-    yaw_rate       rad/s  counter-clockwise
-    rotation_rate  rad/s  about any axis, unsigned
+    speed (N,) m/s yaw_rate (N,) rad/s counter-clockwise rotation_rate (N,) rad/s about any axis, unsigned
     """
 
     speed: FloatArray
@@ -132,7 +130,7 @@ class CameraRates(NamedTuple):
 
 
 def camera_rates(trajectory: Trajectory, times: FloatArray) -> CameraRates:
-    """Return speed and rotation of the camera at times (N,), s."""
+    """Compute the speed and rotation of the camera at times (N,), s."""
     rates, _ = trajectory.rates(times)
     twist = trajectory.model.twist("camera", trajectory.at(times), rates)
     columns = (norm(twist.velocity), twist.rotation[2], norm(twist.rotation))
@@ -140,6 +138,7 @@ def camera_rates(trajectory: Trajectory, times: FloatArray) -> CameraRates:
 
 
 def _draw_criterion(axes: Axes, trace: Trace, column: int) -> None:
+    """Draw one criterion over time in a panel."""
     criterion, cost = trace.criteria[column], float(trace.cost[column])
     values, alone = trace.running[:, column], trace.rate[:, column]
     counts = criterion.unit == "1" and criterion.quantum == 1.0
@@ -171,6 +170,7 @@ def _draw_criterion(axes: Axes, trace: Trace, column: int) -> None:
 
 
 def _name_row(axes: Axes, name: str, unit: str, text: str, *, counts: bool = False) -> None:
+    """Write the name, unit and explanation of a panel."""
     axes.set_ylabel(stacked(label(name, unit, counts)), fontsize=NORMAL)
     axes.set_title(text, fontsize=SMALL, color=QUIET, loc="left", pad=2)
     whole_ticks(axes.yaxis, counts, most=4)
@@ -178,7 +178,7 @@ def _name_row(axes: Axes, name: str, unit: str, text: str, *, counts: bool = Fal
 
 
 def _align_names(figure: Figure | SubFigure, panels: Sequence[Axes]) -> None:
-    """Align the names of the panels, faster than `align_ylabels`."""
+    """Align the names of the panels in one column; faster than Matplotlib's `align_ylabels`."""
     ticks = [axes.yaxis.get_major_formatter().format_ticks(axes.yaxis.get_majorticklocs().tolist()) for axes in panels]
     room = GAP + DIGIT * max(len(text) for texts in ticks for text in texts)
     beside = ScaledTranslation(-room / 72.0, 0.0, figure.dpi_scale_trans)
@@ -187,13 +187,13 @@ def _align_names(figure: Figure | SubFigure, panels: Sequence[Axes]) -> None:
 
 
 def _shade(axes: Axes, trajectory: Trajectory, motions: BoolArray, colour: str, gid: str) -> None:
-    """Shade the times of some motions (n,)."""
+    """Shade the times of the motions (n,) that a mask selects."""
     for i in np.flatnonzero(motions):
         axes.axvspan(trajectory.times[i], trajectory.times[i + 1], color=colour, linewidth=0, zorder=0.5, gid=gid)
 
 
 def _moments(trajectory: Trajectory) -> FloatArray:
-    """Return even times (N,), s, and times just before and after the ends of motions, where speeds jump."""
+    """Return evenly spaced times (N,), s, and times just before and after the ends of motions, where speeds jump."""
     ends = trajectory.times
     near = 1e-6 * max(trajectory.duration, 1.0)
     even = np.linspace(0.0, trajectory.duration, SAMPLES)
@@ -216,7 +216,7 @@ LIMIT: dict[str, Any] = {"color": QUIET, "linestyle": (0, (4, 3)), "linewidth": 
 
 
 class StateColumn(NamedTuple):
-    """State to draw: its name, its unit, the factor from the space's unit, and its limits."""
+    """Robot state to draw over time: its name, its unit, the factor from the model's unit, and its limits."""
 
     name: str
     unit: str
@@ -225,7 +225,7 @@ class StateColumn(NamedTuple):
 
     @classmethod
     def of(cls, space: StateSpace, name: str) -> StateColumn:
-        """Return the column of a state, angles in degrees; endless or unbounded states have no limits."""
+        """Describe a state of the robot by its name, with angles in degrees; unbounded states have no limits."""
         place = space.names.index(name)
         unit = space.units[place]
         scale = 180.0 / np.pi if unit == "rad" else 1.0
@@ -235,7 +235,7 @@ class StateColumn(NamedTuple):
 
 
 def changing(model: Model, trajectories: Sequence[Trajectory]) -> list[str]:
-    """Return the states that change along trajectories but are not shown on maps."""
+    """Return the names of states that change along some trajectories but are not shown on maps, such as joints."""
     names = [
         name
         for name in model.space.names
@@ -249,10 +249,10 @@ def changing(model: Model, trajectories: Sequence[Trajectory]) -> list[str]:
 @checked_arguments
 @plain
 def draw_states(front: Front, *, chosen: Mapping[str, int] | None = None, ax: Axes | None = None) -> Figure:
-    """Draw the planned states over time, one panel each, with dashed lines at their limits.
+    """Draw the planned states of the robot over time, one panel each, with dashed lines at their limits.
 
-    Angles are in degrees. For a robot in the plane x and y are left out, because the map shows them; constant states
-    are named in the title.
+    Angles are in degrees. For a robot in the plane x and y are left out, because the map shows them. The title names
+    the states that stay constant.
 
     Parameters
     ----------
@@ -285,7 +285,7 @@ def draw_states(front: Front, *, chosen: Mapping[str, int] | None = None, ax: Ax
 
 
 def _sampled(trajectory: Trajectory) -> tuple[FloatArray, States]:
-    """Return even times (T,), s, with the ends of motions, and the states at these times."""
+    """Return evenly spaced times (T,), s, together with the ends of motions, and the states at these times."""
     times = np.union1d(np.linspace(0.0, trajectory.duration, STATE_SAMPLES), trajectory.times)
     return times, trajectory.at(times)
 
@@ -293,6 +293,7 @@ def _sampled(trajectory: Trajectory) -> tuple[FloatArray, States]:
 def _draw_column(
     axes: Axes, column: StateColumn, named: Sequence[Mark], sampled: Sequence[tuple[FloatArray, States]]
 ) -> None:
+    """Draw one state of the named trajectories over time in a panel, with its limits."""
     for layer, (mark, (times, states)) in enumerate(zip(named, sampled, strict=True)):
         values = column.scale * getattr(states, column.name)
         at, gid = 3 + 0.1 * layer, f"{column.name} of {mark.label}"
@@ -315,6 +316,7 @@ def _look_of(mark: Mark) -> dict[str, Any]:
 
 
 def _title(model: Model, names: Sequence[str]) -> str:
+    """Return the title, which names the states that do not change."""
     shown = [*names, "x", "y"] if "plane" in model.provides else names
     still = [printable(name) for name in model.space.names if name not in shown]
     unchanged = f"; {', '.join(still)} {'does' if len(still) == 1 else 'do'} not change" if still else ""

@@ -1,4 +1,4 @@
-"""Maps of the rate, or the counts, of each criterion along a trajectory."""
+"""Small maps that show where along a trajectory each criterion's cost arises."""
 
 from __future__ import annotations
 
@@ -61,11 +61,11 @@ RATE_COLOURS: Colormap = ListedColormap(colormaps["magma_r"](np.linspace(0.12, 1
 def draw_where(
     problem: Problem, trajectory: Trajectory, *, name: str = "the trajectory", ax: Axes | None = None
 ) -> Figure:
-    """Draw a small map for each criterion, with the trajectory coloured by the criterion's rate; dark is high.
+    """Draw a small map for each criterion, with the trajectory coloured by the cost that arises there; dark is high.
 
-    A sum shows its cost per second, a time-mean and a worst moment their local value, a criterion with memory its
-    growth, a count its number per motion, summed over turns at one place. Turns in place are dots, at start and goal
-    rings round S and G; a hold is a clock in the colour of its cost.
+    Colours show the cost per second of a sum, the local value of a time-mean or a maximum, the growth of a criterion
+    with memory, and the number of turns at each position of a count. Turns in place are dots, or rings round the
+    letters S and G at start and goal. A wait is a clock in the colour of its cost.
 
     Parameters
     ----------
@@ -124,10 +124,10 @@ def draw_where(
 
 
 def shown_along(trace: Trace, column: int) -> FloatArray:
-    """Return the coloured value of each piece (n,): its rate, or the count of its motion.
+    """Return the value that colours each piece (n,) of the trajectory: a rate, or a count.
 
-    Pieces at one place are drawn over each other. So pieces of a motion in place show its mean or worst value, and
-    counts show the total of turns at that place.
+    Pieces at one position are drawn over each other. So pieces of a motion in place show its mean or its maximum, and
+    counts show the total of turns at that position.
     """
     criterion, trajectory, owner = trace.criteria[column], trace.pieces.trajectory, trace.pieces.owner
     points = mapped_points(trajectory.model, trace.states)
@@ -153,6 +153,7 @@ def shown_along(trace: Trace, column: int) -> FloatArray:
 
 
 def _draw_shown(figure: FigureBase, axes: Axes, trace: Trace, column: int, width: float, shown: FloatArray) -> None:
+    """Draw the coloured trajectory of one criterion, its turns and waits, and the colour bar."""
     criterion, trajectory = trace.criteria[column], trace.pieces.trajectory
     points = mapped_points(trajectory.model, trace.states)
     norm = Normalize(0.0, float(f"{shown.max(initial=0.0):.{DIGITS}g}") or 1.0)
@@ -180,7 +181,7 @@ def _draw_shown(figure: FigureBase, axes: Axes, trace: Trace, column: int, width
     of_motion = shown[np.cumsum(trace.pieces.counts) - 1] if len(trajectory) else shown
 
     def face(held: Held) -> Colour:
-        """Return the colour of a hold's cost."""
+        """Return the colour that shows the cost of a wait."""
         return RATE_COLOURS(float(norm(of_motion[list(held.motions)].max())))
 
     draw_holds(axes, trajectory, QUIET, width, face=face)
@@ -195,11 +196,12 @@ def _draw_shown(figure: FigureBase, axes: Axes, trace: Trace, column: int, width
 
 
 def _turns_at_ends(points: FloatArray, turns: FloatArray) -> dict[str, BoolArray]:
-    """Return which turns (m, 2) are at the start ("S") and which at the goal ("G") of a path (n, 2)."""
+    """Return masks (m,) of the turns (m, 2) that are at the start ("S") and at the goal ("G") of a path (n, 2)."""
     return {letter: (turns == end).all(axis=1) for letter, end in (("S", points[0]), ("G", points[-1]))}
 
 
 def _turn_entry(trajectory: Trajectory) -> list[Handle]:
+    """Return the legend entry for turns in place, in a list; an empty list if there are none."""
     points = mapped_points(trajectory.model, trajectory.states)
     turns = points[1:][turns_in_place(trajectory)]
     if not len(turns):
@@ -210,7 +212,7 @@ def _turn_entry(trajectory: Trajectory) -> list[Handle]:
 
 
 def shown_label(criterion: Criterion) -> str:
-    """Return the label of the coloured value of a criterion.
+    """Return the label of the colour bar of a criterion.
 
     >>> from hpop.criteria import Clearance, Length, LookAt, Turns
     >>> shown_label(Length()), shown_label(Turns()), shown_label(Clearance())
@@ -227,4 +229,5 @@ def shown_label(criterion: Criterion) -> str:
 
 
 def _counts(criterion: Criterion) -> bool:
+    """Return whether a criterion counts something, in whole numbers."""
     return criterion.unit == "1" and criterion.quantum == 1.0

@@ -53,7 +53,7 @@ def test_the_front_does_not_give_way_to_its_page(run: Run, folder: Path, out: st
     before = (folder / "front.json").read_bytes()
     result = run("ride", folder, "--out", out and folder / out)
     assert result.exit_code == 10
-    assert "the name must end in .html" in " ".join(result.output.split())
+    assert "expected a file name that ends in .html" in " ".join(result.output.split())
     assert (folder / "front.json").read_bytes() == before
 
 

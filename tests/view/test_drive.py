@@ -52,7 +52,7 @@ def test_of_many_events_the_first_are_drawn_and_the_title_says_so(driven):
 
 
 def test_a_drive_on_which_nothing_happened_is_no_picture(driven):
-    with pytest.raises(OptionError, match="no event to draw"):
+    with pytest.raises(OptionError, match="at least one event"):
         draw_drive(driven[0], [])
 
 

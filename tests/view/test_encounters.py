@@ -74,7 +74,7 @@ def test_maps_are_of_the_start_and_of_moments_of_shortest_distance(problem, traj
 
 
 def test_nobody_who_moves_is_no_such_picture(make_problem, trajectory):
-    with pytest.raises(QueryError, match="no moving people"):
+    with pytest.raises(QueryError, match="a world with moving people"):
         draw_encounters(make_problem(), trajectory)
 
 

@@ -1,1 +1,1 @@
-"""The explorer of a front: a page in one file, to choose a trajectory from."""
+"""Explorer of a front: a web page in one file, on which a person chooses a trajectory."""

@@ -1,7 +1,7 @@
-"""Rates of the criteria along some trajectories of a front, for the explorer's traces.
+"""Charts of the explorer page: the rate at which each criterion grows along some trajectories of a front.
 
-Named rows come first, then others evenly over the front, up to a limit. Neighbouring pieces of a long trajectory are
-merged in a way that keeps sums, means and worst moments.
+Named rows (such as the knee) come first, then others evenly over the front, up to a limit. Neighbouring pieces of a
+long trajectory are merged so that sums, means and worst moments are kept.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ THOUSANDTHS = 1000.0  # rad
 
 
 def traced_rows(front: Front, named: Sequence[int]) -> list[int]:
-    """Return the rows of the front that get a trace: the named rows, then others evenly over the front."""
+    """Return the rows that get a chart of rates: the named rows, then others evenly over the front."""
     rows = list(dict.fromkeys(named))
     others = max(0, min(TRACES + len(front) // ONE_IN, MOST, len(front)) - len(rows))
     middles = (np.arange(others) + 0.5) * len(front) / max(1, others)
@@ -36,7 +36,7 @@ def traced_rows(front: Front, named: Sequence[int]) -> list[int]:
 
 
 def columns_of(problem: Problem, front: Front) -> list[Criterion | None]:
-    """Return the criterion of each column of a front, also of reported ones; None if it is no longer registered."""
+    """Return the criterion of each column of a front, reported ones included; None if it is no longer registered."""
     known = {criterion.name: criterion for criterion in criteria_of(front)} | claimable(problem)
     return [known.get(name) for name in front.names + front.reported_names]
 
@@ -49,7 +49,7 @@ def traces(
     packer: Packer,
     origin: tuple[float, float],
 ) -> Iterator[dict[str, Any]]:
-    """Yield the packed times, poses and rates of the criteria for each row, except trajectories without motion."""
+    """Yield the packed times, camera positions and criterion rates of each row; skip rows without motion."""
     criteria = [criterion for criterion in columns if criterion is not None]
     for row in rows:
         if len(front.trajectories[row]):
@@ -57,6 +57,7 @@ def traces(
 
 
 def _packed_trace(found: Trace, packer: Packer, origin: tuple[float, float]) -> dict[str, Any]:
+    """Pack the times, camera positions and headings, and values of the criteria along one trajectory, as JSON."""
     ends = piece_ends(len(found.pieces), MOST_PIECES)
     pose = found.pieces.trajectory.model.pose("camera", found.states)
     x, y, yaw = (np.broadcast_to(column, found.times.shape)[ends] for column in (pose.x, pose.y, pose.yaw))
@@ -75,14 +76,14 @@ def _packed_trace(found: Trace, packer: Packer, origin: tuple[float, float]) -> 
 
 
 def piece_ends(pieces: int, most: int) -> IntArray:
-    """Return the indices (n+1,) of the ends of at most ``most`` merged pieces, evenly over all pieces."""
+    """Return the indices (n+1,) at which merged pieces begin and end: at most ``most`` pieces, evenly over all."""
     return np.unique(np.linspace(0, pieces, min(pieces, most) + 1).round().astype(np.int64))
 
 
 def merged_rates(found: Trace, column: int, ends: IntArray) -> FloatArray:
-    """Return the rate (m,) of a criterion in merged pieces between ends (m+1,).
+    """Return the rate (m,) of a criterion in each merged piece, between indices ``ends`` (m+1,).
 
-    It is the greatest rate for a maximum, else the mean.
+    It is the greatest rate for a criterion that is a maximum, else the mean over time.
     """
     rate, lasts = found.rate[:, column], found.pieces.durations
     if found.criteria[column].aggregate == "max":
@@ -92,9 +93,10 @@ def merged_rates(found: Trace, column: int, ends: IntArray) -> FloatArray:
 
 
 def _quantised_values(found: Trace, column: int, ends: IntArray) -> tuple[float, FloatArray]:
-    """Return a criterion's values in pieces between ends (m+1,), as a step and whole multiples (m,) of this step.
+    """Return a criterion's values (m,) in merged pieces as whole multiples of a step, and the step.
 
-    Sums, and criteria with memory, are given as growth per piece; means and worst moments as values.
+    The pieces lie between indices ``ends`` (m+1,). Sums, and criteria with memory, are given as their growth in each
+    piece; means and maxima as their value there.
     """
     if found.criteria[column].aggregate not in ADDS:
         reached = np.concatenate([[0.0], found.running[:, column]])[ends]
@@ -106,7 +108,7 @@ def _quantised_values(found: Trace, column: int, ends: IntArray) -> tuple[float,
 
 
 def words(criterion: Criterion) -> str:
-    """Return the label of a rate: cost per second, or the value at the time.
+    """Return the label of a criterion's rate: cost per second, or the value at the time.
 
     >>> from hpop.criteria import Clearance, Length, Turns
     >>> words(Length()), words(Turns()), words(Clearance())
@@ -118,6 +120,6 @@ def words(criterion: Criterion) -> str:
 
 
 def _step(values: FloatArray) -> float:
-    """Return the step size at which the largest of some values (N,) has `STEPS` steps."""
+    """Return the step size for rounding values (N,), such that the largest of them is `STEPS` steps."""
     largest = float(np.abs(values).max(initial=0.0))
     return largest / STEPS if largest > 0.0 else 1.0

@@ -1,12 +1,12 @@
-"""Corners of a front's camera paths, seen from above, packed into compact text.
+"""Camera paths of a front, seen from above, as corner points packed into compact text for the explorer page.
 
-Trajectories of a front share most of their motions, so the camera's path is computed once for each motion, and a
-trajectory is a list of corners. Straight stretches between corners are left out.
+Trajectories of a front share most of their motions, so the camera's path is computed once for each motion. A trajectory
+is then a list of corners; points on straight stretches between corners are left out.
 
-Many numbers travel as differences of whole numbers in one zlib stream, in base64. A part holds the lowest bytes of all
-its numbers, then the next bytes, and so on (little-endian): the upper bytes of neighbouring numbers are alike, and a
-deflate stream stores a repetition once. ``order`` is the number of times a reader sums up the numbers, in their own
-width, so that sums which wrapped here wrap back there.
+All numbers are whole numbers in one zlib stream, in base64. A column (`Part`) holds the lowest bytes of all its
+numbers, then the next bytes, and so on (little-endian): the upper bytes of neighbouring numbers are alike, so the
+stream compresses well. Many columns hold differences; ``order`` is the number of times a reader must sum them up. Sums
+wrap around at 32 bits, on both sides alike.
 """
 
 from __future__ import annotations
@@ -36,12 +36,11 @@ FARTHEST = 2**31 - 1  # mm
 
 
 class PathCorners(NamedTuple):
-    """Corners of n paths.
+    """Corners of n camera paths, seen from above.
 
-    places   (P, 2) mm from the origin, distinct, in order of first use
-    corners  (C,)   indices of the places along the paths, path by path
-    counts   (n,)   corners of each path, at least one
-    heights         m, least and greatest camera height
+    places (P, 2) mm from the origin, distinct, in order of first use corners (C,) indices of the places along
+    the paths, path by path counts (n,) number of corners of each path, at least one heights m, least and
+    greatest camera height
     """
 
     places: IntArray
@@ -57,7 +56,7 @@ def millimetres(points: FloatArray, origin: tuple[float, float]) -> IntArray:
 
 
 def corners(trajectories: Sequence[Trajectory], origin: tuple[float, float]) -> PathCorners:
-    """Return the corners of the paths of some trajectories of one model, or of none."""
+    """Return the corners of the camera paths of some trajectories of one model; the list may be empty."""
     if not len(trajectories):
         nothing = np.zeros(0, dtype=np.int64)
         return PathCorners(nothing.reshape(0, 2), nothing, nothing, (np.inf, -np.inf))
@@ -78,7 +77,10 @@ def corners(trajectories: Sequence[Trajectory], origin: tuple[float, float]) -> 
 
 
 def _trajectory_points(table: MotionTable) -> tuple[FloatArray, IntArray, IntArray]:
-    """Return points (G, 3), m, and for all trajectories in turn, indices of their points (T,) and their owners (T,)."""
+    """Return all camera points of the motions, and the sequence of these points along each trajectory.
+
+    The points are (G, 3), m. For all trajectories in turn, (T,) indices of points and (T,) numbers of the trajectories.
+    """
     ends = positions(table.model.pose("camera", table.states))
     known, counts = [ends], np.zeros(len(table), dtype=np.int64)
     begins: IntArray = np.zeros(len(table), dtype=np.int64)
@@ -109,7 +111,7 @@ def _trajectory_points(table: MotionTable) -> tuple[FloatArray, IntArray, IntArr
 
 
 def _line(model: Model, law: Law, start: States, end: States, pieces: int) -> FloatArray:
-    """Return camera positions (M, pieces + 1, 3), m, along motions, at equal shares."""
+    """Return M camera paths as points (M, pieces + 1, 3), m, at equal shares of each motion from start to end."""
     found = []
     for piece in range(pieces + 1):
         share = np.full(start.size, piece / pieces)
@@ -122,7 +124,10 @@ def _line(model: Model, law: Law, start: States, end: States, pieces: int) -> Fl
 
 
 def _off(line: FloatArray, pieces: int) -> FloatArray:
-    """Return distances (M, N), m, from above, between lines (M, N + 1, 3) and their shortening to ``pieces`` pieces."""
+    """Return how far, seen from above, lines (M, N + 1, 3) are from their shortening to ``pieces`` straight pieces.
+
+    The distances are (M, N), m, one for each point.
+    """
     plane, count = line[..., :2], line.shape[1] - 1
     step = count // pieces
     knots = plane[:, ::step]
@@ -134,9 +139,9 @@ def _off(line: FloatArray, pieces: int) -> FloatArray:
 
 
 def _pieces(line: FloatArray) -> Iterator[tuple[int, IntArray, FloatArray]]:
-    """Yield, for each number of straight pieces, the indices of the lines it suffices for, and their inner points.
+    """Yield numbers of straight pieces, each with the indices of the lines that it suffices for and their inner points.
 
-    line  (M, PIECES + 1, 3) m, curved lines; each gets the smallest number of pieces within tolerance
+    line (M, PIECES + 1, 3) m, curved lines; each gets the smallest number of pieces within tolerance
     """
     left = np.arange(len(line))
     for pieces in (*FEWER, PIECES):
@@ -147,18 +152,19 @@ def _pieces(line: FloatArray) -> Iterator[tuple[int, IntArray, FloatArray]]:
 
 
 def _selected(through: IntArray, owner: IntArray, kept: BoolArray) -> tuple[IntArray, IntArray]:
+    """Keep the path points (T,) where the mask ``kept`` is True; return their indices and their paths."""
     return through[kept], owner[kept]
 
 
 def _moves(grid: IntArray, owner: IntArray) -> BoolArray:
-    """Return which points (T,) of paths differ from the previous point, or are the first of their path."""
+    """Return a mask (T,) of path points that differ from the previous point, or are the first of their path."""
     kept = np.ones(owner.size, dtype=bool)
     kept[1:] = (owner[1:] != owner[:-1]) | (grid[1:] != grid[:-1]).any(axis=1)
     return kept
 
 
 def _turns(points: FloatArray, owner: IntArray) -> BoolArray:
-    """Return which points (T,) of paths are ends, or bends, or points where the path turns back."""
+    """Return a mask (T,) of path points to keep: ends of a path, bends, and points where the path turns back."""
     kept = np.ones(owner.size, dtype=bool)
     before, after = points[1:-1] - points[:-2], points[2:] - points[1:-1]
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
@@ -171,30 +177,30 @@ def _turns(points: FloatArray, owner: IntArray) -> BoolArray:
 Kind = Literal["int32", "int16", "float64"]
 Part = tuple[Kind, int, int, int]
 """Description of a packed column: kind, position of its first byte, number of values, and ``order``."""
-LEVEL = 9  # of 9; a tenth of a second for a front of thousands
+LEVEL = 9  # compression level, of 9; takes a tenth of a second for a front of thousands
 
 
 class Packer:
-    """Collector of columns of numbers; each column is described by its position in the stream."""
+    """Collector of columns of numbers, which are compressed into one text; each column is described by its position."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
         self._size = 0
 
     def integers(self, values: ArrayLike, *, order: int = 0) -> Part:
-        """Add whole numbers (N,) within 32 bits, differenced ``order`` times."""
+        """Add a column of whole numbers (N,) within 32 bits, stored as differences taken ``order`` times."""
         return self._add_part("int32", _differences(values, order), order)
 
     def short(self, values: ArrayLike) -> Part:
-        """Add whole numbers (N,) within 16 bits."""
+        """Add a column of whole numbers (N,) within 16 bits."""
         return self._add_part("int16", values, 0)
 
     def floats(self, values: ArrayLike) -> Part:
-        """Add floats (N,), bit for bit."""
+        """Add a column of floats (N,), bit for bit."""
         return self._add_part("float64", values, 0)
 
     def text(self) -> str:
-        """Return everything packed, as text."""
+        """Return all columns, compressed, as base64 text."""
         return base64.b64encode(zlib.compress(b"".join(self._parts), LEVEL)).decode()
 
     def _add_part(self, kind: Kind, values: ArrayLike, order: int) -> Part:
@@ -207,7 +213,7 @@ class Packer:
 
 
 def _differences(values: ArrayLike, order: int) -> NDArray[np.int32]:
-    """Return successive differences, beginning with the first value, taken ``order`` times, modulo 2**32."""
+    """Return successive differences (the first value is kept), taken ``order`` times, modulo 2**32."""
     found = np.asarray(values, dtype=np.int64)
     for _ in range(order):
         found = np.diff(found, prepend=0)

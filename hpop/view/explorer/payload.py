@@ -1,11 +1,11 @@
-"""The data of the explorer's page: ``hpop-page`` version 1, strict JSON; web/src/explorer/payload.ts reads it.
+"""Data of the explorer page as JSON, ``hpop-page`` version 1; web/src/explorer/payload.ts reads it.
 
 Costs are the floats of front.json, bit for bit. Lengths are whole millimetres from an origin. A page of 8,000
 trajectories takes 2 MB at most.
 
-Outlines of all areas are in one table of rings; an area is a range of rings, outlines counter-clockwise and holes
-clockwise: filled by the nonzero rule, several areas cover their union. Cells of a raster are outlined too; if a map has
-too many cells, neighbouring cells are merged, with a note.
+Outlines of all areas are in one table of rings (closed polygons), and an area is a range of rings. Outlines are
+counter-clockwise and holes clockwise, so that the nonzero rule fills the union of overlapping areas. Occupied cells of
+a raster map are outlined too. If a map has too many cells, neighbouring cells are merged, with a note.
 """
 
 from __future__ import annotations
@@ -44,13 +44,13 @@ MOST_CORNERS = 60_000  # of the outlines of a raster: some 100 kB
 
 
 class _Rings:
-    """Table of rings."""
+    """Table of the rings (closed polygons) of all areas on the page."""
 
     def __init__(self) -> None:
         self._rings: list[FloatArray] = []
 
     def area(self, *geometries: BaseGeometry) -> dict[str, int]:
-        """Add the polygons of some geometries, and return their range in the table."""
+        """Add the polygons of some geometries to the table, and return the range of their rings."""
         first = len(self._rings)
         for part in shapely.orient_polygons(shapely.get_parts(shapely.get_parts(list(geometries)))):
             if part.geom_type == "Polygon" and not part.is_empty:
@@ -58,14 +58,14 @@ class _Rings:
         return {"first": first, "count": len(self._rings) - first}
 
     def packed(self, packer: Packer, origin: tuple[float, float]) -> dict[str, Any]:
-        """Return the table, with the number of corners of each ring."""
+        """Return the packed table: coordinates of the corners, and the number of corners of each ring."""
         points = np.concatenate([np.zeros((0, 2)), *self._rings])
         x, y = (packer.integers(column, order=1) for column in millimetres(points, origin).T)
         return {"x": x, "y": y, "counts": packer.integers([len(ring) for ring in self._rings])}
 
 
 def bounds_of(world: World, points: Sequence[FloatArray]) -> View:
-    """Return the rectangle of everything to draw: the extent, and points (N, 2), m."""
+    """Return the rectangle that holds everything to draw: the world's extent, and points (N, 2), m."""
     places = np.concatenate([np.array(world.bounds).reshape(2, 2), *points])
     places = places[np.isfinite(places).all(axis=1)]
     return View(*places.min(axis=0).tolist(), *places.max(axis=0).tolist())
@@ -74,9 +74,9 @@ def bounds_of(world: World, points: Sequence[FloatArray]) -> View:
 def world_payload(
     problem: Problem, front: Front, paths: FloatArray, heights: Heights, packer: Packer, origin: tuple[float, float]
 ) -> tuple[dict[str, Any], list[str]]:
-    """Return the world for the page's payload, and notes on parts that the map leaves out.
+    """Return the world in the form of the page's JSON, and notes on details that the page's map leaves out.
 
-    paths  (P, 2) m, corners of the trajectories' paths
+    paths (P, 2) m, corners of the trajectories' paths
     """
     world, rings, notes = problem.world, _Rings(), list[str]()
     obstacles = [rings.area(o.polygon) | {"z": _open_ended(o.heights)} for o in world.obstacles]
@@ -117,7 +117,7 @@ def world_payload(
 
 
 def _person(person: Person) -> Mapping[str, Any]:
-    """Return a person at the first moment of presence; of several hypotheses the likeliest."""
+    """Return a person as JSON, at the position where the person first appears; of several hypotheses the likeliest."""
     first = person.likeliest
     now = np.float64(first.begin)
     (x, y), velocity = first.at(now), first.velocity_at(now)
@@ -132,6 +132,7 @@ def _person(person: Person) -> Mapping[str, Any]:
 
 
 def _zone(zone: Zone, rings: _Rings) -> Mapping[str, Any]:
+    """Return a zone as JSON; its polygons are added to the table of rings."""
     return {
         "kind": zone.kind,
         "area": rings.area(zone.area),
@@ -142,7 +143,10 @@ def _zone(zone: Zone, rings: _Rings) -> Mapping[str, Any]:
 
 
 def _outlines(raster: Raster) -> tuple[BaseGeometry, int]:
-    """Return outlines, m, of the occupied cells, and the side, in cells, of merged blocks."""
+    """Return the outlines, m, of a raster's occupied cells, and the side of a merged block, in cells.
+
+    The side is 1 unless the map has too many cells or corners; a block is occupied if one of its cells is.
+    """
     side = -(-max(raster.cells.shape) // MOST_CELLS)
     while True:
         cells = raster.cells
@@ -159,11 +163,12 @@ def _outlines(raster: Raster) -> tuple[BaseGeometry, int]:
 
 
 def _open_ended(heights: tuple[float, float]) -> list[float | None]:
+    """Return a range of heights for JSON: None for an infinite end."""
     return [height if math.isfinite(height) else None for height in heights]
 
 
 def _caption(problem: Problem, heights: Heights) -> str:
-    """Describe what the map shows and leaves out."""
+    """Return the caption of the page's map: which body the paths belong to, and what a view from above hides."""
     if not heights.vary:
         return "Seen from above: paths of the camera"
     carried = "" if "base" in problem.model.provides else "; the arm itself is not drawn"
@@ -183,11 +188,10 @@ def payload(
     saved: str | None = None,
     preference: Preferring | None = None,
 ) -> dict[str, Any]:
-    """Return the data of the page for a front.
+    """Return all data of the explorer page for a front, as a dict for JSON.
 
-    title       default: the traded costs
-    saved       file of the front, for the Python code that the page offers
-    preference  of a person; the best trajectory for that person is marked
+    title of the page; by default the costs that are traded off saved file of the front, for the Python code that the
+    page offers preference of a person; the best trajectory for that person is marked
     """
     packer = Packer()
     origin = math.floor(problem.world.bounds[0]), math.floor(problem.world.bounds[1])
@@ -230,7 +234,7 @@ def payload(
 
 
 def _title(front: Front) -> str:
-    """Return a title with the traded costs, if any."""
+    """Return the default title of the page: the costs that are traded off, or that no path was found."""
     if not len(front):
         return "No path from start to goal" if front.status == Status.NO_PATH else "No path found"
     *several, last = front.names
@@ -244,7 +248,7 @@ def _about(criterion: Criterion) -> str:
 
 
 def _columns(front: Front, criteria: Sequence[Criterion | None], packer: Packer) -> list[dict[str, Any]]:
-    """Return the columns of criteria, then those of reported values."""
+    """Return the page's table columns: one for each criterion, then one for each reported value."""
     quanta = [*front.quanta.tolist(), *[0.0] * len(front.reported_names)]
     groups = [*front.groups, *[""] * len(front.reported_names)]
     table, evaluated = np.hstack([front.costs, front.reported]), front.evaluated

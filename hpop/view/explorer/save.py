@@ -1,4 +1,4 @@
-"""The explorer of a front as a file, written whole or not at all, and as a widget of a notebook."""
+"""Explorer page of a front, saved as an HTML file, or shown as a widget in a notebook."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ def save_explorer(
     saved: str | os.PathLike[str] | None = None,
     preference: Preferring | None = None,
 ) -> Path:
-    """Write a page to choose a trajectory from, with linked axes, map, table and traces, and return its path.
+    """Write a web page to choose a trajectory from a front, and return its path.
 
-    The page is one file, which any current browser opens from the disk without a network. The folder is created if
-    missing; an existing page is replaced.
+    The page has linked axes of costs, a map, a table, and charts along trajectories. It is one file, which any current
+    browser opens from the disk without a network. The folder is created if missing; an existing page is replaced.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def save_explorer(
     OptionError
         If the file's name does not end in .html.
     OutputError
-        If the file cannot be written, or its folder not be made; nothing is then half-written.
+        If the file cannot be written, or its folder cannot be created. No partial file remains.
     """
     target = page_file(path)
     place = None if saved is None else os.fspath(saved)
@@ -82,10 +82,11 @@ HEIGHT = 900  # pixels
 
 @checked_arguments
 def widget(problem: Problem, front: Front, *, title: str | None = None, height: int = HEIGHT) -> Any:
-    """Return a widget of the explorer, as the last value of a cell; needs the extra ``notebook``.
+    """Return the explorer as a notebook widget, which a cell shows as its last value; needs ``hpop[notebook]``.
 
-    While it is shown, ``selected`` (rows), ``hovered`` (a row or None) and ``pinned`` (rows, A first) follow the page,
-    and ``chosen`` is the front of the selected rows. ``observe`` registers a function for changes.
+    While the widget is shown, its attributes follow the page: ``selected`` (rows), ``hovered`` (a row or None) and
+    ``pinned`` (rows, A first). ``chosen`` is the front of the selected rows. ``observe`` registers a function that is
+    called at changes.
 
     Parameters
     ----------
@@ -101,7 +102,7 @@ def widget(problem: Problem, front: Front, *, title: str | None = None, height: 
     Raises
     ------
     ImportError
-        If anywidget is not installed; it says how to get it.
+        If anywidget is not installed; the message says how to install it.
     """
     given = payload(problem, front, title=title)
     page = single_page(SCRIPT, given["title"], {**given, "embedded": True})
@@ -110,12 +111,12 @@ def widget(problem: Problem, front: Front, *, title: str | None = None, height: 
 
 @cache
 def _explorer() -> type[Any]:
-    """Return the widget's class; its base class is in the extra."""
+    """Return the widget's class, defined at first use because its base class is in an optional package."""
     base: Any = library("anywidget", "hpop.view.widget", "notebook").AnyWidget
     traitlets = library("traitlets", "hpop.view.widget", "notebook")
 
     class Explorer(base):  # type: ignore[misc]  # of a package that may not be there
-        """The explorer of a front in a notebook."""
+        """Explorer of a front as a notebook widget."""
 
         _esm = bundle(MODULE)
         page = traitlets.Unicode().tag(sync=True)
@@ -130,7 +131,7 @@ def _explorer() -> type[Any]:
 
         @property
         def chosen(self) -> Front:
-            """The front of the rows that are selected."""
+            """The front that consists of the selected rows."""
             return self.front[np.isin(np.arange(len(self.front)), self.selected)]
 
     return Explorer

@@ -1,1 +1,1 @@
-"""Viewer's view along a trajectory: the scene, panoramas, video, and a page to ride along."""
+"""Viewer's view along a trajectory: the drawn scene, panoramas, 360 degree videos, and a page to ride along."""

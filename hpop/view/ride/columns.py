@@ -1,8 +1,9 @@
-"""Kernels that draw a panorama column by column: for upright things one ray per column suffices.
+"""Compiled functions that draw a panorama column by column.
 
-A ray in the plane meets edges at distances t. Going outwards, each stretch of floor, each top and each front covers an
-interval of rows, given by its height and distance; nearer things have been drawn already. A row that is partly covered
-takes a share of the colour, so that edges are smooth without further rays.
+Everything in the scene is upright, so one ray in the ground plane suffices for each column. The ray meets edges of
+obstacles at distances t. Going outwards, each stretch of floor, each top and each front face covers an interval of
+rows, given by its height and distance. Nearer things are drawn first and hide farther ones. A row that is partly
+covered takes a share of the colour, so that edges are smooth without further rays.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from hpop.view.ride.rows import (
 
 @lean
 def _meets_part(part, dx, dy, view):
-    """Return the distance, m, at which a ray enters a part of a person; FAR if it misses it or begins inside."""
+    """Return the distance, m, at which a ray enters a body part of a person; FAR if it misses it or begins inside."""
     x, y = part[0] - view.x, part[1] - view.y
     aside = dx * y - dy * x
     reach = part[5] * part[5] - aside * aside
@@ -43,7 +44,7 @@ def _meets_part(part, dx, dy, view):
 
 @lean
 def _meets_plate(plate, dx, dy, view):
-    """Return the distance, m, at which a ray meets a plate; FAR if it misses it."""
+    """Return the distance, m, at which a ray meets the plate of a landmark; FAR if it misses it."""
     x, y = plate[0] - view.x, plate[1] - view.y
     against = dx * plate[3] + dy * plate[4]
     if abs(against) < FLATTEST:
@@ -55,7 +56,7 @@ def _meets_plate(plate, dx, dy, view):
 
 @lean
 def _insert(what, t, order, away, count):
-    """Insert a thing met at distance t in order of distance, ties by number."""
+    """Insert thing ``what``, met at distance t, into the list ``order``, sorted by distance, then by number."""
     k = count
     while k > 0 and (away[k - 1] > t or (away[k - 1] == t and order[k - 1] > what)):
         away[k], order[k] = away[k - 1], order[k - 1]
@@ -65,7 +66,7 @@ def _insert(what, t, order, away, count):
 
 @lean
 def _stretch(t0, t1, opened, count, things, dx, dy, sheet, view, tile):
-    """Draw the horizontal planes over a stretch of a ray, in the order in which lines of sight meet them."""
+    """Draw all horizontal surfaces between the distances t0 and t1 along a ray: tops, undersides and the floor."""
     look = view.look
     items, wall = things.items, look.wall_contrast
     upward, downward = look.ambient + look.diffuse * look.light[2], look.ambient - look.diffuse * look.light[2]
@@ -117,7 +118,7 @@ def _stretch(t0, t1, opened, count, things, dx, dy, sheet, view, tile):
 
 @lean
 def _ray(count, open_count, dx, dy, room, things, view, tile):
-    """Draw everything that a ray meets, from near to far."""
+    """Draw everything that one ray meets, from near to far, into the rows of its column."""
     sheet, is_in, opened, order, away = room.sheet, room.is_in, room.opened, room.order, room.away
     edges = len(things.edges)
     lowest = len(view.slopes) - 1  # row that is not drawn yet
@@ -156,9 +157,10 @@ def _ray(count, open_count, dx, dy, room, things, view, tile):
 
 @lean
 def draw(begin, end, met, things, view, tile, room, colours, numbers):
-    """Draw columns of a panorama: colours (H, C, 3), and if ``view.hard`` the numbers (H, C) of the visible things.
+    """Draw columns ``begin`` to ``end`` of a panorama into the arrays ``colours`` (H, C, 3) and ``numbers`` (H, C).
 
-    Colours are rounded to whole numbers, halves up. ``met`` is the result of `crossings`; ``room`` is overwritten.
+    Numbers of the visible things are written only if ``view.hard``. Colours are rounded to whole numbers, halves up.
+    ``met`` is the result of `crossings`; ``room`` holds working arrays, which are overwritten.
     """
     last, edge = met.last, met.edge
     rows, rays = len(view.slopes), len(view.directions)
@@ -222,14 +224,15 @@ HALF_TURN = 3.1
 
 @lean
 def crossings(edges, x, y, directions, last, distance, edge, before):
-    """Find meetings of rays from (x, y), m, with edges (E, 4), m.
+    """Find where rays from the camera (x, y), m, meet the edges (E, 4), m, of obstacles.
 
-    Directions (N, 2) are counter-clockwise, evenly apart.
+    Directions (N, 2) of the rays are counter-clockwise, evenly apart.
 
-    Writes for each ray its last meeting (N,), or -1; and for each meeting its distance, m, its edge, and the ray's
-    previous meeting, or -1. Returns the number of meetings; those beyond the arrays' size are not written. An edge is
-    met if its ends are on different sides of the ray, where an end on the ray counts as left: so a ray leaves a ring as
-    often as it enters it, even at corners. Angles only select the candidate rays.
+    The meetings of a ray form a linked list. Written are, for each ray, its last meeting (N,), or -1; and for each
+    meeting its distance, m, its edge, and the ray's previous meeting, or -1. Returns the number of meetings; those
+    beyond the arrays' size are not written. An edge is met if its ends are on different sides of the ray, where an end
+    on the ray counts as left. So a ray leaves a ring as often as it enters it, even at corners. Angles only select
+    candidate rays.
     """
     count, room, found = len(directions), len(distance), 0
     to_ray = count / (2.0 * math.pi)
@@ -263,7 +266,7 @@ def crossings(edges, x, y, directions, last, distance, edge, before):
 
 @lean
 def longest(last, before):
-    """Return the largest number of meetings of one ray."""
+    """Return the largest number of edges that one ray meets."""
     most = 0
     for ray in range(len(last)):
         count, k = 0, last[ray]
@@ -284,7 +287,10 @@ def boxes(cells: BoolArray) -> IntArray:
 
 @kernel
 def _boxes(cells):
-    """Cover cells greedily: from the first cell along its row, then row by row; ``cells`` is overwritten."""
+    """Cover the True cells with rectangles greedily, each first extended along its row, then to further rows.
+
+    ``cells`` is overwritten.
+    """
     rows, columns = cells.shape
     found = np.empty((64, 4), np.int64)
     count = 0

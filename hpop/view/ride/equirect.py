@@ -1,9 +1,9 @@
-"""Panoramas along a trajectory, as arrays and PNG files, and the marks of panoramic videos.
+"""Panoramas along a trajectory, as arrays and PNG files, and metadata that mark a video as 360 degrees.
 
-Players recognise a panoramic video by the boxes st3d and sv3d of Spherical Video V2 in its MP4 file,
-https://github.com/google/spatial-media/blob/master/docs/spherical-video-v2-rfc.md: mono, equirectangular, not turned.
-The boxes belong to the description of the track's samples, in the box moov. That box is the last one of the file, so no
-offset of a sample changes when the box grows.
+Players recognise a panoramic video by the boxes (data blocks) st3d and sv3d of Spherical Video V2 in its MP4 file,
+https://github.com/google/spatial-media/blob/master/docs/spherical-video-v2-rfc.md: mono, equirectangular, not rotated.
+The boxes belong to the description of the track's samples, inside the box moov. That box is the last one of the file,
+so no offset of a sample changes when the box grows.
 """
 
 from __future__ import annotations
@@ -49,10 +49,9 @@ XMP = """<?xpacket begin="\N{ZERO WIDTH NO-BREAK SPACE}" id="W5M0MpCehiHzreSzNTc
 
 
 class CameraPose(NamedTuple):
-    """Position and axes of a camera.
+    """Position and orientation of a camera.
 
-    position  (3,)    m
-    axes      (3, 3)  ahead, left and up in the columns
+    position (3,) m axes (3, 3) unit vectors ahead, left and up, in the columns
     """
 
     position: FloatArray
@@ -71,19 +70,17 @@ class CameraPose(NamedTuple):
 
 @checked_arguments
 def render_360(problem: Problem, trajectory: Trajectory, t: float, *, width: int = WIDTH) -> Picture:
-    """Render a panorama from the camera at a time, as an array (width/2, width, 3) of uint8, sRGB.
+    """Render the 360 degree view of the camera at a time, as an array (width/2, width, 3) of uint8, sRGB.
 
     The camera follows the executed trajectory (:meth:`Trajectory.execution`); people are at their predicted positions.
-    Equirectangular: the middle of the picture, between columns width/2 - 1 and width/2, is ahead, its left part to the
-    left; the upper edge is overhead. The same arguments give the same bytes.
+
+    The projection is equirectangular. The middle of the picture, between columns width/2 - 1 and width/2, is ahead, its
+    left part to the left, and its upper edge overhead. The same arguments give the same bytes.
 
     Obstacles are drawn as upright prisms, 3 m high if unlimited; the ``notes`` of
-    :class:`hpop.view.ride.scene.ViewScene` list inexact shapes. The picture of a tilted or rolled camera is rotated.
+    :class:`hpop.view.ride.scene.ViewScene` list inexact shapes. For a tilted or rolled camera the picture is rotated.
 
-    Parameters
-    ----------
-    t : s, from 0 to the end of the executed trajectory
-    width : pixels, a multiple of 4
+    Parameters ---------- t : s, from 0 to the end of the executed trajectory width : pixels, a multiple of 4
 
     Raises OptionError for an invalid time or width.
     """
@@ -107,12 +104,14 @@ def save_360(
         with replacing(target) as file:
             file.write(png(picture))
     except OSError as error:
-        raise OutputError(f"the picture cannot be written to {target}: {error.strerror or error}") from None
+        raise OutputError(
+            f"the picture cannot be written to {target}: {error.strerror or error}; choose another file"
+        ) from None
     return target
 
 
 def png(picture: Picture) -> bytes:
-    """Return a panorama as PNG, with metadata for panorama viewers."""
+    """Return a panorama as the bytes of a PNG file, with metadata for panorama viewers."""
     height, width = picture.shape[:2]
     told, buffer = PngInfo(), BytesIO()
     told.add_itxt("XML:com.adobe.xmp", XMP.format(width=width, height=height))
@@ -121,14 +120,14 @@ def png(picture: Picture) -> bytes:
 
 
 def executed(trajectory: Trajectory) -> Trajectory:
-    """Return the executed trajectory; raise QueryError for other values."""
+    """Return the executed trajectory, with speed ramps, of a planned one; raise QueryError for other values."""
     if not isinstance(trajectory, Trajectory):
         raise QueryError(f"expected a trajectory, such as front.knee().trajectory, got {shown(trajectory)}")
     return trajectory.execution()
 
 
 def checked_width(width: int) -> int:
-    """Return a valid width; OptionError otherwise."""
+    """Return the width of a panorama if it is valid; raise OptionError otherwise."""
     width = whole("width", width, LEAST_WIDTH, MOST_WIDTH, "pixels of a picture all round,")
     if width % 4:
         raise OptionError(f"width must be a multiple of 4, got {width}; {width - width % 4} is one")
@@ -137,14 +136,14 @@ def checked_width(width: int) -> int:
 
 @lru_cache(maxsize=2)
 def panorama(problem: Problem, width: int) -> Panorama:
-    """Return the renderer of a problem's world; the last two are cached."""
+    """Return the renderer for the world of a problem; the last two are cached."""
     from hpop.view.ride.panorama import Panorama  # with kernels: half a second that pictures of the plane do not need
 
     return Panorama(ViewScene.of(problem), width)
 
 
 def draw_at(drawn: Panorama, run: Trajectory, t: float) -> Picture:
-    """Return the picture at a time of an executed trajectory."""
+    """Render the view of the camera at a time t, s, of an executed trajectory."""
     camera = camera_at(run, t)
     if camera.is_level:
         return drawn.draw(camera.position, camera.yaw, t)
@@ -152,7 +151,10 @@ def draw_at(drawn: Panorama, run: Trajectory, t: float) -> Picture:
 
 
 def camera_at(run: Trajectory, t: float) -> CameraPose:
-    """Return the camera's pose at a time of an executed trajectory, evaluated alone, for reproducible results."""
+    """Return the camera's pose at a time of an executed trajectory.
+
+    Each time is evaluated alone, so that the result does not depend on other times.
+    """
     pose = run.model.pose("camera", run.at(np.array([t])))
 
     def column(vector: tuple[FloatArray | float, ...]) -> list[float]:
@@ -163,6 +165,7 @@ def camera_at(run: Trajectory, t: float) -> CameraPose:
 
 
 def _check_time(t: float, run: Trajectory) -> None:
+    """Raise OptionError unless t, s, is within the executed trajectory."""
     t = real("t", t, 0.0, run.duration, "a time of the executed trajectory, in s,")
 
 
@@ -173,7 +176,7 @@ SAMPLE_ENTRY = b"avc1"
 
 
 def mark_spherical(file: BinaryIO) -> None:
-    """Add the boxes of a spherical video to an open MP4 file; ValueError unless its last box is moov."""
+    """Mark an open MP4 file as a 360 degree video; raise ValueError unless its last box is moov."""
     start, moov = _last_box(file)
     if moov[4:8] != b"moov":
         raise ValueError(f"expected an MP4 file whose last box is moov, got {moov[4:8]!r}")
@@ -183,7 +186,7 @@ def mark_spherical(file: BinaryIO) -> None:
 
 
 def _last_box(file: BinaryIO) -> tuple[int, bytes]:
-    """Return the offset of the last box of a file, and the box."""
+    """Return the last box (data block) of an MP4 file, with its offset."""
     end, start = file.seek(0, 2), 0
     while True:
         file.seek(start)
@@ -197,7 +200,10 @@ def _last_box(file: BinaryIO) -> tuple[int, bytes]:
 
 
 def _with_added(box: bytes, path: tuple[bytes, ...], added: bytes) -> bytes:
-    """Return a box with content appended to the sample entry that a path of boxes leads to."""
+    """Return an MP4 box with ``added`` appended to the sample entry inside it.
+
+    ``path`` holds the names of the nested boxes that lead to that entry.
+    """
     head = DESCRIPTIONS if box[4:8] == b"stsd" else 8
     kind = path[0] if path else SAMPLE_ENTRY
     parts = [box[:head]]
@@ -217,20 +223,21 @@ def _with_added(box: bytes, path: tuple[bytes, ...], added: bytes) -> bytes:
 
 
 def _box(name: bytes, content: bytes) -> bytes:
+    """Return an MP4 box: size, name and content."""
     return struct.pack(">I4s", 8 + len(content), name) + content
 
 
 def _full_box(name: bytes, content: bytes) -> bytes:
-    """Return a box with version 0 and no flags."""
+    """Return an MP4 box whose content begins with version 0 and no flags."""
     return _box(name, bytes(4) + content)
 
 
 def _stereo() -> bytes:
-    """Return the box for a monoscopic video."""
+    """Return the MP4 box that marks a video as monoscopic."""
     return _full_box(b"st3d", bytes(1))
 
 
 def _spherical() -> bytes:
-    """Return the box of an equirectangular projection of the whole sphere; yaw, pitch and roll 0."""
+    """Return the MP4 box that marks a video as equirectangular over the whole sphere, with yaw, pitch and roll 0."""
     projection = _full_box(b"prhd", bytes(12)) + _full_box(b"equi", bytes(16))
     return _box(b"sv3d", _full_box(b"svhd", MADE_BY) + _box(b"proj", projection))

@@ -1,7 +1,7 @@
-"""Ride: a page that shows the viewer's view along trajectories, and compares them.
+"""Ride page: shows the viewer's view along trajectories in a browser, to compare them.
 
-It needs only a browser, and no network. Its view is drawn by three.js, which is in the page. The page holds poses of
-the camera and of the robot's links twenty times per second, and convex bodies as triangles.
+It needs no network. Its view is drawn by three.js, which is in the page. The page holds poses of the camera and of the
+robot's links, twenty for each second, and convex bodies as triangles.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from hpop.world.geometry.solids import Shape, Sphere
 LINKS: tuple[Colour, ...] = ((206, 208, 210), (120, 128, 138))
 """Alternating colours of a robot's links."""
 DIRECTIONS = 120
-"""Number of points on a sphere."""
+"""Number of points that approximate a sphere."""
 DIGITS = 4
 """Decimals of coordinates in m."""
 
@@ -56,7 +56,7 @@ class BodyMesh(NamedTuple):
     triangles: IntArray
 
     def description(self, number: int, colour: Colour) -> dict[str, Any]:
-        """Return the JSON description."""
+        """Return the mesh as JSON, with the number of its obstacle and its colour."""
         return {
             "points": np.round(self.points, DIGITS).tolist(),
             "triangles": self.triangles.tolist(),
@@ -66,7 +66,7 @@ class BodyMesh(NamedTuple):
 
 
 def body_of(shape: Shape, pose: FloatArray | None = None) -> BodyMesh:
-    """Return the triangles of a shape, transformed by a pose (4, 4) if given.
+    """Return the triangles of a convex shape, moved by a pose (4, 4) if given.
 
     >>> from hpop.world.geometry.solids import Box
     >>> len(body_of(Box((1.0, 2.0, 3.0))).triangles)
@@ -86,7 +86,7 @@ def body_of(shape: Shape, pose: FloatArray | None = None) -> BodyMesh:
 
 
 def tilted_solids(scene: ViewScene) -> list[dict[str, Any]]:
-    """Return as JSON the solids of a scene that are drawn as larger upright prisms."""
+    """Return as JSON the true shapes of solids that panoramas draw as larger upright prisms."""
     return [
         body_of(prism.solid.shape, prism.solid.pose).description(prism.number, prism.colour)
         for prism in scene.prisms
@@ -95,7 +95,7 @@ def tilted_solids(scene: ViewScene) -> list[dict[str, Any]]:
 
 
 def links_of(model: Model, states: States) -> list[dict[str, Any]]:
-    """Return as JSON the shapes of a robot's links, each in its own frame."""
+    """Return as JSON the shapes of a robot's links, each in the link's own frame."""
     placed = model.bodies(states.take(slice(0, 1)))
     return [body_of(shape).description(0, LINKS[i % len(LINKS)]) for i, (shape, _) in enumerate(placed)]
 
@@ -123,13 +123,13 @@ LENGTH, TURN = 1e-5, 1e-7
 LINK_LENGTH, LINK_TURN = 1e-4, 1e-4
 """Resolution of the links' positions, m, and quaternions, which need less."""
 FIGURES = 4
-"""Significant digits of rates."""
+"""Significant digits of the criteria's rates."""
 MOST_PIECES = 1500
-"""Most pieces of a trajectory that have rates of their own."""
+"""Largest number of pieces of a trajectory for which rates are stored."""
 
 
 def track(trajectory: Trajectory) -> dict[str, Any]:
-    """Return the camera's poses during execution as JSON; the page interpolates between them."""
+    """Return the poses of camera and links along the executed trajectory as JSON; the page interpolates them."""
     seen = poses(trajectory, rate=RATE)
     links: list[FloatArray] = []
     turns: list[FloatArray] = []
@@ -147,7 +147,7 @@ def track(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def rates(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -> dict[str, Any] | None:
-    """Return the rates of criteria during the execution as JSON; None for a trajectory without motion."""
+    """Return the rates of criteria along the executed trajectory as JSON; None for a trajectory without motion."""
     run = trajectory.execution()
     if not len(run) or not criteria:
         return None
@@ -161,7 +161,9 @@ def rates(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -
 
 
 def packed_columns(values: FloatArray, scale: float) -> dict[str, Any]:
-    """Return columns of numbers (N, C) as whole multiples of a step, differenced twice: mostly zeros for even motion.
+    """Return columns of numbers (N, C) as JSON: whole multiples of ``scale``, differenced twice.
+
+    Even motion then gives mostly zeros.
 
     >>> packed_columns(np.array([[1.0], [2.0], [3.0]]), 0.5)
     {'scale': 0.5, 'columns': [[2, 0, 0]]}
@@ -186,16 +188,14 @@ def save_ride(
     rows: Sequence[int | str] = ("knee",),
     blind: bool = False,
 ) -> Path:
-    """Write a page that rides along trajectories of a front, and return its path.
+    """Write a page on which a viewer rides along trajectories of a front, and return its path.
 
-    The page shows the camera's view along the executed trajectory, from rest to rest, with people at their predicted
-    positions; a map; and the rates of the criteria. Trajectories are named A, B, ... in the order of ``rows``.
+    The page shows the camera's view along the executed trajectory, with people at their predicted positions; a map; and
+    the rates of the criteria. Trajectories are named A, B, ... in the order of ``rows``.
 
-    Parameters
-    ----------
-    path : of the page, a self-contained file; its folder is created if missing
-    rows : up to eight, by number or by name: "knee", "least turns", or "turns" for the least of a criterion
-    blind : leave numbers, criteria and names of trajectories out, for choices by the view alone
+    Parameters ---------- path : of the page, a self-contained file; its folder is created if missing rows : up to
+    eight, by number or by name: "knee", "least turns", or "turns" for the least of a criterion blind : leave numbers,
+    criteria and names of trajectories out, for choices by the view alone
 
     Raises OptionError for invalid rows or a name that does not end in .html, UnknownName for unknown names, OutputError
     if the page cannot be written; no partial file remains.
@@ -214,15 +214,15 @@ def save_ride(
 
 
 def ride_page(problem: Problem, front: Front, *, rows: Sequence[int | str] = ("knee",), blind: bool = False) -> str:
-    """Return the text of the page that `save_ride` writes."""
+    """Return the HTML text of the page that `save_ride` writes."""
     return single_page("ride.js", "A ride" if blind else "The ride", ride_payload(problem, front, rows, blind=blind))
 
 
 def ride_payload(problem: Problem, front: Front, rows: Sequence[int | str], *, blind: bool = False) -> dict[str, Any]:
-    """Return the payload of the page: JSON, `hpop-ride` version 1, read by web/src/ride/model.ts."""
+    """Return the data of the ride page: JSON, `hpop-ride` version 1, read by web/src/ride/model.ts."""
     chosen = named_rows(front, rows)
     if not 1 <= len(chosen) <= len(NAMES):
-        raise OptionError(f"a ride is along 1 to {len(NAMES)} trajectories of a front, got {len(chosen)}")
+        raise OptionError(f"rows must name 1 to {len(NAMES)} trajectories of the front, got {len(chosen)}")
     scene = ViewScene.of(problem)
     fov = problem.model.field_of_view
     columns = [] if blind else columns_of(problem, front)[: len(front.names)]
@@ -248,7 +248,7 @@ def ride_payload(problem: Problem, front: Front, rows: Sequence[int | str], *, b
 def _track(
     problem: Problem, front: Front, name: str, row: NamedRow, told: dict[str, Criterion], *, blind: bool
 ) -> dict[str, Any]:
-    """Return the data of one trajectory; on a blind page only its motion."""
+    """Return the data of one trajectory as JSON; on a blind page only its motion."""
     trajectory = row.point.trajectory
     columns = {column.name: column for column in quantities(front)}
     shown = [columns[printable(c)] for c in told]
@@ -267,6 +267,6 @@ def licence() -> str:
 
 
 def _label(front: Front, row: NamedRow) -> str:
-    """Return the number and names of a row: "row 70: knee, least turns"."""
+    """Return the number and the names of a row as text, such as "row 70: knee, least turns"."""
     names = [name for name, point in front.named().items() if point.index == row.number]
     return f"row {row.number}" + (f": {printable(', '.join(names))}" if names else "")

@@ -1,4 +1,4 @@
-"""Panoramas from any place in a scene: equirectangular, level, with reproducible bytes."""
+"""Renderer of 360 degree panoramas from any position in a scene: equirectangular, with reproducible bytes."""
 
 from __future__ import annotations
 
@@ -18,22 +18,21 @@ from hpop.view.ride.scene import ViewScene
 from hpop.view.ride.tiles import CameraView, DrawingBuffers, RayMeetings, SurfaceLook, Things
 
 Picture = NDArray[np.uint8]
-"""(H, W, 3), sRGB; row 0 looks up, the middle of a row ahead, its left part to the left."""
+"""Panorama (H, W, 3), sRGB; row 0 looks up, the middle of a row ahead, its left part to the left."""
 
 FINE = 1 << 16
-"""Parts of a column to which headings are rounded: 5e-8 rad at a width of 2048."""
+"""Number of parts of a column to which headings are rounded: 5e-8 rad at a width of 2048."""
 STEP = 2.0**-30
-"""Sines and cosines are rounded to its multiples, so that libraries that differ in the last digit give equal bytes."""
+"""Step to which sines and cosines are rounded, so that libraries that differ in the last digit give equal bytes."""
 RAYS = 2
-"""Number of rays of each column."""
+"""Number of rays that are averaged in each column."""
 
 
 @dataclass(frozen=True, eq=False)
 class Panorama:
-    """Renderer of a scene's panoramas of a width.
+    """Renderer of panoramas of a scene, all of one width.
 
-    scene
-    width  columns, even; there are half as many rows
+    scene width columns, even; there are half as many rows
 
     Columns are evenly spaced in bearing and rows in elevation: column c has the bearing (W/2 - c - 1/2) 2 pi / W from
     ahead, counter-clockwise positive, and row r the elevation (H/2 - r - 1/2) pi / H. A camera rotated by a whole
@@ -44,7 +43,7 @@ class Panorama:
     width: int
 
     def draw(self, position: FloatArray, yaw: float, t: float) -> Picture:
-        """Render the panorama of a level camera at a position (3,), m, yaw, rad, and time, s."""
+        """Render the panorama of a level camera at a position (3,), m, with a yaw, rad, at a time, s."""
         return self._render(position, yaw, t, per_column=RAYS, hard=False)[0]
 
     def numbers(self, position: FloatArray, yaw: float, t: float) -> NDArray[np.int32]:
@@ -52,9 +51,9 @@ class Panorama:
         return self._render(position, yaw, t, per_column=1, hard=True)[1]
 
     def draw_turned(self, position: FloatArray, axes: FloatArray, t: float) -> Picture:
-        """Render the panorama of a tilted camera with axes (3, 3), ahead, left and up in its columns.
+        """Render the panorama of a tilted camera with axes (3, 3): unit vectors ahead, left and up, in the columns.
 
-        It samples a level picture of twice the size, so that little sharpness is lost.
+        It resamples a level picture of twice the size, so that little sharpness is lost.
         """
         fine = Panorama(self.scene, 2 * self.width)
         fine.__dict__.update(_static_edges=self._static_edges, _pictures=self._pictures)
@@ -67,6 +66,7 @@ class Panorama:
     def _render(
         self, position: FloatArray, yaw: float, t: float, *, per_column: int, hard: bool
     ) -> tuple[Picture, NDArray[np.int32]]:
+        """Render a panorama: its colours, and if ``hard`` the number of the thing at the middle of each pixel."""
         rays, rows = per_column * self.width, self.width // 2
         x, y, z = (float(value) for value in position)
         whole, part = divmod(round(yaw / (2.0 * math.pi) * self.width * FINE), FINE)
@@ -96,7 +96,10 @@ class Panorama:
 
     @cached_property
     def _static_edges(self) -> tuple[FloatArray, IntArray, FloatArray]:
-        """Edges (E, 4), the item of each edge, and items (I, 7): prisms, boxes of cells, the floor and its zones."""
+        """Everything that does not move: edges (E, 4), the item to which each belongs, and items (I, 7).
+
+        Items are prisms, boxes of raster cells, the floor and its zones.
+        """
         edges: list[FloatArray] = []
         counts: list[int] = []
         items: list[tuple[float, ...]] = []
@@ -125,10 +128,14 @@ class Panorama:
 
     @cached_property
     def _pictures(self) -> tuple[NDArray[np.uint8], IntArray]:
+        """Pixels of the pictures on plates of landmarks, and where each picture begins."""
         return tiles.plates(self.scene.plates)
 
     def _things(self, x: float, y: float, t: float) -> Things:
-        """Return everything to draw at a time t, s; plates without a facing are turned towards the camera at (x, y)."""
+        """Return everything to draw at a time t, s, for the compiled functions.
+
+        Plates of landmarks without a facing are turned towards the camera at (x, y).
+        """
         parts: list[tuple[float, ...]] = []
         for figure in self.scene.figures:
             person, now = figure.person.likeliest, np.float64(t)
@@ -160,7 +167,7 @@ class Panorama:
 
 
 def _meetings(edges: FloatArray, x: float, y: float, directions: FloatArray) -> tuple[RayMeetings, int]:
-    """Return the meetings of rays with edges, and the largest number of meetings of a ray."""
+    """Find where rays meet edges; return the meetings, and the largest number of meetings of one ray."""
     room, last = 8 * len(directions) + 64, np.empty(len(directions), np.int64)
     while True:
         met = RayMeetings(last, np.empty(room), np.empty(room, np.int64), np.empty(room, np.int64))
@@ -172,11 +179,12 @@ def _meetings(edges: FloatArray, x: float, y: float, directions: FloatArray) -> 
 
 
 def _rows_of(rows: list[tuple[float, ...]], columns: int) -> FloatArray:
+    """Return a list of rows as an array (N, columns); (0, columns) for an empty list."""
     return np.array(rows, np.float64).reshape(-1, columns)
 
 
 def _unit(steps: NDArray[np.floating[Any]], count: int) -> FloatArray:
-    """Return rounded unit vectors (N, 2) at multiples of a step; ``count`` steps are a full turn."""
+    """Return rounded unit vectors (N, 2) at the angles ``steps`` times 2 pi / ``count``."""
     angles = steps * (2.0 * math.pi / count)
     vectors: FloatArray = np.round(np.stack([np.cos(angles), np.sin(angles)], axis=1) / STEP) * STEP
     return vectors
@@ -184,7 +192,7 @@ def _unit(steps: NDArray[np.floating[Any]], count: int) -> FloatArray:
 
 @cache
 def _slopes(rows: int) -> FloatArray:
-    """Return the tangents (H,) of the elevations of rows' middles, rounded relative to their size."""
+    """Return the tangent of the elevation angle at the middle of each row (H,), rounded relative to its size."""
     elevations = (rows / 2 - np.arange(rows) - 0.5) * (math.pi / rows)
     mantissa, exponent = np.frexp(np.tan(elevations))
     slopes: FloatArray = np.ldexp(np.round(mantissa / STEP) * STEP, exponent)
@@ -193,7 +201,7 @@ def _slopes(rows: int) -> FloatArray:
 
 @cache
 def _sky(rows: int) -> FloatArray:
-    """Return colours (H, 3) of rows from the horizon to overhead."""
+    """Return the sky's colour (H, 3) in each row, from the horizon to overhead."""
     up = np.clip((rows / 2 - np.arange(rows) - 0.5) / (rows / 2), 0.0, 1.0)[:, None]
     horizon, zenith = np.array(surfaces.SKY_HORIZON, float), np.array(surfaces.SKY_ZENITH, float)
     sky: FloatArray = horizon + (zenith - horizon) * up * (2.0 - up)

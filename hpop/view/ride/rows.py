@@ -1,7 +1,7 @@
-"""Kernels that draw the things along a ray in the plane as rows of one column: planes, fronts, people, plates.
+"""Compiled functions that draw into one column of a panorama whatever a ray meets: floors, walls, people, plates.
 
-Except in the search for candidate rays, which does not affect results, this module and `columns` use only sums,
-products, quotients and square roots, which all machines round equally.
+This module and `columns` use only sums, products, quotients and square roots, which all machines round equally. The
+only exception is the search for candidate rays, which does not affect results.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ from hpop.runtime.compiled import lean
 
 PI = math.pi
 NEAR, FAR = 1e-3, 1e6
-"""m"""
+"""Distances from the camera, m: the nearest that is drawn, and one that counts as infinite."""
 WALL, THING, EXTENT, ZONE = 0, 1, 2, 3
-"""Kinds of items."""
+"""Kinds of items: walls, other obstacles, the floor, and zones on the floor."""
 CYLINDER, ELLIPSOID = 0, 1
-"""Shapes of parts of people."""
+"""Shapes of body parts of people."""
 LEAST_LEFT = 1e-4
-"""Share of a row that is no longer drawn."""
+"""Uncovered share of a row below which the row counts as complete."""
 FLATTEST = 1e-9
-"""Sine of the angle between a ray and a plate below which only its edge is seen."""
+"""Sine of the angle between a ray and a plate below which the plate is seen edge-on and not drawn."""
 STRETCHED = 3.0
-"""How much longer than a pixel's width in the texture its length may be before the texture is smoothed more."""
+"""Largest ratio of a pixel's length to the width for which the texture is smoothed."""
 
 
 @lean
 def arctangent(x):
-    """Return the arctangent within 1e-9, from products and quotients only."""
+    """Return the arctangent within 1e-9, computed from products and quotients only, for reproducible results."""
     away = abs(x)
     turned = 0.0
     if away > 2.414213562373095:
@@ -46,13 +46,13 @@ def arctangent(x):
 
 @lean
 def row_of(slope, view):
-    """Return the position of a slope in the picture, in rows from its top."""
+    """Return the vertical position in the picture, in rows from its top, of a line of sight with a slope."""
     return 0.5 * len(view.slopes) - arctangent(slope) / view.pixel
 
 
 @lean
 def _lines(x, width, look):
-    """Return the share of an interval round x that is on lines of the grid."""
+    """Return the share of an interval of length ``width`` round x that is covered by lines of the surface grid."""
     line, pitch = look.line, look.pitch
     low, high = (x + 0.5 * (line - width)) / pitch, (x + 0.5 * (line + width)) / pitch
     whole_low, whole_high = math.floor(low), math.floor(high)
@@ -63,7 +63,7 @@ def _lines(x, width, look):
 
 @lean
 def _texture(u, v, width, tile):
-    """Return the texture at (u, v), m, averaged over pixels of a width; bilinear."""
+    """Return the surface texture at (u, v), m, averaged over pixels that are ``width`` m wide; bilinear."""
     level = 0
     while level < len(tile.widths) - 1 and tile.widths[level] < width:
         level += 1
@@ -83,7 +83,7 @@ def _texture(u, v, width, tile):
 
 @lean
 def _take(row, top, bottom, number, sheet, view):
-    """Return the share of a row between two heights that is not yet drawn, and mark it as drawn for a thing."""
+    """Return how much of a row, between two vertical positions, is still uncovered, and mark it as covered."""
     left = sheet.left[row]
     if view.hard:
         share = 1.0 if left > 0.0 and top <= row + 0.5 < bottom else 0.0
@@ -98,7 +98,7 @@ def _take(row, top, bottom, number, sheet, view):
 
 @lean
 def _add(row, share, red, green, blue, t, sheet, look):
-    """Add a colour, with the haze of a distance t, m."""
+    """Add a colour to a row, with the haze for a distance t, m."""
     haze = t / (t + look.haze)
     sheet.summed[row, 0] += share * (red + haze * (look.haze_colour[0] - red))
     sheet.summed[row, 1] += share * (green + haze * (look.haze_colour[1] - green))
@@ -107,13 +107,13 @@ def _add(row, share, red, green, blue, t, sheet, look):
 
 @lean
 def _rows(top, bottom, view):
-    """Return the first row that an interval touches, and the row after the last."""
+    """Return the first row that the interval from ``top`` to ``bottom`` touches, and the row after the last."""
     return max(math.floor(top), 0), min(math.ceil(bottom), len(view.slopes))
 
 
 @lean
 def draw_plane(rise, t0, t1, red, green, blue, number, grid, contrast, dx, dy, sheet, view, tile):
-    """Draw a horizontal plane between two distances, ``rise`` m above the camera."""
+    """Draw the part of a horizontal surface, ``rise`` m above the camera, that lies between two distances."""
     top, bottom = row_of(rise / t1, view), row_of(rise / t0, view)
     if rise > 0.0:
         top, bottom = bottom, top
@@ -142,7 +142,7 @@ def draw_plane(rise, t0, t1, red, green, blue, number, grid, contrast, dx, dy, s
 
 @lean
 def draw_front(t, item, edge, dx, dy, sheet, view, tile):
-    """Draw the front of a prism over one of its edges."""
+    """Draw the vertical face of an upright prism at one of its edges."""
     look = view.look
     low, high = item[1] - view.z, item[2] - view.z
     top, bottom = row_of(high / t, view), row_of(low / t, view)
@@ -177,7 +177,7 @@ def draw_front(t, item, edge, dx, dy, sheet, view, tile):
 
 @lean
 def draw_part(t, part, dx, dy, sheet, view):
-    """Draw the slice of a part of a person that a ray meets."""
+    """Draw the slice of a person's body part that a ray meets."""
     look = view.look
     x, y = part[0] - view.x, part[1] - view.y
     along, aside, radius = dx * x + dy * y, dx * y - dy * x, part[5]
@@ -218,7 +218,7 @@ def draw_part(t, part, dx, dy, sheet, view):
 
 @lean
 def draw_plate(t, p, dx, dy, sheet, view, things):
-    """Draw the part of a plate that a ray meets: its picture, or its back."""
+    """Draw the slice of a landmark's plate that a ray meets: of its picture, or of its back."""
     look = view.look
     plate, places = things.plates[p], things.places
     low = plate[2] - 0.5 * plate[6] - view.z
@@ -269,12 +269,12 @@ def _angle(x, y):
 
 @lean
 def turned(level, columns, slopes, axes, out):
-    """Fill ``out`` (H, W, 3) from a level picture that looks along x, for a camera with axes (3, 3): ahead, left, up.
+    """Fill ``out`` (H, W, 3) with the view of a tilted camera, resampled from a level picture that looks along x.
 
-    columns  (W, 2)  cos and sin of the bearing of each column from ahead
-    slopes   (H,)    of the rows
+    axes (3, 3) of the tilted camera: unit vectors ahead, left and up, in the columns columns (W, 2) cos and sin of the
+    bearing of each column from ahead slopes (H,) tangents of the elevations of the rows
 
-    Each pixel is looked up bilinearly, and rounded to whole numbers, halves up.
+    Each pixel is interpolated bilinearly, and rounded to whole numbers, halves up.
     """
     rows, width = len(level), len(level[0])
     for row in range(len(slopes)):

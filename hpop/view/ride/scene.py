@@ -1,7 +1,7 @@
-"""Visible things in a problem's world, for panoramas and for the page.
+"""Visible things in a problem's world, in a form that panoramas and the ride page draw.
 
-Metres, x right, y up in the plane, z height (REP-103), floor at z = 0. Obstacles are upright prisms; other shapes are
-drawn as their enclosing prisms, with a note in `ViewScene.notes`, and their true shape in the description.
+Metres, x right, y up in the plane, z height (REP-103), floor at z = 0. Obstacles are upright prisms. Other shapes are
+drawn as their enclosing prisms, with a note in `ViewScene.notes`; `ViewScene.description` keeps their true shape.
 """
 
 from __future__ import annotations
@@ -30,30 +30,27 @@ VERSION = 1
 STOREY = 3.0
 """Drawn height of obstacles without an upper end, m."""
 HEADROOM = 0.5
-"""Height of such obstacles above a camera that is higher, m."""
+"""Height by which such obstacles rise above a camera that is higher, m."""
 WALL_FROM = 2.5
-"""Height from which an obstacle without a name of its own looks like a wall, m."""
+"""Height from which an obstacle without a name looks like a wall, m."""
 BORDER = 0.2
 """Thickness of the wall round a map whose outside is an obstacle, m."""
 DIGITS = 4
 """Decimals of the corners of people's paths, m and s."""
 PLATE = (0.8, 0.5)
-"""Width and height of a landmark, m."""
+"""Width and height of the plate that shows a landmark, m."""
 BEFORE = 0.005
-"""Distance between a landmark with a front and its plate, m, so that a wall behind the landmark does not hide it."""
+"""Distance by which a plate stands before its landmark, m, so that a wall behind the landmark does not hide it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Prism:
-    """Upright prism.
+    """Upright prism that represents an obstacle.
 
-    rings   (K, 2)  m  corners, not closed: the outer ring counter-clockwise, then holes clockwise
-    low, high       m  finite
-    number          identifies the obstacle in ``Panorama.numbers``, from 1; shared by the prisms of one obstacle
-    colour
-    is_wall         has a skirting
-    name
-    solid           the enclosed solid, if it is not upright
+    rings (K, 2) m corners, not closed: the outer ring counter-clockwise, then holes clockwise low, high m heights of
+    its bottom and top, finite number identifies the obstacle in ``Panorama.numbers``, from 1; shared by the prisms of
+    one obstacle colour is_wall whether it is drawn with a skirting (a dark strip at its foot) name solid the true
+    shape, if it is not upright
     """
 
     rings: tuple[FloatArray, ...]
@@ -80,12 +77,10 @@ class Prism:
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Occupied cells of a raster, merged to boxes.
+    """Occupied cells of a raster map, merged to boxes.
 
-    boxes   (B, 4)  first column and row, and those after the last: x0, y0, x1, y1 in cells
-    raster          gives their positions
-    low, high       m
-    number, colour  as of a prism
+    boxes (B, 4) first column and row, and those after the last: x0, y0, x1, y1 in cells raster gives their positions
+    low, high m number, colour as of a prism
     """
 
     boxes: IntArray
@@ -116,12 +111,9 @@ class Cells:
 
 @dataclass(frozen=True)
 class BodyPart:
-    """Part of a person, symmetric about a vertical axis: a cylinder or an ellipsoid.
+    """Body part of a drawn person, symmetric about a vertical axis: a cylinder or an ellipsoid.
 
-    shape    "cylinder" or "ellipsoid"
-    radius   m
-    low, high  m
-    colour   of its front half, and ``back`` of its back half
+    shape "cylinder" or "ellipsoid" radius m low, high m colour of its front half, and ``back`` of its back half
     """
 
     shape: str
@@ -134,7 +126,7 @@ class BodyPart:
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """Person as drawn: legs, trunk and head, along the path of the likeliest hypothesis."""
+    """Person as drawn: legs, trunk and head, moving along the path of the likeliest hypothesis."""
 
     person: Person
     number: int
@@ -160,7 +152,7 @@ class Figure:
 
 @dataclass(frozen=True, eq=False)
 class Plate:
-    """Landmark as drawn: an upright plate with its name; without a facing it turns to the camera."""
+    """Landmark as drawn: an upright plate with its name. A plate without a facing turns towards the camera."""
 
     landmark: Landmark
     width: float
@@ -186,7 +178,7 @@ class Plate:
 
 @dataclass(frozen=True, eq=False)
 class Area:
-    """Zone on the floor, as polygons; rings as of a prism."""
+    """Zone as drawn on the floor: coloured polygons, each a list of rings as in `Prism`."""
 
     zone: Zone
     polygons: tuple[tuple[FloatArray, ...], ...]
@@ -204,16 +196,11 @@ class Area:
 
 @dataclass(frozen=True, eq=False)
 class ViewScene:
-    """Things drawn of a world.
+    """All visible things of a world.
 
-    prisms   obstacles, in order, and a wall round the map if its outside is an obstacle
-    cells    of a raster, or None
-    figures  people
-    plates   landmarks
-    areas    zones
-    floor    the extent, as polygons of rings
-    storey   m  height of walls without an upper end
-    notes    on inexact shapes
+    prisms obstacles, in order, and a wall round the map if its outside is an obstacle cells occupied cells of a raster
+    map, or None figures people plates landmarks areas zones floor the extent, as polygons of rings storey m height of
+    walls without an upper end notes notes (texts to print) on shapes that are not drawn exactly
     """
 
     prisms: tuple[Prism, ...]
@@ -227,7 +214,7 @@ class ViewScene:
 
     @classmethod
     def of(cls, problem: Problem) -> ViewScene:
-        """Return the scene of a problem's world, for its camera at its start."""
+        """Return the visible things of a problem's world, with storeys higher than the camera at its start."""
         world = problem.world
         camera = problem.model.pose("camera", problem.model.space.state(problem.start))
         z = float(np.broadcast_to(camera.z, 1)[0])
@@ -255,7 +242,7 @@ class ViewScene:
         )
 
     def description(self) -> dict[str, Any]:
-        """Return the scene as JSON-able values, for a page that draws it alike; no number is NaN or infinite.
+        """Return the scene as JSON, for a page that draws it alike; no number is NaN or infinite.
 
         Texts come from files: they are names, never markup.
         """
@@ -274,7 +261,7 @@ class ViewScene:
 
 
 def _prisms(world: World, storey: float) -> Iterator[Prism]:
-    """Yield a prism for each obstacle, in order, without numbers."""
+    """Yield a prism for each obstacle, in order; they are numbered later."""
     for obstacle in world.obstacles:
         low, high = _ends(obstacle.heights, storey)
         is_wall = _looks_like_a_wall(obstacle, high)
@@ -294,7 +281,7 @@ def _border(world: World, storey: float) -> Iterator[Prism]:
 
 
 def _ends(heights: tuple[float, float], storey: float) -> tuple[float, float]:
-    """Return finite heights, m: an unlimited obstacle stands on the floor, and is a storey high."""
+    """Return finite heights, m, of an obstacle: an unlimited one stands on the floor and is a storey high."""
     low = heights[0] if math.isfinite(heights[0]) else min(0.0, heights[1] - storey)
     high = heights[1] if math.isfinite(heights[1]) else max(low, 0.0) + storey
     return low, high
@@ -306,7 +293,7 @@ def _looks_like_a_wall(obstacle: Obstacle, high: float) -> bool:
 
 
 def _colour_of(name: str) -> Colour:
-    """Return a colour that depends only on the name, without numbers, so that numbered parts look alike."""
+    """Return an obstacle's colour. It depends only on the name without digits, so "chair 1" and "chair 2" match."""
     name = name.strip(" _-0123456789") or name
     return surfaces.THINGS[zlib.crc32(name.encode("utf-8", "replace")) % len(surfaces.THINGS)]
 
@@ -316,7 +303,7 @@ SHIRTS: tuple[Colour, ...] = ((176, 84, 72), (72, 120, 152), (108, 142, 84), (20
 
 
 def _figure(person: Person, number: int) -> Figure:
-    """Return a figure 1.73 m tall; its trunk has the radius that robots keep away from."""
+    """Return the drawing of a person, 1.73 m tall. Its trunk has the radius from which robots keep their distance."""
     shirt = SHIRTS[number % len(SHIRTS)]
     parts = (
         BodyPart("cylinder", 0.55 * person.radius, 0.0, 0.92, TROUSERS, TROUSERS),
@@ -330,18 +317,19 @@ PAPER: Colour = (248, 246, 240)
 
 
 def _plate(mark: Landmark, number: int) -> Plate:
+    """Return the plate that shows a landmark."""
     return Plate(_landmark_on_plate(mark), *PLATE, number, PAPER)
 
 
 def _landmark_on_plate(mark: Landmark) -> Landmark:
-    """Return a landmark at the position of its plate."""
+    """Return a landmark moved to the position of its plate, which is slightly in front of it."""
     if mark.facing is None:
         return mark
     return replace(mark, x=mark.x + BEFORE * math.cos(mark.facing), y=mark.y + BEFORE * math.sin(mark.facing))
 
 
 def _zones(world: World) -> Iterator[Zone]:
-    """Yield the zones, and the keep-out areas of the world."""
+    """Yield the zones of a world, and its keep-out areas as zones."""
     yield from world.content.zones
     for part in shapely.get_parts(world.keep_out):
         if not part.is_empty:
@@ -349,6 +337,7 @@ def _zones(world: World) -> Iterator[Zone]:
 
 
 def _polygons(geometry: BaseGeometry) -> tuple[tuple[FloatArray, ...], ...]:
+    """Return the polygons of a geometry, each as its rings; empty and other parts are left out."""
     parts = (part for part in shapely.get_parts(geometry) if part.geom_type == "Polygon" and not part.is_empty)
     return tuple(_rings(part) for part in parts)
 
@@ -360,6 +349,7 @@ def _rings(polygon: Any) -> tuple[FloatArray, ...]:
 
 
 def _notes(world: World, storey: float) -> Iterator[str]:
+    """Yield notes on shapes and people that are not drawn exactly."""
     unsure = sum(bool(person.futures) for person in world.content.people)
     if unsure:
         yield f"people with several hypotheses ({unsure}) are drawn at the positions of the likeliest one"

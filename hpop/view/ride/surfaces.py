@@ -1,4 +1,4 @@
-"""Appearance of surfaces: colours, light, and a texture that shows motion without shimmering.
+"""Appearance of surfaces in panoramas: colours, light, and a texture that shows motion without shimmering.
 
 The texture is a sum of cosine waves with whole numbers of periods on a square tile, so that it repeats without a seam
 and has no detail finer than its shortest wave. Waves that a pixel cannot resolve are left out, so nothing flickers at a
@@ -22,19 +22,19 @@ Colour = tuple[int, int, int]
 PERIOD = 8.0
 """Side of the tile, m."""
 LONGEST, SHORTEST = 2.5, 0.12
-"""Wavelengths, m."""
+"""Longest and shortest wavelength of the texture, m."""
 WAVES = 36
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 ROUGHNESS = 0.3
-"""Amplitudes grow with this power of the wavelength: coarse patches, fine grain."""
+"""Exponent by which amplitudes grow with the wavelength: coarse patches, fine grain."""
 PITCH, LINE = 0.5, 0.02
 """Distance between the lines of the grid, and their width, m."""
 CONTRAST = {"floor": 0.075, "outside": 0.03, "wall": 0.028}
-"""Root mean square of the waves, as a share of the colour."""
+"""Contrast of the texture: root mean square of its waves, as a share of the surface's colour."""
 GRID = {"floor": 0.20, "wall": 0.10}
 """Share by which the lines of the grid are darker."""
 SKIRTING, SKIRTING_SHADE = 0.08, 0.68
-"""Height of the dark strip at the foot of walls, m, and its share of their colour."""
+"""Height of the dark strip at the foot of walls, m, and its brightness as a share of the wall's."""
 
 FLOOR: Colour = (158, 147, 132)
 OUTSIDE: Colour = (134, 137, 134)
@@ -60,7 +60,7 @@ HAZE = 400.0
 
 
 def waves() -> FloatArray:
-    """Return the waves (WAVES, 4): numbers of periods i, j along the tile's sides, amplitude, phase (rad).
+    """Return the waves (WAVES, 4) of the texture: periods i, j along the tile's sides, amplitude, phase (rad).
 
     The texture at (u, v), m, is the sum of ``a cos(2 pi (i u + j v) / PERIOD + phase)``; its mean square is 1.
     Directions follow the golden angle and wavelengths a geometric series, so that no direction stands out.
@@ -75,7 +75,7 @@ def waves() -> FloatArray:
 
 
 def description() -> dict[str, Any]:
-    """Return all settings as JSON-able values, for other renderers of the scene."""
+    """Return all settings of surfaces as JSON, for the ride page, which draws the scene itself."""
     return {
         "period": PERIOD,
         "waves": [[int(i), int(j), float(a), float(phase)] for i, j, a, phase in waves()],

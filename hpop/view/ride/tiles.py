@@ -1,4 +1,4 @@
-"""Textures and pictures of surfaces, and the arrays that the kernels of panoramas take."""
+"""Textures and pictures of surfaces, and the arrays that the compiled functions of panoramas take as arguments."""
 
 from __future__ import annotations
 
@@ -23,13 +23,10 @@ Rgb = tuple[float, float, float]
 
 
 class Tile(NamedTuple):
-    """Texture at several levels of pixel width.
+    """Surface texture, averaged for pixels of several widths (levels).
 
-    values  all levels, one after the other
-    starts  (L,)  first index of each level
-    sizes   (L,)  its side, a power of two
-    widths  (L,)  m  width of a pixel at each level
-    period  m  side of the tile
+    values all levels, one after the other starts (L,) first index of each level sizes (L,) side of each level in
+    pixels, a power of two widths (L,) m width of a pixel at each level period m side of the tile
     """
 
     values: NDArray[np.float32]
@@ -40,15 +37,15 @@ class Tile(NamedTuple):
 
 
 class Things(NamedTuple):
-    """Arrays of all things to draw, for the kernels.
+    """Arrays of all things to draw, for the compiled functions.
 
     edges    (E, 4)  m  x0, y0, x1, y1, counter-clockwise round solids
     item_of  (E,)  index of the item to which each edge belongs
     items    (I, 7)  kind, low, high, red, green, blue, number
-    parts    (P, 16)  of people: x, y, cos and sin of the heading, shape, radius, low, high, colours of front and back,
-             number, and 0
+    parts    (P, 16)  body parts of people: x, y, cos and sin of the heading, shape, radius, low, high, colours of
+             front and back, number, and 0
     plates   (L, 8)  x, y, z of the middle, normal x, y, width, height, number
-    bitmaps  values of all plates' pictures, level by level
+    bitmaps  pixels of all plates' pictures, level by level
     places   (L, B, 3)  first index, width and height in pixels of each plate and level
     highest  m  greatest height of a thing
     """
@@ -79,7 +76,7 @@ class RayMeetings(NamedTuple):
 
 
 class SurfaceLook(NamedTuple):
-    """Appearance of surfaces, see `surfaces`: colours (3,), and factors on them."""
+    """Appearance of surfaces for the compiled functions: colours (3,), and factors on them; see `surfaces`."""
 
     floor: Rgb
     outside: Rgb
@@ -101,7 +98,7 @@ class SurfaceLook(NamedTuple):
 
     @classmethod
     def of_surfaces(cls) -> SurfaceLook:
-        """Return the look as an argument of kernels, because cached kernels would keep imported values."""
+        """Return the constants of `surfaces` as an argument, because cached compiled functions keep old constants."""
         contrast, grid = surfaces.CONTRAST, surfaces.GRID
         return cls(
             floor=_rgb(surfaces.FLOOR),
@@ -132,15 +129,10 @@ def _rgb(colour: surfaces.Colour) -> Rgb:
 class CameraView(NamedTuple):
     """Camera of a panorama, with the geometry of the picture.
 
-    x, y, z     m
-    pixel       rad  from one row or column to the next
-    directions  (N, 2)  unit vectors of all rays, counter-clockwise
-    shift       index of the ray at the left end of the picture
-    per_column  rays of a column
-    slopes      (H,)  of the middles of rows, upwards
-    sky         (H, 3)
-    hard        whether each pixel shows only the thing at its middle
-    look
+    x, y, z m pixel rad from one row or column to the next directions (N, 2) unit vectors of all rays, counter-clockwise
+    shift index of the ray at the left end of the picture per_column number of rays in a column slopes (H,) tangents of
+    the elevations of the rows' middles sky (H, 3) colour of the sky in each row hard whether each pixel shows only the
+    thing at its middle look appearance of surfaces
     """
 
     x: float
@@ -157,11 +149,10 @@ class CameraView(NamedTuple):
 
 
 class ColumnBuffer(NamedTuple):
-    """Column that is being drawn.
+    """Column of a panorama while it is drawn.
 
-    summed   (H, 3)  colours so far
-    left     (H,)    share of each row of the present ray that is not yet drawn
-    numbers  (H,)    number of the thing drawn there
+    summed (H, 3) colours so far left (H,) share of each row of the present ray that is not yet drawn numbers (H,)
+    number of the thing drawn there
     """
 
     summed: FloatArray
@@ -170,13 +161,11 @@ class ColumnBuffer(NamedTuple):
 
 
 class DrawingBuffers(NamedTuple):
-    """Arrays for drawing a column.
+    """Working arrays for drawing a column.
 
-    sheet
-    is_in   (I,)  whether the ray is inside each item; all False before and after a column
-    opened  (I,)  items that contain the ray, in the first entries
-    order   edges, parts and plates that a ray meets, from near to far
-    away    m  distance of each
+    sheet the column is_in (I,) whether the ray is inside each item; all False before and after a column opened (I,)
+    items that contain the ray, in the first entries order edges, body parts and plates that a ray meets, from near to
+    far away m distance of each
     """
 
     sheet: ColumnBuffer
@@ -187,7 +176,7 @@ class DrawingBuffers(NamedTuple):
 
     @classmethod
     def of(cls, rows: int, items: int, meetings: int) -> DrawingBuffers:
-        """Return arrays for numbers of rows, items, and meetings of a ray."""
+        """Allocate arrays for a number of rows, of items, and of meetings of one ray."""
         sheet = ColumnBuffer(np.empty((rows, 3)), np.empty(rows), np.empty(rows, np.int32))
         opened, order = np.empty(items, np.int64), np.empty(meetings, np.int64)
         return cls(sheet, np.zeros(items, np.bool_), opened, order, np.empty(meetings))
@@ -200,9 +189,9 @@ WIDEST = 4.0
 PER_OCTAVE = 2
 """Levels per doubling of the pixels' width."""
 STEP = 2.0**-20
-"""Values of the texture are rounded to its multiples, so that bytes do not depend on the last digit of cosines."""
+"""Step to which values of the texture are rounded, so that bytes do not depend on the last digit of cosines."""
 PLATE_PIXELS = (384, 240)
-"""Width and height of the finest picture of a plate."""
+"""Width and height of the largest picture of a plate."""
 LINES = 4
 """Most lines of a name."""
 INK, FRAME, GOLD = (46, 44, 40), (92, 78, 62), (168, 134, 72)
@@ -210,7 +199,7 @@ INK, FRAME, GOLD = (46, 44, 40), (92, 78, 62), (168, 134, 72)
 
 @cache
 def texture() -> Tile:
-    """Return the texture at each level of pixel width.
+    """Return the surface texture, averaged for each level of pixel width.
 
     A pixel averages with a normal weight of standard deviation half its width w, which damps a wave of frequency f by
     exp(-(pi f w)² / 2).
@@ -235,7 +224,10 @@ def texture() -> Tile:
 
 
 def plates(drawn: tuple[Plate, ...]) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-    """Return the pictures of plates at successively halved sizes: values, and first index, width and height of each."""
+    """Return the pictures on plates, each at successively halved sizes.
+
+    Returned are all pixels in one array, and the first index, width and height of each picture and size.
+    """
     values, places, start = [np.zeros(0, np.uint8)], [], 0
     for plate in drawn:
         picture, levels = _picture(plate), []
@@ -250,7 +242,7 @@ def plates(drawn: tuple[Plate, ...]) -> tuple[NDArray[np.uint8], NDArray[np.int6
 
 
 def _picture(plate: Plate) -> Image.Image:
-    """Draw a plate: its name; a painting in a frame without a name; or a star without name and front."""
+    """Draw the picture on a landmark's plate: its name; without a name a painting, or a star if it has no facing."""
     image = Image.new("RGB", PLATE_PIXELS, plate.colour)
     pen = ImageDraw.Draw(image)
     width, height = PLATE_PIXELS
@@ -269,7 +261,7 @@ def _picture(plate: Plate) -> Image.Image:
 
 
 def _write(pen: ImageDraw.ImageDraw, text: str) -> None:
-    """Write a name as large as possible, in at most a few lines."""
+    """Write a name on a plate as large as possible, in at most `LINES` lines."""
     width, height = PLATE_PIXELS
     font_file = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans-Bold.ttf"
     for size in range(80, 14, -4):
@@ -285,7 +277,7 @@ def _write(pen: ImageDraw.ImageDraw, text: str) -> None:
 
 
 def _paint(pen: ImageDraw.ImageDraw, number: int) -> None:
-    """Paint a landscape: sky, sun, two ranges of hills, in hues that differ by number."""
+    """Paint a landscape on a plate: sky, sun, and two ranges of hills, in colours that depend on the number."""
     width, height = PLATE_PIXELS
     turn = number * 0.618034 % 1.0
     skies = ((196, 216, 232), (240, 214, 176), (206, 222, 204), (226, 206, 220))

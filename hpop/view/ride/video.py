@@ -1,4 +1,4 @@
-"""360 degree videos: the viewer's view along a trajectory, frame by frame, as MP4 or as PNG frames."""
+"""Videos of 360 degrees: the viewer's view along a trajectory, frame by frame, as MP4 or as PNG files."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ if TYPE_CHECKING:
 
 FPS = 30
 SLOWEST, FASTEST = 1.0, 240.0
-"""Frames a second."""
+"""Smallest and largest frame rate, frames a second."""
 AHEAD = 2
-"""Frames for each worker that are being drawn or wait to be written."""
+"""Number of frames for each worker that are being drawn or wait to be written."""
 VIDEO_BYTES, PNG_BYTES = 0.06, 1.2
-"""Bytes a pixel, a generous estimate of the room that a disk must have before a video is begun."""
+"""Bytes per pixel, a generous estimate of the free space that a disk must have before a video is begun."""
 QUALITY = {"crf": "18", "preset": "veryfast"}
-"""Options of x264, at which no differences to the drawn frames are visible."""
+"""Options of the encoder x264, with which no differences to the drawn frames are visible."""
 AXES = (
     "equirectangular, sRGB; the middle of the picture is ahead of the camera, its left part to the left, its upper "
     "edge overhead; metres, x right, y up in the plane, z height, angles counter-clockwise (REP-103)"
@@ -52,15 +52,10 @@ AXES = (
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """Video to be made.
+    """Video to be made of one trajectory.
 
-    problem
-    planned  the trajectory
-    run      the executed trajectory
-    rate     frames a second
-    width    pixels
-    workers  threads that draw
-    told     description of the trajectory and its front, JSON-able
+    problem planned the trajectory run the executed trajectory rate frames a second width pixels workers number of
+    threads that draw told description of the trajectory and its front, for the JSON file beside the video
     """
 
     problem: Problem
@@ -82,7 +77,7 @@ class Clip:
         width: int = WIDTH,
         workers: int | None = None,
     ) -> Clip:
-        """Check the arguments of `save_video` and return the clip."""
+        """Check the arguments of `save_video` and return the video to be made."""
         trajectory, told = _trajectory_and_description(problem, of, row)
         rate = Fraction(real("fps", fps, SLOWEST, FASTEST, "a number of frames a second")).limit_denominator(1001)
         several = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -101,7 +96,7 @@ class Clip:
         return [k * self.rate.denominator / self.rate.numerator for k in range(self.count)]
 
     def frames(self) -> Iterator[Picture]:
-        """Yield the frames in order; a few at a time are drawn in parallel."""
+        """Yield the frames in order; several frames are drawn in parallel."""
         drawn = panorama(self.problem, self.width)
         first, *others = self.times
         yield draw_at(drawn, self.run, first)  # compiles kernels, interruptible by Ctrl-C
@@ -159,17 +154,14 @@ def save_video(
 ) -> Path:
     """Write a 360 degree video along the executed trajectory, with metadata for players, and return its path.
 
-    Before encoding (H.264, in MP4), frame k equals the picture of `render_360` at k / fps. ``NAME.mp4.json`` beside it
-    has axes, times of frames, row and costs of the trajectory, and a description of the front.
+    Before encoding (H.264, in MP4), frame k equals the picture of `render_360` at the time k / fps. A file
+    ``NAME.mp4.json`` beside it has axes, times of frames, row and costs of the trajectory, and a
+    description of the front.
 
-    Parameters
-    ----------
-    of : a front, or a trajectory
-    row : of the front: a number, "knee" or "least NAME"; the knee by default
-    fps : frames a second
-    width : pixels, a multiple of 4; there are half as many rows
-    workers : threads that draw; one for each core by default. The frames are the same with any
-    progress : True shows a line on the terminal; a function is called with each frame
+    Parameters ---------- of : a front, or a trajectory row : of the front: a number, "knee" or "least NAME"; the knee
+    by default fps : frames a second width : pixels, a multiple of 4; there are half as many rows workers : threads that
+    draw; one for each core by default. The frames are the same with any progress : True shows a line on the terminal; a
+    function is called with each frame
 
     Raises OutputError if PyAV, the extra ``hpop[video]``, is missing, or the disk has too little room. After an error
     or interruption no file remains.
@@ -178,7 +170,7 @@ def save_video(
     av = _encoder()
     target = Path(path)
     if target.suffix.lower() != ".mp4":
-        raise OptionError(f"videos are MP4 files, so the name must end in .mp4, got {target.name!r}")
+        raise OptionError(f"expected a file name that ends in .mp4, got {target.name!r}; videos are MP4 files")
     with (
         _writing(target),
         _folder(target.parent, clip, VIDEO_BYTES),
@@ -206,7 +198,7 @@ def save_frames(
     workers: int | None = None,
     progress: ProgressCallback | bool | None = None,
 ) -> Path:
-    """Write the frames of `save_video` as ``frame_00000.png``, ..., without further packages.
+    """Write the frames of a 360 degree video as ``frame_00000.png``, ..., without the package that videos need.
 
     The folder must be new or empty, and appears once all frames are written, with ``frames.json``. Returns its path.
     """
@@ -214,7 +206,7 @@ def save_frames(
     target = Path(folder)
     with _writing(target), _folder(target.parent, clip, PNG_BYTES), progress_callback(progress) as tell:
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
-            raise OutputError(f"{target} is there already and is not an empty folder; remove it, or choose another")
+            raise OutputError(f"expected a new or empty folder, but {target} exists; remove it, or choose another")
         partial = Path(mkdtemp(prefix=f".{target.name}.", dir=target.parent))
         try:
             count = clip.count
@@ -233,11 +225,11 @@ def save_frames(
 def _trajectory_and_description(
     problem: Problem, of: Front | Trajectory, row: int | str | None
 ) -> tuple[Trajectory, dict[str, Any]]:
-    """Return the trajectory, and its JSON-able description."""
+    """Return the trajectory to film, and its row, costs and front as a dict for JSON."""
     if not isinstance(of, Front):
         executed(of)
         if row is not None:
-            raise OptionError("row says which trajectory of a front; give a front, or leave row out")
+            raise OptionError("row chooses a trajectory of a front, but a trajectory was given; leave row out")
         return of, {"row": None, "costs": problem.evaluate(of), "units": {c.name: c.unit for c in problem.criteria}}
     (chosen,) = named_rows(of, ["knee" if row is None else row])
     point = chosen.point
@@ -257,19 +249,19 @@ def _trajectory_and_description(
 
 
 def _encoder() -> Any:
-    """Return PyAV, or raise an error that tells how to install it or do without."""
+    """Return the module PyAV, or raise an OutputError that says how to install it or do without."""
     try:
         import av
     except ImportError as error:
         raise OutputError(
-            f"videos are encoded by PyAV, the extra hpop[video] ({error}); pip install 'hpop[video]', or write PNG "
-            "frames: hpop.view.save_frames, hpop ride --frames FOLDER"
+            f"videos need the package PyAV, which is missing ({error}); pip install 'hpop[video]', or write PNG frames "
+            "instead: hpop.view.save_frames, hpop ride --frames FOLDER"
         ) from None
     return av
 
 
 def _encode(av: Any, container: Any, clip: Clip, tell: ProgressCallback | None) -> None:
-    """Write all frames, one after the other."""
+    """Draw all frames of a video and encode them into an open container."""
     stream = container.add_stream("libx264", rate=clip.rate, options=QUALITY)
     stream.width, stream.height, stream.pix_fmt = clip.width, clip.width // 2, "yuv420p"
     context = stream.codec_context
@@ -290,7 +282,7 @@ def _tell(tell: ProgressCallback | None, done: int, count: int) -> None:
 
 @contextmanager
 def _folder(folder: Path, clip: Clip, per_pixel: float) -> Iterator[None]:
-    """Create a folder on a disk with enough room for a clip; after an error, created folders are removed."""
+    """Create a folder, after checking that its disk has room for the frames; remove created folders after an error."""
     made = [one for one in (folder, *folder.absolute().parents) if not one.exists()]
     needed = clip.count * clip.width * clip.width // 2 * per_pixel
     free = shutil.disk_usage(next(one for one in (folder, *folder.absolute().parents) if one.exists())).free
@@ -310,14 +302,14 @@ def _folder(folder: Path, clip: Clip, per_pixel: float) -> Iterator[None]:
 
 
 def _json(told: dict[str, Any]) -> bytes:
-    """Return an object as JSON with a line for each key, since it has thousands of times."""
+    """Return a dict as JSON with one line for each key, to keep thousands of times on one line."""
     lines = (f" {json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in told.items())
     return ("{\n" + ",\n".join(lines) + "\n}\n").encode()
 
 
 @contextmanager
 def _writing(target: Path) -> Iterator[None]:
-    """Turn errors of writing into a single message, and remove a partial file."""
+    """Turn OSError into one OutputError message that says that nothing was written."""
     try:
         yield
     except OutputError:  # already complete

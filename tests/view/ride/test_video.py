@@ -112,7 +112,7 @@ def test_frames_as_pictures_need_no_encoder(problem, goes, tmp_path):
         np.testing.assert_array_equal(np.asarray(image), render_360(problem, goes, 1.5, width=64))
     assert [progress.detail for progress in seen][-1] == f"frame {count} of {count}"
     with pytest.raises(
-        OutputError, match=r"^[^:]+ is there already and is not an empty folder; remove it, or choose another$"
+        OutputError, match=r"^expected a new or empty folder, but [^:]+ exists; remove it, or choose another$"
     ):
         save_frames(problem, goes, folder, fps=2, width=64)
 
@@ -161,7 +161,7 @@ def test_without_an_encoder_the_way_out_is_told(problem, goes, tmp_path, monkeyp
 def test_what_cannot_be_filmed_is_told(problem, front, goes, tmp_path):
     with pytest.raises(OptionError, match="no row 2: the front has rows 0 to 1"):
         save_video(problem, front, tmp_path / "it.mp4", row=2)
-    with pytest.raises(OptionError, match="row says which trajectory of a front"):
+    with pytest.raises(OptionError, match="row chooses a trajectory of a front"):
         save_video(problem, goes, tmp_path / "it.mp4", row=1)
     with pytest.raises(OptionError, match=r"must end in \.mp4, got 'it.avi'"):
         save_video(problem, goes, tmp_path / "it.avi")
