@@ -1,4 +1,4 @@
-"""Batches: many problems, solved by several planners on several workers, with one Parquet data set of results."""
+"""Batches: many problems, solved by several planners on several workers, with all results in one Parquet data set."""
 
 from __future__ import annotations
 

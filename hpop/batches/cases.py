@@ -1,4 +1,4 @@
-"""Cases of a batch, each a problem with its planners: from a specification file, or from problems in Python."""
+"""Cases of a batch (a problem with the planners that solve it), from a specification file or from Python objects."""
 
 from __future__ import annotations
 
@@ -35,12 +35,10 @@ ENDS = ("start", "goal")
 class Case:
     """Case of a batch: a problem with the planners that solve it together.
 
-    number   index in the batch, from 0
-    id       digest of the problem and its planners, by which a resumed batch recognises the case
-    problem  digest of the problem alone, shared by cases that compare planners on this problem
-    world    digest of everything but start, goal and planners: cases that share it are solved one after the other
-    planner  label, such as ``lattice(step=0.5)``
-    values   values of the varied keys, by dotted key; the name of a problem is under ``name``
+    number index in the batch, from 0 id digest of the problem and its planners, by which a resumed batch recognises the
+    case problem digest of the problem alone, shared by cases that compare planners on this problem world digest of
+    everything but start, goal and planners: cases that share it are solved one after the other planner label, such as
+    ``lattice(step=0.5)`` values values of the varied keys, by dotted key; the name of a problem is under ``name``
     """
 
     number: int
@@ -52,7 +50,7 @@ class Case:
 
 
 class Cases(Protocol):
-    """Cases of a batch; each can be built into its problem and planners."""
+    """Interface of a collection of cases; each case can be built into its problem and planners."""
 
     def __len__(self) -> int:
         """Return the number of cases."""
@@ -69,7 +67,7 @@ class Cases(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Specification:
-    """Cases from a scenario file with varied keys: every combination of their values is a case.
+    """Cases from a scenario file in which some keys vary: every combination of their values is a case.
 
     ::
 
@@ -89,7 +87,7 @@ class Specification:
 
     @classmethod
     def load(cls, path: str | Path) -> Specification:
-        """Read a specification file; raises ScenarioError for invalid keys and values."""
+        """Read a specification file; raise ScenarioError for invalid keys and values."""
         document = Document(Path(path))
         values = dict(document.values)
         vary, table = values.pop(VARY, {}), values.pop(TABLE, None)
@@ -124,14 +122,14 @@ class Specification:
             yield Case(number, digest(given), digest(question), digest(world), planner_label(planner), values)
 
     def build(self, case: Case) -> tuple[Problem, tuple[Planner, ...]]:
-        """Return the problem and the planners of a case; raises HpopError if they are invalid."""
+        """Build the problem and the planners of a case; raise HpopError if they are invalid."""
         scenario = self._build_scenario(case.values)
         return scenario.problem, scenario.planners
 
     def check(self) -> None:
-        """Build the scenario with each varied value once, so that errors are raised before anything is planned.
+        """Build the scenario once for each varied value, so that errors are reported before planning begins.
 
-        An invalid start or goal is reported later, in the row of its case.
+        An invalid start or goal is not reported here, but in the results of its case.
         """
         first = {key: value for axis in self.axes for key, value in axis[0].items()}
         for place, axis in enumerate(self.axes):
@@ -144,11 +142,12 @@ class Specification:
                         raise
 
     def _build_scenario(self, values: Mapping[str, Any]) -> Scenario:
+        """Build the scenario with values at their dotted keys; faults report the line of the varied key."""
         sources = {_key_path(key): (VARY, key) if (VARY, key) in self.document else (TABLE,) for key in values}
         return read_scenario(self.document.with_values(self._scenario_values(values), sources), self._worlds)
 
     def _scenario_values(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the scenario's mapping with the given values at their dotted keys."""
+        """Return the content of the scenario file, with values set at their dotted keys."""
         scenario: dict[str, Any] = json.loads(self._text)
         for key in ENDS:
             if any(name.startswith(f"{key}.") for name in values):
@@ -159,23 +158,27 @@ class Specification:
 
     @cached_property
     def _text(self) -> str:
+        """Content of the scenario file as JSON text, from which each case starts."""
         return json.dumps(self.document.values)
 
 
 def _key_path(key: str) -> Place:
-    """Return the path of keys in the scenario for a dotted key."""
+    """Convert a dotted key, such as ``start.x``, to a tuple of keys and list indices."""
     return tuple(int(part) if part.isdecimal() else part for part in key.split("."))
 
 
 def _set_value(document: Document, into: Any, keys: Sequence[str], value: Any) -> None:
-    """Set the value under a path of keys; a name such as ``lattice`` on the way becomes ``{lattice: {}}``."""
+    """Set a value in a scenario under a path of keys.
+
+    A bare name on the way, such as ``lattice``, becomes a mapping, ``{lattice: {}}``.
+    """
     here, place = into, ".".join(keys)
     for key, following in itertools.pairwise(keys):
         index: Any = int(key) if isinstance(here, list) and key.isdecimal() else key
         try:
             inner = here.get(index) if isinstance(here, dict) else here[index]
         except (LookupError, TypeError):
-            raise ScenarioError(f"{document.where((VARY,))}: {place}: there is no {key!r} to vary in") from None
+            raise ScenarioError(f"{document.where((VARY,))}: {place}: the scenario has no {key!r} to vary") from None
         if inner is None or inner == following:
             inner = {} if inner is None else {following: {}}
         if not isinstance(inner, dict | list):
@@ -189,11 +192,11 @@ def _set_value(document: Document, into: Any, keys: Sequence[str], value: Any) -
     try:
         here[last] = value
     except (LookupError, TypeError):
-        raise ScenarioError(f"{document.where((VARY,))}: {place}: there is no {keys[-1]!r} to vary") from None
+        raise ScenarioError(f"{document.where((VARY,))}: {place}: the scenario has no {keys[-1]!r} to vary") from None
 
 
 def _varied_values(document: Document, key: str, given: Any, folder: Path) -> Sequence[Any]:
-    """Return the values of a varied key: a list, or the files that match a pattern."""
+    """Return the values of a varied key: the given list, or the files that match a given pattern."""
     if isinstance(given, str) and glob.has_magic(given):
         files = sorted(glob.glob(given, root_dir=folder, recursive=True))
         if not files:
@@ -208,7 +211,7 @@ def _varied_values(document: Document, key: str, given: Any, folder: Path) -> Se
 
 
 def _table_rows(document: Document, given: Any, folder: Path) -> tuple[Mapping[str, Any], ...]:
-    """Return the rows of a table (.csv or .parquet), each with values by dotted key; an empty cell varies nothing."""
+    """Return the rows of a table file (.csv or .parquet) as values by dotted key; empty cells are left out."""
     where = document.where((TABLE,))
     if not isinstance(given, str) or not given.endswith((".csv", ".parquet")):
         raise ScenarioError(f"{where}: expected a .csv or .parquet file, got {shown(given)}")
@@ -228,6 +231,7 @@ def _table_rows(document: Document, given: Any, folder: Path) -> tuple[Mapping[s
 
 
 def _csv_rows(path: Path) -> list[dict[str, Any]]:
+    """Read a CSV file; the cells are parsed as YAML values."""
     import csv
 
     with path.open(newline="", encoding="utf-8-sig") as file:
@@ -245,7 +249,7 @@ def _csv_rows(path: Path) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True, eq=False)
 class OfProblems:
-    """Cases from Python problems, each solved by each of several planners."""
+    """Cases from Python objects: every problem is solved by every planner."""
 
     problems: Sequence[tuple[str, Problem]]
     planners: Sequence[tuple[str, Planner]]
@@ -256,12 +260,12 @@ class OfProblems:
         problems: Iterable[Problem] | Mapping[str, Problem],
         planners: PlannerSpec | Sequence[PlannerSpec] | Mapping[str, PlannerSpec],
     ) -> OfProblems:
-        """Return the cases of problems and planners, each given as a list or by name."""
+        """Create the cases of some problems and planners, each given as a list or as a mapping from names."""
         named = problems.items() if isinstance(problems, Mapping) else (("", problem) for problem in problems)
         found = [(str(name), problem) for name, problem in named]
         wrong = next((problem for _, problem in found if not isinstance(problem, Problem)), None)
         if wrong is not None or not found:
-            raise OptionError(f"problems are hpop.Problem objects, at least one; got {shown(wrong or found)}")
+            raise OptionError(f"problems must be one or more hpop.Problem objects, got {shown(wrong or found)}")
         if isinstance(planners, Mapping) and not _is_planner_spec(planners):
             by_label: Mapping[str, Any] = planners
             return cls(found, [(str(name), make_planner(spec)) for name, spec in by_label.items()])
@@ -288,7 +292,7 @@ class OfProblems:
 
 
 def _is_planner_spec(planners: Mapping[str, Any]) -> bool:
-    """Return whether a mapping describes one planner with its options, rather than planners by label."""
+    """Return whether a mapping describes one planner with its options, rather than several planners by label."""
     try:
         make_planner(planners)
     except HpopError:
@@ -297,13 +301,13 @@ def _is_planner_spec(planners: Mapping[str, Any]) -> bool:
 
 
 def digest(value: Any) -> str:
-    """Return the identifier of a JSON value."""
+    """Return a short hash of a JSON value, used as its identifier."""
     text = json.dumps(value, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:LETTERS]
 
 
 def planner_label(planner: Any) -> str:
-    """Return the label of a planner, or of several that plan together.
+    """Return a readable label of a planner, or of several planners that solve a problem together.
 
     >>> planner_label({"lattice": {"step": 0.5}}), planner_label(["lattice", "roadmap"]), planner_label(None)
     ('lattice(step=0.5)', 'lattice + roadmap', 'lattice')

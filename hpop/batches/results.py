@@ -1,8 +1,8 @@
-"""Results of a batch: a folder with one Parquet data set, one row per trajectory, and a journal of the newest rows.
+"""Results of a batch: a folder with Parquet files, one row per trajectory, and a journal file with the newest rows.
 
-Each finished case is one line of the journal, written to the disk before the next case counts as done. When the journal
-is large, and at the end, its lines become a further Parquet file. A killed batch loses only the cases that were being
-solved.
+Each finished case is one line of the journal, written to the disk before the case counts as done. When the
+journal is large, and at the end, its lines become a further Parquet file. A killed batch loses only the cases
+that were being solved.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ COLUMNS = {
     "trajectory": "string",
     "versions": "string",
 }
-"""First columns of every data set; then come the varied keys, and the costs as ``cost_NAME``."""
+"""First columns of every data set; the varied keys and the costs (``cost_NAME``) follow."""
 
 
 def _parquet() -> Any:
@@ -57,13 +57,13 @@ def _parquet() -> Any:
 
 
 class Writer:
-    """Writer of the rows of cases to a folder.
+    """Writer of the rows of finished cases to the folder of a batch.
 
-    done  identifiers of the cases that already have rows
+    done identifiers of the cases that already have rows
     """
 
     def __init__(self, folder: Path, *, again: bool = False) -> None:
-        """Open a folder, created if need be.
+        """Open a folder, which is created if missing.
 
         ``again`` removes rows with errors, so that these cases are solved again.
         """
@@ -101,7 +101,7 @@ class Writer:
                 self._journal.unlink()
 
     def write(self, case: Case, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Write the rows of a case; the rows are on the disk when this method returns."""
+        """Write the rows of a case; they are on the disk when this method returns."""
         values = {key: _number_or_text(value) for key, value in case.values.items() if key != "planner"}
         common = {"case": case.number, "id": case.id, "problem": case.problem, "planner": case.planner}
         line = _encode_line({"id": case.id, "values": values, "rows": [{**common, **row} for row in rows]})
@@ -119,7 +119,7 @@ class Writer:
             self._lines = self._bytes = 0
 
     def _flush(self) -> None:
-        """Write the lines of the journal as a further Parquet file."""
+        """Write the lines of the journal to a further Parquet file."""
         lines = list(_journal_lines(self._journal))
         if not lines:
             return
@@ -132,6 +132,7 @@ class Writer:
             raise _write_error(self._folder, error) from None
 
     def _drop_errors(self) -> None:
+        """Remove rows with errors from all Parquet files."""
         compute = library("pyarrow.compute", "a batch")
         for part in parts_of(self._folder):
             table = _parquet().read_table(part)
@@ -142,26 +143,28 @@ class Writer:
 
 
 def parts_of(folder: Path) -> list[Path]:
-    """Return the Parquet files of a batch's folder, in the order in which they were written."""
+    """Return the Parquet files in a batch's folder, oldest first."""
     return sorted((folder / FOLDER).glob(PATTERN))
 
 
 def identifiers(folder: Path) -> set[str]:
-    """Return the identifiers of the cases in the Parquet files of a batch's folder."""
+    """Return the identifiers of all cases in the Parquet files of a batch's folder."""
     tables = (_parquet().read_table(part, columns=["id"]) for part in parts_of(folder))
     return {each for table in tables for each in table["id"].to_pylist()}
 
 
 def _write_error(folder: Path, error: OSError) -> OutputError:
+    """Return the error for a folder that cannot be written to."""
     return OutputError(f"cannot write to {folder}: {error.strerror or error}; choose another folder for the results")
 
 
 def _encode_line(line: Mapping[str, Any]) -> bytes:
+    """Return a line of the journal as bytes."""
     return json.dumps(line).encode() + b"\n"
 
 
 def _journal_lines(journal: Path) -> Iterator[dict[str, Any]]:
-    """Yield the complete lines of a journal; the last line is cut if the process was killed."""
+    """Yield the complete lines of a journal; a last line that was cut when the process was killed is left out."""
     try:
         with journal.open("rb") as file:
             for line in file:
@@ -172,14 +175,14 @@ def _journal_lines(journal: Path) -> Iterator[dict[str, Any]]:
 
 
 def _number_or_text(value: Any) -> Any:
-    """Return a varied value as a number or as text."""
+    """Return a varied value as a number or as text, which a column can hold."""
     if isinstance(value, bool | None | list | dict):
         return json.dumps(value)
     return value if isinstance(value, int | float) else str(value)
 
 
 def _table(lines: Sequence[Mapping[str, Any]]) -> pyarrow.Table:
-    """Return the rows of journal lines as a table."""
+    """Convert lines of the journal to a table of their rows."""
     arrow = library("pyarrow", "a batch")
     types = {key: getattr(arrow, kind)() for key, kind in COLUMNS.items()}
     units: dict[str, str] = {}
@@ -206,7 +209,7 @@ def _table(lines: Sequence[Mapping[str, Any]]) -> pyarrow.Table:
 
 
 def _with_text_columns(table: pyarrow.Table, names: set[str]) -> pyarrow.Table:
-    """Return a table in which the named columns are converted to text."""
+    """Return a table with the named columns converted to text."""
     arrow = library("pyarrow", "a batch")
     fields = [field.with_type(arrow.string()) if field.name in names else field for field in table.schema]
     return table.cast(arrow.schema(fields))
@@ -214,7 +217,7 @@ def _with_text_columns(table: pyarrow.Table, names: set[str]) -> pyarrow.Table:
 
 @checked_arguments
 class Results:
-    """Results of a batch, read from its folder.
+    """Results of a batch, which are read from its folder.
 
     >>> Results("nowhere")
     Traceback (most recent call last):
@@ -232,7 +235,7 @@ class Results:
         return f"<Results of a batch in {shown(str(self.folder))}>"
 
     def tables(self, columns: Sequence[str] | None = None) -> Iterator[pyarrow.Table]:
-        """Yield the tables of the Parquet files one after the other, so that large batches need little memory."""
+        """Yield the table of each Parquet file in turn, which needs little memory, then that of the journal."""
         for part in parts_of(self.folder):
             file = _parquet().ParquetFile(part)
             names = None if columns is None else [name for name in columns if name in file.schema_arrow.names]
@@ -244,7 +247,7 @@ class Results:
             yield table if columns is None else table.select([name for name in columns if name in table.column_names])
 
     def table(self, columns: Sequence[str] | None = None) -> pyarrow.Table:
-        """Return all rows, ordered by case and row, with all columns or only some.
+        """Return all rows in one table, ordered by case and row, with all columns or only some.
 
         A column that holds numbers in one file and text in another becomes text.
         """

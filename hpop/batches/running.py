@@ -1,7 +1,7 @@
-"""Run the cases of a batch in this process, in processes of this machine, or on Dask or Ray; save each result at once.
+"""Runner of a batch: solves cases in this process, in processes of this machine, or on Dask or Ray, and saves them.
 
-A setting (world, robot, criteria) is sent to each worker only once. If a worker dies, the case that killed it gets a
-row with the error; other cases that were being solved are solved again.
+What several cases share (world, robot, criteria) is sent to each worker only once. If a worker dies, the case that
+killed it gets a row with the error; other cases that were being solved are solved again.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ except ImportError:  # not on every system
 
 SLOTS = 32  # number of cases sent at once to an executor that does not report its number of workers
 POLL = 0.1  # s between two checks for Ctrl-C
-LOST = "the workers are out of reach; finished cases are saved, and running the batch again continues from there"
-DIED = "the worker that solved it died: it was killed, ran out of memory or crashed"
+LOST = "the workers cannot be reached; finished cases are saved, and running the batch again continues from there"
+DIED = "the worker process that solved this case died: it was killed, ran out of memory or crashed"
 VERSIONS = f"hpop {__version__}; numpy {np.__version__}; python {platform.python_version()}"
 
 
 @dataclass(frozen=True)
 class Setting:
-    """World, robot and criteria that several cases share; sent once to each worker."""
+    """World, robot and criteria that several cases share; sent to each worker only once."""
 
     world: World
     model: Model
@@ -70,12 +70,11 @@ class CaseTask:
 
 @dataclass(frozen=True)
 class BatchProgress:
-    """Progress of a batch.
+    """Progress of a batch, for a callback.
 
-    done, count  number of cases that have rows, and of all cases
-    failed       number of cases that ended with an error since the batch was started
-    seconds      s  since the batch was started
-    left         s  estimate of the remaining time; nan while there is no estimate
+    done, count number of cases that have rows, and of all cases failed number of cases that ended with an error since
+    the batch was started seconds s since the batch was started left s estimate of the remaining time; nan while there
+    is no estimate
     """
 
     done: int
@@ -86,7 +85,7 @@ class BatchProgress:
 
 
 def solve(shared: Setting, task: CaseTask) -> list[dict[str, Any]]:
-    """Solve a case and return its rows: one per trajectory, or a single row that explains why there is none.
+    """Solve a case and return its rows: one for each trajectory, or a single row that says why there is none.
 
     An error of the problem, the planner or the user's own code is stored in ``error``. After Ctrl-C there are no rows.
     """
@@ -106,7 +105,7 @@ def solve(shared: Setting, task: CaseTask) -> list[dict[str, Any]]:
         for front in problem.fronts(task.planners):
             if Status.INTERRUPTED in front.status:
                 return []
-    except Exception as failure:  # reported in a row; the batch goes on
+    except Exception as failure:  # stored in the row, so that the batch continues
         error = f"{type(failure).__name__}: {failure}"
     common: dict[str, Any] = {
         "status": "error" if error is not None or front is None else front.status,
@@ -157,22 +156,18 @@ def batch(
     executor: Executor | None = None,
     progress: Callable[[BatchProgress], None] | None = None,
 ) -> Results:
-    """Solve many problems, and keep their results in one Parquet data set.
+    """Solve many problems by several planners, and keep the results in one Parquet data set.
 
-    Each result is written as it comes: after Ctrl-C, kill -9 or a power cut, call it again with the same ``out``, and
-    it goes on with the cases that have no row yet. A case that fails is a row with its error.
+    Each result is saved at once: after Ctrl-C, kill -9 or a power cut, call the function again with the same ``out``,
+    and it continues with the cases that have no row yet. A case that fails gets a row with its error.
 
-    Parameters
-    ----------
-    problems : a list, or by name; or the path of a specification, a scenario with ``vary`` or ``table``
-    planners : each solves each problem by itself; a list, or by label. A specification names its own
-    out : folder of the results; created if need be
-    workers : processes on this machine
-    executor : workers elsewhere, such as :func:`hpop.runtime.sweep.dask` gives
-    progress : called after each case
+    Parameters ---------- problems : a list, or by name; or the path of a specification, a scenario with ``vary`` or
+    ``table`` planners : each solves each problem by itself; a list, or by label. A specification names its own out :
+    folder of the results; created if missing workers : processes on this machine executor : workers elsewhere, such as
+    :func:`hpop.runtime.sweep.dask` gives progress : called after each case
 
-    Raises OptionError where both or wrong workers are given, ScenarioError for a wrong specification, ImportError
-    without the extra hpop[tables].
+    Raises OptionError if both workers and executor are given or workers is invalid, ScenarioError for an invalid
+    specification, ImportError without the extra hpop[tables].
 
     >>> import hpop, shapely, tempfile
     >>> world = hpop.World.from_polygons([shapely.box(3, 0, 4, 3)], extent=shapely.box(0, 0, 8, 6))
@@ -202,7 +197,7 @@ def run_cases(
     progress: Callable[[BatchProgress], None] | None = None,
     again: bool = False,
 ) -> None:
-    """Solve the cases that have no row in the folder ``out``; with ``again``, also those that ended with an error."""
+    """Solve the cases that have no row in the folder ``out``; with ``again`` also those that ended with an error."""
     listed = list({case.id: case for case in cases}.values())  # a case that is given twice is solved once
     with Writer(out, again=again) as writer:
         order = {world: place for place, world in enumerate(dict.fromkeys(case.world for case in listed))}
@@ -226,7 +221,7 @@ def run_cases(
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """Case to solve, with its setting and task; or with a finished row, if its problem cannot be built."""
+    """Case to be solved, with the data for a worker; or with a finished row, if its problem cannot be built."""
 
     case: Case
     shared: Setting | None = None
@@ -235,14 +230,14 @@ class Job:
 
     @property
     def parts(self) -> tuple[Setting, CaseTask]:
-        """Setting and task of the case."""
+        """Setting and task of the case, the arguments of `solve`."""
         assert self.shared is not None
         assert self.task is not None
         return self.shared, self.task
 
 
 def _jobs(cases: Cases, listed: Iterable[Case]) -> Iterator[Job]:
-    """Yield the jobs of cases; successive cases in the same world share a setting."""
+    """Yield a job for each case; successive cases in the same world share one setting."""
     common: Setting | None = None
     name = None
     for case in listed:
@@ -255,13 +250,14 @@ def _jobs(cases: Cases, listed: Iterable[Case]) -> Iterator[Job]:
         if common is None or name != case.world:
             common = Setting(world, problem.model, problem.criteria, problem.quanta, problem.horizon)
             name = case.world
-        # In a world of the same name, the people who touch the robot at its start may differ.
+        # Worlds with equal digests may still differ in the people who touch the robot at its start.
         is_same = world.ground is common.world.ground and world.content == common.world.content
         shared = common if is_same else replace(common, world=world)
         yield Job(case, shared, CaseTask(problem.start, problem.goal, planners))
 
 
 def _error_row(error: str) -> dict[str, Any]:
+    """Return the row of a case that ended with an error."""
     return {"status": "error", "error": error, "versions": VERSIONS}
 
 
@@ -269,7 +265,7 @@ Rows = list[dict[str, Any]]
 
 
 class Workers:
-    """Workers of a batch: processes of this machine, an executor, or this process."""
+    """Workers that solve the cases of a batch: processes of this machine, a given executor, or this process."""
 
     def __init__(self, workers: int | None, executor: Executor | None) -> None:
         self._count = 1 if workers is None else whole("workers", workers, 1, MOST_WORKERS, "a number of processes")
@@ -295,7 +291,7 @@ class Workers:
                 self._executor.shutdown(wait=True, cancel_futures=True)
 
     def finished_cases(self, jobs: Iterator[Job]) -> Iterator[tuple[Case, Rows]]:
-        """Yield each case with its rows as soon as it is finished; raises KeyboardInterrupt after Ctrl-C."""
+        """Yield each case with its rows as soon as it is finished; raise KeyboardInterrupt after Ctrl-C."""
         if self._executor is None:
             for job in jobs:
                 rows = [dict(job.row)] if job.row is not None else solve(*job.parts)
@@ -314,7 +310,10 @@ class Workers:
             yield from self._ended_cases()
 
     def _ended_cases(self) -> Iterator[tuple[Case, Rows]]:
-        """Yield the cases that have ended. After the death of a worker process, solve each of its cases alone."""
+        """Yield the cases that have ended since the last call.
+
+        After the death of a worker process, all open cases are solved again, one at a time.
+        """
         try:
             future = self._ended.get(timeout=POLL)
         except Empty:
@@ -337,7 +336,7 @@ class Workers:
             yield job.case, rows
 
     def _solve_alone(self, job: Job) -> Rows:
-        """Solve a case while no other is being solved, so that only this case can be the cause if its worker dies."""
+        """Solve one case while no other is being solved; if a worker dies, this case must be the cause."""
         self._send(job)
         while True:
             (future,) = self._pending
@@ -354,6 +353,7 @@ class Workers:
                 return rows
 
     def _renew(self) -> None:
+        """Replace all worker processes by new ones."""
         with interrupts_held():
             assert self._executor is not None
             self._executor.shutdown(wait=True, cancel_futures=True)
@@ -363,7 +363,7 @@ class Workers:
             self._executor = processes(self._count)
 
     def _result_rows(self, future: Future[Any], job: Job) -> Rows | None:
-        """Return the rows of a case; None if its worker lacked the setting, so that both have been sent again."""
+        """Return the rows of a finished case, or None if its worker lacked the setting; then the case is sent again."""
         try:
             with interrupts_held():
                 _, results = future.result()
@@ -382,7 +382,7 @@ class Workers:
         return rows
 
     def _send(self, job: Job, *, with_shared: bool = False) -> None:
-        """Submit a case to the executor; with ``with_shared`` including its setting."""
+        """Submit a case to the executor; with ``with_shared`` its setting is sent too."""
         shared, task = job.parts
         if self._sweep is None or self._sweep[0] is not shared:
             sweep = self._sweeps.enter_context(Sweep(solve, shared, self._executor))

@@ -1,4 +1,4 @@
-"""Summary of a batch: the statuses, planning times, front sizes and hypervolumes of each planner."""
+"""Summary of a batch: statuses, planning times, front sizes and hypervolumes of each planner."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from hpop.runtime.status import Status
 
 @dataclass(frozen=True, eq=False)
 class PlannerSummary:
-    """Statistics of one planner over its cases.
+    """Statistics of one planner over the cases that it solved.
 
     planner  label
     counts   number of cases by status: "complete", "no path", "error", a limit, ...
@@ -37,17 +37,15 @@ class PlannerSummary:
 
     @property
     def cases(self) -> int:
-        """Number of cases."""
+        """Number of cases given to this planner."""
         return sum(self.counts.values())
 
 
 @dataclass(eq=False)
 class _ProblemFronts:
-    """Fronts of one problem: costs by planner, for the same criteria.
+    """Fronts that several planners found for one problem.
 
-    names     of the criteria
-    costs     rows of costs by planner
-    planners  labels of all planners that were given the problem
+    names of the criteria costs rows of costs by planner planners labels of all planners that were given the problem
     """
 
     names: tuple[str, ...] = ()
@@ -57,7 +55,7 @@ class _ProblemFronts:
 
 @checked_arguments
 def summaries(results: Results) -> list[PlannerSummary]:
-    """Return the statistics of each planner of a batch, in the order of the planners' first cases."""
+    """Return the statistics of each planner in a batch, in the order in which planners first appear."""
     counts: dict[str, dict[str, int]] = {}
     seconds: dict[str, list[float]] = defaultdict(list)
     points: dict[str, list[float]] = defaultdict(list)
@@ -90,7 +88,7 @@ _NEEDED = ("planner", "row", "status", "error", "seconds", "points", "problem")
 
 
 def _hypervolume_shares(problems: Any) -> dict[str, list[float]]:
-    """Return the shares of the joint hypervolume by planner, for problems that several planners were given."""
+    """Return, by planner, its share of the joint hypervolume of each problem that several planners were given."""
     shares: dict[str, list[float]] = defaultdict(list)
     for problem in problems:
         if len(problem.planners) < 2 or not problem.costs:
@@ -106,7 +104,7 @@ def _hypervolume_shares(problems: Any) -> dict[str, list[float]]:
 
 @checked_arguments
 def summary_lines(found: Sequence[PlannerSummary]) -> list[str]:
-    r"""Return the summary as lines of a table.
+    r"""Return the statistics as the lines of a text table.
 
     >>> numbers = np.array([1.0, 2.0]), np.array([3.0, 9.0]), np.array([1.0, 0.5])
     >>> print(*summary_lines([PlannerSummary("lattice", {"complete": 2, "error": 1}, *numbers)]), sep="\n")
@@ -131,6 +129,7 @@ def summary_lines(found: Sequence[PlannerSummary]) -> list[str]:
 
 
 def _quantiles(numbers: FloatArray) -> tuple[str, str]:
+    """Return the median and the 90 % quantile as text; "" for no numbers."""
     if not numbers.size:
         return "", ""
     median, most = np.quantile(numbers, [0.5, 0.9])
@@ -138,7 +137,7 @@ def _quantiles(numbers: FloatArray) -> tuple[str, str]:
 
 
 def remaining_text(seconds: float) -> str:
-    """Return an estimate of the remaining time in words.
+    """Return an estimate of the remaining time as the end of a sentence; "" for nan.
 
     >>> remaining_text(math.nan), remaining_text(12.2), remaining_text(83), remaining_text(7300)
     ('', ', about 12 s left', ', about 1:23 min left', ', about 2:01 h left')

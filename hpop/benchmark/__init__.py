@@ -1,1 +1,1 @@
-"""Open benchmark of multi-objective shortest paths: graphs as text, fronts as hashes, and runs of any program."""
+"""Open benchmark of multi-objective shortest paths: graphs as text files, hashes of fronts, runs of any program."""

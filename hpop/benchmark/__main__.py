@@ -1,4 +1,4 @@
-"""Command ``python -m hpop.benchmark``: run a program on instances, solve one with hpop, convert files of others."""
+"""Command ``python -m hpop.benchmark``: run a program on the instances, solve one with hpop, convert graph files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FILE = click.Path(path_type=Path, dir_okay=False)
 
 
 class _Group(click.Group):
-    """Group of commands that print errors of hpop as one line, and end with their exit codes."""
+    """Group of commands that prints an error of hpop as one line and exits with its code."""
 
     def invoke(self, ctx: click.Context) -> object:
         try:
@@ -32,12 +32,16 @@ def main() -> None:
 
 @main.command()
 @click.option("--binary", required=True, help="Command, for example 'CMD {graph} {source} {target}'.")
-@click.option("--instances", type=click.Path(path_type=Path), required=True, help="Folder of benchmarks/open/make.py.")
+@click.option(
+    "--instances", type=click.Path(path_type=Path), required=True, help="Folder that benchmarks/open/make.py wrote."
+)
 @click.option("--only", multiple=True, metavar="NAME", help="Instance to run; may be repeated. [default: all]")
 @click.option("--time-limit", type=float, default=300.0, show_default=True, help="Seconds for one query.")
 @click.option("--first-node", type=click.IntRange(0, 1), default=1, show_default=True, help="Number of the first node.")
-@click.option("--count", default="", help="Pattern of the number of vectors, if the program prints no vectors.")
-@click.option("--clock", default="", help="Pattern of the program's own seconds in its output.")
+@click.option(
+    "--count", default="", help="Regular expression for the number of vectors, if the program prints no vectors."
+)
+@click.option("--clock", default="", help="Regular expression for the program's own seconds in its output.")
 @click.option("--out", type=click.Path(path_type=Path), help="Write OUT.md and OUT.csv.")
 def run(
     binary: str,
@@ -51,8 +55,9 @@ def run(
 ) -> None:
     """Run a program on every query, and compare its fronts with the exact ones.
 
-    The program prints one cost vector a line on standard output. {graph} is a file, {graphs} one file a cost, {source}
-    and {target} are nodes, {costs} is the number of costs. The exit code is 1 if a front differs.
+    The program prints one cost vector per line on standard output. In the command, {graph} is a file,
+    {graphs} one file for each cost, {source} and {target} are nodes, {costs} is the number of costs. The exit
+    code is 1 if a front differs.
     """
     program = running.ForeignProgram(binary, first_node, count, clock)
     results = []
@@ -75,9 +80,14 @@ def run(
 @click.argument("target", type=int)
 @click.option("--method", type=click.Choice(["auto", "staircase", "general"]), default="auto", show_default=True)
 def solve(graph: Path, source: int, target: int, method: str) -> None:
-    """Print the exact front of a query, one vector a line, and the seconds of the search in a comment."""
+    """Print the exact front of a query.
+
+    Each line is one cost vector; a comment gives the seconds of the search.
+    """
     read = graph_files.read_graph(graph)
-    pareto_paths(read, source - 1, target - 1, method=method, budget=Budget(max_labels=1))  # loads the kernels
+    pareto_paths(
+        read, source - 1, target - 1, method=method, budget=Budget(max_labels=1)
+    )  # compiles or loads the kernels
     paths = pareto_paths(read, source - 1, target - 1, method=method)
     for vector in paths.costs.tolist():
         click.echo(" ".join(map(str, vector)))
@@ -90,11 +100,16 @@ def solve(graph: Path, source: int, target: int, method: str) -> None:
 @click.argument("out", type=FILE)
 @click.option("--cost", multiple=True, metavar="COLUMN", help="Cost of tntp: a column, or a ratio of two.")
 def convert(form: str, files: tuple[Path, ...], out: Path, cost: tuple[str, ...]) -> None:
-    """Convert files of another format: several for dimacs, one for each cost; one file for all others."""
+    """Convert graph files of another format.
+
+    dimacs takes several files, one for each cost; the other formats take one file.
+    """
     if form != "dimacs" and len(files) != 1:
         raise click.UsageError(f"{form} takes one file, got {len(files)}")
     if cost and form != "tntp":
-        raise click.UsageError("--cost is an option of tntp; files of other formats have all costs of an arc")
+        raise click.UsageError(
+            f"--cost applies only to tntp, got {form}; files of other formats have all costs of an arc"
+        )
     graph = graph_files.read_tntp(files, cost) if cost else graph_files.READERS[form](files)
     graph_files.write_graph(graph, out)
     click.echo(f"{out}: {graph.nodes} nodes, {graph.arcs} arcs, {graph.criteria} costs")
@@ -105,7 +120,10 @@ def convert(form: str, files: tuple[Path, ...], out: Path, cost: tuple[str, ...]
 @click.argument("source", type=int)
 @click.argument("target", type=int)
 def add(graph: Path, source: int, target: int) -> None:
-    """Solve a query of a graph with hpop, and add its front to the reference in the graph's folder."""
+    """Solve a query with hpop, and add its front to the reference.
+
+    The reference is in the folder of the graph.
+    """
     query = reference.add_query(graph, source, target)
     click.echo(f"{graph.stem} {source} {target}: {query['vectors']} vectors, by {' and '.join(query['checked_by'])}")
 

@@ -1,4 +1,4 @@
-"""Graphs as plain text, as most programs of the field read them, and converters of four published formats.
+"""Graph files as plain text, in the form that most programs of the field read, and converters of other formats.
 
 A file has a line ``p sp NODES ARCS`` and then a line ``a TAIL HEAD COST [COST ...]`` for each arc. Costs are whole
 numbers. Nodes are numbered from 1, as in the 9th DIMACS challenge; a line that begins with c is a comment.
@@ -20,7 +20,7 @@ from hpop.errors import GraphError
 from hpop.search import Graph
 
 MEDIAN = 1000
-"""Median of each cost of a converted TNTP file."""
+"""Median to which each cost of a converted TNTP file is scaled."""
 TNTP_COLUMNS = {
     "capacity": 2,
     "length": 3,
@@ -36,7 +36,7 @@ SEMICOLONS = re.compile(r"[;\s]+")
 
 
 def write_graph(graph: Graph, path: Path, *, first_node: int = 1) -> None:
-    """Write a graph as text, with its arcs in the order of their tails."""
+    """Write a graph to a text file, with its arcs in the order of their tails."""
     tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
     table = np.column_stack([tails + first_node, graph.heads + first_node, graph.costs])
     with path.open("w", encoding="ascii") as file:
@@ -47,9 +47,9 @@ def write_graph(graph: Graph, path: Path, *, first_node: int = 1) -> None:
 
 
 def read_graph(path: Path, *, first_node: int = 1) -> Graph:
-    """Read a graph from text; raises GraphError for a file without the line ``p sp``, or with wrong arcs.
+    """Read a graph from a text file; raise GraphError for a file without the line ``p sp``, or with invalid arcs.
 
-    first_node  number of the first node in the file: 1, or 0 as in files of NetMaker
+    first_node number of the first node in the file: 1, or 0 as in files of NetMaker
     """
     with path.open(encoding="ascii", errors="replace") as file:
         nodes, arcs = _sizes(file, path)
@@ -60,7 +60,7 @@ def read_graph(path: Path, *, first_node: int = 1) -> Graph:
 
 
 def split_costs(graph: Graph, stem: Path, *, first_node: int = 1) -> list[Path]:
-    """Write one file for each cost, as the 9th DIMACS challenge has them, and return their paths."""
+    """Write a graph as one file for each cost, as the 9th DIMACS challenge does, and return the paths of the files."""
     paths = []
     for j in range(graph.criteria):
         paths.append(stem.with_name(f"{stem.name}.c{j + 1}.gr"))
@@ -70,7 +70,7 @@ def split_costs(graph: Graph, stem: Path, *, first_node: int = 1) -> list[Path]:
 
 
 def _sizes(file: TextIO, path: Path) -> tuple[int, int]:
-    """Read up to the line ``p sp NODES ARCS`` and return its numbers."""
+    """Read a file up to the line ``p sp NODES ARCS``, and return the numbers of nodes and arcs."""
     for line in iter(file.readline, ""):
         words = line.split()
         if words[:1] == ["p"] and len(words) == 4:
@@ -88,7 +88,7 @@ def _whole(word: str, path: Path) -> int:
 
 
 def _table(file: TextIO, path: Path, *, skipped: int) -> IntArray:
-    """Return the numbers of the remaining lines, without the first words of each."""
+    """Return the numbers in the remaining lines as a table; the first ``skipped`` words of each line are left out."""
     begin = file.tell()
     words = next((line.split() for line in iter(file.readline, "") if line.split() and line[0] != "c"), [])
     if not words:
@@ -110,7 +110,7 @@ def _graph(nodes: int, table: IntArray, first_node: int) -> Graph:
 
 
 def front_hash(vectors: ArrayLike) -> str:
-    r"""Return the SHA-256 of the distinct vectors (N, k), sorted, one a line, numbers set off by single spaces.
+    r"""Return the SHA-256 of a front: its distinct cost vectors (N, k), sorted, one per line, separated by spaces.
 
     >>> front_hash([[9, 1], [2, 10], [9, 1]]) == hashlib.sha256(b"2 10\n9 1\n").hexdigest()
     True
@@ -125,17 +125,17 @@ def file_hash(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-# Files of others
+# Graph files of other projects
 
 
 def read_netmaker(paths: Sequence[Path]) -> Graph:
-    """Read a graph of NetMaker in the form of Maristany de las Casas et al. (arXiv 2110.10978): nodes from 0."""
+    """Read a NetMaker graph in the form of Maristany de las Casas et al. (arXiv 2110.10978); nodes count from 0."""
     (path,) = paths
     return read_graph(path, first_node=0)
 
 
 def read_dimacs(paths: Sequence[Path]) -> Graph:
-    """Read files of the 9th DIMACS challenge, one for each cost, with equal arcs in equal order."""
+    """Read files of the 9th DIMACS challenge, one for each cost, which list the same arcs in the same order."""
     parts = [read_graph(path) for path in paths]
     for path, part in zip(paths, parts, strict=True):
         if not np.array_equal(part.indptr, parts[0].indptr) or not np.array_equal(part.heads, parts[0].heads):
@@ -181,6 +181,7 @@ def read_tntp(paths: Sequence[Path], costs: Sequence[str] = ("length", "free_flo
 
 
 def _tntp_cost(table: FloatArray, name: str) -> FloatArray:
+    """Return one cost of all links: a column of the table, or the ratio of two columns."""
     above, _, below = name.partition("/")
     for part in filter(None, (above, below)):
         if part not in TNTP_COLUMNS:
@@ -190,6 +191,7 @@ def _tntp_cost(table: FloatArray, name: str) -> FloatArray:
 
 
 def _scaled(cost: FloatArray) -> IntArray:
+    """Scale a cost to a median of `MEDIAN` and round it; positive costs stay at least 1."""
     positive = cost > 0
     if not np.isfinite(cost).all() or (cost < 0).any() or not positive.any():
         raise GraphError("a cost must be finite, not negative, and positive on some link")

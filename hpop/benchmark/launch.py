@@ -1,9 +1,9 @@
-"""Launcher of one foreign program, run as a script in a process of its own: its seconds and peak memory as JSON.
+"""Launcher of one foreign program in a process of its own; it writes the program's seconds and peak memory as JSON.
 
     python launch.py RESULT_FILE TIME_LIMIT COMMAND [ARGUMENT ...]
 
-Linux counts the memory of a process from its fork on, so that a child of a large process seems large. The launcher
-imports nothing but small modules of the standard library: a program shows at least its 15 MB.
+Linux counts the memory of a process from its fork on, so a child of a large process seems large. Therefore the launcher
+imports only small modules of the standard library: a program shows at least its 15 MB.
 """
 
 import json
@@ -19,7 +19,7 @@ KIB = 1024  # bytes; the unit of ru_maxrss
 
 
 def main(file: str, limit: float, command: list[str]) -> None:
-    """Run a command, end it and its children after a time limit, s, and write what it used."""
+    """Run a command, kill it and its children after a time limit, s, and write its times and memory to a file."""
     is_late = False
     began = time.perf_counter()
     try:

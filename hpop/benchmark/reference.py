@@ -1,4 +1,4 @@
-"""Reference of the open benchmark: queries of graphs with the size and the hash of each exact front."""
+"""Reference of the open benchmark: queries on graphs, with the size and the hash of each exact front."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from hpop.errors import GraphError, OptionError
 from hpop.search import Graph, pareto_paths
 
 REFERENCE = "reference.json"
-"""File in the folder of instances."""
+"""Name of the reference file in a folder of instances."""
 
 
 @dataclass(frozen=True)
 class BenchmarkQuery:
-    """Query of an instance, with the size and the hash of its exact front; nodes are numbered from 1."""
+    """Query on a benchmark graph, with the size and the hash of its exact front; nodes are numbered from 1."""
 
     instance: str
     graph: Path
@@ -34,11 +34,11 @@ class BenchmarkQuery:
 
 
 class DifferentFronts(Exception):
-    """Error of two methods that found different fronts: one of them is wrong."""
+    """Error if two exact methods found different fronts, so that one of them is wrong."""
 
 
 def read_reference(folder: Path) -> dict[str, Any]:
-    """Return the instances of a folder by name; raises OptionError where there is no readable reference."""
+    """Return the instances in a folder's reference file, by name; raise OptionError if it cannot be read."""
     try:
         instances: dict[str, Any] = json.loads((folder / REFERENCE).read_text())["instances"]
     except (OSError, ValueError, KeyError):
@@ -49,7 +49,7 @@ def read_reference(folder: Path) -> dict[str, Any]:
 
 
 def write_reference(folder: Path, instances: dict[str, Any]) -> None:
-    """Write the instances of a folder, one query a line."""
+    """Write the reference file of a folder, with one query per line."""
     parts = []
     for name, instance in instances.items():
         queries = ",\n   ".join(json.dumps(row) for row in instance["queries"])
@@ -60,9 +60,9 @@ def write_reference(folder: Path, instances: dict[str, Any]) -> None:
 
 
 def read_queries(folder: Path, names: Sequence[str] = ()) -> list[BenchmarkQuery]:
-    """Return the queries of named instances, or of all whose graphs are in the folder.
+    """Return the queries on the named instances, or on all instances whose graphs are in the folder.
 
-    Raises OptionError for an unknown name or a missing graph, GraphError for a graph with another hash.
+    Raises OptionError for an unknown name or a missing graph, GraphError for a graph that differs from the reference.
     """
     instances = read_reference(folder)
     for name in names:
@@ -86,9 +86,10 @@ def read_queries(folder: Path, names: Sequence[str] = ()) -> list[BenchmarkQuery
 
 
 def exact_front(graph: Graph, source: int, target: int) -> tuple[IntArray, list[str]]:
-    """Return the exact front (N, k) of a query, nodes from 0, and the methods that agree on it.
+    """Solve a query (nodes from 0) by two methods; return the exact front (N, k) and the methods that agree on it.
 
-    The method "staircase" is left out on graphs that it does not take. Raises DifferentFronts.
+    The method "staircase" is left out on graphs that it does not support. Raises DifferentFronts if
+    the methods disagree.
     """
     front = pareto_paths(graph, source, target, method="general").costs
     try:
@@ -101,19 +102,19 @@ def exact_front(graph: Graph, source: int, target: int) -> tuple[IntArray, list[
 
 
 def described_query(front: IntArray, source: int, target: int, methods: Sequence[str]) -> dict[str, Any]:
-    """Return the entry of a query, nodes from 1, in the reference."""
+    """Return the entry of a query (nodes from 1) for the reference file."""
     row = {"source": source, "target": target, "vectors": len(front), "sha256": front_hash(front)}
     return row | {"checked_by": list(methods)}
 
 
 def described_graph(path: Path, graph: Graph, queries: list[dict[str, Any]], recipe: str) -> dict[str, Any]:
-    """Return the entry of a graph in the reference."""
+    """Return the entry of a graph, with its queries, for the reference file."""
     sizes = {"nodes": graph.nodes, "arcs": graph.arcs, "costs": graph.criteria}
     return {"recipe": recipe, **sizes, "sha256": file_hash(path), "queries": queries}
 
 
 def add_query(path: Path, source: int, target: int) -> dict[str, Any]:
-    """Solve a query, nodes from 1, of a graph file; add it to the reference in the file's folder; return its entry."""
+    """Solve a query (nodes from 1) on a graph file, add it to the reference in its folder, and return its entry."""
     graph = read_graph(path)
     instances = read_reference(path.parent) if (path.parent / REFERENCE).exists() else {}
     front, methods = exact_front(graph, source - 1, target - 1)

@@ -1,4 +1,4 @@
-"""Runs of a foreign program on the instances of a folder: its fronts against the reference, seconds, memory."""
+"""Runner of a foreign program on the instances: compares its fronts with the reference, measures time and memory."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ MARKS = re.compile(r"[\s,;()\[\]]+")
 
 @dataclass(frozen=True)
 class ForeignProgram:
-    """Command of a foreign program, and how to read its output.
+    """Command line of a foreign program, and how to read its output.
 
-    command     words with placeholders: {graph}, {graphs} (one file a cost), {source}, {target}, {costs} (their number)
-    first_node  number of the first node in graphs, sources and targets: 1 or 0
-    count       pattern of the number of vectors in the output, for a program that prints no vectors; or ""
-    clock       pattern of the program's own seconds in the output, or ""
+    command words with placeholders: {graph}, {graphs} (one file per cost), {source}, {target}, {costs} (their number)
+    first_node number of the first node in graphs, sources and targets: 1 or 0 count regular expression for the number
+    of vectors, for a program that prints no vectors; or "" clock regular expression for the program's own seconds in
+    the output, or ""
     """
 
     command: str
@@ -47,7 +47,7 @@ class ForeignProgram:
                 raise OptionError(f"{name} must have one group, such as 'in (\\S+) s'; got {groups}")
 
     def words(self, query: BenchmarkQuery, scratch: Path) -> list[str]:
-        """Return the command of a query, after the files that it needs are written to a scratch folder."""
+        """Return the words of the command for a query; files that it needs are written to the folder ``scratch``."""
         graph = query.graph
         graphs: list[Path] = []
         if self.first_node != 1:
@@ -75,11 +75,10 @@ class ForeignProgram:
 
 @dataclass(frozen=True)
 class RunResult:
-    """Result of a program for one query: a row of the table.
+    """Result of a program for one query.
 
-    front    "equal", "equal size", "differs", "time limit" or "failed"
-    seconds, processor_seconds, memory  of the whole process with the reading of the graph: s, s and MB
-    clock    seconds by the program's own clock, or None
+    front "equal", "equal size", "differs", "time limit" or "failed" seconds, processor_seconds, memory of the whole
+    process with the reading of the graph: s, s and MB clock seconds by the program's own clock, or None
     """
 
     instance: str
@@ -104,6 +103,7 @@ def run_program(program: ForeignProgram, queries: Sequence[BenchmarkQuery], time
 
 
 def _run(program: ForeignProgram, query: BenchmarkQuery, time_limit: float, scratch: Path) -> RunResult:
+    """Run a program for one query, and compare its front with the reference."""
     used, output, errors = scratch / "used.json", scratch / "output", scratch / "errors"
     used.unlink(missing_ok=True)
     launcher = [sys.executable, "-I", "-S", str(LAUNCHER), str(used), str(time_limit)]
@@ -129,7 +129,7 @@ def _run(program: ForeignProgram, query: BenchmarkQuery, time_limit: float, scra
 
 
 def _compared(program: ForeignProgram, query: BenchmarkQuery, text: str) -> tuple[str, int | None]:
-    """Return how a front compares with the reference, and its size."""
+    """Compare the front in a program's output with the reference; return the verdict and the size of the front."""
     if program.count:
         number = _last(program.count, text)
         return ("equal size" if number == query.vectors else "differs"), None if number is None else int(number)
@@ -138,7 +138,7 @@ def _compared(program: ForeignProgram, query: BenchmarkQuery, text: str) -> tupl
 
 
 def read_vectors(text: str, costs: int) -> list[tuple[int, ...]]:
-    r"""Return the distinct vectors of an output: lines of as many whole numbers as there are costs.
+    r"""Return the distinct cost vectors in a program's output: lines that have one whole number for each cost.
 
     >>> read_vectors("c 3 labels\n2 10\n(9, 1)\n9 1\n1 2 3", 2)
     [(2, 10), (9, 1)]
@@ -148,7 +148,7 @@ def read_vectors(text: str, costs: int) -> list[tuple[int, ...]]:
 
 
 def _last(pattern: str, text: str) -> float | None:
-    """Return the last number that a pattern finds in a text."""
+    """Return the last number in a text that matches a regular expression; None if there is none."""
     try:
         return float(re.findall(pattern, text)[-1]) if pattern else None
     except (IndexError, ValueError):
@@ -166,7 +166,7 @@ def write_tables(results: Sequence[RunResult], command: str, stem: Path) -> None
 
 
 def markdown(results: Sequence[RunResult]) -> str:
-    """Return a table of results with a row for each instance: sums of seconds, the largest memory."""
+    """Return a Markdown table with a row for each instance: sums of vectors and seconds, the largest memory."""
     lines = [
         "| instance | queries | vectors | front | seconds | processor | own clock | memory, MB |",
         "|---|---|---|---|---|---|---|---|",

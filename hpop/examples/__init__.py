@@ -1,4 +1,4 @@
-"""Examples that come with hpop: scenarios that need no other files, with their maps and robots.
+"""Examples that come with hpop: scenarios with their maps and robots, which need no other files.
 
 ``hpop.examples.museum()`` is the problem of the museum tour; :func:`path` returns the path of a file, and
 :func:`copied` copies a scenario with its files to a folder. ``hpop demo`` plans one.
@@ -28,11 +28,11 @@ SCENARIOS = {
     "arm_shelf": ("arm_shelf.yaml", *ARM),
     "mobile_arm": ("mobile_arm.yaml", *ARM),
 }
-"""The files of each scenario, itself first."""
+"""Files of each scenario, by its name; the scenario file is the first."""
 
 
 def museum() -> Problem:
-    """Return the museum tour: 30 x 20 m, a robot with two wheels, and the paper's obstruction, turns and length."""
+    """Return the problem of the museum tour: 30 x 20 m, a two-wheeled robot; obstruction, turns and length as costs."""
     from hpop.scenario import load_scenario
 
     return load_scenario(path("museum.yaml")).problem
@@ -47,10 +47,10 @@ def path(file: str) -> Path:
 
 
 def copied(name: str, folder: Path) -> Path:
-    """Copy a scenario with its files to a folder, created if missing, and return the scenario's path.
+    """Copy a scenario with its files to a folder, and return the path of the copied scenario.
 
-    Equal files may exist already. Raises OutputError if a different file exists, which may be the user's work, or if
-    files cannot be written; UnknownName for an unknown scenario.
+    The folder is created if missing, and equal files may exist already. Raises OutputError if a different file exists,
+    which may be the user's work, or if files cannot be written; UnknownName for an unknown scenario.
     """
     if name not in SCENARIOS:
         raise unknown_name("example", name, SCENARIOS)
@@ -62,7 +62,7 @@ def copied(name: str, folder: Path) -> Path:
                 target.write_bytes(content)
             elif target.read_bytes() != content:
                 raise OutputError(
-                    f"{target} is not the example's file, so it is not overwritten; choose another folder"
+                    f"{target} exists and differs from the example, so it is not overwritten; choose another folder"
                 )
     except OSError as error:
         if isinstance(error, OutputError):

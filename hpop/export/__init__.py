@@ -1,8 +1,9 @@
-"""Trajectories for other programs: pose streams, Unity, Unreal, TUM, EuRoC, ROS 2, Nav2, glTF.
+"""Export of trajectories to other programs: pose streams, Unity, Unreal, TUM, EuRoC, ROS 2, Nav2, glTF.
 
-``hpop.export.write(trajectory, "cam.tum")`` writes a trajectory in the format of the file's ending;
-``hpop.export.save(problem, front, folder, rows=["knee"], formats=["tum", "mcap"])`` writes rows of a front. A format of
-your own is a function with :func:`export_format` above it, or an entry point of the group ``hpop.formats``.
+``hpop.export.write(trajectory, "cam.tum")`` writes one trajectory in the format that the file's ending selects.
+``hpop.export.save(problem, front, folder, rows=["knee"], formats=["tum", "mcap"])`` writes rows of a front. To add a
+format of your own, decorate a function with :func:`export_format`, or declare an entry point of the group
+``hpop.formats``.
 """
 
 from __future__ import annotations

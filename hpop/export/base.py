@@ -1,10 +1,10 @@
-"""Export formats: a format turns a trajectory's poses into the content of a file, and declares its axes.
+"""Base of the export formats: a format turns a trajectory's poses into the content of a file, and states its axes.
 
     @export_format("tum", suffix=".tum", axes="right-handed, z up, m; quaternion x, y, z, w; t in s from the start")
     def tum(given: Exported) -> bytes:
         ...
 
-A format returns bytes, or the files of a folder by name; its caller writes them atomically. A format must be
+A format returns bytes, or a dict with the files of a folder; its caller writes them atomically. A format must be
 deterministic: equal trajectories give equal bytes. Rotations are quaternions x, y, z, w.
 """
 
@@ -30,18 +30,16 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
 Content = bytes | Mapping[str, bytes]
-"""Type for the content of a file, or of the files of a folder by name."""
+"""Content of a file, or a mapping from file names to contents for a folder."""
 PROGRAM = f"hpop {__version__}"
 LONGEST = 200  # characters of a frame's name
 
 
 class Format(Protocol):
-    """Export format, as declared by the decorator.
+    """Interface of an export format, as the decorator :func:`export_format` creates it.
 
-    name     in the registry
-    suffix   of the names of its files
-    axes     frame, handedness, units, order of the columns and time base, on one line
-    world    whether it contains the problem's world
+    name in the registry suffix ending of the names of its files axes frame, handedness, units, order of the columns and
+    time base, on one line world whether it contains the problem's world
     """
 
     name: str
@@ -57,7 +55,10 @@ class Format(Protocol):
 def export_format(
     name: str, *, suffix: str, axes: str, world: bool = False
 ) -> Callable[[Callable[[Exported], Content]], Format]:
-    """Return a decorator that registers a function as an export format under a name."""
+    """Return a decorator that registers a function as an export format under a name.
+
+    The arguments are the attributes of `Format`.
+    """
 
     def declare(function: Callable[[Exported], Content]) -> Format:
         made = cast(Any, checked_arguments(function))
@@ -71,7 +72,7 @@ def export_format(
 @checked_arguments
 @dataclass(frozen=True)
 class Frames:
-    """Names of the frames of the world, the base and the camera, for formats that contain such names."""
+    """Names of the coordinate frames of world, base and camera, for formats that contain such names (ROS, glTF)."""
 
     world: str = "map"
     base: str = "base_link"
@@ -81,32 +82,26 @@ class Frames:
         names = [getattr(self, frame.name) for frame in fields(self)]
         for name in names:
             if not isinstance(name, str) or not 0 < len(name) <= LONGEST or HARMFUL.search(name) or " " in name:
-                raise OptionError(f"a frame is a name without blanks, such as map or base_link; got {shown(name)}")
+                raise OptionError(f"a frame must be a name without blanks, such as map or base_link, got {shown(name)}")
             if name.startswith("/"):
-                raise OptionError(f"the name of a frame must not begin with a slash (tf2); got {shown(name)}")
+                raise OptionError(f"the name of a frame must not begin with a slash (tf2), got {shown(name)}")
         if len(set(names)) < len(names):
             raise OptionError(f"the frames of world, base and camera must have different names; got {', '.join(names)}")
 
     def of(self, body: str) -> str:
-        """Return the name of the frame of a body; other bodies are frames under their own name."""
+        """Return the name of a body's frame; the frame of a body other than base and camera has the body's own name."""
         return {"base": self.base, "camera": self.camera}.get(body, body)
 
 
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Exported:
-    """Trajectory with everything that a format may write.
+    """Trajectory to export, with everything else that a format may write.
 
-    trajectory  as planned
-    rate        Hz
-    body        body with the exported poses
-    planned     whether poses are those of the plan; else of the execution
-    frames      names of frames
-    row         row in the front, or None
-    name        name of the row, such as "knee", or ""
-    costs       value by name, of criteria and reported values; ``units`` by name
-    claim       certificate of the front
-    problem     problem with the world to write, or None
+    trajectory as planned rate Hz body body with the exported poses planned True: poses of the planned motion; False: of
+    the executed motion frames names of frames row row in the front, or None name name of the row, such as "knee", or ""
+    costs values of criteria and reported values, by name; ``units`` by name claim certificate of the front problem
+    problem with the world to write, or None
     """
 
     trajectory: Trajectory
@@ -127,12 +122,12 @@ class Exported:
         return self.of(self.body)
 
     def of(self, body: str) -> Poses:
-        """Return the poses of any body, at the times of the exported poses."""
+        """Return the poses of any body of the robot, at the times of the exported poses."""
         return poses(self.trajectory, rate=self.rate, body=body, planned=self.planned)
 
     @cached_property
     def run(self) -> Trajectory:
-        """Return the trajectory to write: the plan, or its execution."""
+        """Return the trajectory to write: the planned one, or its execution with speed ramps."""
         return self.trajectory if self.planned else self.trajectory.execution()
 
     @property
@@ -142,21 +137,24 @@ class Exported:
 
     @property
     def title(self) -> str:
-        """Return a title: "knee (row 70)", "row 3", or "trajectory"."""
+        """Return a title such as "knee (row 70)", "row 3", or "trajectory"."""
         if self.row is None:
             return printable(self.name) or "trajectory"
         return f"{printable(self.name)} (row {self.row})" if self.name else f"row {self.row}"
 
     @property
     def values(self) -> dict[str, str]:
-        """Return the costs as text by printable name with unit, such as {"length (m)": "33.5"}."""
+        """Return the costs as text, by name with unit, such as {"length (m)": "33.5"}."""
         headings = {
             name: name if (unit := self.units.get(name, "1")) == "1" else f"{name} ({unit})" for name in self.costs
         }
         return {printable(headings[name]): repr(float(value)) for name, value in self.costs.items()}
 
     def statement(self, axes: str, what: str = "") -> list[str]:
-        """Return comment lines for a file; ``what`` describes its contents, by default poses at the rate."""
+        """Return lines for comments at the top of a file: title and content, axes, and costs.
+
+        ``what`` describes the content; by default it says which body's poses are written, and at which rate.
+        """
         how = "as planned" if self.planned else "as executed"
         what = what or f"the {self.body} {how}, {self.rate:g} poses a second and the end"
         lines = [f"{self.title}: {what}; by {PROGRAM}", axes]
@@ -166,12 +164,12 @@ class Exported:
 
 
 def rows_of_text(table: FloatArray, separator: str) -> str:
-    """Return a table (N, k) as lines of text; each number has the shortest form that reads back equal."""
+    """Return a table (N, k) as lines of text. Each number has the shortest form that reads back as an equal float."""
     return "".join(separator.join(map(repr, row)) + "\n" for row in table.tolist())
 
 
 def matrices(quaternions: FloatArray) -> FloatArray:
-    """Return rotation matrices (N, 3, 3) of unit quaternions (N, 4); columns are the axes of the body."""
+    """Return the rotation matrices (N, 3, 3) of unit quaternions (N, 4). Their columns are the axes of the body."""
     x, y, z, w = quaternions.T
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -208,6 +206,6 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def back(quaternions: FloatArray) -> FloatArray:
-    """Return the inverse rotations (N, 4)."""
+    """Return the inverse rotations of quaternions (N, 4)."""
     turned: FloatArray = quaternions * np.array([-1.0, -1.0, -1.0, 1.0])
     return turned

@@ -1,6 +1,6 @@
-"""Binary glTF of a scene with an animated camera.
+"""Export format glb: the world and an animated camera as binary glTF.
 
-The scene consists of triangles: prisms with their holes, cells, people, landmarks, zones and the floor. They are in
+The world consists of triangles: prisms with their holes, cells, people, landmarks, zones and the floor. They are in
 metres in the frame of the world, z up. Faces do not share corners, so that each face has its own normal; triangles are
 counter-clockwise as seen from outside.
 """
@@ -27,16 +27,14 @@ if TYPE_CHECKING:
 
 Colour = tuple[int, int, int]
 ROUND = 16  # sides of cylinders
-ABOVE = 0.004  # m: zones lie on the floor
+ABOVE = 0.004  # m: height at which zones are drawn above the floor, so that they are visible
 
 
 class TriangleMesh(NamedTuple):
-    """Triangles of one colour.
+    """Mesh of triangles that have one colour.
 
-    corners  (T, 3, 3)  m
-    normals  (T, 3)     unit
-    colour              red, green, blue in sRGB, 0 to 255
-    person              person that the mesh shows, with one future; corners are at the person's position at time 0
+    corners (T, 3, 3) m normals (T, 3) unit vectors colour red, green, blue in sRGB, 0 to 255 person person that the
+    mesh shows, one hypothesis; corners are at the person's position at time 0
     """
 
     name: str
@@ -47,7 +45,7 @@ class TriangleMesh(NamedTuple):
 
 
 def meshes_of(scene: ViewScene) -> Iterator[TriangleMesh]:
-    """Yield the non-empty meshes of a scene."""
+    """Yield the meshes of all things in a scene, leaving out empty ones."""
     from hpop.view.ride import surfaces  # hpop.view imports Matplotlib
 
     flat = [_flat(rings, 0.0) for rings in scene.floor]
@@ -70,7 +68,10 @@ def meshes_of(scene: ViewScene) -> Iterator[TriangleMesh]:
 
 
 def extruded(rings: Sequence[FloatArray], low: float, high: float) -> FloatArray:
-    """Return triangles (T, 3, 3) of an upright prism over open rings: outer counter-clockwise, holes clockwise."""
+    """Return the triangles (T, 3, 3) of an upright prism, between two heights.
+
+    rings : outline and holes of its base (K, 2), not closed: the outline counter-clockwise, holes clockwise
+    """
     top = _flat(rings, high)
     bottom = _flat(rings, low)[:, ::-1]
     sides = [_walls(ring[None], low, high) for ring in rings]
@@ -78,7 +79,7 @@ def extruded(rings: Sequence[FloatArray], low: float, high: float) -> FloatArray
 
 
 def _flat(rings: Sequence[FloatArray], z: float) -> FloatArray:
-    """Return triangles (T, 3, 3) of a horizontal polygon, facing up."""
+    """Return the triangles (T, 3, 3) of a horizontal polygon at a height, facing up."""
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.Polygon(rings[0], rings[1:])))
     rounds = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
     ahead, aside = rounds[:, 1] - rounds[:, 0], rounds[:, 2] - rounds[:, 0]
@@ -88,7 +89,7 @@ def _flat(rings: Sequence[FloatArray], z: float) -> FloatArray:
 
 
 def _walls(rings: FloatArray, low: float, high: float) -> FloatArray:
-    """Return triangles (2 B K, 3, 3) of the sides above rings (B, K, 2), facing their right."""
+    """Return the triangles (2 B K, 3, 3) of vertical walls above rings (B, K, 2), facing to the right of each edge."""
     a = rings.reshape(-1, 2)
     b = np.roll(rings, -1, axis=1).reshape(-1, 2)
     corners = [np.column_stack([place, np.full(len(a), z)]) for place, z in ((a, low), (b, low), (b, high), (a, high))]
@@ -97,7 +98,7 @@ def _walls(rings: FloatArray, low: float, high: float) -> FloatArray:
 
 
 def _boxes(cells: Cells) -> FloatArray:
-    """Return the triangles of boxes over cells: sides, tops and bottoms."""
+    """Return the triangles of upright boxes over the occupied cells of a raster map."""
     rings = cells.corners
     level = [np.dstack([rings, np.full(rings.shape[:2], z)]) for z in (cells.low, cells.high)]
     bottom, top = level[0][:, ::-1], level[1]
@@ -106,7 +107,7 @@ def _boxes(cells: Cells) -> FloatArray:
 
 
 def _round(part: BodyPart, x: float, y: float) -> FloatArray:
-    """Return triangles of a cylinder or an ellipsoid round the vertical through (x, y)."""
+    """Return the triangles of a person's body part, a cylinder or an ellipsoid round the vertical through (x, y)."""
     angles = np.linspace(0.0, 2.0 * np.pi, ROUND, endpoint=False)
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
     if part.shape == "cylinder":
@@ -124,7 +125,7 @@ def _round(part: BodyPart, x: float, y: float) -> FloatArray:
 
 
 def _plate(plate: Plate) -> FloatArray:
-    """Return the triangles of both sides of an upright plate; of two crossed plates without a facing."""
+    """Return the triangles of a landmark's upright plate, both sides. Without a facing there are two crossed plates."""
     mark = plate.landmark
     facings = [mark.facing] if mark.facing is not None else [0.0, 0.5 * np.pi]
     several = []
@@ -138,7 +139,7 @@ def _plate(plate: Plate) -> FloatArray:
 
 
 def _mesh(name: str, parts: Sequence[FloatArray], colour: Colour) -> Iterator[TriangleMesh]:
-    """Yield one mesh of all triangles with an area; nothing if there are none."""
+    """Yield one mesh of all triangles that have an area; yield nothing if there are none."""
     corners = np.concatenate(parts) if parts else np.zeros((0, 3, 3))
     areas = _areas(corners)
     corners = corners[areas > 0.0]
@@ -149,7 +150,7 @@ def _mesh(name: str, parts: Sequence[FloatArray], colour: Colour) -> Iterator[Tr
 
 
 def _areas(corners: FloatArray) -> FloatArray:
-    """Return areas (T,) of triangles, m²."""
+    """Return the areas (T,) of triangles, m²."""
     found: FloatArray = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     return 0.5 * found
 
@@ -162,7 +163,7 @@ FLOAT, WHOLE = 5126, 5125  # float32 and uint32, as glTF counts them
 VERTICES, INDICES = 34962, 34963
 SEEN = (math.radians(90.0), math.radians(60.0))  # field of view in a viewer, for an all-round camera
 NEAR = 0.05  # m
-Y_UP = np.array([-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)])  # turns z up into y up
+Y_UP = np.array([-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)])  # quaternion that turns z up into y up
 OUT_OF_CAMERA = np.array([0.5, -0.5, -0.5, 0.5])  # axes of a glTF camera (right, up, back) in those of a body
 
 
@@ -233,7 +234,7 @@ def linear(colour: tuple[int, int, int]) -> list[float]:
 
 
 def _camera(given: Exported) -> dict[str, Any]:
-    """Return the glTF description of the camera."""
+    """Return the glTF description of the camera, with its field of view."""
     across, upwards = given.trajectory.model.field_of_view or SEEN
     across, upwards = (min(angle, math.radians(170.0)) for angle in (across, upwards))
     ratio = math.tan(0.5 * across) / math.tan(0.5 * upwards)
@@ -242,7 +243,7 @@ def _camera(given: Exported) -> dict[str, Any]:
 
 
 def _add(file: _File, meshes: list[TriangleMesh], lasts: float) -> None:
-    """Add meshes to a file, each as a node; people who move are animated for ``lasts`` s."""
+    """Add meshes to a glTF file, each as a node; nodes of people who move are animated for ``lasts`` s."""
     document, colours = file.document, dict[tuple[int, int, int], int]()
     document["meshes"], document["materials"] = [], []
     for mesh in meshes:
@@ -265,7 +266,7 @@ def _add(file: _File, meshes: list[TriangleMesh], lasts: float) -> None:
 
 
 def _walk(file: _File, node: int, person: Person, lasts: float) -> None:
-    """Animate a node along the path of a person; it has size 0 while the person is absent."""
+    """Animate a node along the predicted path of a person, for ``lasts`` s; its size is 0 while the person is away."""
     times = [0.0, lasts, *([] if person.until is None else [person.until])]
     if person.track is not None:
         times += person.track.times.tolist()
@@ -285,7 +286,7 @@ def _walk(file: _File, node: int, person: Person, lasts: float) -> None:
 
 
 class _File:
-    """Binary glTF file under construction: its JSON, and the numbers in its buffer."""
+    """Binary glTF file under construction: its JSON document, and the numbers in its buffer."""
 
     def __init__(self) -> None:
         self.document: dict[str, Any] = {
@@ -300,7 +301,7 @@ class _File:
         self._buffer = bytearray()
 
     def accessor(self, values: NDArray[Any], kind: str, *, target: int | None = None, bounds: bool = False) -> int:
-        """Add rows (N, k) to the buffer as float32, and return the number of their glTF accessor."""
+        """Add rows (N, k) to the buffer as float32, and return the index of their glTF accessor."""
         numbers = np.ascontiguousarray(values, dtype="<f4")
         view: dict[str, Any] = {"buffer": 0, "byteOffset": len(self._buffer), "byteLength": numbers.nbytes}
         if target is not None:
@@ -319,7 +320,10 @@ class _File:
         return len(self.document["accessors"]) - 1
 
     def animate(self, node: int, times: int, path: str, values: int, *, interpolation: str = "LINEAR") -> None:
-        """Animate a property (``path``) of a node; ``times`` and ``values`` are numbers of accessors."""
+        """Animate a property of a node (``path``, such as "translation").
+
+        ``times`` and ``values`` are indices of accessors.
+        """
         (animation,) = self.document["animations"]
         animation["channels"].append({"sampler": len(animation["samplers"]), "target": {"node": node, "path": path}})
         animation["samplers"].append({"input": times, "output": values, "interpolation": interpolation})

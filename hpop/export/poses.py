@@ -1,4 +1,4 @@
-"""Poses along a trajectory as text: CSV, JSON, and the formats of EuRoC, TUM, Unity and Unreal Engine."""
+"""Export formats with poses along a trajectory as text: CSV, JSON, EuRoC, TUM, Unity and Unreal Engine."""
 
 from __future__ import annotations
 

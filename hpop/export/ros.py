@@ -1,4 +1,4 @@
-"""Trajectories for ROS 2: messages in a bag or an MCAP file (extra ``bags``), and a goal of Nav2's FollowPath."""
+"""Export formats for ROS 2: messages in a bag or an MCAP file (extra ``bags``), and a goal of Nav2's FollowPath."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from hpop.ros.paths import message_of, spaced
 from hpop.trajectories.poses import Poses, nanoseconds, on_one_side
 
 FOLDER = "poses"  # temporary folder of the bag, which names the file in it
-FIXED = 1e-9  # m and 1: a body that moves less relative to the base is fixed to it
+FIXED = 1e-9  # m, and quaternion components: a body that moves less relative to the base is fixed to it
 AXES = (
     "right-handed, x and y on the floor, z up (REP-103), m; quaternions x, y, z, w of bodies (x ahead, y left, z up); "
     "stamps in s and ns from the start"
@@ -27,7 +27,7 @@ AXES = (
 
 
 class Sent(NamedTuple):
-    """Message with its topic, type and time."""
+    """Message of a bag, with its topic, its type and the time at which it is sent."""
 
     topic: str
     type: str
@@ -36,7 +36,7 @@ class Sent(NamedTuple):
 
 
 def bag_files(given: Exported) -> dict[str, bytes]:
-    """Return the files of a ROS 2 bag (version 9, MCAP, messages of Jazzy) by name: metadata.yaml and poses.mcap."""
+    """Return the files of a ROS 2 bag by name: metadata.yaml (version 9) and poses.mcap, with messages of Jazzy."""
     rosbag2: Any = library("rosbags.rosbag2", "a bag", "bags")
     stores: Any = library("rosbags.typesys", "a bag", "bags")
     store = stores.get_typestore(stores.Stores.ROS2_JAZZY)
@@ -59,7 +59,7 @@ LATCHED = ("/plan", "/tf_static", "/costs")
 
 
 def topics(given: Exported) -> list[tuple[str, str]]:
-    """Return each topic with the type of its messages; they are equal for all trajectories."""
+    """Return the topics of a bag, each with the type of its messages; all trajectories have the same topics."""
     return [
         ("/costs", DIAGNOSTICS),
         ("/plan", PATH),
@@ -70,7 +70,7 @@ def topics(given: Exported) -> list[tuple[str, str]]:
 
 
 def messages(given: Exported) -> Iterator[Sent]:
-    """Yield all messages, in the order of their times."""
+    """Yield all messages of a bag, in the order of their times."""
     seen, frame = given.poses, given.frames.world
     times = nanoseconds(seen.times).tolist()
     yield Sent("/costs", DIAGNOSTICS, 0, _diagnostics(given))
@@ -89,7 +89,7 @@ def messages(given: Exported) -> Iterator[Sent]:
 
 
 class _Edge(NamedTuple):
-    """Poses of a child frame in a parent frame: positions (N, 3) and quaternions (N, 4)."""
+    """Poses of a child frame in a parent frame over time: positions (N, 3), m, and quaternions (N, 4)."""
 
     frame: str
     child: str
@@ -97,12 +97,15 @@ class _Edge(NamedTuple):
     quaternions: FloatArray
 
     def first(self) -> tuple[list[float], list[float]]:
-        """Return the first pose, which for a fixed frame is constant."""
+        """Return the first pose; for a fixed frame this is the pose at all times."""
         return self.positions[0].tolist(), self.quaternions[0].tolist()
 
 
 def _transforms(given: Exported) -> tuple[list[_Edge], list[_Edge]]:
-    """Return the moving transforms, and those fixed to the base; without a base, that of the body in the world."""
+    """Return the transforms for tf that move, and those that are fixed to the base.
+
+    For a robot without a base, the only transform is that of the exported body in the world.
+    """
     frames, seen = given.frames, given.poses
     child = frames.of(given.body)
     if not given.has_base:
@@ -117,21 +120,21 @@ def _transforms(given: Exported) -> tuple[list[_Edge], list[_Edge]]:
 
 
 def _relative(base: Poses, body: Poses) -> tuple[FloatArray, FloatArray]:
-    """Return positions (N, 3) and quaternions (N, 4) of a body in the frame of the base."""
+    """Return the positions (N, 3), m, and quaternions (N, 4) of a body relative to the base."""
     turned = matrices(base.quaternions)
     places = np.einsum("nji,nj->ni", turned, body.positions - base.positions)
     return places, on_one_side(product(back(base.quaternions), body.quaternions))
 
 
 def _diagnostics(given: Exported) -> Message:
-    """Return the costs as a DiagnosticArray of keys and values."""
+    """Return the costs as a DiagnosticArray message, one key and value for each cost."""
     values = [{"key": name, "value": value} for name, value in given.values.items()]
     status = {"level": 0, "name": given.title, "message": printable(given.claim), "hardware_id": "hpop"}
     return {"header": header(0, ""), "status": [{**status, "values": values}]}
 
 
 def _qos() -> list[Any]:
-    """Return the quality of service of latched topics: late subscribers also receive messages sent once."""
+    """Return the quality of service of latched topics: later subscribers still receive the last message."""
     kinds: Any = library("rosbags.interfaces", "a bag", "bags")
     for_ever = kinds.QosTime(*divmod(2**63 - 1, 10**9))
     return [
@@ -199,7 +202,7 @@ def nav2_yaml(given: Exported) -> bytes:
     Raises OptionError for a robot without a base.
     """
     if not given.has_base:
-        raise OptionError("nav2-yaml is the path of a base, but this robot has none; take mcap, bag, tum or csv")
+        raise OptionError("nav2-yaml needs a robot with a base, but this one has none; use mcap, bag, tum or csv")
     path = spaced(given.run, "base", planned=given.planned)
     frame = "'" + printable(given.frames.world).replace("'", "''") + "'"
     lines = [f"# {line}" for line in given.statement(GOAL_AXES, "the path of the base")]
@@ -213,7 +216,7 @@ def nav2_yaml(given: Exported) -> bytes:
 
 
 def _components(names: str, values: Sequence[float], always: str) -> str:
-    """Return components as YAML by name; zeros are left out, except components in ``always``."""
+    """Return components of a vector as YAML, such as {x: 1.0}; zeros are left out unless named in ``always``."""
     rounded = {name: round(value, DIGITS) + 0.0 for name, value in zip(names, values, strict=True)}  # no -0.0
     told = [f"{name}: {value:.{DIGITS}f}" for name, value in rounded.items() if value or name in always]
     return f"{{{', '.join(told)}}}"

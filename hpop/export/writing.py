@@ -1,4 +1,4 @@
-"""Write trajectories for other programs: one by the ending of its file, or rows of a front in several formats."""
+"""Writing of trajectories for other programs: one trajectory to a file, or rows of a front in several formats."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
 ABOUT = ".about.json"
-MARK = "metadata.yaml"  # a folder without it is not replaced
+MARK = "metadata.yaml"  # file that every bag has; an existing folder without it is not replaced
 
 
 @checked_arguments
@@ -40,17 +40,12 @@ def write(
     planned: bool = False,
     frames: Frames | None = None,
 ) -> Path:
-    """Write a trajectory to a file, whole or not at all, replacing an existing file.
+    """Write a trajectory to a file, completely or not at all, replacing an existing file.
 
-    Parameters
-    ----------
-    path : its ending selects the format: ``cam.tum``, ``cam.unity.csv`` (``hpop formats`` lists them)
-    format : name of a format, instead of the ending
-    problem : problem with the world, for formats that contain it
-    rate : poses per second
-    body : "camera", "base" or "tool", if the robot has it
-    planned : write the planned motion; else the executed one, from rest to rest
-    frames : names of frames, for formats that name them
+    Parameters ---------- path : its ending selects the format: ``cam.tum``, ``cam.unity.csv`` (``hpop formats`` lists
+    them) format : name of a format, instead of the ending problem : problem with the world, for formats that contain it
+    rate : poses per second body : "camera", "base" or "tool", if the robot has it planned : write the planned motion;
+    else the executed one, from rest to rest frames : names of frames, for formats that name them
 
     Raises OptionError for an unknown ending and for a trajectory that the format cannot express, UnknownName for an
     unknown format, OutputError if the file cannot be written or an extra is missing.
@@ -80,23 +75,22 @@ def save(
     """Write rows of a front in several formats to a folder, and return the paths of the files.
 
     Files are named ``knee_70.tum``, ``row_3.unity.csv``. For each row ``knee_70.about.json`` has the costs, the front's
-    certificate, and the axes of each file. Files are written atomically and replace existing ones. If a format cannot
-    be written, the others are, and then its error is raised.
+    certificate, and the axes of each file. Files are written atomically and replace existing ones. If one format cannot
+    be written, the others still are, and then its error is raised.
 
-    Parameters
-    ----------
-    problem : problem of the front, with the world; None if no format contains the world
-    rows : numbers, or names such as "knee" and "least turns" (:func:`hpop.problems.named_rows.named_rows`)
-    formats : names of formats (``hpop formats`` lists them)
+    Parameters ---------- problem : problem of the front, with the world; None if no format contains the world rows :
+    numbers, or names such as "knee" and "least turns" (:func:`hpop.problems.named_rows.named_rows`) formats : names of
+    formats (``hpop formats`` lists them)
 
-    Other parameters as of :func:`write`. Raises as :func:`write`, and OptionError or UnknownName for a missing row.
+    The other parameters are those of :func:`write`. Raises the errors of :func:`write`, and OptionError or UnknownName
+    for a missing row.
     """
     target = _checked(folder)
     if isinstance(formats, str) or not isinstance(formats, Sequence):
-        raise OptionError(f"formats is a list of names, such as ['tum', 'glb'], got {shown(formats)}")
+        raise OptionError(f"formats must be a list of names, such as ['tum', 'glb'], got {shown(formats)}")
     chosen = [named_format(name) for name in dict.fromkeys(formats)]
     if problem is None and (scenes := [each.name for each in chosen if each.world]):
-        raise OptionError(f"{', '.join(scenes)} shows the world: give the problem that the front answers")
+        raise OptionError(f"the format {', '.join(scenes)} needs the world: give the problem of the front, got None")
     written: list[Path] = []
     failed: dict[str, Exception] = {}
     for row in named_rows(front, rows):
@@ -128,18 +122,19 @@ def save(
 
 
 def named_format(name: str) -> Format:
-    """Return the export format with a name; UnknownName if there is none."""
+    """Return the export format with a name; raise UnknownName if there is none."""
     return cast(Format, registered[name])
 
 
 def format_of(path: Path) -> Format:
-    """Return the export format for a file name: the one with the longest matching ending."""
+    """Return the export format for a file name: the one whose ending matches, the longest if several do."""
     known = {each.suffix: each for each in map(named_format, registered)}
     fitting = [suffix for suffix in known if path.name.lower().endswith(suffix)]
     if not fitting:
         endings = ", ".join(f"{suffix} ({each.name})" for suffix, each in known.items())
         raise OptionError(
-            f"{shown(path.name)} does not end as the files of a format do; give format=, or one of {endings}"
+            f"expected a file name with the ending of a format, got {shown(path.name)}; give one of {endings}, or "
+            "format="
         )
     return known[max(fitting, key=len)]
 
@@ -147,6 +142,7 @@ def format_of(path: Path) -> Format:
 def _given(
     problem: Problem | None, front: Front, row: NamedRow, rate: float, body: str, planned: bool, frames: Frames
 ) -> Exported:
+    """Collect what formats may write about a row of a front."""
     names, units = (*front.names, *front.reported_names), (*front.units, *front.reported_units)
     return Exported(
         row.point.trajectory,
@@ -164,21 +160,21 @@ def _given(
 
 
 def _content(chosen: Format, given: Exported) -> Content:
-    """Return the content that a format makes of a trajectory; OwnCodeError if it is neither bytes nor files."""
+    """Run a format on a trajectory and return the content; OwnCodeError unless it is bytes or files of a folder."""
     try:
         made: Any = chosen(given)
-    except ImportError as error:  # the extra is missing; the error tells how to install it
+    except ImportError as error:  # a package is missing; the error says how to install it
         raise OutputError(f"{error}") from None
     files = made.values() if isinstance(made, Mapping) else [made]
     if not all(isinstance(file, bytes) for file in files):
         raise OwnCodeError(
-            f"format {chosen.name!r} must return bytes, or those of each file of a folder by name; got {shown(made)}"
+            f"format {chosen.name!r} must return bytes, or a mapping from file names to bytes; got {shown(made)}"
         )
     return cast(Content, made)
 
 
 def _about(front: Front, given: Exported, files: Sequence[tuple[Path, Format]]) -> bytes:
-    """Return the JSON description of the files of a row."""
+    """Return the content of ``ROW.about.json``, which describes the files written for a row."""
     told: dict[str, Any] = {
         "schema": "hpop-export",
         "version": 1,
@@ -203,7 +199,7 @@ def _about(front: Front, given: Exported, files: Sequence[tuple[Path, Format]]) 
 
 
 def _checked(path: Any) -> Path:
-    """Return a path; OptionError for another value."""
+    """Return a path to write to; raise OptionError if the value is not a path."""
     if not isinstance(path, str | os.PathLike) or not os.fspath(path) or not isinstance(os.fspath(path), str):
         raise OptionError(f"expected a path to write to, such as 'out/knee.tum', got {shown(path)}")
     return Path(path)
@@ -211,18 +207,18 @@ def _checked(path: Any) -> Path:
 
 @contextmanager
 def _output_errors(path: Path) -> Iterator[None]:
-    """Turn errors of writing into one message."""
+    """Turn an error of writing a file into one OutputError message."""
     try:
         yield
     except OutputError:
         raise
     except (OSError, ValueError) as error:  # ValueError: a zero byte in a name
         said = getattr(error, "strerror", None) or error
-        raise OutputError(f"cannot write {shown(str(path), 400)}: {said}; choose another place") from None
+        raise OutputError(f"cannot write {shown(str(path), 400)}: {said}; choose another path") from None
 
 
 def _put(path: Path, content: Content) -> None:
-    """Write a file or a folder of files, whole or not at all."""
+    """Write a file, or a folder of files, completely or not at all."""
     with _output_errors(path):
         if isinstance(content, bytes):
             with replacing(path) as file:
@@ -232,9 +228,9 @@ def _put(path: Path, content: Content) -> None:
 
 
 def _put_folder(path: Path, files: Mapping[str, bytes]) -> None:
-    """Write a folder of files, and replace an existing folder only if it is a bag too."""
+    """Write a folder of files; an existing folder is replaced only if it is a bag."""
     if os.path.lexists(path) and not (path / MARK).is_file():
-        raise OutputError(f"{shown(str(path), 400)} exists and is no bag; remove it, or choose another name")
+        raise OutputError(f"{shown(str(path), 400)} exists and is not a bag; remove it, or choose another name")
     half = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")
     old = half.with_suffix(".old")
     try:

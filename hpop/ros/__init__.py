@@ -1,9 +1,9 @@
-"""ROS 2 without ROS: paths as messages and back, and the planner as an action server over rosbridge.
+"""Connection to ROS 2 without installing ROS: paths as messages, and the planner as an action server over rosbridge.
 
 ``path_message(trajectory)`` returns a nav_msgs/Path as a dictionary, and ``trajectory_of(path, model)`` reads it back.
 ``typed(message, "nav_msgs/msg/Path", store)`` converts it to rosbags' types, and ``plain`` back to a dictionary.
-``Bridge(url, PathServer(GoalPlanner(problem, planners, Interface())))`` serves the action ComputePathToPose, as
-``hpop ros scenario.yaml --url ws://localhost:9090`` does (extra ``ros``).
+``Bridge(url, PathServer(GoalPlanner(problem, planners, Interface())))`` serves the action ComputePathToPose, as ``hpop
+ros scenario.yaml --url ws://localhost:9090`` does (extra ``ros``).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Connection to the websocket of rosbridge, which reconnects whenever it breaks.
+"""Websocket connection to rosbridge, which reconnects whenever it breaks.
 
 Incoming messages are limited in size, number and rate; further ones wait at the sender. A bridge that accepts no data
 is disconnected after a while.
@@ -25,23 +25,24 @@ from hpop.ros import protocol
 from hpop.ros.path_server import PathServer
 from hpop.runtime.status import log
 
-MOST_WAITING = 16  # most unread frames
+MOST_WAITING = 16  # most unread websocket frames
 MOST_A_SECOND = 500  # messages
 OPENING, CLOSING, SENDING = 10.0, 2.0, 10.0  # s
-DELAYS = (0.5, 30.0)  # s before the first new attempt, and at most: each delay is twice the one before, also if a
-# bridge accepts the connection and closes it at once
-QUIET = logging.Logger("hpop.ros.websockets", logging.CRITICAL + 1)  # this module reports errors of websockets
+# First and longest delay before connecting again, s. Each delay is twice the one before, also if a bridge accepts the
+# connection and closes it at once.
+DELAYS = (0.5, 30.0)
+QUIET = logging.Logger("hpop.ros.websockets", logging.CRITICAL + 1)  # silent: this module itself reports errors
 
 
 class Pace:
-    """Limit of messages per second; the caller waits when it is reached."""
+    """Limit on the number of messages per second; the caller waits when the limit is reached."""
 
     def __init__(self, most: int, clock: Callable[[], float], wait: Callable[[float], Any]) -> None:
         self.most, self.clock, self.wait = most, clock, wait
         self.since, self.count = clock(), 0
 
     def step(self) -> None:
-        """Count a message; wait for the next second if this one is full."""
+        """Count a message; if the limit for this second is reached, wait until the next second."""
         now = self.clock()
         if now - self.since >= 1.0:
             self.since, self.count = now, 0
@@ -53,12 +54,9 @@ class Pace:
 
 @checked_arguments
 class Bridge:
-    """Client of rosbridge that serves a :class:`PathServer` until it is stopped.
+    """Client of rosbridge that offers the action of a :class:`PathServer` until it is stopped.
 
-    Parameters
-    ----------
-    url : such as ws://localhost:9090, or wss://
-    say : receives a line of text for each event
+    Parameters ---------- url : such as ws://localhost:9090, or wss:// say : called with a line of text for each event
     delays : s, before the first new attempt, and the longest; each delay is twice the one before
 
     Raises OptionError for an invalid url, ImportError without the extra ``ros``.
@@ -80,7 +78,7 @@ class Bridge:
         self._connection: Any = None  # None while disconnected
 
     def run(self) -> None:
-        """Connect, serve, and connect again, until :meth:`stop` or Ctrl-C."""
+        """Connect, serve, and reconnect whenever the connection breaks, until :meth:`stop` or Ctrl-C."""
         first, most = self.delays
         delay = first
         while not self._stopped.is_set():
@@ -100,11 +98,12 @@ class Bridge:
                 delay = min(2.0 * delay, most)
 
     def stop(self) -> None:
-        """End :meth:`run`, from any thread."""
+        """Make :meth:`run` return; may be called from any thread."""
         self._stopped.set()
         self._leave()
 
     def _connected(self) -> Any:
+        """Open a websocket connection to the bridge."""
         return self._client.connect(
             self.url,
             compression=None,  # not needed in one network, and no message grows when unpacked
@@ -117,7 +116,7 @@ class Bridge:
         )
 
     def _serve(self, connection: Any) -> str:
-        """Receive messages until the connection is closed, and return the reason of the end."""
+        """Receive messages until the connection is closed, and return why it was closed."""
         # With a time-out, sending to a bridge that reads nothing fails instead of blocking for ever.
         seconds, rest = divmod(SENDING, 1.0)
         connection.socket.setsockopt(SOL_SOCKET, SO_SNDTIMEO, struct.pack("ll", int(seconds), int(1e6 * rest)))
@@ -145,7 +144,7 @@ class Bridge:
             self.server.disconnected()
 
     def _leave(self) -> None:
-        """Withdraw the action and close the connection, once, by whichever thread is first."""
+        """Withdraw the action and close the connection; only the first of several threads does so."""
         with self._leaving:
             connection, self._connection = self._connection, None
             if connection is None:
@@ -157,7 +156,7 @@ class Bridge:
 
 
 def checked_url(url: Any) -> str:
-    """Return the address of a websocket; OptionError for anything else.
+    """Return a valid websocket address; raise OptionError for another value.
 
     >>> checked_url("ws://localhost:9090")
     'ws://localhost:9090'

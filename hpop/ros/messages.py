@@ -1,4 +1,4 @@
-"""Messages of ROS 2 as dictionaries, as rosbridge sends them, and as instances of the types of rosbags.
+"""ROS 2 messages as dictionaries, as rosbridge sends them, and as instances of the types of rosbags.
 
 Incoming messages are not trusted: every field that is used is checked, and a :class:`RosError` names a wrong field.
 """
@@ -29,7 +29,7 @@ MOST_SECONDS = 2**31 - 1  # of a stamp, an int32
 
 
 class PlanarPose(NamedTuple):
-    """Pose on the floor, with the name of its frame; "" if none is given."""
+    """Pose on the floor, with the name of its frame ("" if the message gives none)."""
 
     x: float  # m
     y: float  # m
@@ -49,12 +49,12 @@ def header(time: int, frame: str) -> Message:
 
 
 def vector(values: Sequence[float]) -> Message:
-    """Return a geometry_msgs/Point or Vector3."""
+    """Return three numbers as a geometry_msgs/Point or Vector3."""
     return dict(zip("xyz", values, strict=True))
 
 
 def quaternion(values: Sequence[float]) -> Message:
-    """Return a geometry_msgs/Quaternion of x, y, z, w."""
+    """Return a quaternion x, y, z, w as a geometry_msgs/Quaternion."""
     return dict(zip("xyzw", values, strict=True))
 
 
@@ -71,7 +71,7 @@ def transform(time: int, frame: str, child: str, place: Sequence[float], turned:
 
 @checked_arguments
 def pose_message(x: float, y: float, yaw: float, *, frame_id: str = "map") -> Message:
-    """Return a geometry_msgs/PoseStamped of a pose on the floor, m and rad, without a time stamp.
+    """Return a pose on the floor (m, rad) as a geometry_msgs/PoseStamped with time stamp 0.
 
     >>> pose_message(1.0, 2.0, 0.0)["pose"]["orientation"]
     {'x': 0.0, 'y': 0.0, 'z': 0.0, 'w': 1.0}
@@ -81,10 +81,10 @@ def pose_message(x: float, y: float, yaw: float, *, frame_id: str = "map") -> Me
 
 @checked_arguments
 def planar_pose(message: Any, where: str = "the pose") -> PlanarPose:
-    """Return the pose on the floor of a PoseStamped, a PoseWithCovarianceStamped or an Odometry.
+    """Read the pose on the floor from a PoseStamped, a PoseWithCovarianceStamped or an Odometry message.
 
-    The height is dropped; the yaw is the horizontal direction of the body's x axis. Raises RosError for another
-    message, for invalid numbers, and for a quaternion that is no rotation.
+    The height is dropped; the yaw is the horizontal direction of the body's x axis. ``where`` names the message in
+    errors. Raises RosError for another message, for invalid numbers, and for a quaternion that is not a rotation.
 
     >>> planar_pose(pose_message(1.0, 2.0, 0.5, frame_id="odom"))
     PlanarPose(x=1.0, y=2.0, yaw=0.5, frame='odom')
@@ -100,18 +100,18 @@ def planar_pose(message: Any, where: str = "the pose") -> PlanarPose:
 
 
 def _yaw(orientation: Any, where: str) -> float:
-    """Return the yaw, rad, of the direction ahead; RosError if the orientation is no rotation or looks straight up."""
+    """Return the yaw, rad, of an orientation; RosError if it is not a rotation, or has no horizontal direction."""
     told = mapping(orientation, f"orientation of {where}")
     x, y, z, w = (number(told.get(axis), f"orientation.{axis} of {where}", 2.0) for axis in "xyzw")
     length = math.sqrt(x * x + y * y + z * z + w * w)
     if abs(length - 1.0) > UNIT:
         raise RosError(
-            f"orientation of {where} must be a quaternion of length 1, got one of length {length:.3g}; where no "
-            "heading is meant, give x 0, y 0, z 0, w 1"
+            f"orientation of {where} must be a quaternion of length 1, got length {length:.3g}; if the heading does "
+            "not matter, give x 0, y 0, z 0, w 1"
         )
     ahead = (w * w + x * x - y * y - z * z, 2.0 * (x * y + w * z))
     if math.hypot(*ahead) < 1e-3:
-        raise RosError(f"orientation of {where} looks straight up or down, which is no heading")
+        raise RosError(f"orientation of {where} must have a heading, but it looks straight up or down")
     return math.atan2(ahead[1], ahead[0])
 
 
@@ -129,21 +129,24 @@ def time_of(message: Any, where: str) -> int:
 
 
 def mapping(value: Any, where: str) -> Mapping[str, Any]:
-    """Return a value that is a message with fields; RosError for anything else."""
+    """Return a value if it is a message with fields (a mapping); raise RosError otherwise.
+
+    ``where`` names the value in the error.
+    """
     if not isinstance(value, Mapping):
         raise RosError(f"{where} must be a message with fields, got {shown(value)}")
     return value
 
 
 def number(value: Any, where: str, most: float) -> float:
-    """Return a finite number, or raise RosError; the bridge sends null for NaN."""
+    """Return a value if it is a number within +-``most``; raise RosError otherwise. The bridge sends null for NaN."""
     if not is_number(value) or not -most <= value <= most:
         raise RosError(f"{where} must be a number from {-most:g} to {most:g}, got {shown(value)}")
     return float(value)
 
 
 def text(value: Any, where: str) -> str:
-    """Return a short text; RosError for anything else."""
+    """Return a value if it is a short text; raise RosError otherwise."""
     if not isinstance(value, str) or len(value) > LONGEST_NAME:
         raise RosError(f"{where} must be text of at most {LONGEST_NAME} characters, got {shown(value)}")
     return value
@@ -164,13 +167,13 @@ def typed(message: Mapping[str, Any], kind: str, store: Any) -> Any:
     2.0
     """
     if not hasattr(store, "fielddefs"):
-        raise RosError(f"store must be a type store of rosbags, as get_typestore makes one, got {shown(store)}")
+        raise RosError(f"store must be a type store of rosbags, as get_typestore returns it, got {shown(store)}")
     if kind not in store.fielddefs:
-        raise RosError(f"the type store has no {shown(kind)}; give one of the distribution that has it")
+        raise RosError(f"the type store has no type {shown(kind)}; give the store of a distribution that has it")
     declared = dict(store.fielddefs[kind][1])
     given = message if isinstance(message, Mapping) else {}
     if set(given) != set(declared):
-        raise RosError(f"{kind} has the fields {', '.join(declared) or 'none'}, got {shown(message)}")
+        raise RosError(f"{kind} must have the fields {', '.join(declared) or 'none'}, got {shown(message)}")
     return store.types[kind](
         **{name: _value(given[name], of, f"{kind}.{name}", store) for name, of in declared.items()}
     )
@@ -189,6 +192,7 @@ def plain(message: Any) -> Message:
 
 
 def _plain(value: Any) -> Any:
+    """Convert a value in a rosbags message to dictionaries, lists and plain values."""
     if is_dataclass(value):
         return plain(value)
     if isinstance(value, np.ndarray):
@@ -197,18 +201,18 @@ def _plain(value: Any) -> Any:
 
 
 def _value(value: Any, declared: Any, where: str, store: Any) -> Any:
-    """Convert a value to the declared type of a field: (kind of node, type) of rosbags."""
+    """Convert the value of a message's field to the type that rosbags declares: (kind of node, type)."""
     node, of = declared
     if node.name == "NAME":
         return typed(value, of, store)
     if node.name in ("ARRAY", "SEQUENCE"):
         inner = of[0]
         if not isinstance(value, list | tuple | np.ndarray):
-            raise RosError(f"{where} is a list, got {shown(value)}")
+            raise RosError(f"{where} must be a list, got {shown(value)}")
         made = [_value(item, inner, where, store) for item in value]
         is_number = inner[0].name == "BASE" and inner[1][0] not in KINDS
         return np.array(made, inner[1][0]) if is_number else made
     value, kind = python_value(value), KINDS.get(of[0], float if of[0].startswith("float") else int)
     if not isinstance(value, int | float if kind is float else kind) or (isinstance(value, bool) and kind is not bool):
-        raise RosError(f"{where} is {of[0]}, got {shown(value)}")
+        raise RosError(f"{where} must be of type {of[0]}, got {shown(value)}")
     return kind(value)

@@ -1,6 +1,6 @@
-"""Action server: goals are accepted at once, and planned in a thread, one at a time; a new goal replaces older ones.
+"""Action server for ComputePathToPose: goals are accepted at once, and planned one at a time in a thread.
 
-It only handles messages; :mod:`hpop.ros.bridge` does the networking.
+A new goal replaces older ones. This module only handles messages; :mod:`hpop.ros.bridge` does the networking.
 """
 
 from __future__ import annotations
@@ -21,22 +21,20 @@ from hpop.ros.protocol import ErrorCode, Failure, GoalResult, canceled, failed
 from hpop.runtime.status import Progress, log
 
 Send = Callable[[str], None]
-ALIVE = 1.0  # s between two pieces of feedback, at least
+ALIVE = 1.0  # least time between two feedback messages, s
 MOST_REMARKS = 20  # most complaints about invalid messages
 FAREWELL = 10.0  # s to wait until planning stops
 
 
 class _GivenUp(Exception):
-    """Signal that planning was aborted, since no client waits for the result."""
+    """Signal that stops planning because no client waits for the result any more."""
 
 
 @dataclass(eq=False)
 class _Goal:
-    """Accepted goal.
+    """Goal that the server has accepted.
 
-    id    in the protocol
-    args  fields of the goal, as received
-    open  whether its result is still to be sent
+    id in the protocol args fields of the goal, as received open whether its result is still to be sent
     """
 
     id: str
@@ -46,14 +44,13 @@ class _Goal:
 
 @checked_arguments
 class PathServer:
-    """Action server for a bridge. ``connected``, ``received`` and ``disconnected`` are called by the same thread.
+    """Action server that plans goals; a bridge passes messages to and from it.
 
-    A new goal aborts the goal that is being planned, because Nav2 sends a new goal every second. Invalid messages are
-    reported, each kind once, and ignored.
+    The bridge calls ``connected``, ``received`` and ``disconnected`` from one thread. A new goal aborts the
+    goal that is being planned, because Nav2 sends a new goal every second. Invalid messages are ignored and
+    reported, each kind once.
 
-    Parameters
-    ----------
-    say : receives a line of text for each event
+    Parameters ---------- planning : planner of the goals say : called with a line of text for each event
     """
 
     def __init__(self, planning: GoalPlanner, *, say: Callable[[str], None] = log.info) -> None:
@@ -71,25 +68,28 @@ class PathServer:
     # Called by the bridge
 
     def connected(self, send: Send) -> None:
-        """Offer the action on a new connection. ``send`` may be called by any thread, and raises nothing."""
+        """Offer the action on a new connection.
+
+        ``send`` sends a message; any thread may call it, and it raises nothing.
+        """
         with self._changed:
             self._send, self._robot = send, None
         for message in protocol.greetings(self.known):
             send(protocol.encoded(message))
 
     def received(self, data: str | bytes) -> None:
-        """Handle a message; an invalid one is reported and ignored."""
+        """Handle one incoming message; an invalid one is reported and ignored."""
         try:
             message = protocol.parsed(data)
             take = self._ops().get(message["op"])
             if take is None:
-                raise RosError(f"op {shown(message['op'])}, which an action server does not handle")
+                raise RosError(f"a message with op {shown(message['op'])}, which an action server does not handle")
             take(message)
         except RosError as error:
             self._remark(f"ignored {error}")
 
     def disconnected(self) -> None:
-        """Drop all goals after the connection is lost, since the bridge has aborted them."""
+        """Drop all goals after the connection is lost, because the bridge has aborted them."""
         with self._changed:
             self._send = None
             for goal in (self._next, self._now):
@@ -98,7 +98,7 @@ class PathServer:
             self._next = None
 
     def close(self) -> None:
-        """Abort planning, and end the thread."""
+        """Stop planning, and end the thread."""
         with self._changed:
             self._closed = True
         self.disconnected()
@@ -107,9 +107,11 @@ class PathServer:
         self._thread.join(FAREWELL)
 
     def _ops(self) -> Mapping[str, Callable[[Mapping[str, Any]], None]]:
+        """Return the methods that handle incoming messages, by the message's ``op``."""
         return {"send_action_goal": self._accept, "cancel_action_goal": self._cancel, "publish": self._heard}
 
     def _accept(self, message: Mapping[str, Any]) -> None:
+        """Accept a new goal, end older goals, and send first feedback."""
         self._check_action(message)
         goal = _Goal(protocol.goal_id(message), message.get("args"))
         with self._changed:
@@ -122,6 +124,7 @@ class PathServer:
         self._tell(protocol.feedback(self.known, goal.id))
 
     def _cancel(self, message: Mapping[str, Any]) -> None:
+        """Cancel a goal that is planned or waits."""
         self._check_action(message)
         asked = protocol.goal_id(message)
         with self._changed:
@@ -132,8 +135,9 @@ class PathServer:
             self._end(one, canceled(self.known))
 
     def _heard(self, message: Mapping[str, Any]) -> None:
+        """Store the robot's pose that was published on the pose topic."""
         if message.get("topic") != self.known.pose_topic:
-            raise RosError(f"a message of topic {shown(message.get('topic'))}, which was not asked for")
+            raise RosError(f"a message of topic {shown(message.get('topic'))}, which was not subscribed to")
         pose = planar_pose(message.get("msg"), "the robot's pose")
         if pose.frame != self.known.frame_id:
             raise RosError(f"a pose of the robot in the frame {shown(pose.frame)}, expected {self.known.frame_id}")
@@ -141,10 +145,11 @@ class PathServer:
             self._robot = pose
 
     def _check_action(self, message: Mapping[str, Any]) -> None:
+        """Raise RosError unless a message is for the offered action."""
         if message.get("action") != self.known.action:
             raise RosError(f"a goal of action {shown(message.get('action'))}, which is not offered here")
 
-    # GoalPlanner
+    # In the planning thread
 
     def _plan(self) -> None:
         """Plan one goal after another, until the server is closed."""
@@ -163,7 +168,7 @@ class PathServer:
                 self._now = None
 
     def _answer(self, goal: _Goal, robot: PlanarPose | None) -> GoalResult | None:
-        """Return the result of planning a goal, None if no client waits for it. No error leaves this method."""
+        """Plan a goal and return its result; None if no client waits for it. No exception leaves this method."""
         told = monotonic()
 
         def follow(progress: Progress) -> None:
@@ -184,7 +189,7 @@ class PathServer:
             return failed(self.known, Failure(ErrorCode.UNKNOWN, f"planning failed ({said})"), 0.0)
 
     def _end(self, goal: _Goal, answer: GoalResult) -> None:
-        """Send the result of a goal, once."""
+        """Send the result of a goal, unless it was sent before."""
         with self._changed:
             if not goal.open:
                 return
@@ -195,14 +200,14 @@ class PathServer:
         self.say(_line(goal, answer))
 
     def _tell(self, message: Message) -> None:
-        """Send a message, if there is a connection."""
+        """Send a message to the bridge, if there is a connection."""
         with self._changed:
             send = self._send
         if send is not None:
             send(protocol.encoded(message))
 
     def _remark(self, text: str) -> None:
-        """Report a fault of messages, each kind once, up to a limit."""
+        """Report an invalid message by ``say``: each text once, and at most `MOST_REMARKS` texts."""
         if text in self._remarks or len(self._remarks) > MOST_REMARKS:
             return
         self._remarks.add(text)
@@ -210,7 +215,7 @@ class PathServer:
 
 
 def _line(goal: _Goal, answer: GoalResult) -> str:
-    """Return a line of text on the end of a goal."""
+    """Return a line of text that reports the end of a goal."""
     poses = len(answer.values["path"]["poses"])
     seconds = answer.values["planning_time"]["sec"] + 1e-9 * answer.values["planning_time"]["nanosec"]
     if answer.options is not None:

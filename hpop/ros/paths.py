@@ -1,4 +1,4 @@
-"""Convert a trajectory to a nav_msgs/Path, and such a path to a trajectory."""
+"""Conversion of a trajectory to a nav_msgs/Path message, and of such a path to a trajectory."""
 
 from __future__ import annotations
 
@@ -20,20 +20,18 @@ from hpop.trajectories.trajectory import STRAIGHT, Trajectory
 
 APART = 0.05  # m between the poses of a path, at most; a cell of a usual map
 TURNED = np.deg2rad(45.0)  # largest turn between poses, so that its direction is clear
-FINE = 0.02  # s between sampled times
+FINE = 0.02  # s between sampled times, from which the poses are chosen
 STEPS = 8  # least samples per motion
 SAME = 1e-9  # distance of poses below which nothing has moved
 
 
 def spaced(run: Trajectory, body: str, *, planned: bool, timed: bool = False) -> Poses:
-    """Return poses of a body at the ends of all motions, and between these every 5 cm or 45 degrees.
+    """Return poses of a body along a trajectory: at the ends of all motions, and every 5 cm or 45 degrees between.
 
-    A turn in place has several poses at exactly one position. A hold has no pose of its own, unless poses are
+    A turn in place has several poses at exactly one position. A hold (wait) has no pose of its own, unless poses are
     ``timed``: then its pose occurs twice, at the begin and the end of the hold.
 
-    Parameters
-    ----------
-    run : the plan if ``planned``, else its execution
+    Parameters ---------- run : the planned trajectory if ``planned``, else the executed one
     """
     durations = run.durations
     pieces = np.maximum(STEPS, np.ceil(durations / FINE)).astype(np.int64)
@@ -66,8 +64,8 @@ def path_message(
 ) -> Message:
     """Return the path of the base as a nav_msgs/Path: poses at the ends of motions, and every 5 cm or 45 degrees.
 
-    A turn in place is a sequence of poses at exactly one position. A path for a controller is geometry, so stamps are
-    0, which means the newest transform to tf2, and a hold has one pose.
+    A turn in place is a sequence of poses at exactly one position. By default all stamps are 0, which means the newest
+    transform to tf2, because a controller needs only geometry; a hold (wait) then has one pose.
 
     Parameters
     ----------
@@ -83,13 +81,15 @@ def path_message(
     {'x': 1.0, 'y': 0.1, 'z': 0.0}
     """
     if "base" not in trajectory.model.provides:
-        raise OptionError("a path is that of a base, but this robot has none; hpop.export writes poses of any body")
+        raise OptionError(
+            "a path needs a robot with a base, but this one has none; hpop.export writes poses of any body"
+        )
     run = trajectory if planned else trajectory.execution()
     return message_of(spaced(run, "base", planned=planned, timed=timed), frame_id, stamped=timed)
 
 
 def message_of(poses: Poses, frame_id: str, *, stamped: bool) -> Message:
-    """Return poses as a nav_msgs/Path, with their times as stamps or with stamps of 0."""
+    """Return poses as a nav_msgs/Path; the stamps are their times if ``stamped``, else 0."""
     times = nanoseconds(poses.times).tolist() if stamped else [0] * len(poses)
     rows = zip(times, poses.positions.tolist(), poses.quaternions.tolist(), strict=True)
     return {"header": header(0, frame_id), "poses": [pose_stamped(time, frame_id, *row) for time, *row in rows]}
@@ -97,18 +97,18 @@ def message_of(poses: Poses, frame_id: str, *, stamped: bool) -> Message:
 
 @checked_arguments
 def trajectory_of(path: Mapping[str, Any], model: Model) -> Trajectory:
-    """Return the trajectory of a model through the poses of a nav_msgs/Path: turns, moves and holds.
+    """Return a trajectory of a model through the poses of a nav_msgs/Path, as turns, moves and holds (waits).
 
-    Poses on one line become one move, and successive turns in one direction one turn. Between different positions the
-    robot turns towards the next, moves there, and turns to its heading. A repeated pose with a later stamp is a hold. A
-    timed path from :func:`path_message` is converted back to its plan. Durations other than those of holds come from
-    the model.
+    Poses on one line become one move, and successive turns in one direction become one turn. Between different
+    positions the robot turns towards the next, moves there, and turns to its heading. A repeated pose with a later
+    stamp is a hold. A timed path from :func:`path_message` is converted back to its plan. Durations other than those of
+    holds come from the model.
 
     Raises RosError for an invalid path, or one with 0 or more than 20,000 poses; ModelError for a model with states
     other than x, y and yaw, and for holds of more than an hour in total.
     """
     if model.space.names != ("x", "y", "yaw"):
-        raise ModelError(f"a path has poses (x m, y m, yaw rad), which are no states of this model: {model.space}")
+        raise ModelError(f"expected a model with the states x m, y m, yaw rad of a path's poses, got {model.space}")
     rows, times = _read(path)
     way = _MotionSequence(rows[0].tolist())
     for i in range(1, len(rows)):
@@ -125,9 +125,11 @@ def trajectory_of(path: Mapping[str, Any], model: Model) -> Trajectory:
 
 
 class _MotionSequence:
-    """Sequence of states (x, y, yaw, clock of holds) and motions; a motion that continues the last one extends it.
+    """Sequence of motions under construction; a motion that continues the last one extends it.
 
-    kinds  (n,) of the motions
+    States are x, y, yaw, and the total time of holds so far.
+
+    kinds (n,) kind of each motion: "turn", "move" or "hold"
     """
 
     def __init__(self, first: list[float]) -> None:
@@ -154,7 +156,7 @@ class _MotionSequence:
             self._put("turn", (x, y, yaw + change, clock), goes_on)
 
     def move(self, to_x: float, to_y: float) -> None:
-        """Append a turn towards a position, m, and a move to it."""
+        """Append a turn towards a position, m, and a straight move to it; extend the last move if it leads there."""
         if self._last() == "move":
             from_x, from_y, yaw, clock = self._states[-2]
             along = (to_x - from_x) * np.cos(yaw) + (to_y - from_y) * np.sin(yaw)
@@ -166,12 +168,12 @@ class _MotionSequence:
         self._put("move", (to_x, to_y, *self._states[-1][2:]), False)
 
     def hold(self, seconds: float) -> None:
-        """Append a hold."""
+        """Append a wait of some seconds."""
         x, y, yaw, clock = self._states[-1]
         self._put("hold", (x, y, yaw, clock + seconds), self._last() == "hold")
 
     def of(self, model: Model) -> Trajectory:
-        """Return the trajectory of a model along these states."""
+        """Return the motions as a trajectory of a model."""
         columns = np.array(self._states).T[: 4 if "hold" in self.kinds else 3]
         states = States(**dict(zip((*model.space.names, CLOCK), columns, strict=False)))
         return Trajectory(model, states, tuple(self.kinds))
@@ -180,6 +182,7 @@ class _MotionSequence:
         return self.kinds[-1] if self.kinds else ""
 
     def _put(self, kind: str, state: tuple[float, ...], goes_on: bool) -> None:
+        """Append a motion that ends in a state; if it goes on, move the end of the last motion instead."""
         if goes_on:
             self._states[-1] = state
         else:
@@ -188,11 +191,11 @@ class _MotionSequence:
 
 
 def _read(path: Any) -> tuple[FloatArray, list[int]]:
-    """Return the poses of a path as rows (N, 3), x, y and continuous yaw, and their stamps, ns."""
+    """Return the poses of a path as rows (N, 3) of x, y and continuous yaw, and their stamps, ns."""
     given = mapping(path, "the path").get("poses")
     if not isinstance(given, list | tuple) or not 0 < len(given) <= MOST_POSES:
         size = f"{len(given):,}" if isinstance(given, list | tuple) else "none"
-        raise RosError(f"a path has a list of 1 to {MOST_POSES:,} poses, got {size}")
+        raise RosError(f"a path must have a list of 1 to {MOST_POSES:,} poses, got {size}")
     poses = [planar_pose(pose, f"pose {i}") for i, pose in enumerate(given)]
     times = [time_of(pose, f"pose {i}") for i, pose in enumerate(given)]
     rows = np.array([pose[:3] for pose in poses], float)

@@ -1,4 +1,4 @@
-"""Plan the goals of the action ComputePathToPose: from a goal message to the path of the chosen trajectory."""
+"""Planning of the goals of the action ComputePathToPose: from a goal message to the path of one trajectory."""
 
 from __future__ import annotations
 
@@ -26,17 +26,16 @@ from hpop.runtime.status import ProgressCallback, Status, no_path_note
 
 LEAST = re.compile(r"(?:least|fewest)[ _](.+)")
 MOST_OPTIONS = 500  # most points of a front in a message
-OF = ("x", "y", "yaw")
+OF = ("x", "y", "yaw")  # states that a pose gives
 CODES = {Status.NO_PATH: ErrorCode.NO_VALID_PATH, Status.TIME_LIMIT: ErrorCode.TIMEOUT}
 
 
 @checked_arguments
 class GoalPlanner:
-    """Planner of ROS goals: a problem in which start and goal are replaced by those of each goal.
+    """Planner of ROS goals. It solves a problem in which start and goal are replaced by those of each ROS goal.
 
-    problem   world, model and criteria; start and goal also give the states that no pose has, such as angles of a head
-    planners  their fronts are joined
-    known     names in ROS
+    problem world, model and criteria; start and goal also give the states that no pose has, such as angles of a head
+    planners their fronts are joined known names of the action, topics and frames in ROS
 
     Raises OptionError for a robot without a base with position and heading.
     """
@@ -51,24 +50,21 @@ class GoalPlanner:
         self.names: tuple[str, ...] = ()
 
     def rehearsed(self, progress: ProgressCallback | None = None) -> Front:
-        """Solve the problem with its own start and goal, so that kernels are compiled and errors found before a goal.
+        """Solve the problem with its own start and goal, to compile kernels and find errors before a goal arrives.
 
-        Raises UnknownName if the default choice is no point of this front.
+        Raises UnknownName if the default choice names no point of this front.
         """
         front = self.problem.solve(self.planners, progress=progress)
         self.names = front.names
         if not self._is_known(choice_of(self.known.choice)):
-            raise UnknownName(f"choice is {shown(self.known.choice)}, which is none of {self._choices()}")
+            raise UnknownName(f"choice must be one of {self._choices()}, got {shown(self.known.choice)}")
         return front
 
     def answer(self, goal: Any, robot: PlanarPose | None, progress: ProgressCallback | None = None) -> GoalResult:
-        """Return the result for a goal: a path, or the reason why there is none.
+        """Plan a goal, and return the result: a path, or the reason why there is none.
 
-        Parameters
-        ----------
-        goal : fields of the goal, as received
-        robot : pose of the robot, if known, for goals without a start
-        progress : called regularly; an exception that it raises ends planning
+        Parameters ---------- goal : fields of the goal, as received robot : pose of the robot, if known, for goals
+        without a start progress : called regularly; an exception that it raises ends planning
         """
         began = perf_counter()
         try:
@@ -79,39 +75,45 @@ class GoalPlanner:
             row = _chosen(front, choice)
             path = path_message(row.point.trajectory, frame_id=self.known.frame_id)
             if len(path["poses"]) > MOST_POSES:
-                raise Failure(ErrorCode.UNKNOWN, f"the path has {len(path['poses']):,} poses, more than {MOST_POSES:,}")
+                long = f"the path has {len(path['poses']):,} poses, more than {MOST_POSES:,}; give a nearer goal"
+                raise Failure(ErrorCode.UNKNOWN, long)
         except Failure as failure:
             return failed(self.known, failure, perf_counter() - began)
         values = values_of(self.known, path, perf_counter() - began)
         return GoalResult(GoalStatus.SUCCEEDED, values, options_of(front, row))
 
     def _choice(self, planner_id: Any) -> str:
-        """Return the choice that a goal names; an impossible one is refused before planning."""
+        """Return the trajectory that a planner_id chooses, such as "knee"; Failure before planning if it is unknown."""
         if not isinstance(planner_id, str) or len(planner_id) > LONGEST_CHOICE:
-            raise Failure(ErrorCode.INVALID_PLANNER, f"planner_id is a short text, got {shown(planner_id)}")
+            raise Failure(ErrorCode.INVALID_PLANNER, f"planner_id must be a short text, got {shown(planner_id)}")
         choice = choice_of(planner_id or self.known.choice)
         if self.names and not self._is_known(choice):
-            raise Failure(ErrorCode.INVALID_PLANNER, f"planner_id is one of {self._choices()}, got {shown(planner_id)}")
+            known = self._choices()
+            raise Failure(ErrorCode.INVALID_PLANNER, f"planner_id must be one of {known}, got {shown(planner_id)}")
         return choice
 
     def _is_known(self, choice: str) -> bool:
+        """Return whether a choice is a row number, the knee, or a criterion."""
         return choice.isdecimal() or choice in ("knee", *self.names)
 
     def _choices(self) -> str:
+        """Return the possible choices as text, for messages."""
         return ", ".join(["knee", *(f"least {name}" for name in self.names)])
 
     def _start(self, asked: Mapping[str, Any], robot: PlanarPose | None) -> PlanarPose:
+        """Return the start of a goal: its own, or the pose of the robot; Failure if neither is known."""
         if asked.get("use_start") is True:
             return self._pose(asked.get("start"), "the start")
         if robot is None:
             raise Failure(
                 ErrorCode.TF_ERROR,
-                f"use_start is false, but {self.known.pose_topic} told no pose of the robot in {self.known.frame_id}",
+                f"use_start is false, but no pose of the robot in {self.known.frame_id} has come from "
+                f"{self.known.pose_topic}; publish it, or send a start",
             )
         return robot
 
     def _pose(self, message: Any, where: str) -> PlanarPose:
-        """Return a pose in the frame of the map; Failure for another frame."""
+        """Read a pose; Failure unless it is in the frame of the map."""
         try:
             pose = planar_pose(message, where)
         except RosError as error:
@@ -119,13 +121,13 @@ class GoalPlanner:
         if pose.frame != self.known.frame_id:
             raise Failure(
                 ErrorCode.TF_ERROR,
-                f"{where} must be in the frame {self.known.frame_id}, as transforms are not known here, got "
+                f"{where} must be in the frame {self.known.frame_id}, because this server does not use tf; got "
                 f"{shown(pose.frame)}",
             )
         return pose
 
     def _solved(self, start: PlanarPose, end: PlanarPose, progress: ProgressCallback | None) -> Front:
-        """Return the front between two poses; Failure if it has no points."""
+        """Solve the problem between two poses and return the front; Failure if it has no points."""
         own = self.problem
         whole = own.goal if isinstance(own.goal, tuple) else own.start
         begin, finish = self._state(own.start, start), self._state(whole, end)
@@ -149,12 +151,15 @@ class GoalPlanner:
         return front
 
     def _state(self, whole: Values, pose: PlanarPose) -> Values:
-        """Return a state of the robot with the given pose of its base; other values are those of ``whole``."""
+        """Return a state of the robot with its base at a given pose, and all other values from the state ``whole``."""
         told: dict[str, float] = dict(zip(OF, pose[:3], strict=True))
         return tuple(told.get(name, value) for name, value in zip(self.problem.model.space.names, whole, strict=True))
 
     def _check_free(self, values: Values, what: str, outside: ErrorCode, occupied: ErrorCode) -> None:
-        """Raise Failure for a state off the map or in an obstacle; a free angle is that of the start."""
+        """Raise Failure if the start or goal (named by ``what``) is off the map or blocked.
+
+        A free angle is taken from the start.
+        """
         own = self.problem
         space = own.model.space
         full = [own.start[i] if value is None else value for i, value in enumerate(values)]
@@ -166,7 +171,7 @@ class GoalPlanner:
 
 
 def choice_of(planner_id: str) -> str:
-    """Return the point of a front that a planner_id names: "knee", the name of a criterion, or a row number.
+    """Return which trajectory a planner_id chooses: "knee", the name of a criterion (for its least), or a row number.
 
     >>> choice_of("fewest turns"), choice_of("least_personal_space"), choice_of("knee")
     ('turns', 'personal_space', 'knee')
@@ -176,7 +181,7 @@ def choice_of(planner_id: str) -> str:
 
 
 def options_of(front: Front, chosen: NamedRow) -> Message:
-    """Return a description of a front: costs of its points, named points, the chosen point, and the claim.
+    """Describe a front for the options topic: costs of its points, named points, the chosen row, and the certificate.
 
     A front of more than 500 points is reduced to 500 evenly spaced ones and the named ones.
     """
@@ -197,6 +202,7 @@ def options_of(front: Front, chosen: NamedRow) -> Message:
 
 
 def _chosen(front: Front, choice: str) -> NamedRow:
+    """Return the row of a front that a choice names; Failure if there is none."""
     try:
         (row,) = named_rows(front, [choice])
     except (OptionError, UnknownName) as error:
@@ -205,6 +211,7 @@ def _chosen(front: Front, choice: str) -> NamedRow:
 
 
 def _checked(goal: Any) -> Mapping[str, Any]:
+    """Return the fields of a goal; Failure if the goal is not a message with fields."""
     try:
         return mapping(goal, "the goal")
     except RosError as error:

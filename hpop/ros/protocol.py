@@ -1,4 +1,4 @@
-"""Messages that an action server for ComputePathToPose exchanges by the protocol rosbridge v2.
+"""Messages of the rosbridge v2 protocol between the bridge and an action server for ComputePathToPose.
 
 Written from ROSBRIDGE_PROTOCOL.md of RobotWebTools/rosbridge_suite, commit 01cc6a1, sections 3.2.1 to 3.2.5 (topics)
 and 3.2.10 to 3.2.15 (actions). An incoming message is limited in size before it is parsed, and refused unless it is an
@@ -36,21 +36,18 @@ FIELDS = {
     "kilted": ("path", "planning_time", "error_code", "error_msg"),
     "rolling": ("path", "planning_time", "error_code", "error_msg"),
 }
-"""Fields of the result of ComputePathToPose, by distribution: a bridge drops a result with other fields."""
+"""Fields of the result of ComputePathToPose, by ROS distribution: a bridge drops a result with other fields."""
 
 
 @checked_arguments
 @dataclass(frozen=True)
 class Interface:
-    """Names of the planner in ROS.
+    """Names of the action, topics and frames by which ROS reaches the planner.
 
-    action         name of the action, which no other server may have
-    distribution   distribution of ROS 2 with the nav2_msgs of the bridge
-    frame_id       frame of the map, of goals and paths
-    pose_topic     topic of the robot's pose in that frame, for goals with ``use_start`` false
-    pose_type      of its messages, one of three
-    options_topic  topic for the front of each plan, as JSON in a std_msgs/msg/String
-    choice         meaning of an empty planner_id
+    action name of the action, which no other server may have distribution distribution of ROS 2 with the nav2_msgs of
+    the bridge frame_id frame of the map, of goals and paths pose_topic topic of the robot's pose in that frame, for
+    goals with ``use_start`` false pose_type type of its messages, one of three options_topic topic for the front of
+    each plan, as JSON in a std_msgs/msg/String choice trajectory for an empty planner_id, such as "knee"
 
     Raises OptionError for an invalid name.
     """
@@ -81,13 +78,13 @@ class Interface:
 
 ACTION = "nav2_msgs/action/ComputePathToPose"
 TEXT = "std_msgs/msg/String"
-MOST_BYTES = 2**20  # of an incoming message; a goal has 1 kB
+MOST_BYTES = 2**20  # largest incoming message; a goal has 1 kB
 LONGEST_ID = 1000  # characters
-THROTTLE = 100  # ms between two poses of the robot, at least
+THROTTLE = 100  # least time between two poses of the robot, ms
 
 
 class GoalStatus(IntEnum):
-    """End of a goal, as in action_msgs/msg/GoalStatus."""
+    """Final status of a goal, as in action_msgs/msg/GoalStatus."""
 
     SUCCEEDED = 4
     CANCELED = 5
@@ -95,29 +92,29 @@ class GoalStatus(IntEnum):
 
 
 def parsed(data: str | bytes) -> Mapping[str, Any]:
-    """Parse an incoming message, which must be an object with a text ``op``; RosError for anything else."""
+    """Parse an incoming message, which must be a JSON object with a text ``op``; raise RosError for anything else."""
     if isinstance(data, bytes):
         raise RosError("a binary message, which was not requested")
     if len(data) > MOST_BYTES:
-        raise RosError(f"a message of {len(data):,} characters, more than the {MOST_BYTES:,} that are taken")
+        raise RosError(f"a message of {len(data):,} characters, more than the limit of {MOST_BYTES:,}")
     try:
         message = strict_json.parse(data.encode())
     except RecursionError:
         raise RosError("brackets nested too deeply") from None
     except ValueError as error:  # no JSON, no UTF-8, a number too large
-        raise RosError(f"a message that is no JSON: {shown(str(error))}") from None
+        raise RosError(f"a message that is not JSON: {shown(str(error))}") from None
     if not isinstance(message, dict) or not isinstance(message.get("op"), str):
         raise RosError(f"expected an object with an op, got {shown(message)}")
     return message
 
 
 def goal_id(message: Mapping[str, Any]) -> str:
-    """Return the id of a goal as text; in the protocol it may also be a whole number. RosError otherwise."""
+    """Return the id of a goal as text (the protocol also allows whole numbers); raise RosError if it has none."""
     identifier = message.get("id")
     if isinstance(identifier, int) and not isinstance(identifier, bool):
         identifier = str(identifier)
     if not isinstance(identifier, str) or not 0 < len(identifier) <= LONGEST_ID:
-        raise RosError(f"a goal has an id, got {shown(identifier)}")
+        raise RosError(f"a goal must have an id, got {shown(identifier)}")
     return identifier
 
 
@@ -127,7 +124,7 @@ def encoded(message: Message) -> str:
 
 
 def greetings(known: Interface) -> list[Message]:
-    """Return the messages that open a connection: they offer the action and subscribe to the pose of the robot."""
+    """Return the messages that open a connection: they offer the action and subscribe to the robot's pose."""
     return [
         {"op": "advertise", "topic": known.options_topic, "type": TEXT},
         {
@@ -151,7 +148,7 @@ def farewells(known: Interface) -> list[Message]:
 
 
 def feedback(known: Interface, goal: str) -> Message:
-    """Return the feedback that a goal is being planned; feedback of ComputePathToPose has no fields."""
+    """Return the feedback message that keeps a goal alive while it is planned; it has no fields."""
     return {"op": "action_feedback", "id": goal, "action": known.action, "values": {}}
 
 
@@ -166,7 +163,7 @@ def result(known: Interface, goal: str, status: GoalStatus, values: Message) -> 
 
 
 def publication(known: Interface, options: Message) -> Message:
-    """Return a message that publishes a front on the topic of options."""
+    """Return the message that publishes a front on the options topic."""
     return {"op": "publish", "topic": known.options_topic, "msg": {"data": encoded(options)}}
 
 
@@ -189,7 +186,7 @@ class ErrorCode(IntEnum):
 
 
 class Failure(Exception):
-    """Goal without a path: the error code, and the reason as text."""
+    """Error that ends a goal without a path, with the ROS error code and the reason as text."""
 
     def __init__(self, code: ErrorCode, why: str) -> None:
         super().__init__(why)
@@ -197,7 +194,7 @@ class Failure(Exception):
 
 
 class GoalResult(NamedTuple):
-    """Result of a goal: status, fields of the result message, and the front sent with it, if any."""
+    """Result of a goal: its status, the fields of the result message, and the front to publish, if any."""
 
     status: GoalStatus
     values: Message
@@ -207,7 +204,7 @@ class GoalResult(NamedTuple):
 def values_of(
     known: Interface, path: Message | None, seconds: float, code: ErrorCode = ErrorCode.NONE, why: str = ""
 ) -> Message:
-    """Return the fields of a result that the distribution has; without a path, they hold an empty path."""
+    """Return the fields of a result message that the ROS distribution has; without a path, the path is empty."""
     whole: Message = {
         "path": path or {"header": header(0, known.frame_id), "poses": []},
         "planning_time": stamp(round(seconds * SECOND)),

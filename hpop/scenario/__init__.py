@@ -101,7 +101,7 @@ SHAPES = ("box", "cylinder", "sphere", "hull")
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scenario:
-    """Problem, planners and preference of a scenario file."""
+    """Content of a scenario file: its problem, its planners and, if given, a person's preference."""
 
     problem: Problem
     planners: tuple[Planner, ...]
@@ -110,20 +110,21 @@ class Scenario:
 
 
 def load_scenario(path: str | Path) -> Scenario:
-    """Read, check and build a scenario.
+    """Read, check and build a scenario from a YAML file.
 
-    Everything but the world is checked first, and all faults are reported at once, in the order of the file, each with
+    Everything except the world is checked first. All faults are reported together, in the order of the file, each with
     file, line and key. Faults of one kind are raised as that kind (UnknownName, ModelError, CriterionError,
-    OptionError, QueryError); faults of the file's form, or of several kinds, as ScenarioError. Then follow MapError for
-    the world, and LimitError if reading it passes the limits of all planners.
+    OptionError, QueryError); faults of the file's form, or of several kinds, as ScenarioError. Then the world is read:
+    this raises MapError, or LimitError if reading it passes the limits of all planners.
     """
     return read_scenario(Document(Path(path)), {})
 
 
 def read_scenario(document: Document, worlds: dict[str, World]) -> Scenario:
-    """Check and build the scenario of a document; see :func:`load_scenario`.
+    """Check and build the scenario in a YAML document; see :func:`load_scenario`.
 
-    ``worlds`` keeps each world that was read by the text of its section: scenarios with equal sections share it.
+    ``worlds`` is a cache of the worlds that were read, by the text of their section, so that scenarios with equal
+    sections share one world.
     """
     given, faults = document.values, Faults(document)
     faults.no_map()
@@ -201,19 +202,22 @@ def read_scenario(document: Document, worlds: dict[str, World]) -> Scenario:
 
 @contextmanager
 def _reading(spending: Spending) -> Iterator[None]:
-    """Enforce the limits of a run while the world is read; LimitError if one is passed."""
+    """Enforce the planners' limits while the world is read; raise LimitError if one is passed."""
     try:
         with limits.within(spending):
             yield
     except Exhausted as stop:
         raise LimitError(
-            f"{stop.status}: it was passed while {stop.doing}, so nothing is planned yet; raise "
-            f"{OPTIONS[stop.status]} of the planner, or give a smaller map"
+            f"{stop.status} reached while {stop.doing}, before planning began; raise {OPTIONS[stop.status]} of the "
+            "planner, or give a smaller map"
         ) from None
 
 
 def _preference(faults: Faults, folder: Path, choose: Choose | None, wanted: Sequence[Criterion]) -> Preference | None:
-    """Return the preference that marks a point "for you", if any; it must weigh only costs of the front."""
+    """Load the preference of a person that `choose` names; None if there is none.
+
+    It marks a trajectory "for you", so every cost that it weighs must be a cost of the front.
+    """
     if choose is None:
         return None
     place = ("choose", "preference")
@@ -237,19 +241,19 @@ def _preference(faults: Faults, folder: Path, choose: Choose | None, wanted: Seq
 
 
 def _landmark(faults: Faults, entry: LandmarkEntry, place: Place) -> Landmark:
-    """Build a landmark from an entry."""
+    """Build a landmark from its entry in the scenario."""
     return Landmark(**{**_given(entry), "facing": faults.angle(entry.facing, (*place, "facing"), "a direction")})
 
 
 def _solid_entries(given: Any) -> Any:
-    """Return the entries of a world of solids; None for another world."""
+    """Return the list of solids under ``world: solids: obstacles``; None if the world is given otherwise."""
     for key in ("world", "solids", "obstacles"):
         given = given.get(key) if isinstance(given, dict) else None
     return given
 
 
 def _solid(faults: Faults, entry: SolidEntry, place: Place) -> Solid | None:
-    """Build a solid from an entry."""
+    """Build a solid from its entry in the scenario; None after noting a fault."""
     shapes = [name for name in SHAPES if getattr(entry, name) is not None]
     if len(shapes) != 1:
         faults.add(place, f"give exactly one of {', '.join(SHAPES)}; got {' and '.join(shapes) or 'none'}")
@@ -271,18 +275,18 @@ def _solid(faults: Faults, entry: SolidEntry, place: Place) -> Solid | None:
 
 
 def _given(entry: BaseModel) -> dict[str, Any]:
-    """Return the values set in an entry, without defaults."""
+    """Return the values that an entry sets, without defaults."""
     return {key: getattr(entry, key) for key in entry.model_fields_set}
 
 
 def _zone(entry: ZoneEntry, place: Place) -> Zone:
-    """Build a zone from an entry."""
+    """Build a zone from its entry in the scenario."""
     path = None if entry.path is None else shapely.LineString(entry.path)
     return Zone(**{**_given(entry), "area": shapely.Polygon(entry.area), "path": path})
 
 
 def _plugin_reader(section: Any) -> str | None:
-    """Return the reader of an installed package that a world section names, or None."""
+    """Return the name of an installed package's reader, if the world section names one; None for hpop's readers."""
     if not isinstance(section, dict) or len(section) != 1:
         return None
     (name,) = section
@@ -290,7 +294,7 @@ def _plugin_reader(section: Any) -> str | None:
 
 
 def _furnished(world: World, section: WorldSection, folder: Path, content: Content) -> World:
-    """Return a world with people, landmarks and zones, including those in files of its section."""
+    """Return a world with people, landmarks and zones, including those from GeoJSON files that its section names."""
     landmarks, zones = content.landmarks, content.zones
     if section.geojson is not None:
         given = section.geojson
@@ -298,7 +302,7 @@ def _furnished(world: World, section: WorldSection, folder: Path, content: Conte
             role: [_content_file(file, folder) for file in (named if isinstance(named, list) else [named])]
             for role, named in (("landmarks", given.landmarks), ("flows", given.flows), ("zones", given.zones))
         }
-        found = cast(dict[str, Any], world.source)["options"]  # including options that the reader determined
+        found = cast(dict[str, Any], world.source)["options"]  # includes options that the reader found in the file
         placed = {key: found.get(key) for key in ("scale", "origin", "units", "crs")}
         read, notes = geojson_content.read(**paths, **placed, width=given.flow_width)
         landmarks, zones = read.landmarks + landmarks, read.zones + zones
@@ -309,17 +313,18 @@ def _furnished(world: World, section: WorldSection, folder: Path, content: Conte
 
 
 def _content_file(file: str | ContentFile, folder: Path) -> Path | dict[str, Any]:
-    """Return a file of landmarks, flows or zones as its reader takes it, with its path resolved from the folder."""
+    """Return a GeoJSON file of landmarks, flows or zones as its reader takes it, with the path resolved."""
     return folder / file if isinstance(file, str) else {"path": folder / file.path, "where": file.where}
 
 
 def _with_notes(world: World, notes: tuple[str, ...]) -> World:
+    """Return a world with more notes (texts to print)."""
     noted = dataclasses.replace(world, notes=world.notes + notes)
     return noted if world.source is None else noted.read_from(world.source)
 
 
 def _bare_world(section: WorldSection, folder: Path, solids: list[Solid]) -> World:
-    """Return the world of a section without content; paths are relative to the folder."""
+    """Build the world of a section without people, landmarks and zones; paths are relative to the folder."""
     name, given = next((name, value) for name, value in section if value is not None)
     if isinstance(given, MapFile):
         options = {key: value for key, value in _given(given).items() if key not in given.beside}

@@ -1,4 +1,4 @@
-"""Read the events of a drive from YAML; errors name the entry, the line and the fix.
+"""Events of a simulated drive, read from YAML; errors name the entry, the line and the fix.
 
 ::
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 
 class EventEntry(BaseModel):
-    """Event: a time, and exactly one action."""
+    """Event of a drive: a time, s, and exactly one action."""
 
     model_config = STRICT
     at: float = Field(ge=0)
@@ -56,7 +56,7 @@ class EventEntry(BaseModel):
 
 
 class EventsFile(BaseModel):
-    """Keys of an events file."""
+    """Keys of an events file: the trajectory to drive, and the events."""
 
     model_config = STRICT
     choice: str | int = "knee"
@@ -64,11 +64,10 @@ class EventsFile(BaseModel):
 
 
 class Script(NamedTuple):
-    """Row to drive, and the events on its way.
+    """Trajectory to drive, and the events on the way.
 
-    choice  a name or number of a front's row
-    events  in order of time
-    notes   on the files
+    choice a name or number of a front's row events in order of time notes notes (texts to print) on files
+    that the events name
     """
 
     choice: str | int
@@ -77,9 +76,10 @@ class Script(NamedTuple):
 
 
 def load_events(path: str | Path, problem: Problem | None = None, names: Sequence[str] = ()) -> Script:
-    """Read and check an events file; errors, mostly ScenarioError, list all faults by line.
+    """Read and check an events file; an error, mostly ScenarioError, lists all faults by line.
 
-    With a problem, and the names of its front's costs, doors, people and costs unknown to its drive are faults too.
+    If ``problem`` and the names of its front's costs are given, doors, people and costs that the drive does not know
+    are faults too.
     """
     document = Document(Path(path))
     faults = Faults(document)
@@ -102,7 +102,7 @@ def load_events(path: str | Path, problem: Problem | None = None, names: Sequenc
 
 
 def _know(faults: Faults, events: Sequence[Event], problem: Problem, names: Sequence[str]) -> None:
-    """Note doors, people and costs that are unknown at the time of their event."""
+    """Add a fault for each door, person or cost that is unknown at the time of its event."""
     there = DriveSurroundings.of(problem, 0.0)
     for i, event in enumerate(events):
         place = ("events", i, event.kind)
@@ -121,7 +121,8 @@ def _know(faults: Faults, events: Sequence[Event], problem: Problem, names: Sequ
                     checked_wish(None if shares else event.value, shares, names)
                     if event.value == HURRY and "duration" not in names:
                         faults.add(
-                            place, f"'hurry' is less duration, and the costs are {', '.join(names)}; plan with it"
+                            place,
+                            f"'hurry' needs the cost duration, but the front has {', '.join(names)}; plan with it",
                         )
                 case "take" if isinstance(event.value, str) and not event.value.isdigit():
                     name_meant(["knee", *(f"least {name}" for name in names)], event.value)
@@ -130,19 +131,20 @@ def _know(faults: Faults, events: Sequence[Event], problem: Problem, names: Sequ
 
 
 def _event(faults: Faults, entry: EventEntry, place: Place) -> Event | None:
+    """Build an event from its entry; None after noting a fault."""
     given = [kind for kind in KINDS if getattr(entry, kind) is not None]
     if len(given) != 1:
         faults.add(place, f"give exactly one of {', '.join(KINDS)}; got {' and '.join(given) or 'none'}")
         return None
     (kind,) = given
     if entry.name and not isinstance(entry.close, list):
-        faults.add((*place, "name"), "a name is for corners that are closed; leave it out")
+        faults.add((*place, "name"), "only an area given by corners (close: [[x, y], ...]) has a name; leave it out")
         return None
     return Event(entry.at, kind, _value(faults, kind, getattr(entry, kind), place), entry.name)
 
 
 def _value(faults: Faults, kind: str, value: Any, place: Place) -> Any:
-    """Return the value of an event."""
+    """Convert the value of an event: an area to a polygon, people to persons; other values stay as they are."""
     match kind:
         case "close":
             return _area(faults, value, place)
@@ -155,9 +157,10 @@ def _value(faults: Faults, kind: str, value: Any, place: Place) -> Any:
 
 
 def _area(faults: Faults, value: Any, place: Place) -> Any:
+    """Convert the value of `close` to a polygon, or keep it if it is the name of a zone."""
     if isinstance(value, str):
         return value
     if len(value) < 3:
-        faults.add((*place, "close"), "an area has three or more corners [x, y] in m")
+        faults.add((*place, "close"), f"expected three or more corners [x, y] in m, got {len(value)}")
         return None
     return Polygon(value)

@@ -1,4 +1,4 @@
-"""Faults of a scenario file, each with line, key and fix, reported together."""
+"""Collection of the faults of a scenario file, which are reported together, each with line, key and fix."""
 
 from __future__ import annotations
 
@@ -39,23 +39,23 @@ EXPECTED = {
     "dict_type": "keys with values",
     "model_type": "keys with values",
 }
-"""What pydantic's kinds of fault expect, in the words of this file."""
+"""Expected value for each kind of fault that pydantic reports, in words for the user."""
 MOST_FAULTS = 20
-"""Faults that are told one by one."""
+"""Largest number of faults that one error lists."""
 MOST_COMPARED = 500
-"""Faults of one part of a file that are looked at: each is compared with the others."""
+"""Largest number of faults in one part of a file that are examined, since each is compared with the others."""
 T = TypeVar("T")
 
 
 def entries(value: Any) -> list[Any]:
-    """Return the entries of a list; none for another value, which the schema reports."""
+    """Return a value if it is a list, else an empty list; the schema reports the fault."""
     return value if isinstance(value, list) else []
 
 
 class Faults:
-    """Collector of a scenario's faults, so that all are reported together.
+    """Collector of the faults of a scenario file, so that all are reported together.
 
-    notes  on files that the scenario names
+    notes notes (texts to print) on files that the scenario names
     """
 
     def __init__(self, document: Document) -> None:
@@ -64,15 +64,18 @@ class Faults:
         self.notes: list[str] = []
 
     def beside(self, path: str) -> Path:
-        """Return a path of the scenario, resolved from its folder."""
+        """Return a path that the scenario gives, resolved from the scenario's folder."""
         return self._document.path.parent / path
 
     def add(self, place: Place, text: str, kind: type[HpopError] = ScenarioError) -> None:
-        """Note a fault at a position in the file."""
+        """Add a fault at a position (keys) in the file; ``kind`` is the class of its error."""
         self._found.append((self._document.line(place), kind(f"{self._document.where(place)}: {text}")))
 
     def raise_all(self) -> None:
-        """Raise the collected faults in the order of the file: as their own kind if it is only one."""
+        """Raise all collected faults as one error, in the order of the file; do nothing if there are none.
+
+        The error has the class of the faults if they share one, else it is a ScenarioError.
+        """
         if not self._found:
             return
         errors = [error for _, error in sorted(self._found, key=lambda fault: fault[0])]
@@ -84,7 +87,7 @@ class Faults:
 
     @contextmanager
     def collected(self, place: Place) -> Iterator[None]:
-        """Note errors that hpop, or a plugin's constructor, raises about a value."""
+        """Add a fault for an error that hpop, or the constructor of a plugin, raises in the ``with`` block."""
         try:
             yield
         except HpopError as error:
@@ -93,7 +96,7 @@ class Faults:
             self.add(place, str(error))
 
     def validated(self, schema: type[BaseModel], values: Any, place: Place) -> Any:
-        """Validate values strictly against a schema; return None after noting one fault per position."""
+        """Validate values strictly against a schema and return its instance; None after adding a fault per position."""
         try:
             return schema.model_validate_json(json.dumps(values), context={"folder": str(self._document.path.parent)})
         except ValidationError as error:
@@ -103,12 +106,12 @@ class Faults:
             below = any(other[: len(where)] == where != other for other in places)
             here = [fault for at, fault in details if at == where]
             if below and all(map(_expected, here)):
-                continue  # the alternatives that were not meant
+                continue  # faults of the alternatives that the user did not mean
             self.add(where, _said(schema, where[len(place) :], here))
         return None
 
     def _place(self, place: Place, loc: tuple[str | int, ...]) -> Place:
-        """Return the position of a fault in the file, without pydantic's names for alternatives."""
+        """Return the position of a fault in the file, without the names of alternatives that pydantic inserts."""
         for key in loc:
             here = (*place, key)
             branch = isinstance(key, str) and (
@@ -119,7 +122,7 @@ class Faults:
         return place
 
     def one_world(self, section: Any) -> None:
-        """Check that exactly one world is given."""
+        """Add a fault unless the world section gives exactly one world."""
         if isinstance(section, dict):
             ways = list(WorldSection.model_fields)
             given = [name for name in ways if section.get(name) is not None]
@@ -131,21 +134,24 @@ class Faults:
                     self.add(("world", name), f"write the file as {{path: {shown(section[name])}}}")
         elif isinstance(section, str):
             reader = ENDINGS.get(Path(section).suffix.lower(), "ros_map")
-            self.add(("world",), f"name its reader as well: {{{reader}: {{path: {shown(section)}}}}}")
+            self.add(("world",), f"expected a reader with its file: {{{reader}: {{path: {shown(section)}}}}}")
 
     def no_map(self) -> None:
-        """Raise ScenarioError if the file is a map instead of a scenario."""
+        """Raise ScenarioError if the file is a map rather than a scenario."""
         given = self._document.values
         a_ros_map, a_geojson = {"image", "resolution"} <= given.keys(), "features" in given
         if "world" not in given and (a_ros_map or a_geojson):
             reader, path = "ros_map" if a_ros_map else "geojson", self._document.path
             raise ScenarioError(
-                f"{path}: this is a map, not a scenario; a scenario is a YAML file of its own that names it, with "
+                f"{path}: this is a map, not a scenario; write a separate YAML file that names it, with "
                 f"world: {{{reader}: {{path: {path.name}}}}}, start, goal and criteria"
             )
 
     def built(self, registry: Registry[type], spec: Any, place: Place) -> object:
-        """Build an object of a registry from a name, or from a name with parameters, which are checked by type."""
+        """Create an object of a registry from its name, or from its name with parameters, which are checked by type.
+
+        Returns None after adding a fault.
+        """
         if not isinstance(spec, str | dict):
             return None  # the file's schema reports it
         if len(named := {spec: {}} if isinstance(spec, str) else spec) != 1:
@@ -167,9 +173,9 @@ class Faults:
         return None
 
     def state(self, given: Any, place: Place, space: StateSpace | None) -> dict[str, Any] | None:
-        """Return a start or goal by name, angles in rad, a goal's free ones None; None after noting a fault.
+        """Return a start or goal as values by name, with angles in rad and free angles None; None after adding a fault.
 
-        Without a space, because the model is faulty, only angles are checked.
+        Without a space (``space`` is None because the model is faulty), only angles are checked.
         """
         what = str(place[0])
         if space is None:
@@ -196,13 +202,15 @@ class Faults:
         return None
 
     def _column(self, value: Any, place: Place, space: StateSpace, name: str) -> Any:
-        """Return the value of one column of a start or goal."""
+        """Check the value of one state, such as x or yaw, at the start or a goal, and return it."""
         what = str(place[0])
         turns = name in space.angles
         if value == "any":
             if what == "goal":
                 return None
-            self.add(place, f"the {name} at the start is given, in rad or as '0 deg'; only a goal's may be 'any'")
+            self.add(
+                place, f"the {name} at the start must be in rad, or text such as '0 deg'; only goals may have 'any'"
+            )
             return 0.0
         angle = self.angle(value, place, article(name), ", or 'any'" if what == "goal" else "") if turns else value
         with self.collected(place):
@@ -210,7 +218,7 @@ class Faults:
         return 0.0
 
     def goal(self, given: Any, place: Place, model: Model | None) -> Any:
-        """Return a goal, or a list of alternative goals."""
+        """Check and build a goal, or a list of alternative goals."""
         speaks = model is not None and (model.space.named or model.space.unnamed)
         kinds = (list, dict, str) if speaks else (list, dict)
         if isinstance(given, list) and given and all(isinstance(entry, kinds) for entry in given):
@@ -218,7 +226,7 @@ class Faults:
         return self._one_goal(given, place, model)
 
     def _one_goal(self, given: Any, place: Place, model: Model | None) -> Any:
-        """Return a goal by name with its parameters, or a state."""
+        """Check and build one goal: a state, or a registered goal by name with its parameters."""
         if not is_named(given) and not (isinstance(given, str) and given in goals):
             return self.state(given, place, None if model is None else model.space)
         ((name, parameters),) = given.items() if isinstance(given, dict) else [(given, None)]
@@ -231,7 +239,7 @@ class Faults:
         return made
 
     def tour(self, given: Any, place: Place, model: Model | None) -> Tour | None:
-        """Return a tour; None without one, or after noting a fault."""
+        """Build a tour; None if there is none, or after adding a fault."""
         if not isinstance(given, dict):
             return None  # the file's schema reports it
         stops = [self._stop(entry, (*place, "stops", i), model) for i, entry in enumerate(entries(given.get("stops")))]
@@ -243,7 +251,7 @@ class Faults:
         return None
 
     def _stop(self, given: Any, place: Place, model: Model | None) -> TourStop | None:
-        """Return a stop; None after noting a fault."""
+        """Build a stop of a tour; None after adding a fault."""
         named = [key for key in given if key in goals] if isinstance(given, dict) else []
         own = {key: value for key, value in given.items() if key not in named} if isinstance(given, dict) else given
         checked = self.validated(StopEntry, own, place)
@@ -257,7 +265,7 @@ class Faults:
         return None
 
     def angle(self, given: Any, place: Place, what: str, otherwise: str = "") -> Any:
-        """Return an angle in rad from a number, or from text in degrees."""
+        """Return an angle in rad, given as a number in rad or as text in degrees; add a fault for another value."""
         angle = Degrees.in_radians(given)
         if not isinstance(angle, str):
             return angle
@@ -269,7 +277,7 @@ class Faults:
     def made(
         self, given: Any, within: Place, schema: type[BaseModel], make: Callable[[Any, Place], T]
     ) -> list[T | None]:
-        """Build the values of a list's entries; None for entries with a fault, which is noted."""
+        """Build a value from each entry of a list, by ``make``; None for an entry with a fault."""
         things: list[T | None] = []
         for place, entry in (((*within, i), entry) for i, entry in enumerate(entries(given))):
             things.append(None)
@@ -281,13 +289,13 @@ class Faults:
 
 
 def _may_be(value: Any, angle: bool) -> bool:
-    """Return whether a value is valid in a column: a finite number, or for an angle also text."""
+    """Return whether a value may be that of a state: a finite number; for an angle also text."""
     number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < math.inf
     return number or (angle and isinstance(value, str))
 
 
 def _form(space: StateSpace, what: str) -> str:
-    """Describe how a start or goal is written."""
+    """Describe how a start or goal must be written, for an error message."""
     *units, last = dict.fromkeys(space.units) if len(set(space.units)) == 1 else space.units
     angle = next((name for name in space.names if name in space.angles), "")
     degrees = f" (or {article(angle)} such as 90 deg{', or any' * (what == 'goal')})" * bool(angle)
@@ -296,7 +304,7 @@ def _form(space: StateSpace, what: str) -> str:
 
 
 def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
-    """Describe all faults at one position in one line."""
+    """Describe all faults at one position of the file in one line."""
     fault = next((one for one in faults if not _expected(one)), faults[0])
     got = fault.get("input")
     if fault["type"] == "extra_forbidden":
@@ -331,17 +339,18 @@ def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
 
 
 def _whole(fault: Any) -> tuple[str | int, ...]:
-    """Return the position at which a fault is reported: a missing entry of a short list is reported for the list."""
+    """Return the position at which a fault is reported. An entry missing from a short list is a fault of the list."""
     loc: tuple[str | int, ...] = fault["loc"]
     return loc[:-1] if fault["type"] == "missing" and isinstance(loc[-1], int) else loc
 
 
 def _expected(fault: Any) -> str:
-    """Return the expectation of pydantic's error in plain words, or "" if pydantic's message states it."""
+    """Return in plain words what a fault of pydantic expected; "" if pydantic's own message says it."""
     return str(fault["ctx"]["expected"]) if fault["type"] == "literal_error" else EXPECTED.get(fault["type"], "")
 
 
 def _note(got: Any) -> str:
+    """Return an explanation if YAML has read a value differently than it looks, such as 1e3 as text; else ""."""
     if isinstance(got, list | dict):
         got = got.values() if isinstance(got, dict) else got
         return next(filter(None, map(_note, got)), "")
@@ -353,7 +362,7 @@ def _note(got: Any) -> str:
 
 
 def _schema_at(schema: Any, loc: Place) -> Any:
-    """Return the schema at a position."""
+    """Return the pydantic schema of the values at a position in the file."""
     for key in loc:
         annotation = getattr(schema.model_fields.get(key), "annotation", None) if isinstance(key, str) else schema
         inner = [a for a in _flat(annotation) if isinstance(a, type) and issubclass(a, BaseModel)]
@@ -362,12 +371,12 @@ def _schema_at(schema: Any, loc: Place) -> Any:
 
 
 def _keys_at(schema: Any, loc: Place) -> list[str]:
-    """Return the keys that a schema has at a position."""
+    """Return the keys that are allowed at a position in the file."""
     return list(_schema_at(schema, loc).model_fields)
 
 
 def _numbers_at(schema: Any, loc: Place) -> int:
-    """Return the number of numbers expected at a position; 0 for other values, or any number of them."""
+    """Return how many numbers are expected at a position in the file; 0 for other values, or any number of numbers."""
     field = _schema_at(schema, loc[:-1]).model_fields.get(loc[-1]) if loc else None
     annotation = getattr(field, "annotation", None)
     for form in (annotation, *getattr(annotation, "__args__", ())):
@@ -377,5 +386,6 @@ def _numbers_at(schema: Any, loc: Place) -> int:
 
 
 def _flat(annotation: Any) -> list[Any]:
+    """Return the plain types inside a type annotation."""
     inside = getattr(annotation, "__args__", ())
     return [leaf for part in inside for leaf in _flat(part)] if inside else [annotation]

@@ -1,4 +1,4 @@
-"""JSON schema of scenario files, with which editors complete and check them.
+"""JSON schema of scenario files, which lets editors complete and check them.
 
 It lists everything registered, with options and their descriptions from docstrings. It follows draft 7, which editors
 support. Conditions that no schema can express, such as a free start, are checked by `hpop look` and `hpop plan`.
@@ -58,10 +58,10 @@ NUMPY = re.compile(r"^(\w+(?:, \w+)*) : (.+)$")
 
 
 def parameter_docs(item: type | Callable[..., Any]) -> dict[str, str]:
-    r"""Return descriptions by parameter name: of a class with its bases, or of a function's docstring.
+    r"""Return the descriptions of the parameters of a class (with its bases) or of a function, by name.
 
-    Three forms are recognised: aligned lines in the docstring (``radius  m  of a round footprint``), comments
-    behind the fields (``radius: float = 2.0  # m``), and NumPy's sections (``scale : float`` and indented lines).
+    Three forms are recognised: aligned lines in the docstring (``radius m of a round footprint``), comments behind the
+    fields (``radius: float = 2.0 # m``), and NumPy's sections (``scale : float`` and indented lines).
 
     >>> def read(path, scale):
     ...     "path : path of the file\n    scale : float\n        Metres a unit."
@@ -78,7 +78,7 @@ def parameter_docs(item: type | Callable[..., Any]) -> dict[str, str]:
 
 
 def _lines(text: str) -> dict[str, str]:
-    """Return descriptions by name from the lines of a docstring, each with the indented lines below."""
+    """Return the descriptions in a docstring by parameter name; indented lines below a description belong to it."""
     found: dict[str, list[str]] = {}
     names: list[str] = []
     typed: set[str] = set()
@@ -97,7 +97,7 @@ def _lines(text: str) -> dict[str, str]:
 
 
 def _plain_text(lines: list[str], *, typed: bool) -> str:
-    """Join lines to plain text without markup; a type in the first line is dropped if a text follows.
+    """Join the lines of a description to plain text without markup; drop a type in the first line if a text follows.
 
     >>> _plain_text(["m  radius of the ball", "round the camera"], typed=False)
     'm, radius of the ball round the camera'
@@ -114,7 +114,7 @@ def _plain_text(lines: list[str], *, typed: bool) -> str:
 
 @cache
 def _comments(cls: type) -> dict[str, str]:
-    """Return the comments behind the fields of a class in its source."""
+    """Return the comments behind the fields in the source of a class, by field name."""
     try:
         source = inspect.getsource(cls)
     except (OSError, TypeError):
@@ -127,40 +127,39 @@ Schema = dict[str, Any]
 
 DRAFT = "http://json-schema.org/draft-07/schema#"
 LINE = "# yaml-language-server: $schema={}"
-"""The first line of a scenario, by which editors find its schema."""
+"""First line of a scenario, which tells editors where its schema is."""
 SHAPES = ("box", "cylinder", "sphere", "hull")
 ENTRIES: dict[str, tuple[tuple[type[BaseModel], ...], type]] = {
     "people": ((PersonEntry, WaypointsEntry, TrackEntry), Person),
     "landmarks": ((LandmarkEntry,), Landmark),
     "zones": ((ZoneEntry,), Zone),
 }
-"""Lists of a scenario, the forms of their entries, and the types whose docstrings say what is in them."""
+"""Lists in a scenario: the possible forms of their entries, and the class whose docstring describes the keys."""
 ANGLE: Schema = {"anyOf": [{"type": "number"}, Degrees.json_schema()]}
 FREE: Schema = {"anyOf": [*ANGLE["anyOf"], {"const": "any"}]}
 KEYS = {
     "world": "the map: exactly one reader with its file and options, or polygons or solids written out",
     "model": "the robot: a name, or one name with its parameters (`hpop models`)",
     "start": "a state of the robot: of a base [x m, y m, yaw rad], the yaw also as '90 deg'; or by name, {x: 1, ...}",
-    "goal": "a state, whose angles may be 'any'; or what the camera shall see (`hpop goals`); or a list: any of them",
-    "criteria": "what is minimised, all at once: names, or names with parameters (`hpop criteria`)",
+    "goal": "a state, whose angles may be 'any'; or a goal such as look_at (`hpop goals`); or a list of alternatives",
+    "criteria": "costs to minimise, all at once: names, or names with parameters (`hpop criteria`)",
     "quanta": "steps in which costs are compared, in their units, by name",
     "planner": "how to plan: a name, one name with its options, or a list of several (`hpop planners`)",
-    "horizon": "s, up to which people are predicted; what was recorded is no prediction",
+    "horizon": "time up to which people are predicted, s; recorded tracks are not cut",
     "people": "people who stand, walk, may do several things, or were recorded: m, m/s, s",
-    "groups": "people who talk with each other: names, or places in the list, counted from 0",
-    "landmarks": "what is worth seeing: m",
-    "zones": "areas with a rule: m",
+    "groups": "people who talk with each other: names, or indices in the list of people, from 0",
+    "landmarks": "points that are worth seeing, m",
+    "zones": "areas with a rule, m",
     "tour": "stops to visit on the way to the goal: positions, goals or landmarks",
-    "choose": "whose choice is marked: a preference that `hpop prefer` wrote",
+    "choose": "a person's preference, written by `hpop prefer`: the best trajectory for this person is marked",
 }
 
 
 def scenario_schema(*, at_home: bool = False) -> Schema:
-    """Return the schema of a scenario file.
+    """Return the JSON schema of scenario files.
 
-    Parameters
-    ----------
-    at_home : leave out everything that is not part of hpop: plugins, and types registered by the user's code
+    Parameters ---------- at_home : leave out everything that is not part of hpop: plugins, and types
+    registered by the user's code
     """
 
     def choice(registry: Registry[type]) -> Schema:
@@ -201,7 +200,7 @@ def scenario_schema(*, at_home: bool = False) -> Schema:
 
 
 def _tour(*, at_home: bool) -> Schema:
-    """Return the schema of a tour; a stop may have one goal by name besides its own keys."""
+    """Return the schema of a tour. A stop may have one registered goal by name, besides its own keys."""
     tour = _described(_form(TourSection), parameter_docs(TourSection))
     stop = _described(_form(StopEntry), parameter_docs(StopEntry) | parameter_docs(TourStop))
     named = {name: cls for name, cls in goals.items() if not at_home or cls.__module__.startswith("hpop.")}
@@ -211,12 +210,12 @@ def _tour(*, at_home: bool) -> Schema:
 
 
 def written(schema: Schema) -> str:
-    """Return a schema as the text of a file."""
+    """Return a schema as the text of a JSON file."""
     return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
 
 
 class _Generator(GenerateJsonSchema):
-    """Generator of schemas for values that a file can hold: types that only Python has are left out."""
+    """Schema generator of pydantic that leaves out types which a YAML file cannot hold."""
 
     def dataclass_schema(self, schema: core_schema.DataclassSchema) -> Schema:
         raise PydanticOmit
@@ -236,13 +235,13 @@ class _Generator(GenerateJsonSchema):
 
 
 def _form(model: type[BaseModel]) -> Schema:
-    """Return the schema of a pydantic model, in draft 7, without references."""
+    """Return the JSON schema of a pydantic model, in draft 7, without references."""
     made = model.model_json_schema(schema_generator=_Generator)
     return cast(Schema, _plain(made, made.pop("$defs", {})))
 
 
 def _plain(schema: Any, definitions: Schema) -> Any:
-    """Return a schema without titles and references; tuples become arrays of draft 7."""
+    """Remove titles and references from a schema; tuples become arrays of draft 7."""
     if isinstance(schema, list):
         return [_plain(one, definitions) for one in schema]
     if not isinstance(schema, dict):
@@ -262,7 +261,7 @@ def _plain(schema: Any, definitions: Schema) -> Any:
 
 
 def _described(schema: Schema, docs: dict[str, str], defaults: Schema | None = None) -> Schema:
-    """Add descriptions and defaults to the properties of a schema, and return it."""
+    """Add descriptions and defaults to the properties of a schema, and return the schema."""
     for name, one in schema.get("properties", {}).items():
         if docs.get(name):
             one["description"] = docs[name]
@@ -272,7 +271,7 @@ def _described(schema: Schema, docs: dict[str, str], defaults: Schema | None = N
 
 
 def _entry(forms: Sequence[type[BaseModel]], said: type) -> Schema:
-    """Return the schema of a list's entry, which has one of several forms."""
+    """Return the schema of an entry in a list, which may have one of several forms."""
     made = [_described(_form(form), parameter_docs(said) | parameter_docs(form)) for form in forms]
     for one in made:
         if future := one["properties"].get("futures"):
@@ -281,7 +280,7 @@ def _entry(forms: Sequence[type[BaseModel]], said: type) -> Schema:
 
 
 def _parameters(cls: Any) -> Schema:
-    """Return the schema of a registered type's parameters."""
+    """Return the schema of the parameters of a registered class."""
     schema = _form(parameters_of(cls))
     for name in model_parameters(cls):
         schema["properties"][name] = _of("model")
@@ -289,7 +288,7 @@ def _parameters(cls: Any) -> Schema:
 
 
 def _defaults(cls: Any) -> Schema:
-    """Return the defaults of parameters that JSON can express."""
+    """Return the default values of a class's parameters, as far as JSON can express them."""
     found = {}
     for field in dataclasses.fields(cls):
         if field.init and field.default is not dataclasses.MISSING and field.default is not None:
@@ -300,6 +299,7 @@ def _defaults(cls: Any) -> Schema:
 
 
 def _jsonable(value: Any) -> Any:
+    """Return a value as JSON would read it back; None if JSON cannot express it."""
     try:
         return json.loads(json.dumps(value, allow_nan=False))
     except (TypeError, ValueError):
@@ -307,7 +307,7 @@ def _jsonable(value: Any) -> Any:
 
 
 def _named(types: dict[str, Any]) -> Schema:
-    """Return the schema of one name with its parameters."""
+    """Return the schema of a mapping with one key: the name of a registered class, with its parameters."""
     properties = {}
     for name, cls in types.items():
         parameters = _parameters(cls)
@@ -323,7 +323,7 @@ def _named(types: dict[str, Any]) -> Schema:
 
 
 def _choice(kind: str, types: dict[str, Any]) -> Schema:
-    """Return the schema of a choice among types: a name, or a name with parameters."""
+    """Return the schema of a choice among registered classes: a name, or a name with parameters."""
     names = [
         {"const": name, "description": summary(cls)} for name, cls in types.items() if not required_parameters(cls)
     ]
@@ -331,7 +331,7 @@ def _choice(kind: str, types: dict[str, Any]) -> Schema:
 
 
 def summary(item: Any) -> str:
-    """Return the first paragraph of a registered type's docstring, with unit and group of a criterion."""
+    """Return the first paragraph of a registered class's docstring; for a criterion with unit, aggregate and group."""
     first = " ".join((item.__doc__ or "").strip().split("\n\n")[0].split()).replace("``", "")
     if not hasattr(item, "aggregate"):
         return first
@@ -340,7 +340,7 @@ def summary(item: Any) -> str:
 
 
 def _world(*, at_home: bool) -> Schema:
-    """Return the schema of a world, given in exactly one way."""
+    """Return the schema of the world section, which gives the world in exactly one way."""
     ways: Schema = {}
     for name, field in WorldSection.model_fields.items():
         form = next(one for one in field.annotation.__args__ if one is not type(None))  # type: ignore[union-attr]
@@ -369,7 +369,7 @@ def _world(*, at_home: bool) -> Schema:
 
 
 def _solid() -> Schema:
-    """Return the schema of a solid with exactly one shape and at most one rotation."""
+    """Return the schema of a solid, which has exactly one shape and at most one rotation."""
     solid = _described(_form(SolidEntry), parameter_docs(SolidEntry))
     _described(solid["properties"]["cylinder"]["anyOf"][0], parameter_docs(CylinderSize))
     turned = {"not": {"required": ["rpy", "quaternion"]}}
@@ -377,7 +377,7 @@ def _solid() -> Schema:
 
 
 def _state(angle: Schema) -> Schema:
-    """Return the schema of a state: a list in the order of columns, a mapping by name, or the name of a state."""
+    """Return the schema of a robot's state: a list of values, a mapping from names to values, or a state's name."""
     return {
         "anyOf": [
             {"type": "array", "minItems": 1, "items": angle},
@@ -388,4 +388,5 @@ def _state(angle: Schema) -> Schema:
 
 
 def _of(name: str) -> Schema:
+    """Return a reference to a definition of the schema."""
     return {"$ref": f"#/definitions/{name}"}

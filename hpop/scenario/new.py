@@ -1,4 +1,4 @@
-"""Write a first scenario for a map: start and goal are far apart in free space, and comments explain each key."""
+"""First scenario for a map: start and goal are far apart in free space, and comments explain each key."""
 
 from __future__ import annotations
 
@@ -27,24 +27,19 @@ from hpop.world import World
 from hpop.world.readers.readers import reader_of
 
 SCHEMA = "scenario.schema.json"
-MOST_BYTES = 2**20  # of a scenario, as hpop.scenario.yaml_lines has it
+MOST_BYTES = 2**20  # largest part of a file that is examined
 RESOLUTION = {"image": "resolution", "movingai": "resolution", "geojson": "scale", "dxf": "scale", "pdf": "scale"}
-"""What readers call metres a pixel, cell or unit."""
+"""Name of the option that gives metres per pixel, cell or unit, by reader."""
 STEPS = ((40.0, 0.25), (120.0, 0.5), (math.inf, 1.0))
-"""Longer sides of maps, m, up to which lattices have such a step."""
-LONGEST = 10.0  # s for each try
+"""Steps of the lattice, m, each with the longest side of a map, m, up to which it is used."""
+LONGEST = 10.0  # time limit of each attempt to plan, s
 MOST_MEMORY = 2 * 10**9  # bytes
 ROOM = (0.0, 0.5, 1.0)
-"""How much larger the robot is, in steps of the lattice, for which start and goal are chosen, one after the other."""
+"""Enlargements of the robot, in steps of the lattice, with which start and goal are chosen, one after the other."""
 
 
 class GivenMap(NamedTuple):
-    """Map file with its reader and the reader's options.
-
-    path
-    reader   name of the reader
-    options  of the reader
-    """
+    """Map file, with the name of its reader and the reader's options."""
 
     path: Path
     reader: str
@@ -52,38 +47,41 @@ class GivenMap(NamedTuple):
 
     @classmethod
     def of(cls, path: Path, reader: str | None, resolution: float | None, options: Mapping[str, Any]) -> GivenMap:
-        """Return a map with the named reader, or the reader for the file's ending; OptionError for a bad resolution."""
+        """Return a map with the named reader, or else the reader for the file's ending.
+
+        Raises MapError if the file is missing, OptionError if a resolution is needed or does not apply.
+        """
         if not path.exists():
             raise MapError(f"{path}: no such file; give the path of a map, or of a scenario (YAML)")
         reader = reader or reader_of(path)
         key = RESOLUTION.get(reader)
         given = dict(options)
         if resolution is not None and key is None:
-            raise OptionError(f"reader {reader!r} takes no resolution, its files say how large they are; leave it out")
+            raise OptionError(
+                f"reader {reader!r} takes no --resolution, because its files state their scale; leave it out"
+            )
         if resolution is not None and key is not None:
             given = {key: resolution, **given}
         if reader == "image" and "resolution" not in given:
             raise OptionError(
-                f"{path} does not say how large it is; give --resolution, metres a pixel: 0.02 where a door of 0.9 m "
-                "is 45 pixels wide"
+                f"{path} does not state its scale; give --resolution, metres per pixel: 0.02 if a door of 0.9 m is 45 "
+                "pixels wide"
             )
         return cls(path, reader, given)
 
     def read(self) -> World:
-        """Read the world; a MapError tells how options are given on the command line."""
+        """Read the world; a MapError also says how to set the reader's options on the command line."""
         try:
             return World.from_file(self.path, reader=self.reader, **self.options)
         except MapError as error:
             said = str(error).rstrip(".")
-            raise MapError(f"{said}. Options of a reader are given by --set, such as --set scale=0.01.") from None
+            raise MapError(f"{said}. Set options of the reader by --set, such as --set scale=0.01.") from None
 
 
 class Draft(NamedTuple):
-    """First problem, and the lattice that plans it.
+    """Problem of a first scenario, with the lattice that plans it.
 
-    problem
-    step    m
-    status  status and reason if no path was found, else None
+    problem step m status status and reason if no path was found, else None
     """
 
     problem: Problem
@@ -92,20 +90,20 @@ class Draft(NamedTuple):
 
 
 def is_scenario(path: Path) -> bool:
-    """Return whether a file is a scenario, judged by its keys; an unreadable file is none."""
+    """Return whether a file is a scenario rather than a map, judged by its keys."""
     if path.suffix.lower() not in (".yaml", ".yml"):
         return False
     try:
         text = read_regular(path, MOST_BYTES)
     except OSError:
-        return not path.exists()  # then the error is about a scenario
+        return not path.exists()  # a missing YAML file is reported as a missing scenario
     return re.search(rb"(^|^\s*\{|,)\s*[\"']?(world|criteria|start|planner)[\"']?\s*:", text, re.MULTILINE) is not None
 
 
 def first_draft(world: World, radius: float | None, start: str | None = None, goal: str | None = None) -> Draft:
-    """Return a problem for a round robot that a lattice can plan; missing ends are chosen far apart.
+    """Return a problem for a round robot, with a lattice that plans it; a missing start or goal is chosen far away.
 
-    If no lattice finds a path to a chosen goal, another goal with wider passages is tried. Raises as `first_problem`.
+    If no lattice finds a path, another start or goal is chosen that wider passages connect. Raises as `first_problem`.
     """
     first: Draft | None = None
     for room in ROOM:
@@ -125,10 +123,10 @@ def first_draft(world: World, radius: float | None, start: str | None = None, go
 def first_problem(
     world: World, radius: float | None, start: str | None = None, goal: str | None = None, *, room: float = 0.0
 ) -> Problem | None:
-    """Return a problem for a round robot from start to goal; missing ends are chosen far apart in free space.
+    """Return a problem for a round robot from start to goal; if one is missing, it is chosen far from the other.
 
-    Both ends are in one connected part of the free space, even for a radius larger by ``room`` (m); None without such a
-    part. Raises MapError if the robot fits nowhere, QueryError for a blocked start or goal.
+    Both are in one connected part of the free space of a robot whose radius is larger by ``room`` (m); the result is
+    None if there is no such part. Raises MapError if the robot fits nowhere, QueryError for a blocked start or goal.
     """
     model: Any = make_model({"differential_drive": {} if radius is None else {"radius": radius}})
     free = FreeMap.of(replace(model, radius=model.radius + room), world)
@@ -146,7 +144,7 @@ def first_problem(
     if asked is not None and math.dist(asked[:2], first if begin else last) > math.dist(
         asked[:2], last if begin else first
     ):
-        first, last = last, first  # the end farther from the given one
+        first, last = last, first  # so that the chosen one is far from the given one
     heading = math.radians(_heading(first, last))
     problem = Problem(
         world, model, begin or (*first, heading), end or (*last, None), ["obstruction", "turns", "length"]
@@ -163,9 +161,9 @@ def _free_nowhere(model: Any, world: World) -> MapError:
     """Return the error for a map on which the robot fits nowhere, with possible causes."""
     x0, y0, x1, y1 = world.bounds
     error = MapError(
-        f"a robot of {model.radius:g} m in radius is free nowhere on this map of {x1 - x0:.4g} x {y1 - y0:.4g} m; is "
-        "its scale right (--resolution), is the outline of the building taken for an obstacle? Options of a reader are "
-        "given by --set, such as --set polygons=outline, a smaller robot by --radius"
+        f"a robot of {model.radius:g} m in radius is free nowhere on this map of {x1 - x0:.4g} x {y1 - y0:.4g} m; "
+        "check the map's scale (--resolution), and whether the outline of the building is read as an obstacle (--set "
+        "polygons=outline); or give a smaller robot by --radius"
     )
     for note in world.notes:
         error.add_note(f"{NOTE}{note}")
@@ -173,9 +171,9 @@ def _free_nowhere(model: Any, world: World) -> MapError:
 
 
 def scenario_text(given: GivenMap, draft: Draft, folder: Path, name: str, *, chosen: bool) -> str:
-    """Return the text of the scenario for a file in a folder, with comments.
+    """Return the text of a scenario file, with comments, to be saved as ``name`` in ``folder``.
 
-    ``chosen`` tells whether start and goal were chosen automatically.
+    ``chosen`` says that hpop chose start and goal automatically; a comment then says so.
     """
     problem, step = draft.problem, draft.step
     path, robot = os.path.relpath(given.path, folder), cast(Any, problem.model)
@@ -189,7 +187,7 @@ def scenario_text(given: GivenMap, draft: Draft, folder: Path, name: str, *, cho
     return f"""\
 {LINE.format(SCHEMA)}
 # Look at it: hpop look {file}        Plan: hpop plan {file} --out {out}
-# The words of these files: hpop explain lattice, hpop explain obstruction, and so on.
+# What the words mean: hpop explain lattice, hpop explain obstruction, and so on.
 world:                          # x from {x0:.4g} to {x1:.4g} m, y from {y0:.4g} to {y1:.4g} m
   {given.reader}: {world}
 model:                          # the robot; hpop models lists others
@@ -197,32 +195,36 @@ model:                          # the robot; hpop models lists others
     radius: {robot.radius:g}                 # m, of the robot as seen from above
     camera_height: {robot.camera_height:g}          # m, of the camera above the floor
 start: {start}      # x m, y m, heading{why}
-goal: {goal}        # any: it may arrive with every heading
-criteria:                       # what is to be small, all at once; hpop criteria lists others
+goal: {goal}        # any: the heading at the goal is free
+criteria:                       # costs to minimise, all at once; hpop criteria lists others
   - obstruction                 # walls and furniture within 2 m of the camera
-  - turns                       # how many times it turns
+  - turns                       # number of turns in place
   - length                      # of the path, m
 planner:                        # hpop planners lists others
-  lattice: {{step: {step:g}}}         # m between positions: less finds better paths, in more time
-# people:                       # who stand or walk about; then criteria such as personal_space can be asked for
+  lattice: {{step: {step:g}}}         # m between positions: a smaller step finds better paths, and takes longer
+# people:                       # people who stand or walk, for criteria such as personal_space
 #   - {{x: {problem.start[0]:.1f}, y: {problem.start[1]:.1f}, yaw: 90 deg, name: Ada}}
-# landmarks:                    # what is worth seeing; then landmark_blindness
+# landmarks:                    # points worth seeing, for criteria such as landmark_blindness
 #   - {{x: {problem.start[0]:.1f}, y: {problem.start[1]:.1f}, name: door}}
 """
 
 
 def _ends(problem: Problem) -> tuple[Any, ...]:
+    """Return the start and the goals of a problem."""
     return problem.start, *problem.goals
 
 
 def _usual_step(world: World) -> float:
-    """Return the step of a lattice for a map of this size, m."""
+    """Return the usual step of a lattice, m, for a map of this size."""
     x0, y0, x1, y1 = world.bounds
     return next(step for side, step in STEPS if max(x1 - x0, y1 - y0) <= side)
 
 
 def _planned(problem: Problem) -> tuple[float, tuple[Status, str] | None]:
-    """Plan with the usual step, a half or a quarter of it; return the step, m, and the status if no path was found."""
+    """Plan with the usual step, then half and a quarter of it, until a path is found.
+
+    Returns the step, m, and None; or, if no path was found, the usual step with status and reason.
+    """
     step = _usual_step(problem.world)
     length = next(one for one in problem.criteria if one.name == "length")
     shortest = replace(problem, criteria=(length,))
@@ -238,14 +240,14 @@ def _planned(problem: Problem) -> tuple[float, tuple[Status, str] | None]:
 
 
 def _written(values: Any) -> str:
-    """Write a state for a scenario, with the heading in degrees."""
+    """Return a state as a scenario file writes it, with the heading in degrees."""
     x, y, yaw = values
     heading = "any" if yaw is None else f"{math.degrees(yaw):.4g} deg"
     return f"[{x:.6g}, {y:.6g}, {heading}]"
 
 
 def _end(text: str, what: str) -> tuple[float, float, float | None]:
-    """Parse a start or goal of the command line: X,Y or X,Y,HEADING."""
+    """Parse a start or goal from the command line: X,Y or X,Y,HEADING."""
     x, y, *rest = [*(part.strip() for part in text.split(",")), ""]
     heading: Any = Degrees.in_radians(rest[0]) if rest and rest[0] else "any" if what == "goal" else 0.0
     try:
@@ -276,7 +278,7 @@ def _heading(start: tuple[float, float], goal: tuple[float, float]) -> float:
 
 
 def checked_options(pairs: Mapping[str, str]) -> dict[str, Any]:
-    """Parse the values of a reader's options as YAML; OptionError for invalid ones."""
+    """Parse the values of a reader's options as YAML; raise OptionError for invalid ones."""
     found = {}
     for name, text in pairs.items():
         try:

@@ -1,4 +1,4 @@
-"""People of a scenario: their positions, predictions, and recorded tracks in files."""
+"""People of a scenario: their positions, predictions, and recorded tracks from files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hpop.world.content.people import Person
 from hpop.world.tracks import Track, read_tracks
 
 BESIDE = frozenset({"track", "frame_rate", "unit", "format", "id", "begin", "waypoints"})
-"""Keys that select a track, and are no attributes of a person."""
+"""Keys of an entry that select or describe a track, and are not attributes of a person."""
 
 FORMS: dict[str, type[BaseModel]] = {"track": TrackEntry, "waypoints": WaypointsEntry}
 ALIKE = 0.8  # similarity from which on a word counts as a misspelling
@@ -27,7 +27,7 @@ People = tuple[Person, ...]
 
 
 def people_of(faults: Faults, given: Any, within: Place = ("people",)) -> list[People | None]:
-    """Return the people of each entry of a list, in order; None for entries with a fault, which is noted."""
+    """Build the people of each entry in a list, in order; None for an entry with a fault, which is collected."""
     found: list[People | None] = []
     for place, entry in (((*within, i), entry) for i, entry in enumerate(entries(given))):
         found.append(None)
@@ -39,12 +39,12 @@ def people_of(faults: Faults, given: Any, within: Place = ("people",)) -> list[P
 
 
 def form_of(entry: dict[str, Any]) -> type[BaseModel]:
-    """Return the schema of an entry, judged by its keys, even if one is misspelt."""
+    """Return the schema that fits the keys of an entry (recorded, waypoints, or other), even if a key is misspelt."""
     return next((form for key, form in FORMS.items() if get_close_matches(key, map(str, entry), 1, ALIKE)), PersonEntry)
 
 
 def groups_of(faults: Faults, given: Any, people: Sequence[People | None]) -> list[list[int]]:
-    """Return the members of each group as indices among all people; members are given by index or name."""
+    """Return the members of each group as indices among all people; the file gives indices of entries, or names."""
     everyone = [person for entry in people for person in entry or (None,)]
     first = [sum(len(entry or (None,)) for entry in people[:i]) for i in range(len(people))]
     names = [person.name if person else "" for person in everyone]
@@ -65,6 +65,7 @@ def groups_of(faults: Faults, given: Any, people: Sequence[People | None]) -> li
 
 
 def _people(faults: Faults, entry: BaseModel, place: Place) -> People:
+    """Build the people of one entry; a recorded track may have several."""
     said = {key: getattr(entry, key) for key in entry.model_fields_set - BESIDE}
     match entry:
         case TrackEntry():
@@ -80,12 +81,13 @@ def _people(faults: Faults, entry: BaseModel, place: Place) -> People:
 
 
 def _future(entry: FutureEntry) -> Future:
+    """Build one possible future of a person."""
     said = {key: getattr(entry, key) for key in entry.model_fields_set - BESIDE}
     return Future(**said, track=None if entry.waypoints is None else Track.through(entry.waypoints))
 
 
 def _recorded(faults: Faults, entry: TrackEntry, said: dict[str, Any]) -> People:
-    """Return the people of a track file who are present between the begin and the end of the time span."""
+    """Return the people in a track file who are present in the time span of an entry."""
     ids = [entry.id] if isinstance(entry.id, int | str) else entry.id
     path = faults.beside(entry.track)
     tracks = read_tracks(path, entry.frame_rate, entry.unit, entry.format, ids)
@@ -107,15 +109,14 @@ def _recorded(faults: Faults, entry: TrackEntry, said: dict[str, Any]) -> People
 
 
 def _unknown(member: int | str, names: Sequence[str], places: int, times: int) -> str:
-    """Return why a member of a group names no person, or more than one.
+    """Return the message for a member of a group that names no person, or more than one.
 
-    places  number of people
-    times   number of people with that name
+    places number of people times number of people with that name
     """
     known = ", ".join(name for name in names if name)
-    where = f"places are 0 to {places - 1}" if places else "there are no people"
+    where = f"indices are 0 to {places - 1}" if places else "there are no people"
     if times > 1:
-        return f"{times} people are called {shown(member)}; give the place of one of them ({where})"
-    return f"expected a person's place or name, got {shown(member)}; {where}" + (
+        return f"{times} people are called {shown(member)}; give the index of one of them ({where})"
+    return f"expected a person's index or name, got {shown(member)}; {where}" + (
         f", names are {printable(known)}" if known else ""
     )

@@ -1,4 +1,4 @@
-"""Schema of scenario files: their keys and values, checked strictly."""
+"""Schema of scenario files: their keys and values, which pydantic checks strictly."""
 
 from __future__ import annotations
 
@@ -33,7 +33,10 @@ Entry = dict[str, Any]
 
 
 def _form(what: str) -> WrapValidator:
-    """Report one fault for a short list as a whole, since a fault of "entry 2" would not tell the expected form."""
+    """Return a validator that reports any fault in a short list as one fault of the whole list: "expected ``what``".
+
+    A fault of "entry 2" would not say which form is expected.
+    """
 
     def check(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
         try:
@@ -65,10 +68,10 @@ class _Strict(BaseModel):
 
 
 class MapFile(_Strict):
-    """Map file of a reader, with the reader's options.
+    """Map file, with the options of its reader.
 
-    files   keys of paths, which are relative to the scenario's folder
-    beside  keys for further files of the world, which are no options of the reader
+    files keys of paths, which are relative to the scenario's folder beside keys for further files of the world, which
+    are not options of the reader
     """
 
     files: ClassVar[frozenset[str]] = frozenset({"path"})
@@ -211,7 +214,7 @@ class Solids(_Strict):
 
 
 class WorldSection(_Strict):
-    """World, given in exactly one way."""
+    """World section of a scenario: exactly one of these keys is given."""
 
     ros_map: RosMap | None = None
     ros_bag: RosBag | None = None
@@ -233,7 +236,7 @@ class ReaderFile(BaseModel):
 
 
 class Prediction(_Strict):
-    """Uncertainty and end of the prediction of people."""
+    """Keys for the uncertainty and the end of a person's prediction."""
 
     radius: float = Field(default=0.25, gt=0)
     spread: float = Field(default=0.0, ge=0)
@@ -243,7 +246,7 @@ class Prediction(_Strict):
 
 
 class FutureEntry(_Strict):
-    """Possible future of a person: walk at a velocity, m/s, or through waypoints; else stand."""
+    """Possible future of a person: walking at a velocity, m/s, or through waypoints; otherwise standing."""
 
     weight: float = Field(gt=0)  # weight relative to the other futures
     velocity: Annotated[Pair, _form("a velocity [x, y] in m/s")] = (0.0, 0.0)  # [x, y] m/s
@@ -337,7 +340,7 @@ class Choose(_Strict):
 
 
 class ScenarioFile(_Strict):
-    """Keys of a scenario file."""
+    """Top-level keys of a scenario file."""
 
     world: WorldSection
     model: str | Named = DEFAULT_MODEL
@@ -356,7 +359,7 @@ class ScenarioFile(_Strict):
 
 
 def parameters_of(cls: Any) -> type[BaseModel]:
-    """Return a schema of a dataclass's fields; fields that are models are given as choices."""
+    """Return a schema for the fields of a dataclass; a field that is a robot model is given by name, as a choice."""
     hints = hints_of(cls) | dict.fromkeys(model_parameters(cls), str | dict[str, Any])
     schema: dict[str, Any] = {}
     for field in dataclasses.fields(cls):

@@ -1,4 +1,4 @@
-"""YAML with line numbers: plain values, and the line of each key for error messages."""
+"""YAML reader that keeps line numbers: plain values, and the line of each key for error messages."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hpop.errors import ScenarioError
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 20
 MAX_EXPANDED = 10_000
-"""Values of a file with aliases, written out: aliases of aliases would double them with every line."""
+"""Most values in a file with its aliases written out: aliases of aliases could double them with every line."""
 LONGEST = 200  # most characters of a dotted key in a message
 TAG = "tag:yaml.org,2002:"
 DECIMAL = re.compile(r"[-+]?(0|[1-9]\d*|\d*\.\d*(e[-+]\d+)?|\.inf|\.nan)", re.IGNORECASE)
@@ -30,8 +30,7 @@ class Document:
     Keys are words, each given once; numbers are decimal; dates and tags are refused. An alias is a copy of its anchor's
     value, and a file with aliases holds at most `MAX_EXPANDED` values, copies included.
 
-    values  dict
-    path    of the file
+    values dict path path of the file
 
     Raises ScenarioError, with the line if there is one.
     """
@@ -58,7 +57,7 @@ class Document:
             )
 
     def with_values(self, values: dict[str, Any], sources: Mapping[Place, Place] | None = None) -> Document:
-        """Return the document with other values; ``sources`` say which lines the values of some places come from."""
+        """Return the document with other values; ``sources`` gives the positions whose lines new values report."""
         lines = dict(self._lines)
         for place, source in (sources or {}).items():
             lines = {key: line for key, line in lines.items() if key[: len(place)] != place}
@@ -68,14 +67,17 @@ class Document:
         return copied(self, values=values, _lines=lines)
 
     def where(self, place: Place) -> str:
-        """Return file, line and dotted key of a position, or of its nearest parent in the file."""
+        """Return file, line and dotted key of a position, for an error message.
+
+        For a position that is missing in the file, the line is that of its nearest parent.
+        """
         dotted = printable(".".join(str(key) for key in place))
         if len(dotted) > LONGEST:
             dotted = f"{dotted[:LONGEST]}..."
         return f"{self.path}, line {self.line(place)}" + (f", {dotted}" if dotted else "")
 
     def line(self, place: Place) -> int:
-        """Return the line of a position, or of its nearest parent in the file."""
+        """Return the line of a position; or the line of its nearest parent in the file."""
         while place not in self._lines:
             place = place[:-1]
         return self._lines[place]
@@ -84,6 +86,7 @@ class Document:
         return place in self._lines
 
     def _refuse(self, line: int | None, text: str) -> NoReturn:
+        """Raise ScenarioError with file and line."""
         raise ScenarioError(f"{self.path}{f', line {line}' if line else ''}: {text}") from None
 
     def _check_events(self, text: str) -> None:
@@ -98,6 +101,7 @@ class Document:
                 self._refuse(line, wrong)
 
     def _walk(self, node: Any, place: Place) -> None:
+        """Check the keys and scalars below a YAML node, and store their lines."""
         if isinstance(node, yaml.MappingNode):
             for key, value in node.value:
                 line = key.start_mark.line + 1
@@ -125,7 +129,7 @@ class Document:
 
 
 class _Expanded:
-    """Size and depth of the values of a YAML file with its aliases expanded, counted by events."""
+    """Counter of the size and depth that a YAML file has with its aliases expanded."""
 
     def __init__(self) -> None:
         self._open: list[tuple[str | None, int, int]] = []  # anchor, values before, deepest level within
@@ -134,7 +138,7 @@ class _Expanded:
         self._aliases = False
 
     def add(self, event: Any) -> str:
-        """Count an event, and return a fault, or ""."""
+        """Count a YAML event; return the fault if a limit is passed, else ""."""
         if isinstance(event, yaml.CollectionStartEvent):
             self._named.pop(event.anchor, None)
             self._values += 1
@@ -160,7 +164,7 @@ class _Expanded:
         return ""
 
     def _close(self, anchor: str | None, values: int, levels: int) -> None:
-        """Add a finished value to its parent, and remember it if it has an anchor."""
+        """Add the size of a finished value to its parent, and store it if it has an anchor."""
         if anchor is not None:
             self._named[anchor] = (values, levels)
         if self._open:
@@ -169,6 +173,7 @@ class _Expanded:
 
 
 def _read(path: Path) -> str:
+    """Return the text of a YAML file; raise ScenarioError if it cannot be read."""
     try:
         return read_regular(path, MAX_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
@@ -177,8 +182,8 @@ def _read(path: Path) -> str:
         ) from None
     except UnicodeDecodeError as error:
         raise ScenarioError(
-            f"{path}: not a text file in UTF-8 (byte {error.start}); save it as UTF-8. A map is none: a scenario "
-            "is a YAML file that names its map"
+            f"{path}: not a text file in UTF-8 (byte {error.start}); save it as UTF-8. If it is a map, write a "
+            "scenario, a YAML file that names it"
         ) from None
     except OSError as error:
         reason = error.strerror or error

@@ -73,7 +73,7 @@ def test_a_row_of_a_table_varies_several_keys_and_an_empty_cell_none(written, tm
         ("vary: {world.geojson.path: 'none/*.geojson'}\n", ScenarioError, "no file matches 'none/"),
         ("vary: {planner: [latice]}\n", UnknownName, r"line 7, planner: .* Did you mean 'lattice'"),
         ("vary: {planner.roadmap.samples: [5]}\n", HpopError, "planner"),
-        ("vary: {criteria.7: [turns]}\n", ScenarioError, "there is no '7' to vary"),
+        ("vary: {criteria.7: [turns]}\n", ScenarioError, "the scenario has no '7' to vary"),
         ("vary: {model.differential_drive.radius: [-1]}\n", HpopError, "radius"),
         ("vary: {model.differential_drive.radius.x: [1]}\n", ScenarioError, "varies a part of 'radius'"),
         ("table: pairs.txt\n", ScenarioError, "expected a .csv or .parquet file"),
@@ -98,7 +98,7 @@ def test_a_goal_that_cannot_be_reached_is_for_the_row_of_its_case(written):
 
 def test_labels_are_short():
     assert planner_label({"lattice": {"step": 0.5, "eps": 0.1}}) == "lattice(step=0.5, eps=0.1)"
-    with pytest.raises(OptionError, match="at least one"):
+    with pytest.raises(OptionError, match="one or more"):
         OfProblems.of([], "lattice")
     with pytest.raises(OptionError, match=r"hpop\.Problem"):
         OfProblems.of([3], "lattice")

@@ -38,7 +38,9 @@ def test_work_of_ones_own_is_not_overwritten(tmp_path: Path) -> None:
     own.write_text(own.read_text().replace("0.25", "0.5"))
     refused = demo("museum", "--out", tmp_path)
     assert refused.exit_code == OutputError.exit_code
-    assert f"{own} is not the example's file, so it is not overwritten; choose another folder" in refused.stderr
+    assert (
+        f"{own} exists and differs from the example, so it is not overwritten; choose another folder" in refused.stderr
+    )
     assert "0.5" in own.read_text()
 
 

@@ -202,18 +202,18 @@ def test_what_lacks_or_is_strange_is_told(
     run: Callable[..., Result], refused: Callable[..., None], tmp_path: Path, write_map: Callable[..., None]
 ) -> None:
     image, hall, out = _image(tmp_path), _geojson(tmp_path), ["--out", tmp_path / "x.png"]
-    refused(run("look", image, *out), 10, "give --resolution, metres a pixel")
+    refused(run("look", image, *out), 10, "give --resolution, metres per pixel")
     refused(run("look", image, "--resolution", "0.001", *out), 3, "free nowhere on this map of 0.16 x 0.12 m")
     refused(run("look", hall, *out), 3, "feature 0 'hall' contains all else", "--set polygons=outline")
     refused(run("look", hall, "--set", "polygon=outline", *out), 3, "Did you mean 'polygons'?", "--set")
     assert run("look", hall, "--set", "outline", *out).exit_code == 2
-    refused(run("look", _ros(tmp_path, write_map), "--resolution", "0.1", *out), 10, "takes no resolution")
+    refused(run("look", _ros(tmp_path, write_map), "--resolution", "0.1", *out), 10, "takes no --resolution")
     refused(run("look", tmp_path / "gone.yaml", *out), 4, "no such file")
     refused(run("look", tmp_path / "gone.png", *out), 3, "no such file")
     refused(
         run("new", image, "--resolution", "0.05", "--set", "threshold=x", *out),
         3,
-        "got 'x'. Options of a reader are given",
+        "got 'x'. Set options of the reader by --set",
     )
     (tmp_path / "plan.xyz").touch()
     refused(run("new", tmp_path / "plan.xyz"), 3, "no reader is known for this ending")

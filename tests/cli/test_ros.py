@@ -73,7 +73,7 @@ def test_it_plans_goals_until_ctrl_c(run: Run, room: Path) -> None:
         (["--url", "ws://a", "--distro", "jazy"], 10, "distribution is 'jazy'. Did you mean 'jazzy'"),
         (["--url", "ws://a", "--action", "a b"], 10, "action must be a name of ROS"),
         (["--url", "ws://a", "--pose-type", "Pose"], 10, "pose_type must be one of geometry_msgs/msg/Pose"),
-        (["--url", "ws://a", "--choice", "turnes"], 7, "choice is 'turnes', which is none of knee, least turns"),
+        (["--url", "ws://a", "--choice", "turnes"], 7, "choice must be one of knee, least turns"),
     ],
 )
 def test_a_mistake_ends_in_one_message(

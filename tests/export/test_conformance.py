@@ -55,7 +55,7 @@ def test_what_is_read_back_is_what_was_written(name, robot, planned, tmp_path):
     trajectory = robots()[robot]
     path = tmp_path / f"any{formats[name].suffix}"
     if name == "nav2-yaml" and "base" not in trajectory.model.provides:
-        with pytest.raises(OptionError, match="the path of a base, but this robot has none; take mcap"):
+        with pytest.raises(OptionError, match="needs a robot with a base, but this one has none; use mcap"):
             write(trajectory, path, planned=planned)
         assert not path.exists()
         return
@@ -136,10 +136,10 @@ def test_times_grow_at_any_rate(name, rate, tmp_path):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"world": ""}, "a frame is a name without blanks"),
+        ({"world": ""}, "a frame must be a name without blanks"),
         ({"base": "base link"}, "got 'base link'"),
         ({"camera": "a\nb"}, "without blanks"),
-        ({"world": "/map"}, r"must not begin with a slash \(tf2\); got '/map'"),
+        ({"world": "/map"}, r"must not begin with a slash \(tf2\), got '/map'"),
         ({"world": "base_link"}, "the frames of world, base and camera must have different names"),
         ({"world": 3}, "got 3"),
     ],

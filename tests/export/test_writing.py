@@ -39,7 +39,9 @@ def test_the_ending_says_the_format_the_longest_that_fits(tmp_path, name, begins
 
 def test_a_format_can_be_named_where_the_ending_says_none(tmp_path):
     assert write(GOES, str(tmp_path / "poses.txt"), format="tum").read_text().count("\n") > 100
-    with pytest.raises(OptionError, match=r"'poses.txt' does not end as .* give format=, or one of .*\.tum \(tum\)"):
+    with pytest.raises(
+        OptionError, match=r"ending of a format, got 'poses.txt'; give one of .*\.tum \(tum\).*, or format="
+    ):
         write(GOES, tmp_path / "poses.txt")
     with pytest.raises(UnknownName, match=r"unknown format 'tumm'\. Did you mean 'tum'"):
         write(GOES, tmp_path / "cam.tum", format="tumm")
@@ -66,7 +68,7 @@ def test_where_it_cannot_be_written_is_told_and_nothing_is_left(tmp_path):
     (tmp_path / "cam.tum").mkdir()
     (tmp_path / "file").write_text("")
     for path in (tmp_path / "cam.tum", tmp_path / "file/cam.tum", tmp_path / "no\0.tum", tmp_path / "not/there.tum"):
-        with pytest.raises(OutputError, match=r"cannot write .*; choose another place"):
+        with pytest.raises(OutputError, match=r"cannot write .*; choose another path"):
             write(GOES, path)
     assert {path.name for path in tmp_path.iterdir()} == {"cam.tum", "file"}
     with pytest.raises(OutputError, match="cannot write"):
@@ -114,7 +116,7 @@ def test_where_one_of_several_formats_fails_the_others_are_written(tmp_path):
 
 def test_a_bag_that_may_not_take_its_place_keeps_no_other_format_from_being_written(tmp_path):
     (tmp_path / "row_0_bag").mkdir()
-    with pytest.raises(OutputError, match="exists and is no bag"):
+    with pytest.raises(OutputError, match="exists and is not a bag"):
         save(None, front(), tmp_path, rows=[0], formats=["bag", "tum"])
     assert (tmp_path / "row_0.tum").is_file()
 
@@ -127,7 +129,7 @@ def test_an_earlier_file_or_bag_gives_way_and_nothing_else_does(tmp_path):
         assert sizes(first) > before
     (tmp_path / "mine_bag").mkdir()
     (tmp_path / "mine_bag/thesis.txt").write_text("years of work")
-    with pytest.raises(OutputError, match="exists and is no bag; remove it, or choose another name"):
+    with pytest.raises(OutputError, match="exists and is not a bag; remove it, or choose another name"):
         write(GOES, tmp_path / "mine_bag")
     assert (tmp_path / "mine_bag/thesis.txt").read_text() == "years of work"
     assert {path.name for path in tmp_path.iterdir()} == {"cam.tum", "cam_bag", "mine_bag"}
@@ -176,9 +178,9 @@ def test_a_front_without_rows_a_row_that_is_not_there_and_a_world_that_is_not_gi
         save(problem(), none, tmp_path / "out")
     with pytest.raises(OptionError, match="no row 3: the front has rows 0 to 2"):
         save(problem(), front(), tmp_path / "out", rows=[0, 3])
-    with pytest.raises(OptionError, match="glb shows the world: give the problem"):
+    with pytest.raises(OptionError, match="the format glb needs the world: give the problem"):
         save(None, front(), tmp_path / "out", formats=["tum", "glb"])
-    with pytest.raises(OptionError, match=r"formats is a list of names, such as \['tum', 'glb'\], got 'tum'"):
+    with pytest.raises(OptionError, match=r"formats must be a list of names, such as \['tum', 'glb'\], got 'tum'"):
         save(problem(), front(), tmp_path / "out", formats="tum")
     assert not (tmp_path / "out").exists()
 

@@ -175,7 +175,7 @@ def test_a_scenario_names_states_by_column_and_lists_goals(tmp_path: Path) -> No
     [
         (("yaw: 90 deg", "jaw: 90 deg"), ScenarioError, "line 4, start: expected [x, y, yaw], numbers in m, m and "
          "rad (or a yaw such as 90 deg), got {'x': 1.0, 'y': 1.0, 'jaw': '90 deg'}; it lacks yaw and names 'jaw'"),
-        (("yaw: 90 deg", "yaw: any"), ScenarioError, "line 4, start.yaw: the yaw at the start is given"),
+        (("yaw: 90 deg", "yaw: any"), ScenarioError, "line 4, start.yaw: the yaw at the start must be in rad"),
         (("yaw: 90 deg", "yaw: 90"), QueryError, "line 4, start.yaw: a yaw is in radians, within two turns of 0; got"),
         (("[5.0, 1.0, any]", "[5.0, 1.0, norh]"), ScenarioError, "line 6, goal.0.2: a yaw is a number in rad, or text "
          "such as '90 deg', or 'any'; got 'norh'"),

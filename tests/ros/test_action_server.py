@@ -85,7 +85,7 @@ def test_the_front_is_told_beside(served, room, planning):
 def test_without_use_start_it_begins_where_the_robot_is(served):
     unknown = served.ended(served.send_goal(ACTION, asked(use_start=False)))
     assert (unknown.status, unknown.result.error_code) == (ABORTED, ErrorCode.TF_ERROR)
-    assert "/amcl_pose told no pose of the robot in map" in unknown.result.error_msg
+    assert "no pose of the robot in map has come from /amcl_pose" in unknown.result.error_msg
     for place in ((2.0, 3.0, 0.0), (1.5, 1.0, math.pi / 2)):
         pose = pose_message(*place)
         served.tell(POSE, {"header": pose["header"], "pose": {"pose": pose["pose"], "covariance": [0.0] * 36}})
@@ -97,7 +97,11 @@ def test_without_use_start_it_begins_where_the_robot_is(served):
 @pytest.mark.parametrize(
     ("changes", "code", "why"),
     [
-        ({"planner_id": "GridBased"}, 201, "planner_id is one of knee, least turns, least length, got 'GridBased'"),
+        (
+            {"planner_id": "GridBased"},
+            201,
+            "planner_id must be one of knee, least turns, least length, got 'GridBased'",
+        ),
         ({"planner_id": "9999"}, 201, "no row 9999"),
         ({"goal": pose_message(7, 5, 0, frame_id="odom")}, 202, "the goal must be in the frame map"),
         ({"goal": pose_message(7, 5, 0, frame_id="")}, 202, "the goal must be in the frame map"),
@@ -108,7 +112,7 @@ def test_without_use_start_it_begins_where_the_robot_is(served):
         ({"goal": pose_message(7, 1, 0)}, 208, "no path: obstacles enclose the start"),
         ({"goal": {"pose": {}}}, 200, "position of the goal must be a message with fields, got None"),
         ({"start": [1, 2, 3]}, 200, "the start must be a message with fields"),
-        ({"planner_id": 3}, 201, "planner_id is a short text, got 3"),
+        ({"planner_id": 3}, 201, "planner_id must be a short text, got 3"),
     ],
 )
 def test_what_cannot_be_planned_says_why_by_its_code(served, changes, code, why):

@@ -65,7 +65,7 @@ def test_each_entry_is_the_event_that_it_says(tmp_path: Path) -> None:
         ("stop: Ada", "name: Ada", "line 5.*exactly one of"),
         ("[4, 2], [4, 3]]", "[4, 2]]", "line 4.*three or more corners"),
         ("velocity: [-0.8, 0]", "velocity: fast", "line 6.*velocity"),
-        ("options: true", "options: true, name: x", "line 11.*a name is for corners"),
+        ("options: true", "options: true, name: x", "line 11.*only an area given by corners"),
         ("choice: least turns", "chioce: knee", "chioce"),
         ("events:", "events: []\nothers:", "events: expected at least 1 entry, got 0"),
         ("options: true", "options: false", "line 11.*options: expected True, got False"),
@@ -132,7 +132,9 @@ def test_what_a_drive_does_not_know_is_told_by_line_before_it_begins(
 
 def test_who_wishes_to_hurry_is_told_by_line_where_the_duration_is_no_cost(tmp_path: Path) -> None:
     (tmp_path / "events.yaml").write_text(PLAIN.replace("duration: -0.2", "turns: -0.2"))
-    with pytest.raises(HpopError, match=r"(?s)line 9.*'hurry' is less duration, and the costs are turns, length"):
+    with pytest.raises(
+        HpopError, match=r"(?s)line 9.*'hurry' needs the cost duration, but the front has turns, length"
+    ):
         load_events(tmp_path / "events.yaml", ASKED, ("turns", "length"))
 
 

@@ -172,7 +172,7 @@ def test_paths_are_relative_to_the_scenario_file(tmp_path: Path, monkeypatch: py
         (("differential_drive: {radius: 0.2, camera_height: 1.2}", "pan_tilt: {pan: 3}"), 7, "model.pan_tilt.pan",
          "expected a list of 2 numbers or 'all round', got 3"),
         # yaws
-        (("[1.0, 1.0, 0]", "[1.0, 1.0, any]"), 8, "start.2", "the yaw at the start is given"),
+        (("[1.0, 1.0, 0]", "[1.0, 1.0, any]"), 8, "start.2", "the yaw at the start must be in rad"),
         (("any]", "north]"), 9, "goal.2", "or 'any'; got 'north'"),
         (("any]", "no]"), 9, "goal", "got [5.0, 1.0, False] (YAML reads no"),
     ],

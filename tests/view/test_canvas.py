@@ -87,5 +87,5 @@ def test_what_are_no_axes_is_refused(problem, front, name):
 
 def test_panels_need_axes_of_a_grid(front):
     figure = Figure()
-    with pytest.raises(OptionError, match=re.escape("takes the axes in a grid, such as plt.subplots(1, 2)")):
+    with pytest.raises(OptionError, match=re.escape("ax must be axes in a grid, such as plt.subplots(1, 2)")):
         draw_front(front, ax=figure.add_axes((0.1, 0.1, 0.8, 0.8)))

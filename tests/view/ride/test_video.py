@@ -163,7 +163,7 @@ def test_what_cannot_be_filmed_is_told(problem, front, goes, tmp_path):
         save_video(problem, front, tmp_path / "it.mp4", row=2)
     with pytest.raises(OptionError, match="row chooses a trajectory of a front"):
         save_video(problem, goes, tmp_path / "it.mp4", row=1)
-    with pytest.raises(OptionError, match=r"must end in \.mp4, got 'it.avi'"):
+    with pytest.raises(OptionError, match=r"ends in \.mp4, got 'it.avi'"):
         save_video(problem, goes, tmp_path / "it.avi")
     with pytest.raises(OptionError, match="fps must be a number of frames a second from 1 to 240"):
         save_video(problem, goes, tmp_path / "it.mp4", fps=0)

@@ -176,7 +176,7 @@ def test_time_that_passes_while_the_map_is_read_ends_planning_midway(
     tmp_path: Path, clock: list[float], planner: str
 ) -> None:
     path = scenario(tmp_path, {planner: {"time_limit": 5}})
-    with pytest.raises(LimitError, match=r"time limit: it was passed while the map was read.*raise time_limit"):
+    with pytest.raises(LimitError, match=r"time limit reached while the map was read.*raise time_limit"):
         load_scenario(path)
     assert clock[0] < 10  # of the hundred times that reading the whole file looks at it
 
@@ -200,6 +200,6 @@ def test_the_command_says_which_limit_and_writes_nothing(tmp_path: Path, limit: 
     path, out = scenario(tmp_path, {"lattice": {limit: amount}}), tmp_path / "out"
     result = CliRunner().invoke(main, ["plan", str(path), "--out", str(out)])
     assert result.exit_code == 13
-    assert re.search(f"it was passed while the map was read.*, so nothing is planned yet; raise {limit}", result.output)
+    assert re.search(f"reached while the map was read.*, before planning began; raise {limit}", result.output)
     assert "Traceback" not in result.output
     assert not out.exists()
