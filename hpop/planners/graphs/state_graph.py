@@ -140,13 +140,13 @@ class StateGraph(TrajectoryGraph):
         return self.arcs.heads
 
     def batches(self) -> Iterator[tuple[IntArray, IntArray, Motions]]:
-        """Yield tails, heads and motions of all arcs, in batches of bounded size."""
+        """Yield all arcs in batches of limited size: their first states, their last states, and their motions."""
         for part in blocks(self.arcs.heads.size):
             for number, _, tails, heads in self._ends_by_kind(part):
                 yield tails, heads, self.motions(self.kinds[number], tails, heads)
 
     def _ends_by_kind(self, part: slice) -> Iterator[tuple[int, IntArray, IntArray, IntArray]]:
-        """Yield the arcs of a range by kind: number of the kind, indices in the range, tails and heads."""
+        """Yield the arcs of a range of indices by kind of motion: kind, positions in the range, tails and heads."""
         tails, heads = self.arcs.ends(part)
         for number in reversed(range(len(self.kinds))):
             own = np.flatnonzero(self.arcs.kinds[part] == number)
@@ -154,14 +154,14 @@ class StateGraph(TrajectoryGraph):
                 yield number, own, tails[own], heads[own]
 
     def costs_anywhere(self, kind: str, criterion: Criterion) -> IntArray | None:
-        """Return the costs of motions of a kind, in quanta, as a flat table by :meth:`in_place_pairs`.
+        """Return the costs, in quanta, of the motions in place of one kind, as an array by :meth:`in_place_pairs`.
 
-        None, the default, if they depend on the place.
+        None if the costs depend on the place; this is the default.
         """
         return None
 
     def in_place_pairs(self, tails: IntArray, heads: IntArray) -> IntArray:
-        """Return a number (N,) for each motion in place that is equal for motions that differ only in the place."""
+        """Return a number (N,) for each motion in place; motions that differ only in their place have equal numbers."""
         raise NotImplementedError
 
     @cached_property

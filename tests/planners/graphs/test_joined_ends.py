@@ -360,7 +360,7 @@ def test_stages_on_a_part_of_the_lattice_end_at_the_goal_too(exact, monkeypatch)
     monkeypatch.setattr(exact_search, "_quick_exact_answer", lambda *asked: None)
     fresh = World.from_polygons([shapely.box(1.55, 1.35, 2.4, 1.75)], extent=shapely.box(0, 0, 4, 3))  # nothing kept
     *stages, last = Lattice(step=FINE).stages(replace(OFF, world=fresh))
-    assert "positions on the shortest ways" in stages[0].certificate
+    assert "positions on the shortest paths" in stages[0].certificate
     for found in (*stages, last):
         assert len(found.planned)
         check(OFF, found)

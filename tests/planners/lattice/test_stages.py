@@ -146,7 +146,7 @@ def test_the_last_stage_is_the_plain_answer_and_those_before_are_unfinished() ->
     assert [stage.status for stage in stages] == [Status.UNFINISHED] * 3 + [Status.COMPLETE]
     assert same(stages[-1], Lattice(step=STEP).solve(problem()))
     assert all(stage.certificate.endswith("; the exact search is not done") for stage in stages[:-1])
-    assert ["positions on the shortest ways" in stage.certificate for stage in stages] == [True, False, False, False]
+    assert ["positions on the shortest paths" in stage.certificate for stage in stages] == [True, False, False, False]
     assert "within" in stages[2].certificate
 
 

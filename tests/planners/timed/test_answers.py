@@ -109,7 +109,7 @@ def test_first_points_come_from_a_part_on_the_shortest_ways(monkeypatch):
     monkeypatch.setattr(planner, "MOST_IN_TIME", 30)
     first, last = Lattice(step=0.5).stages(PROBLEM)
     assert first.status is Status.UNFINISHED
-    assert "positions on the shortest ways" in first.certificate
+    assert "positions on the shortest paths" in first.certificate
     assert len(first.planned) > 0
     assert last.status is Status.COMPLETE
     for row in first.planned:  # real plans: the whole lattice has all of them, or better ones

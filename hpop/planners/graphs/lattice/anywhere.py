@@ -25,7 +25,7 @@ PLACE = frozenset({"x", "y", "world"})
 
 
 class RecordedMotions(Motions):
-    """Motions that record the states that are read, and "world" if the world is.
+    """Motions that record the names of the state coordinates that are read, and "world" if the world is read.
 
     recorded  names read so far
     """
@@ -40,7 +40,7 @@ class RecordedMotions(Motions):
 
     @classmethod
     def of(cls, motions: Motions) -> RecordedMotions:
-        """Return the same motions, which record what is read."""
+        """Return a copy of motions that records which of their states are read, and whether the world is."""
         recorded = set[str]()
 
         def lazy(states: States) -> LazyStates:

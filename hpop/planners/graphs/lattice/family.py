@@ -80,7 +80,7 @@ class LatticeGraph(GraphFamily):
         if in_stages and (moving or not lattice.costed(objectives.optimised)):
             part = self._part(lattice, problem, MOST_IN_TIME if moving else MOST_FIRST)
             if part is not None:
-                yield replace(self._built(part, problem), part="shortest ways", is_large=True)
+                yield replace(self._built(part, problem), part="shortest paths", is_large=True)
         yield self._built(lattice, problem)
 
     def _built(self, lattice: StateLattice, problem: Problem) -> BuiltGraph:

@@ -76,7 +76,7 @@ class StateLattice(StateGraph):
     def words(self) -> str:
         """Description of the lattice, for certificates."""
         cutting = "" if self.corner_cutting else "no "
-        part = "" if self.kept is None else f"the {self.cells[0].size:,} positions on the shortest ways on "
+        part = "" if self.kept is None else f"the {self.cells[0].size:,} positions on the shortest paths on "
         views = "" if self.width == self.headings.count else f" and {self.width} stations"
         anchor = "" if self.anchored_at == "start" else ", anchored at the corner of the map"
         return (
@@ -308,11 +308,14 @@ class StateLattice(StateGraph):
         return np.where(at == place, table[tail, head], MOVE)
 
     def costs_anywhere(self, kind: str, criterion: Criterion) -> IntArray | None:
-        """Return the costs of motions in place by :meth:`in_place_pairs`, or None if they depend on the position."""
+        """Return the cost of each motion in place of one kind, in quanta, indexed by :meth:`in_place_pairs`.
+
+        None for moves, and if the costs depend on the position.
+        """
         return None if kind == "move" else costs_anywhere(self, kind, criterion)
 
     def in_place_pairs(self, tails: IntArray, heads: IntArray) -> IntArray:
-        """Return tail station * S + head station (N,) of motions in place."""
+        """Return a number (N,) for each motion in place that depends only on its two stations: first * S + second."""
         pairs: IntArray = tails % self.width * self.width + heads % self.width
         return pairs
 

@@ -31,7 +31,7 @@ from hpop.world import World
 
 TOLD_APART = 62  # number of people with a bit of their own in a mask; all further people share one bit
 ALONE = 2048  # pairs of place and tick with the same people noticed; if there are fewer, all people are evaluated
-NOTICED = "places where moving people are noticed were computed"
+NOTICED = "places where moving people affect costs were computed"
 
 Masks = NDArray[np.unsignedinteger[Any]]  # people who are noticed: bit i for moving person i, the last bit for the rest
 

@@ -55,7 +55,7 @@ PAIRS = 1 << 20  # number of pairs of an arc and a tick in one block
 LEAVING = 5.0  # s after a start, within which the robot may leave a person's margin
 SOON = 1.0  # s after a start, within which a person may approach so that the robot may leave
 EARLY = 1e-3  # share of a piece after which its gap is compared with the gap at its beginning
-DOING = "arcs in the way of moving people were computed"
+DOING = "edges blocked by moving people were computed"
 
 
 class Separation(NamedTuple):

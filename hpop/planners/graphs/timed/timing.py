@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from hpop.planners.graphs.state_graph import StateGraph
     from hpop.problems.problem import Problem
 
-UNREACTING = "people are taken to do as predicted, whatever the robot does"  # part of each certificate
+UNREACTING = "people are assumed to do as predicted, whatever the robot does"  # part of each certificate
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +110,8 @@ class Timing:
         """Part of a certificate: how far the robot deviates from its plans when it executes them."""
         ramps = self.timed.ramps
         if ramps is None:
-            return "and each was looked at as it is executed"
-        return f"and robots, as they are executed, off their plans by at most {ramps.stray:.2g} m"
+            return "and each was checked as the robot executes it"
+        return f"and the robot, when it executes them, off its planned positions by at most {ramps.stray:.2g} m"
 
     # Plans
 
@@ -126,7 +126,7 @@ class Timing:
         kept = np.array([i for i, fault in enumerate(contacts) if not fault], dtype=np.int64)
         plans, costs, claim = replace(every, steps=[steps[i] for i in kept.tolist()]), paths.costs[kept], ""
         if kept.size < len(paths):
-            claim = f", without {len(paths) - kept.size} that are in people's way as they are executed"
+            claim = f", without {len(paths) - kept.size} on which the robot comes too near to people"
         drift = float(plans.drift.max(initial=0.0))
         if kept.size:
             claim += f"; times of plans are off the clock by at most {drift:.2g} s, {self._executed}; {UNREACTING}"
