@@ -87,7 +87,7 @@ def in_plane(model: Model) -> PlanarModel:
 
 
 def on_wheels(model: Model) -> Wheeled:
-    """Return the model as a Wheeled one; raise UnsupportedModel unless it provides "wheels" and the law of curves."""
+    """Return the model as a Wheeled one; raise UnsupportedModel unless it has wheels and can drive curves."""
     if "drive" not in _with_capability(model, "wheels").laws:
         raise UnsupportedModel(
             f"a path of curves needs a model with the kind of motion 'drive' (hpop.models.driven.Drive()), but "

@@ -140,7 +140,7 @@ class JoinedEnds(TrajectoryGraph):
 
     @property
     def size(self) -> int:
-        """Number of nodes: states of the inner graph and ends."""
+        """Number of nodes: the states of the inner graph, and the added start, goals and stops."""
         return self.inner.size + len(self.ends)
 
     @property

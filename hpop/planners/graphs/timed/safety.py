@@ -107,7 +107,7 @@ class Safety:
         spending: Spending,
         people: Sequence[Person] | None = None,
     ) -> Safety:
-        """Return the constraints for all hypotheses of the moving people, or of other ``people``."""
+        """Return the constraints for all possible futures of the moving people, or of ``people`` instead."""
         moving = moving_people.people if people is None else people
         people = tuple(each for person in moving for _, each in person.hypotheses)
         ramps = Ramps.of(model)
@@ -139,15 +139,15 @@ class Safety:
 
     @cached_property
     def about_start(self) -> tuple[Person, ...]:
-        """Hypotheses (of people) too near to any start when a plan begins there, or within a second after."""
+        """Possible futures of people too near to any start when a plan begins there, or within a second after."""
         return tuple(dict.fromkeys(person for start in self.starts for person in self.near(start)))
 
     def near(self, start: Start) -> list[Person]:
-        """Return the hypotheses (of people) too near to a start when a plan begins there, or within a second after."""
+        """Return the possible futures of people too near to a start when a plan begins there, or within a second after."""
         return [person for person, _ in self.coming(start, SOON)]
 
     def coming(self, start: Start, within: float = LEAVING) -> Iterator[tuple[Person, float]]:
-        """Yield the hypotheses (of people) that come too near to a start within some s, each with the s until then."""
+        """Yield the possible futures of people that come too near to a start within some s, each with the s until then."""
         since = self.clock.seconds(np.arange(self.clock.within(within) + 1))
         for person in self.people:
             need = self._axis(person, self.needed(person, start.time + since, self.margin)) + self.stray
@@ -157,7 +157,7 @@ class Safety:
 
     @cached_property
     def touched(self) -> tuple[Person, ...]:
-        """Hypotheses (of people) in contact with the robot at a start, or likely (above 5 %) to be within a second."""
+        """Possible futures of people in contact with the robot at a start, or likely (above 5 %) to be within a second."""
         pairs = ((start, person) for start in self.starts for person in self.people)
         return tuple(dict.fromkeys(person for start, person in pairs if self._touches(start, person)))
 

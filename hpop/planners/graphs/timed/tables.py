@@ -201,7 +201,7 @@ class TimedCosts:
         return costs
 
     def _final(self, legs: Sequence[LegMotions], size: int) -> IntArray:
-        """Return the costs (r, k) of ``size`` arcs, in quanta, after all people have settled."""
+        """Return the costs (r, k) of ``size`` arcs, in quanta, after all predictions of people have ended."""
         static = np.zeros((size, len(self.criteria)), np.int64)
 
         def costs(part: slice) -> tuple[slice, list[IntArray]]:
