@@ -143,11 +143,11 @@ class Safety:
         return tuple(dict.fromkeys(person for start in self.starts for person in self.near(start)))
 
     def near(self, start: Start) -> list[Person]:
-        """Return the possible futures of people too near to a start when a plan begins there, or within a second after."""
+        """Return the possible futures of people too near to a start at its time, or within a second after it."""
         return [person for person, _ in self.coming(start, SOON)]
 
     def coming(self, start: Start, within: float = LEAVING) -> Iterator[tuple[Person, float]]:
-        """Yield the possible futures of people that come too near to a start within some s, each with the s until then."""
+        """Yield the possible futures of people too near to a start ``within`` s of its time, with the s until then."""
         since = self.clock.seconds(np.arange(self.clock.within(within) + 1))
         for person in self.people:
             need = self._axis(person, self.needed(person, start.time + since, self.margin)) + self.stray
@@ -157,7 +157,7 @@ class Safety:
 
     @cached_property
     def touched(self) -> tuple[Person, ...]:
-        """Possible futures of people in contact with the robot at a start, or likely (above 5 %) to be within a second."""
+        """Possible futures of people in contact with the robot at a start, or by a chance above 5 % within a second."""
         pairs = ((start, person) for start in self.starts for person in self.people)
         return tuple(dict.fromkeys(person for start, person in pairs if self._touches(start, person)))
 
