@@ -115,12 +115,31 @@ def test_python_in_a_document_runs_where_a_problem_is_given(
 ) -> None:
     caplog.set_level(logging.NOTSET, "hpop")  # and back again, whatever a block sets
     given = {"world": tour.world, "model": tour.model, "start": tour.start, "goal": tour.goal, "problem": tour}
+    run_block(text, monkeypatch, given)
+
+
+def run_block(text: str, monkeypatch: pytest.MonkeyPatch, given: dict[str, Any]) -> None:
+    """Run a block of Python as a module, in which some names are given."""
     spec = importlib.util.spec_from_loader("a_document", loader=None)
     assert spec is not None
     module = importlib.util.module_from_spec(spec)
     monkeypatch.setitem(sys.modules, spec.name, module)  # dataclasses look there
     vars(module).update(given, hpop=hpop)
     exec(compile(text, "document", "exec"), vars(module))
+
+
+@pytest.mark.parametrize("page", ["criteria", "own_planner", "own_robot"])
+def test_a_key_of_a_scenario_in_a_comment_beside_a_command_is_accepted(
+    page: str, here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = (ROOT / f"docs/{page}.md").read_text()
+    run_block(re.findall(r"```python\n(.*?)```", text, re.DOTALL)[0], monkeypatch, {})
+    (said,) = re.findall(r"^    hpop plan .*# (\w+: .*)$", text, re.MULTILINE)
+    world = {"geojson": {"path": str(ROOT / "examples/museum.geojson")}}
+    planner = {"roadmap": {"samples": 1}}  # for every robot
+    shown = {**TOUR, "world": world, "planner": planner, **yaml.safe_load(said)}
+    (here / "shown.yaml").write_text(yaml.safe_dump(shown))
+    assert load_scenario(here / "shown.yaml").problem
 
 
 @pytest.mark.parametrize("text", blocks("yaml"))
