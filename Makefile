@@ -34,6 +34,7 @@ bench: $(TOOLS)
 	$(BIN)/python benchmarks/first_minute.py --out out/bench/first_minute.json
 	$(BIN)/python benchmarks/many_queries.py --out out/bench/many_queries.json
 	$(BIN)/python benchmarks/batch.py --out out/bench/batch.json
+	$(BIN)/python benchmarks/speeds.py --out out/bench/speeds.json
 	$(BIN)/python benchmarks/graph.py --out out/bench/graph.json
 	$(BIN)/python benchmarks/general.py --out out/bench/general.json
 	$(BIN)/python benchmarks/optimisers.py --out out/bench/optimisers.json

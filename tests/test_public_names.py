@@ -80,6 +80,7 @@ hpop.models.laws.Spin
 hpop.models.laws.Turn
 hpop.models.laws.joint_laws
 hpop.models.laws.rest_to_rest
+hpop.models.speeds.speed_laws
 hpop.motions.Coupled
 hpop.motions.Curve
 hpop.motions.Law

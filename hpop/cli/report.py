@@ -23,10 +23,12 @@ from hpop.frontier import hypervolume
 from hpop.frontier.choices import Preferring
 from hpop.frontier.choosing import differing
 from hpop.goals import Tour
+from hpop.motions.laws import SPEED
 from hpop.problems.evaluation import criteria_of
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.runtime.status import Status
+from hpop.trajectories.trajectory import Trajectory
 
 # Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
@@ -256,6 +258,8 @@ def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence
         table.add_column(Text("reported\n") + header(name, unit), justify="right", style="dim", no_wrap=True)
     if is_tour := any("visits" in front.provenance[row] for row in rows):
         table.add_column("stops", no_wrap=True)
+    if has_speeds := any(front.trajectories[row].model.speed_classes for row in rows[:1]):
+        table.add_column("speeds\n(m/s)", no_wrap=True)
     table.add_column("marked", no_wrap=True)
     costs, reported = front.costs[rows].T, front.reported[rows].T
     columns = [numbers(column, quantum) for column, quantum in zip(costs, front.quanta, strict=True)]
@@ -263,6 +267,7 @@ def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence
     for row, *cells in zip(rows, *columns, strict=True):
         label = _labels(names.get(row, []))
         order = [visit_order(front, row)] if is_tour else []
+        order += [driven_speeds(front.trajectories[row])] if has_speeds else []
         table.add_row(str(row), *cells, *order, label, style="bold" if row in names else None)
     return table
 
@@ -273,6 +278,12 @@ def visit_order(front: Front, row: int) -> str:
     numbers = {name: i for i, name in enumerate(_stop_names(front), 1)}
     listed = [visit for visit in visits if isinstance(visit, dict)] if isinstance(visits, list) else []
     return " ".join(str(numbers.get(str(visit.get("stop")), "?")) for visit in listed) or "-"
+
+
+def driven_speeds(trajectory: Trajectory) -> str:
+    """Return the speeds, m/s, at which a plan with speed classes drives, rising."""
+    speeds = distinct(getattr(trajectory.states, SPEED, np.zeros(1)))
+    return " ".join(f"{speed:g}" for speed in speeds.tolist() if speed > 0.0) or "-"
 
 
 def _stop_names(front: Front) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from hpop.criteria.comfort.angular_acceleration import AngularAcceleration as AngularAcceleration
     from hpop.criteria.comfort.camera_length import CameraLength as CameraLength
     from hpop.criteria.comfort.camera_roll import CameraRoll as CameraRoll
+    from hpop.criteria.comfort.felt_acceleration import FeltAcceleration as FeltAcceleration
     from hpop.criteria.comfort.heading_mismatch import HeadingMismatch as HeadingMismatch
     from hpop.criteria.comfort.heading_mismatch import MeanHeadingMismatch as MeanHeadingMismatch
     from hpop.criteria.comfort.jerk import Jerk as Jerk
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from hpop.criteria.comfort.rotation import Rotation as Rotation
     from hpop.criteria.comfort.rotation_time import RotationTime as RotationTime
     from hpop.criteria.comfort.sickness import Sickness as Sickness
+    from hpop.criteria.comfort.speed_changes import SpeedChanges as SpeedChanges
     from hpop.criteria.comfort.turns import Turns as Turns
     from hpop.criteria.learnt import Learnt as Learnt
     from hpop.criteria.others.against_flow import AgainstFlow as AgainstFlow

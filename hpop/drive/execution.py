@@ -31,7 +31,7 @@ from hpop.motions import States
 from hpop.motions.states import StateSpec
 from hpop.planners.base import Planner
 from hpop.planners.graphs.timed.safety import LEAVING
-from hpop.planners.needs import refuse_tour
+from hpop.planners.needs import refuse_speeds, refuse_tour
 from hpop.problems.front import Point
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person
@@ -79,6 +79,7 @@ class Execution(EventLog):
         preference: Preferring | None = None,
     ) -> None:
         refuse_tour(problem, "a drive")
+        refuse_speeds(problem, "a drive")
         self.problem, self.planner, self.choice, self.ways = problem, planner, choice, tuple(ways)
         super().__init__(begin)
         self.patience = real("patience", patience, 0, 1, "a share", error=DriveError)

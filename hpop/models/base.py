@@ -46,6 +46,7 @@ from hpop.models.rigid import (
     motion_bounds,
     rigid_body,
 )
+from hpop.models.speeds import class_execution, doubtful_speeds, speed_faults
 from hpop.motions import MODEL_DEFAULTS, Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
 from hpop.trajectories.trajectory import Trajectory
 
@@ -107,6 +108,8 @@ class PlanarModel(Model):
 
     executed: ClassVar[Mapping[str, str]] = {"move": "run", "turn": "spin"}
     """The kind of law by which the robot executes motions of a planned kind; other kinds are executed as planned."""
+    speed_classes: tuple[float, ...] = ()
+    """Speeds, m/s, among which straight moves choose; with several, the laws are those of `hpop.models.speeds`."""
 
     @property
     @abstractmethod
@@ -263,15 +266,22 @@ class PlanarModel(Model):
         Consecutive moves in one straight line are joined, and each motion goes from rest to rest. Also return the times
         (n+1,), s, at which it passes the planned states.
         """
+        if self.speed_classes:
+            return class_execution(trajectory, self.executed)
         return rest_to_rest_execution(trajectory, self.executed)
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Yield a text for each joint that goes beyond an end stop; the robot can do everything else its laws allow."""
-        return stop_faults(self.space, self.joints, trajectory.states)
+        """Yield a text for each joint that goes beyond an end stop, and for each speed that the robot cannot have.
+
+        The robot can do everything else its laws allow.
+        """
+        yield from stop_faults(self.space, self.joints, trajectory.states)
+        yield from speed_faults(self.speed_classes, trajectory)
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Return a mask (M,) of the motions that begin or end with a joint beyond an end stop."""
-        return beyond_stops(self.space, self.joints, start) | beyond_stops(self.space, self.joints, end)
+        """Return a mask (M,) of the motions that have one of several speeds, or a joint beyond an end stop."""
+        beyond = beyond_stops(self.space, self.joints, start) | beyond_stops(self.space, self.joints, end)
+        return beyond | doubtful_speeds(law, start, end)
 
     def describe(self) -> dict[str, Any]:
         """Return name and parameters for JSON, enough to build an equal robot; a base within it is described likewise.

@@ -23,6 +23,7 @@ from hpop.models.collision.parts import Part, convex_parts
 from hpop.models.driven import Drive
 from hpop.models.laws import Move, Run, Spin, Turn
 from hpop.models.rigid import Mount
+from hpop.models.speeds import checked_speeds, doubtful_speeds, speed_faults, speed_laws
 from hpop.motions import Law, States, StateSpace, is_curve, laws_of
 from hpop.trajectories.trajectory import Trajectory
 
@@ -147,7 +148,9 @@ class DifferentialDrive(PlanarModel):
     camera_height      m       of the camera above the floor; its mast reaches up to it
     camera_offset      m       of the camera from the axis, (ahead, left)
     mast_radius        m       of the mast
-    speed              m/s     cruise speed of straight moves
+    speed              m/s     cruise speed of straight moves; the largest one if there are several
+    speeds             m/s     one speed, or a list of rising speeds: a plan may then choose among them at each position
+                               (:mod:`hpop.models.speeds`); None for the one ``speed``
     acceleration       m/s²    of straight moves
     turn_rate          rad/s   of turns in place
     turn_acceleration  rad/s²  of turns in place
@@ -177,8 +180,17 @@ class DifferentialDrive(PlanarModel):
     view: str = FIXED
     view_yaw: Angle = 0.0
     field_of_view: FieldOfView | None = None
+    speeds: float | tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
+        if self.speeds is not None:
+            speeds = checked_speeds(self.speeds, SLOWEST)
+            if self.speed not in (type(self).speed, speeds[-1]):
+                raise ModelError(
+                    f"speed is the largest of speeds, {speeds[-1]:g}, got {shown(self.speed)}; leave it out"
+                )
+            object.__setattr__(self, "speed", speeds[-1])
+            object.__setattr__(self, "speeds", speeds if len(speeds) > 1 else None)
         lengths = ("radius", "body_height", "camera_height", "mast_radius", "wheel_base")
         rates = ("speed", "acceleration", "turn_rate", "turn_acceleration")
         set_reals(self, *lengths, least=LEAST, most=LONGEST, kind="a positive length in m", error=ModelError)
@@ -202,15 +214,25 @@ class DifferentialDrive(PlanarModel):
         """State space of x, y and yaw; in distances a radian counts as the distance driven in the time of its turn."""
         return plane_space(self.speed / self.turn_rate)
 
+    @property
+    def speed_classes(self) -> tuple[float, ...]:  # type: ignore[override]  # of its parameters
+        """Speeds, m/s, among which straight moves choose; () for one speed."""
+        return self.speeds if isinstance(self.speeds, tuple) else ()
+
     @cached_property
     def laws(self) -> Mapping[str, Law]:
-        """Motion laws by kind: planned ("move", "turn"), executed ("run", "spin"), and for curves ("drive")."""
+        """Motion laws by kind: planned ("move", "turn"), executed ("run", "spin"), and for curves ("drive").
+
+        A robot with several speeds also has the law "speed_change".
+        """
+        loss = 0.0 if self.speed_classes else self.speed / self.acceleration
         return {
             "move": Move(self.speed),
-            "turn": Turn(self.turn_rate, self.turn_acceleration, self.speed / self.acceleration),
+            "turn": Turn(self.turn_rate, self.turn_acceleration, loss),
             "run": Run(self.speed, self.acceleration),
             "spin": Spin(self.turn_rate, self.turn_acceleration),
             "drive": Drive(),
+            **(speed_laws(self.speed_classes, self.acceleration) if self.speed_classes else {}),
         }
 
     @property
@@ -269,10 +291,14 @@ class DifferentialDrive(PlanarModel):
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
         """Yield a text for motions that go sideways or backwards, or exceed the speed or acceleration of a wheel."""
         yield from faults(self, trajectory)
+        yield from speed_faults(self.speed_classes, trajectory)
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Return a mask (M,) of motions that go sideways or backwards, and of all curves, which need :meth:`faults`."""
-        return doubtful(law, start, end)
+        """Return a mask (M,) of motions that need :meth:`faults`.
+
+        These are motions that go sideways or backwards, all curves, and motions with one of several speeds.
+        """
+        return doubtful(law, start, end) | doubtful_speeds(law, start, end)
 
 
 def _checked_offset(offset: Any) -> tuple[float, float]:

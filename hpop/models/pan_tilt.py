@@ -205,6 +205,11 @@ class PanTilt(OnBase, PlanarModel):
         return law if isinstance(law, Turn) else None
 
     @property
+    def speed_classes(self) -> tuple[float, ...]:  # type: ignore[override]  # of its base
+        """Speeds of the base, m/s, if there are several."""
+        return self.base.speed_classes
+
+    @property
     def executed(self) -> Mapping[str, str]:  # type: ignore[override]  # of its base
         """The kind of law by which the robot executes motions of each planned kind, of base and head."""
         return {**self.base.executed, "pan": "swivel", "tilt": "nod", "unwind": "counterspin"}

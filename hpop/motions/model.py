@@ -150,6 +150,8 @@ class Model(Protocol):
     mounts         positions of bodies on the base (:class:`hpop.models.base.Mount`), by name; default {}
     joints         names of the states that are joints; default ()
     executed       the kind of law by which the robot executes motions of each planned kind; default {}
+    speed_classes  m/s, rising: speeds among which straight moves choose (:mod:`hpop.models.speeds`); default (), one
+                   speed
     notes          sentences on assumptions about the robot, which are printed with every front; default ()
     """
 
@@ -256,6 +258,10 @@ class Model(Protocol):
             return {}
 
         @property
+        def speed_classes(self) -> tuple[float, ...]:
+            return ()
+
+        @property
         def notes(self) -> tuple[str, ...]:
             return ()
 
@@ -319,6 +325,7 @@ MODEL_DEFAULTS: dict[str, Any] = {
     "mounts": {},
     "joints": (),
     "executed": {},
+    "speed_classes": (),
     "notes": (),
 }
 """Values of a model's optional members."""

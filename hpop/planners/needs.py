@@ -32,6 +32,12 @@ def refuse_unsupported(planner: Planner, model: Model) -> None:
     """
     lacking = planner.needs - model.provides
     if not lacking:
+        if model.speed_classes and not planner.speeds:
+            able = [name for name, other in planners.items() if other.speeds and other.needs <= model.provides]
+            raise UnsupportedModel(
+                f"{planner.name} plans for one speed, but the robot has the speeds {_speeds_text(model)}; give the "
+                f"model one speed. Planners that choose among speeds are {', '.join(able)}."
+            )
         return
     able = [name for name, candidate in planners.items() if candidate.needs <= model.provides]
     undeclared = (
@@ -66,6 +72,19 @@ def refuse_tour(problem: Problem, what: str) -> None:
             f"{what} cannot plan a tour, so the stops {', '.join(problem.tour.names)} would not be visited; leave the "
             "tour out of the problem"
         )
+
+
+def refuse_speeds(problem: Problem, what: str) -> None:
+    """Raise QueryError for a model with several speeds; ``what`` says what does not choose among them."""
+    if problem.model.speed_classes:
+        raise QueryError(
+            f"{what} drives at one speed, but the robot has the speeds {_speeds_text(problem.model)}; give the model "
+            "one speed"
+        )
+
+
+def _speeds_text(model: Model) -> str:
+    return f"{', '.join(f'{speed:g}' for speed in model.speed_classes)} m/s"
 
 
 def refuse_moving(problem: Problem, what: str) -> None:

@@ -97,6 +97,7 @@ class WeightedSum:
     goal_sets: ClassVar[bool] = True
     any_goal: ClassVar[bool] = False
     tours: ClassVar[bool] = True
+    speeds: ClassVar[bool] = True
 
     step: float = 0.25
     headings: int = 8

@@ -16,6 +16,7 @@ from hpop.base.options import LEAST, set_wholes
 from hpop.base.scalars import set_python_values
 from hpop.criteria.visits import Visits, all_visits
 from hpop.goals import checked_goal
+from hpop.models.speeds import CHANGE
 from hpop.motions import HOLD, Motions, States
 from hpop.planners.base import Candidates, Planner, joined, make_planner
 from hpop.planners.graphs.family import BuiltGraph, GraphFamily, NotBuilt, graph_family
@@ -199,9 +200,9 @@ def _with_lattice_headings(problem: Problem, trajectories: Sequence[Trajectory])
 def _corners(problem: Problem, trajectories: Sequence[Trajectory], ends: FloatArray) -> FloatArray:
     """Return the corners (n, 2), m, of lattice paths.
 
-    Corners are the positions at which a path turns, holds, visits a stop or ends, and those at which it bends when it
-    is shortened like a taut string. Corners that most paths share come first. Positions in ``ends`` (E, 2), m, are
-    left out.
+    Corners are the positions at which a path turns, holds, changes its speed, visits a stop or ends, and those at which
+    it bends when it is shortened like a taut string. Corners that most paths share come first. Positions in ``ends``
+    (E, 2), m, are left out.
     """
     points, marked = [], []
     tour = problem.tour
@@ -210,7 +211,7 @@ def _corners(problem: Problem, trajectories: Sequence[Trajectory], ends: FloatAr
         stops = [int(np.searchsorted(t.times, visit.begin - CLOCKED)) for visit in visited.visits]
         at = [*(i for i, kind in enumerate(t.kinds) if kind == "move"), len(t)]
         points.append(np.stack([t.states.x, t.states.y], axis=1)[at])
-        turned = ("turn", HOLD.kind)
+        turned = ("turn", HOLD.kind, CHANGE)
         marked.append([i in stops or i == len(t) or (i > 0 and t.kinds[i - 1] in turned) for i in at])
     path = np.repeat(np.arange(len(points)), [len(p) for p in points])
     along = np.concatenate(points)

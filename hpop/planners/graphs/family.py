@@ -19,6 +19,7 @@ from hpop.planners.base import Candidates
 from hpop.planners.graphs.assemble import assemble
 from hpop.planners.graphs.joined_ends import Ends
 from hpop.planners.graphs.query import Query, built_query
+from hpop.planners.graphs.speeds import with_speeds
 from hpop.planners.graphs.tour_stops import with_tour
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.needs import refuse_moving
@@ -159,13 +160,16 @@ class GraphFamily:
     def toured_graphs(
         self, problem: Problem, objectives: Objectives, spending: Spending, *, in_stages: bool = False
     ) -> Iterator[BuiltGraph]:
-        """Yield the graphs of :meth:`graphs`, extended for the problem's tour if it has one.
+        """Yield the graphs of :meth:`graphs`, extended for the model's speeds and the problem's tour.
+
+        With several speeds, each graph has a copy (layer) for each of them.
 
         With a tour, only the whole graph is yielded, with a copy (layer) for each set of visited stops. Parts of the
         graph are left out, since they need not contain the stops.
         """
         if problem.tour is None:
-            yield from self.graphs(problem, objectives, spending, in_stages=in_stages)
+            for built in self.graphs(problem, objectives, spending, in_stages=in_stages):
+                yield replace(built, ends=with_speeds(built.ends, problem.model))
             return
         for built in self.graphs(problem, objectives, spending):
             yield replace(built, ends=with_tour(built.ends, built.problem, problem.tour))

@@ -14,6 +14,7 @@ from hpop.goals.tour import Tour, TourStop
 from hpop.motions import States
 from hpop.planners.graphs.arcs import BLOCK
 from hpop.planners.graphs.joined_ends import Ends, JoinedEnds
+from hpop.planners.graphs.speeds import with_speeds
 from hpop.planners.graphs.tour import TourGraph
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.needs import elsewhere
@@ -30,12 +31,16 @@ def with_tour(ends: Ends, problem: Problem, tour: Tour) -> Ends:
     """Extend a graph with start and goals to the graph of a tour (:class:`.tour.TourGraph`).
 
     If the robot can visit a stop at no state of the graph, random states of the stop are added first and connected to
-    states nearby. Raises QueryError for a stop that cannot be visited.
+    states nearby. Then come the layers of the model's speeds, if it has several. Raises QueryError for a stop that
+    cannot be visited.
     """
-    space, start, goals = ends
+    space = ends.space
     members = [_members(space, stop, problem.world) for stop in tour.stops]
     if empty := [i for i, found in enumerate(members) if not found.size]:
         space = _with_states(space, problem, [tour.stops[i] for i in empty])
+    plain = ends.space
+    space, start, goals = with_speeds(ends._replace(space=space), problem.model)
+    if space is not plain:
         members = [_members(space, stop, problem.world) for stop in tour.stops]
     layered = TourGraph(
         space.model, space.world, space, tour, tuple(members), tuple(dict.fromkeys(goals)), spending=space.spending
@@ -53,6 +58,7 @@ def _members(space: TrajectoryGraph, stop: TourStop, world: World) -> IntArray:
     for begin in range(0, space.size, BLOCK):
         ids = np.arange(begin, min(begin + BLOCK, space.size))
         space.spending.check(f"the graph was searched for states of stop {stop.name!r}")
+        ids = ids if not stop.dwell else ids[space.at_rest(ids)]
         ids = ids[in_stop(stop, world, space.model, space.states(ids))]
         states = space.states(ids)
         known = ~np.any([np.isnan(column) for column in states.__dict__.values()], axis=0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion
 from hpop.motions import Collision, Law, Model, States, StateSpace, is_coupled, onward
-from hpop.motions.by_law import refuse_impossible
+from hpop.motions.by_law import extras, refuse_impossible
 from hpop.planners.spending import Spending
 from hpop.search import Graph
 from hpop.trajectories.trajectory import Trajectory
@@ -48,7 +48,13 @@ class Stretches(NamedTuple):
 
     @classmethod
     def through(
-        cls, space: StateSpace, laws: Sequence[Law], states: States, kinds: IntArray, sizes: IntArray
+        cls,
+        space: StateSpace,
+        laws: Sequence[Law],
+        states: States,
+        kinds: IntArray,
+        sizes: IntArray,
+        turns: Mapping[str, FloatArray] | None = None,
     ) -> Stretches:
         """Return the stretches through given states (N,), with angles made continuous.
 
@@ -58,6 +64,8 @@ class Stretches(NamedTuple):
         laws   law (the rule by which states change during a motion) of each kind of motion
         kinds  (N,)  index into ``laws`` of the motion that ends in each state
         sizes  (n,)  number of states of each stretch
+        turns  (N,)  change, rad, of each turning column in the motion that ends in each state; NaN where the shorter
+                     direction is taken, None for NaN everywhere
         """
         columns = dict(states.__dict__)
         begins = (np.cumsum(sizes) - sizes)[sizes > 0]
@@ -70,6 +78,8 @@ class Stretches(NamedTuple):
                 for name in law.varies & space.turning:
                     turned[name][rows] = getattr(end, name) - getattr(start, name)
         for name, steps in turned.items():
+            if turns is not None:
+                steps[:] = np.where(np.isnan(turns[name]), steps, turns[name])
             steps[begins] = 0.0
             columns[name] = np.repeat(columns[name][begins], sizes[sizes > 0]) + _running(steps, sizes)
         return cls(States(**columns), kinds, sizes)
@@ -86,7 +96,8 @@ class Stretches(NamedTuple):
         kept = lengths - (present & ~first)  # the first state of a part repeats the last state of the part before
         sizes = kept.sum(axis=0)
         begins = np.cumsum(sizes) - sizes + np.cumsum(kept, axis=0) - kept
-        columns = {name: np.empty(sizes.sum()) for name in space.names}
+        further = [name for name in parts[0].states.names if name not in space.names] if parts else []
+        columns = {name: np.empty(sizes.sum()) for name in (*space.names, *further)}
         kinds = np.empty(sizes.sum(), dtype=np.int64)
         last = {name: np.zeros(sizes.size) for name in space.turning}
         for part, length, is_first, begin in zip(parts, lengths, first, begins, strict=True):
@@ -128,10 +139,15 @@ class Stretches(NamedTuple):
                 start, end = states.take(heads[rows] - 1), states.take(heads[rows])
                 refuse_impossible(model, model.laws[kind], start, end, rows)
         words = tuple(np.array(kinds, dtype=object)[self.kinds].tolist())
-        return tuple(
-            Trajectory.of_checked(model, states.take(slice(begin, end)), words[begin + 1 : end])
-            for begin, end in pairwise([0, *ends.tolist()])
-        )
+        parts = [(slice(begin, end), words[begin + 1 : end]) for begin, end in pairwise([0, *ends.tolist()])]
+        if len(states.names) == len(model.space.names):
+            return tuple(Trajectory.of_checked(model, states.take(part), own) for part, own in parts)
+        several = []
+        for part, own in parts:  # a trajectory has only those further columns that its motions need
+            names = (*model.space.names, *extras(model, own))
+            columns = States(**{name: getattr(states, name)[part] for name in names})
+            several.append(Trajectory.of_checked(model, columns, own))
+        return tuple(several)
 
 
 def _running(steps: FloatArray, sizes: IntArray) -> FloatArray:
@@ -194,6 +210,10 @@ class TrajectoryGraph(ABC):
     @abstractmethod
     def kinds(self) -> tuple[str, ...]:
         """Names of the kinds of motions in this graph, such as "move" and "turn"."""
+
+    def at_rest(self, ids: IntArray) -> BoolArray:
+        """Return in which states (N,) the robot may stand; in all, unless the graph has speeds."""
+        return np.ones(ids.size, dtype=np.bool_)
 
     @abstractmethod
     def graph(self, criteria: Sequence[Criterion]) -> Graph:

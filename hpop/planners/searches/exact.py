@@ -19,7 +19,7 @@ from hpop.planners.graphs.family import BuiltGraph, GraphFamily, NotBuilt, OnGra
 from hpop.planners.graphs.query import Query, built_query, refuse_too_many, tolerance_counts
 from hpop.planners.graphs.timed.clock import HOLD, TimeOptions, needless
 from hpop.planners.judgement import evaluable_in_time, trusted
-from hpop.planners.needs import people_move, refuse_moving, refuse_tour
+from hpop.planners.needs import people_move, refuse_moving, refuse_speeds, refuse_tour
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.searches.mean import Detour, DetourSpec, exact_mean, mean_criteria, mean_objectives
 from hpop.planners.spending import Exhausted, Limits, Spending, stopped
@@ -59,6 +59,7 @@ class ExactSearch:
 
     name: ClassVar[str]
     tours: ClassVar[bool] = True
+    speeds: ClassVar[bool] = True
 
     max_detour: DetourSpec | None = None
     max_turns: int | None = None
@@ -160,6 +161,7 @@ class ExactSearch:
         moving, family = people_move(problem), self.family
         if moving:
             refuse_tour(problem, f"{self.name} among moving people")
+            refuse_speeds(problem, f"{self.name} among moving people")
         if self.max_detour is not None and problem.tour is not None and problem.tour.optional:
             raise OptionError(
                 "max_detour cannot be combined with optional stops of a tour: leave max_detour out, or set optional to "

@@ -1,0 +1,184 @@
+"""Joins of start and goals in a graph of speeds: one copy of each for every class in which its moves may be driven."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import motion_costs
+from hpop.models.speeds import CHANGE
+from hpop.motions import Model, Motions, States, laws_of
+from hpop.motions.laws import SPEED
+from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
+from hpop.planners.objectives import quantised
+
+
+class ChainStep(NamedTuple):
+    """One motion of some copies of chains.
+
+    rows   (r,)  copies that have this motion
+    kind   index of its kind
+    start  states (r,) in which it begins, with speeds
+    end    states (r,) in which it ends, with speeds
+    """
+
+    rows: IntArray
+    kind: int
+    start: States
+    end: States
+
+
+class Waypoints(NamedTuple):
+    """Ends of all motions of the copies of joins (w,), copy by copy.
+
+    pointers  (c + 1,)  where the ends of each copy begin
+    states    (w,)  with speeds
+    kinds     (w,)  kind of the motion that ends there
+    turns     (w,)  rad  by which each turning column changes in that motion
+    """
+
+    pointers: IntArray
+    states: States
+    kinds: IntArray
+    turns: dict[str, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class JoinCopies:
+    """Copies (c,) of the joins of a graph: for each class one of a join with moves, with its changes of speed.
+
+    A join begins and ends at rest at a start, a goal or an added state of a stop. At a state of the graph it begins and
+    ends at the speed of its first and last motion.
+
+    inner   graph with joins, or without
+    model   model with speed classes
+    speeds  m/s, rising: the classes
+    """
+
+    inner: TrajectoryGraph
+    model: Model
+    speeds: tuple[float, ...]
+
+    def __len__(self) -> int:
+        return self._copies[0].size
+
+    def _has_speed(self, kind: str) -> bool:
+        return SPEED in laws_of(self.model)[kind].extra
+
+    @cached_property
+    def _copies(self) -> tuple[IntArray, IntArray]:
+        """For each copy (c,): the join's row, and the layer of its moves."""
+        joins = self.inner.joins
+        if joins is None:
+            return np.zeros(0, np.int64), np.zeros(0, np.int64)
+        moves = np.zeros(joins.tails.size, dtype=np.bool_)
+        for kind, present in zip(joins.kinds, joins.present, strict=True):
+            moves |= present & self._has_speed(kind)
+        counts = np.where(moves, len(self.speeds), 1)
+        rows = np.repeat(np.arange(counts.size), counts)
+        return rows, np.arange(rows.size) - np.repeat(np.cumsum(counts) - counts, counts) + 1
+
+    @property
+    def tails(self) -> IntArray:
+        """State (c,) of the inner graph in which each copy begins."""
+        return self._copies[0] if self.inner.joins is None else self.inner.joins.tails[self._copies[0]]
+
+    @property
+    def heads(self) -> IntArray:
+        """State (c,) of the inner graph in which each copy ends."""
+        return self._copies[0] if self.inner.joins is None else self.inner.joins.heads[self._copies[0]]
+
+    @property
+    def begins(self) -> IntArray:
+        """Layer (c,) in which each copy begins."""
+        return self._chains[0]
+
+    @property
+    def ends(self) -> IntArray:
+        """Layer (c,) in which each copy ends."""
+        return self._chains[1]
+
+    @cached_property
+    def _chains(self) -> tuple[IntArray, IntArray, tuple[ChainStep, ...]]:
+        """For each copy (c,): the layers in which it begins and ends; and all motions, in order of time."""
+        (rows, classes), joins, alone = self._copies, self.inner.joins, self.inner.states_alone
+        if joins is None or alone is None:
+            return rows, classes, ()
+        speed_of, change = np.array([0.0, *self.speeds]), len(self.inner.kinds)
+        at_tail, at_head = self.tails >= alone.size, self.heads >= alone.size
+        begun, steps = np.zeros(rows.size, dtype=np.bool_), list[ChainStep]()
+        begins = layer = np.zeros(rows.size, np.int64)
+
+        def add(kind: int, some: BoolArray, corners: Sequence[States], layers: Sequence[IntArray]) -> None:
+            own = np.flatnonzero(some)
+            if own.size:
+                start, end = (
+                    at_speed(states.take(rows[own]), speed_of[at[own]])
+                    for states, at in zip(corners, layers, strict=True)
+                )
+                steps.append(ChainStep(own, kind, start, end))
+
+        for i, kind in enumerate(joins.kinds):
+            present, before, after = joins.present[i][rows], joins.corners[i], joins.corners[i + 1]
+            needed = np.where(present, classes if self._has_speed(kind) else 0, layer)
+            first = present & ~begun & ~at_tail
+            begins, layer = np.where(first, needed, begins), np.where(first, needed, layer)
+            add(change, layer != needed, (before, before), (layer, needed))
+            add(self.inner.kinds.index(kind), present, (before, after), (needed, needed))
+            layer, begun = needed, begun | present
+        ends = np.where(at_head, 0, layer)
+        add(change, layer != ends, (joins.corners[-1], joins.corners[-1]), (layer, ends))
+        return begins, ends, tuple(steps)
+
+    def _kind(self, step: ChainStep) -> str:
+        return (*self.inner.kinds, CHANGE)[step.kind]
+
+    @property
+    def turned(self) -> NDArray[np.int8]:
+        """Number (c,) of motions in place in each copy, changes of speed among them."""
+        turned = np.zeros(len(self), np.int8)
+        for step in self._chains[2]:
+            turned[step.rows] += np.int8("x" not in laws_of(self.model)[self._kind(step)].varies)
+        return turned
+
+    def costs(self, criteria: Sequence[Criterion]) -> IntArray:
+        """Return the costs (c, k) of the copies in quanta, rounded once for each copy."""
+        costs, laws = np.zeros((len(self), len(criteria))), laws_of(self.model)
+        for step in self._chains[2]:
+            motions = Motions(self.inner.world, self.model, laws[self._kind(step)], step.start, step.end)
+            for j, criterion in enumerate(criteria):
+                paid, worst = motion_costs(criterion, motions), criterion.aggregate == "max"
+                known = costs[step.rows, j]
+                costs[step.rows, j] = np.maximum(known, paid) if worst else known + paid
+        return np.stack([quantised(costs[:, j], criterion) for j, criterion in enumerate(criteria)], axis=1)
+
+    @cached_property
+    def waypoints(self) -> Waypoints:
+        """Ends of the motions of all copies."""
+        steps, space = self._chains[2], self.model.space
+        copy = np.concatenate([np.zeros(0, np.int64), *(step.rows for step in steps)])
+        order = np.argsort(copy, kind="stable")
+
+        def joined(columns: list[FloatArray]) -> FloatArray:
+            return np.concatenate([np.zeros(0), *columns])[order]
+
+        states = {name: joined([getattr(step.end, name) for step in steps]) for name in (*space.names, SPEED)}
+        turns = {
+            name: joined([getattr(step.end, name) - getattr(step.start, name) for step in steps])
+            for name in space.turning
+        }
+        kinds = np.concatenate([np.zeros(0, np.int64), *(np.full(step.rows.size, step.kind) for step in steps)])
+        pointers = np.append(np.zeros(1, np.int64), np.cumsum(np.bincount(copy, minlength=len(self))))
+        return Waypoints(pointers, States(**states), kinds[order], turns)
+
+
+def at_speed(states: States, speed: float | FloatArray) -> States:
+    """Return states (N,) with a speed, m/s, in a further column."""
+    return States(**states.__dict__ | {SPEED: np.full(states.size, speed)})

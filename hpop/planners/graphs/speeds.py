@@ -1,0 +1,354 @@
+"""Graph of speeds: a copy of the inner graph's states for each speed of the model, and one for standing still.
+
+These copies are called layers. Layer 0 is rest; layer i is class i of the model's speeds (:mod:`hpop.models.speeds`). A
+node is a state of the inner graph together with a layer. Turns and other motions in place stay in layer 0, moves stay
+in the layer of a class. Arcs between layers keep the state: they change the speed, and cost what the criteria say of
+that motion. So a straight run may change its speed at each state, and any search on this graph finds speeds as it
+finds paths.
+
+A join to a start or goal beside the graph (:mod:`.joined_ends`) is a chain of motions. It has one copy for each class
+in which its moves may be driven (:mod:`.speed_joins`). Each copy has a node of its own, between its tail and its head,
+so that a path says which copy it takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import motion_costs
+from hpop.errors import QueryError
+from hpop.models.speeds import CHANGE, neighbouring
+from hpop.motions import Model, Motions, States, laws_of
+from hpop.motions.laws import SPEED
+from hpop.planners.graphs.arcs import blocks
+from hpop.planners.graphs.joined_ends import Ends
+from hpop.planners.graphs.speed_joins import JoinCopies, at_speed
+from hpop.planners.graphs.state_graph import ARC, StateGraph
+from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph, aggregates
+from hpop.planners.objectives import quantised
+from hpop.search import Graph
+
+
+def with_speeds(ends: Ends, model: Model) -> Ends:
+    """Extend a graph with start and goal to the graph of the model's speeds; return it unchanged for one speed.
+
+    Raises QueryError for a graph whose arcs are not known motion by motion, such as a roadmap of configurations.
+    """
+    if not model.speed_classes:
+        return ends
+    space, start, goals = ends
+    if space.states_alone is None:
+        raise QueryError(
+            f"{space.words} has no states at which a speed could change; give the model one speed, or plan on a "
+            "lattice or on a roadmap of positions"
+        )
+    layered = SpeedGraph(space.model, space.world, space, tuple(model.speed_classes), spending=space.spending)
+    return Ends(layered, layered.node(start), [layered.node(goal) for goal in goals])
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedGraph(TrajectoryGraph):
+    """Graph of speeds: layers of an inner graph, and a node for each copy of a join.
+
+    State v of the inner graph has the node v * L + l in layer l, with L - 1 classes. Nodes of joins come last.
+
+    inner   graph of states, with start and goals among its nodes
+    speeds  m/s, rising: the classes
+    """
+
+    inner: TrajectoryGraph
+    speeds: tuple[float, ...]
+
+    @property
+    def _alone(self) -> StateGraph:
+        alone = self.inner.states_alone
+        assert alone is not None
+        return alone
+
+    @property
+    def _layers(self) -> int:
+        return len(self.speeds) + 1
+
+    @property
+    def _speed_of(self) -> FloatArray:
+        """Speed of each layer, m/s."""
+        return np.array([0.0, *self.speeds])
+
+    def node(self, state: int, layer: int = 0) -> int:
+        """Return the node of a state of the inner graph in a layer; by default at rest."""
+        return state * self._layers + layer
+
+    @cached_property
+    def size(self) -> int:
+        """Number of nodes."""
+        return self.inner.size * self._layers + len(self._joins)
+
+    @property
+    def words(self) -> str:
+        """Description of the inner graph and the speeds, for certificates."""
+        *some, last = (f"{speed:g}" for speed in self.speeds)
+        return f"{self.inner.words}, at speeds of {', '.join(some)} and {last} m/s"
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options that identify the inner graph, as JSON."""
+        return self.inner.options
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of motions of the inner graph, then changes of speed."""
+        return (*self.inner.kinds, CHANGE)
+
+    @cached_property
+    def _has_speed(self) -> BoolArray:
+        """Mask of the kinds of motions that have one of several speeds."""
+        laws = laws_of(self.model)
+        return np.array([SPEED in laws[kind].extra for kind in self.inner.kinds])
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Sizes of the inner graph, and the number of speeds."""
+        return {**self.inner.counts, "speeds": len(self.speeds)}
+
+    def _states_of(self, nodes: IntArray) -> IntArray:
+        """Return the inner state (N,) of each node; of a join the state to which it leads."""
+        last, heads = self.inner.size * self._layers, np.append(self._joins.heads, 0)
+        return np.where(nodes < last, nodes // self._layers, heads[np.clip(nodes - last, 0, len(self._joins))])
+
+    def states(self, ids: IntArray) -> States:
+        """Return the robot's states (N,) at some nodes, without speeds; of a join the state to which it leads."""
+        return self.inner.states(self._states_of(ids))
+
+    def inside(self, nodes: list[int]) -> list[int]:
+        """Return the inner nodes of some nodes, where an added start or goal is replaced by its neighbours."""
+        return self.inner.inside(list(dict.fromkeys(self._states_of(np.array(nodes, np.int64)).tolist())))
+
+    def at_rest(self, ids: IntArray) -> BoolArray:
+        """Return which nodes (N,) are in the layer of rest."""
+        return np.asarray((ids < self.inner.size * self._layers) & (ids % self._layers == 0))
+
+    @cached_property
+    def _joins(self) -> JoinCopies:
+        """Copies of the joins of start and goals."""
+        return JoinCopies(self.inner, self.model, self.speeds)
+
+    # Arcs
+
+    @cached_property
+    def _arcs(self) -> tuple[IntArray, NDArray[np.int32], IntArray]:
+        """Row pointers (N + 1,), heads (m,), and for each arc (m,) its row in the table of costs.
+
+        The table has a row for each arc of the graph of states, its moves at the fastest speed, then for its moves at
+        each slower speed, for changes of speed at its states, for copies of joins, and a row of zeros.
+        """
+        alone, count = self._alone, self._layers
+        tails, heads = np.repeat(np.arange(alone.size), np.diff(alone.rows)), alone.heads.astype(np.int64)
+        in_place, moves = self._in_place_and_moves
+        fastest = count - 1
+        parts = [(tails[in_place] * count, heads[in_place] * count, in_place)]
+        parts += [(tails[moves] * count + fastest, heads[moves] * count + fastest, moves)]
+        row = heads.size
+        for layer in range(1, fastest):
+            numbers = row + np.arange(moves.size)
+            parts.append((tails[moves] * count + layer, heads[moves] * count + layer, numbers))
+            row += moves.size
+        state, pair = np.divmod(np.arange(alone.size * len(self._pairs)), len(self._pairs))
+        since, until = self._pairs[pair].T
+        parts.append((state * count + since, state * count + until, row + np.arange(state.size)))
+        row += state.size
+        joins = self._joins
+        middle = self.inner.size * count + np.arange(len(joins))
+        paid, free = row + np.arange(len(joins)), np.full(len(joins), row + len(joins))
+        # A search takes turns together where no turn leads into them from elsewhere (hpop.search.machinery.turns): so a
+        # join to a goal costs behind its node, where it ends, and any other before.
+        late = joins.heads >= alone.size
+        parts.append((joins.tails * count + joins.begins, middle, np.where(late, free, paid)))
+        parts.append((middle, joins.heads * count + joins.ends, np.where(late, paid, free)))
+        all_tails, all_heads, rows = (np.concatenate(column) for column in zip(*parts, strict=True))
+        order = np.argsort(all_tails, kind="stable")
+        pointers = np.append(0, np.cumsum(np.bincount(all_tails, minlength=self.size)))
+        return pointers.astype(np.int64), all_heads[order].astype(np.int32), rows[order]
+
+    @cached_property
+    def _in_place_and_moves(self) -> tuple[IntArray, IntArray]:
+        """Indices of the arcs of the graph of states that are made in place, and of its moves."""
+        has_speed = self._has_speed[self._alone.arcs.kinds]
+        return np.flatnonzero(~has_speed), np.flatnonzero(has_speed)
+
+    @cached_property
+    def _pairs(self) -> IntArray:
+        """Changes (p, 2) between layers that each state has."""
+        return neighbouring(len(self.speeds))
+
+    @property
+    def rows(self) -> IntArray:
+        """Row pointers (N + 1,): the arcs that leave node u have the indices rows[u] to rows[u + 1] - 1."""
+        return self._arcs[0]
+
+    @property
+    def heads(self) -> NDArray[np.int32]:
+        """Head node (m,) of each arc."""
+        return self._arcs[1]
+
+    @property
+    def turned(self) -> NDArray[np.int8]:
+        """Number (m,) of motions in place in each arc, changes of speed among them; of joins all but the moves."""
+        alone, (_, moves) = self._alone, self._in_place_and_moves
+        turned = [alone.turned, np.zeros((len(self.speeds) - 1) * moves.size, np.int8)]
+        turned.append(np.ones(alone.size * len(self._pairs), np.int8))
+        return np.concatenate([*turned, self._joins.turned, np.zeros(1, np.int8)])[self._arcs[2]]
+
+    # Costs
+
+    def graph(self, criteria: Sequence[Criterion]) -> Graph:
+        """Return the search graph: each motion costs what the criteria say of it at its speed."""
+        inner = self._alone.graph(criteria)
+        pointers, heads, rows = self._arcs
+        doing = f"{self.words} was built"
+        self.spending.hold(rows.size * (8 * len(criteria) + 2 * ARC), doing)
+        nothing = np.zeros((1, len(criteria)), np.int64)
+        table = np.concatenate([inner.costs, self._own_costs(criteria), self._joins.costs(criteria), nothing])
+        costs = table[rows]
+        for array in (pointers, heads, costs):
+            array.setflags(write=False)
+        return Graph.from_csr(pointers, heads, costs, aggregates=aggregates(criteria))
+
+    def costed(self, criteria: Sequence[Criterion]) -> bool:
+        """Return whether the costs of all arcs of the graph of states are cached, at all speeds."""
+        named = [self._cached(criterion) is not None for criterion in criteria]
+        return self.inner.costed(criteria) and all(named)
+
+    def _cached(self, criterion: Criterion) -> IntArray | None:
+        """Return the costs of slower moves and of changes by a criterion from the world's cache; None if missing."""
+        name = self._alone.cache_name(criterion)
+        found: IntArray | None = None if name is None else self._alone.cached_part((name, SPEED))
+        return found
+
+    def _own_costs(self, criteria: Sequence[Criterion]) -> IntArray:
+        """Return the costs (r, k), in quanta, of moves at slower speeds and of changes of speed."""
+        columns = [self._cached(criterion) for criterion in criteria]
+        missing = [j for j, column in enumerate(columns) if column is None]
+        if missing:
+            some = [criteria[j] for j in missing]
+            found = np.concatenate([*self._slower_costs(some), self._change_costs(some)])
+            for j, column in zip(missing, found.T, strict=True):
+                columns[j] = np.ascontiguousarray(column)
+                name = self._alone.cache_name(criteria[j])
+                if name is not None:
+                    self._alone.cache_part((name, SPEED), columns[j])
+        return np.stack([column for column in columns if column is not None], axis=1)
+
+    def _slower_costs(self, criteria: Sequence[Criterion]) -> Iterator[IntArray]:
+        """Yield the costs (moves, k) of all moves of the graph of states, for each speed but the fastest."""
+        alone, (_, moves) = self._alone, self._in_place_and_moves
+        for speed in self.speeds[:-1]:
+
+            def of_moves(part: slice, speed: float = speed) -> IntArray:
+                costs = np.empty((part.stop - part.start, len(criteria)), np.int64)
+                for places, motions in alone.motions_of(moves[part]):
+                    start, end = (at_speed(states, speed) for states in (motions.start, motions.end))
+                    costs[np.searchsorted(moves[part], places)] = _costs(
+                        replace(motions, start=start, end=end), criteria
+                    )
+                return costs
+
+            yield np.concatenate([np.zeros((0, len(criteria)), np.int64), *self._each(of_moves, moves.size)])
+
+    def _change_costs(self, criteria: Sequence[Criterion]) -> IntArray:
+        """Return the costs (c, k) of all changes of speed at all states of the graph of states."""
+        alone, count = self._alone, len(self._pairs)
+
+        def of_changes(part: slice) -> IntArray:
+            state, pair = np.divmod(np.arange(part.start, part.stop), count)
+            states = alone.states(state)
+            start, end = (at_speed(states, self._speed_of[layer]) for layer in self._pairs[pair].T)
+            return _costs(Motions(self.world, self.model, self.model.laws[CHANGE], start, end), criteria)
+
+        nothing = np.zeros((0, len(criteria)), np.int64)
+        return np.concatenate([nothing, *self._each(of_changes, alone.size * count)])
+
+    def _each(self, work: Any, size: int) -> Iterator[IntArray]:
+        return self.spending.each(work, blocks(size), f"{self.words} was built")
+
+    # Trajectories
+
+    def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
+        """Return n trajectories, not yet checked, through nodes (N,), with speeds.
+
+        The node of a join becomes the ends of its motions, and the node behind it is left out. So are nodes that a
+        change from or to rest passes in between.
+        """
+        last, space = self.inner.size * self._layers, self.model.space
+        pointers, ends, end_kinds, end_turns = self._joins.waypoints
+        join = ids >= last
+        copy = np.where(join, ids - last, 0)
+        counts = np.where(join, np.diff(pointers, append=0)[copy], 1)
+        behind = np.append(False, join[:-1])
+        behind[np.cumsum(sizes)[:-1]] = False
+        counts[behind | self._passed(ids, sizes)] = 0
+        owner = np.repeat(np.arange(ids.size), counts)  # node of each state
+        within = np.arange(owner.size) - np.repeat(np.cumsum(counts) - counts, counts)
+        of_join = join[owner]
+        plain, at = ids[owner[~of_join]], pointers[copy[owner[of_join]]] + within[of_join]
+        states, columns = self.inner.states(plain // self._layers), dict[str, FloatArray]()
+        states = at_speed(states, self._speed_of[plain % self._layers])
+        for name in (*space.names, SPEED):
+            columns[name] = np.empty(owner.size)
+            columns[name][~of_join], columns[name][of_join] = getattr(states, name), getattr(ends, name)[at]
+        kinds = np.full(owner.size, len(self.inner.kinds))
+        kinds[of_join] = end_kinds[at]
+        kinds[~of_join] = self._kinds_into(ids, owner[~of_join])
+        turns = {name: np.full(owner.size, np.nan) for name in space.turning}
+        for name, known in turns.items():
+            known[of_join] = end_turns[name][at]
+        path = np.repeat(np.arange(sizes.size), sizes)
+        lengths = np.bincount(path, counts, minlength=sizes.size).astype(np.int64)
+        laws = [laws_of(self.model)[kind] for kind in self.kinds]
+        return Stretches.through(space, laws, States(**columns), kinds, lengths, turns)
+
+    def _passed(self, ids: IntArray, sizes: IntArray) -> BoolArray:
+        """Mark the nodes (N,) of paths between the first and the last of several changes in one state, one at rest.
+
+        A change from rest to a class by way of a slower one costs no more, and is one change.
+        """
+        path, state = np.repeat(np.arange(sizes.size), sizes), self._states_of(ids)
+        state[ids >= self.inner.size * self._layers] = -1 - np.flatnonzero(ids >= self.inner.size * self._layers)
+        new = np.append(True, (state[1:] != state[:-1]) | (path[1:] != path[:-1]))
+        group = np.cumsum(new) - 1
+        first, last = np.flatnonzero(new), np.append(np.flatnonzero(new)[1:], ids.size) - 1
+        rests = (self.at_rest(ids[first]) | self.at_rest(ids[last])) & (last > first)
+        place = np.arange(ids.size)
+        return np.asarray(rests[group] & (place != first[group]) & (place != last[group]))
+
+    def _kinds_into(self, ids: IntArray, places: IntArray) -> IntArray:
+        """Return the kind (p,) of the motion that leads to nodes at some places of paths; any for first nodes."""
+        state = self._states_of(ids)
+        before, now = state[np.maximum(places - 1, 0)], state[places]
+        kinds = np.full(places.size, len(self.inner.kinds))
+        moved = (before != now) & (before < self._alone.size) & (now < self._alone.size)
+        kinds[moved] = self._alone.kinds_between(before[moved], now[moved])
+        return kinds
+
+    # Reasons
+
+    def what_separates(self, start: int, goals: list[int]) -> str:
+        """Return the reason why no path leads from start to goals, as text: that of the inner graph."""
+        (begin, *ends) = self._states_of(np.array([start, *goals], np.int64)).tolist()
+        return self.inner.what_separates(begin, ends)
+
+
+def _costs(motions: Motions, criteria: Sequence[Criterion]) -> IntArray:
+    """Return the costs (M, k) of motions, in quanta."""
+    costs = np.empty((len(motions), len(criteria)), np.int64)
+    for run, portion in motions.portions():
+        for j, criterion in enumerate(criteria):
+            costs[run, j] = quantised(motion_costs(criterion, portion), criterion)
+    return costs

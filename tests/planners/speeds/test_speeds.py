@@ -1,0 +1,251 @@
+"""Robots with several speeds, through graphs, searches, tours and files; refusals that say what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+import shapely
+
+import hpop
+from hpop.errors import HpopError, ModelError, QueryError, UnsupportedModel
+from hpop.models import PanTilt
+from hpop.models.base import Mount, Part, PlanarModel, plane_space
+from hpop.models.laws import Spin, Turn
+from hpop.models.speeds import speed_laws
+from hpop.motions import Law, States, StateSpace
+from hpop.planners.base import PlannerSpec
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
+from hpop.scenario import load_scenario
+from hpop.trajectories.trajectory import Trajectory
+
+ROOM, WALL = shapely.box(0, 0, 8, 6), shapely.box(3, 0, 4, 3)
+WORLD = hpop.World.from_polygons([WALL], extent=ROOM)
+SPEEDS = (0.5, 1.0, 1.5)
+ROBOT = hpop.DifferentialDrive(radius=0.3, speeds=SPEEDS)
+LATTICE = {"lattice": {"step": 0.5}}
+CRITERIA = ("duration", "felt_acceleration", "speed_changes")
+
+
+def problem(model: Any = ROBOT, criteria: Any = CRITERIA, **more: Any) -> Problem:
+    given = {"world": WORLD, "start": (1, 1, 0), "goal": (6.9, 3.2, None), **more}
+    return Problem(model=model, criteria=list(criteria), **given)
+
+
+def speeds_of(front: Front) -> set[float]:
+    """Return the speeds of all moves of a front, read from the durations and ways of its motions."""
+    found = set[float]()
+    for trajectory in front.trajectories:
+        ways = np.hypot(np.diff(trajectory.states.x), np.diff(trajectory.states.y))
+        moves = ways > 1e-9
+        found |= set(np.round(ways[moves] / trajectory.durations[moves], 9).tolist())
+    return found
+
+
+@pytest.mark.parametrize(
+    "planner",
+    [
+        LATTICE,
+        {"roadmap": {"samples": 60}},
+        {"any-angle": {"step": 1.0}},
+        {"weighted-sum": {"step": 1.0}},
+        {"exact": {"on": {"lattice": {"step": 1.0, "anchor": "world"}}, "eps": 0.1}},
+        {"lattice": {"step": 1.0, "time_limit": 60, "max_memory": 2_000_000_000}},
+    ],
+    ids=lambda planner: next(iter(planner)),
+)
+def test_each_graph_and_search_chooses_among_the_speeds(planner: PlannerSpec) -> None:
+    asked = problem()
+    front = asked.solve(planner)
+    assert verify(asked, front) == []
+    assert speeds_of(front) == set(SPEEDS)
+    assert "at speeds of 0.5, 1 and 1.5 m/s" in front.certificate
+
+
+def test_max_turns_and_a_checkpoint_leave_the_front_as_it_is(tmp_path: Path) -> None:
+    asked = problem(criteria=("duration", "turns", "felt_acceleration"))
+    front = asked.solve(LATTICE)
+    most = int(np.median(front.costs[:, 1]))
+    few = asked.solve({"lattice": {"step": 0.5, "max_turns": most}})
+    wanted = front.costs[front.costs[:, 1] <= most]
+    assert np.array_equal(np.unique(few.costs, axis=0), np.unique(wanted, axis=0))
+    saved = {"lattice": {"step": 0.5, "checkpoint": str(tmp_path / "search")}}
+    for _ in range(2):
+        assert np.array_equal(asked.solve(saved).costs, front.costs)
+
+
+def test_a_tour_stands_at_its_stops_and_keeps_speeds_between_them() -> None:
+    stops = [{"at": (6, 1), "within": 0.8, "dwell": 3, "name": "east"}, {"at": (1.3, 5.2), "within": 0.1, "dwell": 1}]
+    tour = hpop.Tour([*stops, {"at": (4, 5), "within": 1}], "any")
+    asked = problem(criteria=("duration", "felt_acceleration"), tour=tour)
+    front = asked.solve({"lattice": {"step": 1.0}})
+    assert verify(asked, front) == []
+    assert speeds_of(front) > {0.5, 1.5}
+    for trajectory in front.trajectories:
+        holds = [i for i, kind in enumerate(trajectory.kinds) if kind == "hold"]
+        assert len(holds) == 2
+        assert all(trajectory.states.speed[i] == trajectory.states.speed[i + 1] == 0.0 for i in holds)
+
+
+@dataclass(frozen=True)
+class Cart(PlanarModel):
+    """A base of its own with two speeds, as docs/speeds.md describes one."""
+
+    name: ClassVar[str] = "cart"
+    speed_classes: tuple[float, ...] = (0.4, 0.8)
+
+    @property
+    def space(self) -> StateSpace:
+        return plane_space(0.5)
+
+    @property
+    def laws(self) -> Mapping[str, Law]:
+        turns = {"turn": Turn(1.0, 2.0, loss=0.0), "spin": Spin(1.0, 2.0)}
+        return {**speed_laws(self.speed_classes, acceleration=0.5), **turns}
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return (Part(((0.0, 0.0),), 0.3, 0.0, 1.0),)
+
+    @property
+    def mounts(self) -> Mapping[str, Mount]:
+        return {"base": Mount(), "camera": Mount(height=1.2)}
+
+
+@pytest.mark.parametrize(
+    "base", [ROBOT, hpop.DifferentialDrive(radius=0.3, speeds=(0.4, 1.2), camera_offset=(0.1, 0)), Cart()]
+)
+def test_a_head_on_a_base_with_speeds_keeps_them(base: PlanarModel) -> None:
+    robot = PanTilt(base=base, pan=(-np.pi / 2, np.pi / 2), tilt=(0.0, 0.0))
+    asked = problem(
+        robot, ("duration", "felt_acceleration", "rotation"), goal=(6.5, 3.0, 0.0, 0.0, 0.0), start=(1, 1, 0, 0, 0)
+    )
+    front = asked.solve({"lattice": {"step": 1.0}})
+    assert verify(asked, front) == []
+    assert len(speeds_of(front)) > 0
+    assert speeds_of(front) <= set(base.speed_classes)
+    assert all(each.execution().duration <= each.duration + 1e-9 for each in front.trajectories)
+    assert robot.speed_classes == base.speed_classes
+
+
+def test_fronts_and_descriptions_are_read_as_they_were_saved(tmp_path: Path) -> None:
+    asked = problem()
+    front = asked.solve({"lattice": {"step": 1.0}})
+    front.save(tmp_path / "front.json")
+    again = Front.load(tmp_path / "front.json")
+    assert verify(asked, again) == []
+    for one, other in zip(front.trajectories, again.trajectories, strict=True):
+        assert one.kinds == other.kinds
+        assert np.array_equal(one.states.speed, other.states.speed)
+        assert Trajectory.from_description(ROBOT, one.describe()).kinds == one.kinds
+    (parameters,) = ROBOT.describe().values()
+    assert hpop.DifferentialDrive(**parameters) == ROBOT
+
+
+def test_a_scenario_names_the_speeds(tmp_path: Path) -> None:
+    text = """\
+world: {polygons: {extent: [[0, 0], [8, 0], [8, 6], [0, 6]]}}
+model: {differential_drive: {radius: 0.3, speeds: %s}}
+start: [1, 1, 0]
+goal: [7, 5, any]
+criteria: [duration, felt_acceleration]
+planner: {lattice: {step: 1.0}}
+"""
+    models = []
+    for speeds in ("[0.5, 1.5]", "0.5", "[0.5]"):
+        path = tmp_path / "room.yaml"
+        path.write_text(text % speeds)
+        scenario = load_scenario(path)
+        models.append(scenario.problem.model)
+    assert [model.speed_classes for model in models] == [(0.5, 1.5), (), ()]
+    assert models[1] == models[2] == hpop.DifferentialDrive(radius=0.3, speed=0.5)
+
+
+@pytest.mark.parametrize(
+    ("speeds", "message"),
+    [
+        ([1.0, 0.5], "sort them"),
+        ([0.5, 0.5], "give each once"),
+        ([], "a list of up to 8 rising speeds"),
+        ("fast", "got 'fast'"),
+        ([0.5, -1], "speeds in m/s, each"),
+        (list(range(1, 12)), "up to 8"),
+    ],
+)
+def test_wrong_speeds_are_refused(speeds: Any, message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        hpop.DifferentialDrive(speeds=speeds)
+
+
+def test_a_speed_that_is_not_the_largest_is_refused() -> None:
+    with pytest.raises(ModelError, match=r"speed is the largest of speeds, 1.5, got 0.7; leave it out"):
+        hpop.DifferentialDrive(speed=0.7, speeds=SPEEDS)
+    assert hpop.DifferentialDrive(speed=1.5, speeds=SPEEDS) == hpop.DifferentialDrive(speeds=SPEEDS)
+
+
+@pytest.mark.parametrize("planner", ["rrt", "smoothing", "epsilon-constraint"])
+def test_planners_for_one_speed_say_which_ones_choose(planner: str) -> None:
+    with pytest.raises(
+        UnsupportedModel, match=r"the robot has the speeds 0.5, 1, 1.5 m/s; give the model one speed.*lattice"
+    ):
+        problem(criteria=("duration", "length")).solve(planner)
+
+
+def test_people_who_move_and_drives_are_refused() -> None:
+    walking = WORLD.with_content(people=[hpop.Person(6, 5, 0, velocity=(0.5, 0.0))])
+    with pytest.raises(QueryError, match="lattice among moving people drives at one speed"):
+        problem(criteria=("duration", "length"), world=walking).solve(LATTICE)
+    asked = problem(criteria=("duration", "length"))
+    with pytest.raises(HpopError, match="a drive drives at one speed"):
+        hpop.follow(asked, asked.solve({"lattice": {"step": 1.0}}), 0)
+
+
+def trajectory(*rows: tuple[float, float, float], kinds: tuple[str, ...]) -> Trajectory:
+    """Return a trajectory along the x axis through rows of x, yaw and speed."""
+    x, yaw, speed = np.array(rows, float).T
+    return Trajectory(ROBOT, States(x=x, y=np.ones(x.size), yaw=yaw, speed=speed), kinds)
+
+
+def test_an_execution_ramps_behind_a_change_up_and_before_a_change_down() -> None:
+    changes, move = "speed_change", "move"
+    plan = trajectory(
+        (1, 0, 0),
+        (1, 0, 0.5),
+        (2, 0, 0.5),
+        (2, 0, 1.0),
+        (4, 0, 1.0),
+        (4, 0, 0.5),
+        (5, 0, 0.5),
+        (5, 0, 0),
+        kinds=(changes, move, changes, move, changes, move, changes),
+    )
+    run = plan.execution()
+    # By v = at and s = v²/2a: 0.125 m from rest to 0.5 m/s, 0.375 m from 0.5 to 1 m/s, and back.
+    assert run.states.x.tolist() == pytest.approx([1, 1.125, 2, 2.375, 3.625, 4, 4.875, 5])
+    assert run.states.speed.tolist() == pytest.approx([0, 0.5, 0.5, 1, 1, 0.5, 0.5, 0])
+    assert run.duration == pytest.approx(0.5 + 1.75 + 0.5 + 1.25 + 0.5 + 1.75 + 0.5)
+    assert plan.duration == pytest.approx(2 + 2 + 2 + 1.0)
+    assert list(ROBOT.faults(run)) == list(ROBOT.faults(plan)) == []
+
+
+@pytest.mark.parametrize(
+    ("rows", "kinds", "message"),
+    [
+        ([(1, 0, 0.7), (2, 0, 0.7)], ("move",), "drives at 0.7 m/s in motion 0, which is none of its speeds"),
+        ([(1, 0, 0.5), (2, 0, 0.5)], ("move",), "begins at 0.5 m/s, not at rest"),
+        ([(1, 0, 0), (1, 0, 0.5), (2, 0, 0.5)], ("speed_change", "move"), "ends at 0.5 m/s, not at rest"),
+        ([(1, 0, 0.5), (1, 0, 1.5), (2, 0, 1.5)], ("speed_change", "move"), "changes from 0.5 to 1.5 m/s in motion 0"),
+        ([(1, 0, 0), (1, 0, 1), (2, 0, 0.5)], ("speed_change", "move"), "jumps from 1 to 0.5 m/s in motion 1, a move"),
+        ([(1, 0, 1), (2, 0, 1), (2, 1, 1)], ("move", "turn"), "is at 1 m/s in motion 1, a turn, which is made at rest"),
+        ([(1, 0, 0), (1.1, 0, 1)], ("run",), "speeds up or brakes harder than 1 m/s² in motion 0"),
+        ([(1, 0, 1), (1.9, 0, 1.9)], ("run",), "drives faster than 1.5 m/s in motion 0"),
+    ],
+)
+def test_impossible_speeds_are_faults(rows: Any, kinds: tuple[str, ...], message: str) -> None:
+    assert any(fault.startswith(message) for fault in ROBOT.faults(trajectory(*rows, kinds=kinds)))
