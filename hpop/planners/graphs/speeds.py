@@ -347,8 +347,4 @@ class SpeedGraph(TrajectoryGraph):
 
 def _costs(motions: Motions, criteria: Sequence[Criterion]) -> IntArray:
     """Return the costs (M, k) of motions, in quanta."""
-    costs = np.empty((len(motions), len(criteria)), np.int64)
-    for run, portion in motions.portions():
-        for j, criterion in enumerate(criteria):
-            costs[run, j] = quantised(motion_costs(criterion, portion), criterion)
-    return costs
+    return np.stack([quantised(motion_costs(criterion, motions), criterion) for criterion in criteria], axis=1)
