@@ -44,14 +44,23 @@ class Registry(Mapping[str, T], Generic[T]):
     group      entry-point group of plugin packages, such as "hpop.planners"
     error      class of errors for names taken twice and packages that cannot be loaded
     parameter  word for a field of a type, such as "option"
+    advice     what to do instead of giving a parameter that no type has, by its name
     """
 
     def __init__(
-        self, kind: str, module: str, group: str, error: type[HpopError], *, parameter: str = "parameter"
+        self,
+        kind: str,
+        module: str,
+        group: str,
+        error: type[HpopError],
+        *,
+        parameter: str = "parameter",
+        advice: Mapping[str, str] | None = None,
     ) -> None:
         self.kind = kind
         self.error = error
         self.parameter = parameter
+        self.advice = advice or {}
         self._module = module
         self.group = group
         self._types: dict[str, T] = {}
@@ -147,7 +156,15 @@ def with_optional_members(plugin: P, defaults: Mapping[str, Any]) -> P:
 
 
 criteria: Registry[type] = Registry("criterion", "hpop.criteria", "hpop.criteria", CriterionError)
-planners: Registry[type[Any]] = Registry("planner", "hpop.planners", "hpop.planners", OptionError, parameter="option")
+FEWER_POINTS = "choose among the points of the front: front.representative(20), or hpop plan --points 20"
+planners: Registry[type[Any]] = Registry(
+    "planner",
+    "hpop.planners",
+    "hpop.planners",
+    OptionError,
+    parameter="option",
+    advice={"max_points": FEWER_POINTS, "points": FEWER_POINTS},
+)
 graphs: Registry[type[Any]] = Registry("graph", "hpop.planners.graphs", "hpop.graphs", OptionError, parameter="option")
 goals: Registry[type] = Registry("goal", "hpop.goals", "hpop.goals", QueryError)
 models: Registry[type] = Registry("model", "hpop.models", "hpop.models", ModelError)
@@ -187,6 +204,7 @@ def check_parameters(registry: Registry[type], name: str, cls: Any, given: Colle
         raise registry.error(
             f"{registry.kind} {name!r} has no {registry.parameter} {', '.join(map(shown, strange))}."
             f"{''.join(did_you_mean(parameter, known) for parameter in strange)} It has {', '.join(known) or 'none'}"
+            f"{''.join(f'; {registry.advice[name]}' for name in strange if name in registry.advice)}"
         )
     if absent := [parameter for parameter in required_parameters(cls) if parameter not in given]:
         raise registry.error(f"{registry.kind} {name!r} needs {', '.join(absent)} as well; it has {', '.join(known)}")

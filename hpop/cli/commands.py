@@ -38,6 +38,7 @@ from hpop.cli.terminal import (
     Commands,
     echo,
     imports_option,
+    points_option,
     user_errors,
     verbose_option,
 )
@@ -96,6 +97,7 @@ def main() -> None:
     metavar="PORT",
     help="Show results in a browser while the search runs, on this machine only. 0 takes any free port.",
 )
+@points_option("Keep only N trajectories that represent the front (largest hypervolume); all by default.")
 @verbose_option
 @imports_option
 @user_errors
@@ -106,6 +108,7 @@ def plan(
     dask: str | None,
     checkpoint: str | None,
     port: int | None,
+    points: int | None,
     verbose: bool,
     imports: tuple[str, ...],
 ) -> None:
@@ -152,6 +155,9 @@ def plan(
         fronts = _solved(loaded, out, executor, imports, live, waits=onset is Onset.AFTER_FIRST)
     front = fronts[-1]
     try:
+        if points is not None and points < len(front):
+            front = front.representative(points)
+            results.save(front, out)
         options: dict[str, Any] = {"saved": out / SAVED, "verbose": verbose, "preference": loaded.preference}
         report.print_front(loaded.problem, front, **options)
         if loaded.preference is not None and len(front):

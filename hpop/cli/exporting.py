@@ -7,9 +7,10 @@ from contextlib import suppress
 from pathlib import Path
 
 import click
+from click.core import ParameterSource
 
 from hpop.cli.results import loaded, problem_of
-from hpop.cli.terminal import echo, imports_option, user_errors
+from hpop.cli.terminal import echo, imports_option, points_option, user_errors
 from hpop.errors import HpopError, OutputError
 from hpop.runtime.status import Status, progress_bar
 
@@ -34,6 +35,7 @@ def listed(context: click.Context, option: click.Parameter, given: Sequence[str]
     default=["knee"],
     help="Trajectories: numbers from `hpop show`, knee, or a criterion, for the row with its least value. [knee]",
 )
+@points_option("Trajectories that represent the front (largest hypervolume), instead of --rows or beside them.")
 @click.option(
     "--format",
     "formats",
@@ -57,6 +59,7 @@ def listed(context: click.Context, option: click.Parameter, given: Sequence[str]
 def export(
     folder: Path,
     rows: list[str],
+    points: int | None,
     formats: list[str],
     out: Path | None,
     rate: float,
@@ -76,11 +79,16 @@ def export(
     from hpop.cli import user_code
     from hpop.export import Frames, save
     from hpop.export.writing import named_format
+    from hpop.frontier import representative
 
     user_code.register(imports)
     frames = Frames(frame_id, base_frame, camera_frame)
     of_world = [name for name in formats if named_format(name).world]
     path, front = loaded(folder)
+    if points is not None:
+        is_default = click.get_current_context().get_parameter_source("rows") is ParameterSource.DEFAULT
+        few = representative(front.integers, points).tolist()
+        rows = [*([] if is_default else rows), *map(str, few)]
     problem, no_world = None, None
     if of_world:
         try:

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
@@ -19,7 +20,7 @@ from rich.text import Text
 from hpop.base.arrays import FloatArray, distinct
 from hpop.base.text import printable
 from hpop.criteria.costs import trajectory_costs
-from hpop.frontier import hypervolume
+from hpop.frontier import hypervolume, representative
 from hpop.frontier.choices import Preferring
 from hpop.frontier.choosing import differing
 from hpop.goals import Tour
@@ -55,13 +56,14 @@ def print_front(
     saved: Path = Path("front.json"),
     verbose: bool = False,
     preference: Preferring | None = None,
-    most_rows: int = MOST_ROWS,
+    most: MostRows | None = None,
 ) -> None:
     """Print notes, the front, planned and executed costs of its marked trajectories, the status and the certificate.
 
-    Parameters ---------- saved : file with the whole front, named in the output verbose : whether to print statistics
-    of the search preference : of a person; the best trajectory for that person is marked "for you" most_rows : number
-    of rows of the table, in addition to the marked ones
+    saved       file with the whole front, named in the output
+    verbose     whether to print statistics of the search
+    preference  of a person; the best trajectory for that person is marked "for you"
+    most        number of rows of the table, in addition to the marked ones; MOST_ROWS by default
     """
     console = console or Console()
 
@@ -75,7 +77,8 @@ def print_front(
         say(f"note: {note}")
     if len(front):
         names = marks(front, preference)
-        rows = shown_rows(front, most_rows, names)
+        most = most or MostRows(MOST_ROWS)
+        rows = shown_rows(front, most, names)
         console.print()
         say("The front: no trajectory is better than another one in one cost and no worse in the others")
         print_wide(console, _front_table(front, rows, names))
@@ -83,7 +86,8 @@ def print_front(
             stops = ", ".join(f"{i} {name}" for i, name in enumerate(problem.tour.names, 1))
             say(f"stops, in the order of visits: {stops}")
         if len(rows) < len(front):
-            say(f"{len(rows)} of {len(front):,} trajectories shown, those that differ most; all are in {saved}")
+            chosen = "marked or with the largest joint hypervolume" if most.represent else "those that differ most"
+            say(f"{len(rows)} of {len(front):,} trajectories shown, {chosen}; all are in {saved}")
         console.print()
         say("The marked trajectories as planned and as executed (real speed ramps)")
         print_wide(console, _executed_table(problem, front, names))
@@ -292,11 +296,26 @@ def _stop_names(front: Front) -> tuple[str, ...]:
     return () if tour is None else Tour.of(tour).names
 
 
-def shown_rows(front: Front, most: int, marked: Iterable[int] = ()) -> list[int]:
-    """Return the rows to print: all rows of a short front, else the marked ones and up to ``most`` that differ most."""
-    if len(front) <= most:
+class MostRows(NamedTuple):
+    """Number of rows of a table.
+
+    number     number of rows; marked rows are printed even if they are more
+    represent  whether rows are chosen for their joint hypervolume, and the marked ones added; else the rows that differ
+               most are chosen
+    """
+
+    number: int
+    represent: bool = False
+
+
+def shown_rows(front: Front, most: MostRows, marked: Iterable[int] = ()) -> list[int]:
+    """Return the rows to print: all rows of a short front, else the marked rows and others."""
+    if len(front) <= most.number:
         return list(range(len(front)))
-    return sorted(differing(front.costs, most, always=sorted({*marks(front), *marked})))
+    always = {*marks(front), *marked}
+    if most.represent:
+        return sorted(always.union(representative(front.integers, most.number).tolist()))
+    return sorted(differing(front.costs, most.number, always=sorted(always)))
 
 
 def _executed_table(problem: Problem, front: Front, names: Mapping[int, Sequence[str]]) -> Table:

@@ -12,7 +12,15 @@ from hpop.base.text import counted
 from hpop.cli import results
 from hpop.cli.batching import is_batch, print_summary
 from hpop.cli.results import PAGE, loaded, problem_of
-from hpop.cli.terminal import echo, imports_option, open_page, preference_option, user_errors, verbose_option
+from hpop.cli.terminal import (
+    echo,
+    imports_option,
+    open_page,
+    points_option,
+    preference_option,
+    user_errors,
+    verbose_option,
+)
 from hpop.errors import OutputError
 from hpop.runtime import status
 from hpop.runtime.status import Progress
@@ -68,6 +76,7 @@ also_option = click.option(
 @click.option(
     "--rows", type=click.IntRange(1), metavar="N", help="Rows of the table, with all marked ones; 20 if left out."
 )
+@points_option("Rows of the table, chosen to represent the front (largest hypervolume), with all marked ones.")
 @click.option(
     "--all", "every", is_flag=True, help=f"Check all trajectories, even if there are more than {MOST_CHECKED:,}."
 )
@@ -81,6 +90,7 @@ def show(
     also: list[str],
     person: Path | None,
     rows: int | None,
+    points: int | None,
     every: bool,
     web: bool,
     opens: bool,
@@ -97,6 +107,8 @@ def show(
     from hpop.cli import picking, report, user_code
     from hpop.problems.verify import lost_trajectories, verify
 
+    if rows is not None and points is not None:
+        raise click.UsageError("give --rows or --points, not both")
     user_code.register(imports)
     if is_batch(folder):
         print_summary(Results(folder))
@@ -104,13 +116,13 @@ def show(
     path, front = loaded(folder)
     preference = picking.loaded_preference(person)
     problem = problem_of(path, front)
-    most_rows, checked = rows or report.MOST_ROWS, None
+    most, checked = report.MostRows(points or rows or report.MOST_ROWS, represent=points is not None), None
     if len(front) > MOST_CHECKED and not every:
-        checked = _spread(front, report.shown_rows(front, most_rows, report.marks(front, preference)))
+        checked = _spread(front, report.shown_rows(front, most, report.marks(front, preference)))
     _refuse_faults(path, lost_trajectories(problem, front, None if also else checked))
     echo(f"as saved in {path}, not yet checked:")
     more = _with_further(problem, front, also)
-    report.print_front(problem, more, saved=path, verbose=verbose, preference=preference, most_rows=most_rows)
+    report.print_front(problem, more, saved=path, verbose=verbose, preference=preference, most=most)
     if preference is not None and len(front):
         picking.print_preference(preference, more)
     echo("checking costs, ends and collisions")

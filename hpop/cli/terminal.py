@@ -80,6 +80,12 @@ NOTHING_FOUND = 13
 INTERRUPTED = 130
 F = TypeVar("F", bound=Callable[..., Any])
 
+
+def points_option(words: str) -> Callable[[F], F]:
+    """Return the option --points of a command; ``words`` say what it does there."""
+    return click.option("--points", type=click.IntRange(1), metavar="N", help=words)
+
+
 imports_option = click.option(
     "--import",
     "imports",

@@ -17,6 +17,7 @@ from hpop.frontier.choosing import knee
 from hpop.frontier.dominance import default_quanta, dominates, filter, is_nondominated, quantised
 from hpop.frontier.front import Front
 from hpop.frontier.points import FrontError, FrontFileError, Point, UnknownColumnError
+from hpop.frontier.representative import representative
 from hpop.frontier.union import additive_epsilon, default_reference, hypervolume
 
 __all__ = [
@@ -34,4 +35,5 @@ __all__ = [
     "is_nondominated",
     "knee",
     "quantised",
+    "representative",
 ]

@@ -26,6 +26,7 @@ from hpop.frontier.dominance import (
     quantised,
 )
 from hpop.frontier.points import FrontError, FrontFileError, Point, as_json, floats, minimised, names_of, origins
+from hpop.frontier.representative import SHARE, representative
 
 if TYPE_CHECKING:
     import pandas
@@ -274,6 +275,21 @@ class Front(Choices[T], Generic[T]):
         """
         wanted = conditions.conditions(conditions_by_name, named)
         return self._selected(conditions.met(self, wanted), conditions.in_words(self, wanted))
+
+    def representative(self, count: int) -> Self:
+        """Return the front of up to ``count`` points that represent this one: together they have a large hypervolume.
+
+        At least 63 % of that of the best ``count`` points; see :func:`hpop.frontier.representative`. Points that are
+        best in one criterion, and the knee, may be missing.
+
+        Raises FrontError for a count below 1.
+        """
+        rows = representative(self.integers, count)
+        if len(rows) == len(self):
+            return self
+        kept = np.zeros(len(self), np.bool_)
+        kept[rows] = True
+        return self._selected(kept, f"greedy hypervolume (at least {SHARE} of that of the best {len(rows):,} points)")
 
     def _selected(self, kept: BoolArray, by: str) -> Self:
         """Return the front of the points in a mask (n,), with a certificate that says how they were selected."""

@@ -68,7 +68,7 @@ def test_streams_need_no_map(run: Run, folder: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "none").exists()
     both = run("export", tmp_path, "--format", "csv,glb", "--out", tmp_path / "both")
     assert both.exit_code == 3
-    assert "so glb is not written" in " ".join(both.stderr.split())
+    assert "so glb, which needs the map, is not written" in " ".join(both.stderr.split())
     assert {path.suffix for path in (tmp_path / "both").iterdir()} == {".csv", ".json"}
 
 

@@ -16,6 +16,7 @@ from rich.console import Console
 import hpop
 from hpop.cli.report import (
     MOST_ROWS,
+    MostRows,
     contributions,
     marks,
     number,
@@ -80,7 +81,7 @@ def test_a_long_front_is_shown_by_a_choice_and_one_line_says_where_the_rest_is()
 def test_the_choice_is_spread_over_the_front() -> None:
     """On an arc, no two neighbours shown are farther apart than the farthest-point rule allows: twice the optimum."""
     front = arc(1000)
-    rows = shown_rows(front, MOST_ROWS)
+    rows = shown_rows(front, MostRows(MOST_ROWS))
     apart = np.linalg.norm(np.diff(front.costs[rows], axis=0), axis=1)
     assert apart.max() <= 2 * (math.pi / 2) / (MOST_ROWS - 1)
 
@@ -88,7 +89,7 @@ def test_the_choice_is_spread_over_the_front() -> None:
 @given(st.lists(st.tuples(*[st.integers(0, 9)] * 3), min_size=1, max_size=60), st.integers(1, 12))
 def test_marked_rows_are_always_shown_and_rows_are_in_order(points: list[tuple[int, ...]], most: int) -> None:
     front = front_of([list(map(float, p)) for p in points], names=("a", "b", "c"))
-    rows = shown_rows(front, most)
+    rows = shown_rows(front, MostRows(most))
     assert rows == sorted(set(rows))
     assert set(marks(front)) <= set(rows) or len(rows) == len(front)
     assert len(rows) <= max(most, len(marks(front)))

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from click.testing import Result
 
+import hpop
 from hpop.problems.front import Front
 from hpop.scenario import load_scenario
 from tests.worlds import TWO_WALLS
@@ -165,3 +166,33 @@ def moved_cost(data: dict, row: int, by: float) -> None:
     """Change the first cost of one trajectory."""
     column = data["points"]["costs"][data["criteria"][0]["name"]]
     column[row] += by
+
+
+def test_a_few_points_stand_for_the_front_in_plans_tables_and_exports(
+    run: Callable[..., Result], no_pictures: None, tmp_path: Path
+) -> None:
+    museum = Path(__file__).parents[2] / "examples" / "museum.geojson"
+    (tmp_path / "tour.yaml").write_text(
+        f"world: {{geojson: {{path: {museum}}}}}\nmodel: {{differential_drive: {{radius: 0.3}}}}\nstart: [2, 10, 0]\n"
+        "goal: [28, 10, 0]\ncriteria: [exposure, turns, length]\nplanner: {lattice: {step: 1.0}}\n"
+    )
+    run("plan", tmp_path / "tour.yaml", "--out", tmp_path / "all")
+    said = run("plan", tmp_path / "tour.yaml", "--out", tmp_path / "few", "--points", 3).output
+    whole, few = (Front.load(tmp_path / name / "front.json") for name in ("all", "few"))
+    rows = hpop.frontier.representative(whole.integers, 3).tolist()
+    assert len(whole) > 8
+    assert few.costs.tolist() == whole.costs[rows].tolist()
+    assert f"selected from {len(whole)} points" in " ".join(said.split())
+    marked = {point.index for point in whole.named().values()}
+    shown = " ".join(run("show", tmp_path / "all", "--points", 3).output.split())
+    assert f"{len(marked | set(rows))} of {len(whole)} trajectories shown, marked or with the largest joint" in shown
+    written = run("export", tmp_path / "all", "--points", 3, "--format", "tum").output
+    assert [f"row_{row}.tum" in written for row in rows] == [True] * 3
+    assert "--rows or --points, not both" in run("show", tmp_path / "all", "--points", 2, "--rows", 3).stderr
+
+
+def test_a_planner_has_no_number_of_points_and_says_where_to_give_it() -> None:
+    with pytest.raises(
+        hpop.errors.OptionError, match=r"no option 'max_points'.*; choose among .* hpop plan --points 20"
+    ):
+        hpop.planners.make_planner({"lattice": {"max_points": 20}})

@@ -16,6 +16,7 @@ from hpop.criteria.base import Criterion
 from hpop.motions import Motions, States
 from hpop.motions.states import LazyStates
 from hpop.planners.objectives import quantised
+from hpop.runtime.limits import LimitPassed
 
 if TYPE_CHECKING:
     from hpop.planners.graphs.lattice.graph import StateLattice
@@ -63,6 +64,8 @@ def costs_anywhere(lattice: StateLattice, kind: str, criterion: Criterion) -> In
     motions = RecordedMotions.of(lattice.motions(kind, tails, heads))  # at the first position
     try:
         costs = np.asarray(criterion.cost(motions))
+    except (LimitPassed, MemoryError):
+        raise
     except Exception:  # the costs of all arcs raise it again, with its reason
         return None
     is_valid = costs.shape == tails.shape and np.can_cast(costs.dtype, np.float64, "same_kind")
