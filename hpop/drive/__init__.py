@@ -1,4 +1,4 @@
-"""Driving a plan: the options to change it on the way, changes of the world, and the record of a drive."""
+"""Driving a plan: options to change the plan on the way, changes of the world, and the event log of a drive."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Closed areas of a drive, such as doors, and the arcs of a graph that lead through them.
 
-Whether a robot collides with an area does not depend on the other obstacles. So each area is checked in a world of its
-own, only with the arcs near it; the graph stays unchanged.
+A collision with an area does not depend on the other obstacles. So each area is checked in a world of its own, only
+against the arcs near it; the graph stays unchanged.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ def polygon_of(shape: Any, what: str) -> BaseGeometry:
 
 @dataclass(frozen=True, eq=False)
 class Closing:
-    """An area, m, that is closed to the robot.
+    """An area, m, that is closed to the robot, such as a door or the body of a standing person.
 
-    name    by which it can be opened; "" for an area without a name
-    person  name of a standing person, if the area is the body of a person; else ""
+    name    name by which it can be opened; "" for an area without a name
+    person  name of the standing person, if the area is the body of a person; else ""
     place   (x, y) m, position of that person
     """
 
@@ -78,10 +78,7 @@ class Closing:
         return world_of_area(self.area)
 
     def collision(self, model: Model) -> Collision:
-        """Return the collision check with this area.
-
-        Motions that lead out of contact with a standing person are free.
-        """
+        """Return the collision check of a robot with this area; motions out of contact with a standing person pass."""
         collision = model.collision(self.world_of_area)
         if not self.person:
             return collision
@@ -94,7 +91,7 @@ class Closing:
 
 
 def named_areas(world: World) -> dict[str, BaseGeometry]:
-    """Return the areas of the named zones of a world, m, by name; also of zones that are not closed."""
+    """Return the areas of all named zones of a world, m, by name; zones need not be closed."""
     areas: dict[str, list[BaseGeometry]] = {}
     for zone in world.content.zones:
         if zone.name:
@@ -103,8 +100,9 @@ def named_areas(world: World) -> dict[str, BaseGeometry]:
 
 
 def to_close(area: Any, name: str, areas: Mapping[str, BaseGeometry], closed: Sequence[Closing]) -> Closing:
-    """Return the closed area for a polygon, or for the name of an area; DriveError for anything else.
+    """Return the `Closing` of an area, given as a polygon or by its name; DriveError for anything else.
 
+    name    name of the polygon, by which it can be opened; "" for none
     areas   areas that can be closed by name
     closed  areas that are closed already; no two may have the same name
     """
@@ -120,7 +118,7 @@ def to_close(area: Any, name: str, areas: Mapping[str, BaseGeometry], closed: Se
 
 
 def to_open(area: Any, areas: Mapping[str, BaseGeometry], closed: Sequence[Closing]) -> list[Closing]:
-    """Return the closed areas with this name or polygon, which are to be opened; DriveError if there are none."""
+    """Return those of the closed areas that have this name or polygon; DriveError if there are none."""
     if isinstance(area, str):
         if opened := [closing for closing in closed if closing.name == area]:
             return opened
@@ -139,7 +137,7 @@ def to_open(area: Any, areas: Mapping[str, BaseGeometry], closed: Sequence[Closi
 
 
 def refuse_covered(closings: Sequence[Closing], model: Model, here: States) -> None:
-    """Raise CoversRobot if a closed area, except the body of a person, covers the robot in a state (1,)."""
+    """Raise CoversRobot if a closed area covers the robot in the state ``here`` (1,); bodies of people do not count."""
     for closing in closings:
         if not closing.person and not closing.collision(model).states_free(here)[0]:
             raise CoversRobot(
@@ -150,24 +148,24 @@ def refuse_covered(closings: Sequence[Closing], model: Model, here: States) -> N
 
 def _no_door(name: str, known: Any, hint: str) -> str:
     names = list(known)
-    listed = ", ".join(names) if names else "none: name zones of the world"
+    listed = ", ".join(names) if names else "none (give zones of the world a name)"
     return f"no door or zone of the map is called {shown(name)}.{did_you_mean(name, names)} Known: {listed}; {hint}"
 
 
 def listed(closed: Sequence[Closing]) -> str:
-    """Return the closed areas as text."""
+    """Return the closed areas as text for a message."""
     return ", ".join(map(str, closed)) if closed else "none"
 
 
 def no_way_out(closings: Sequence[Closing], here: States, model: PlanarModel) -> str:
-    """Return the reason why no path leads on from a state (1,), as text: closed areas near the robot, and elsewhere.
+    """Return as text why no path leads to the goal from a state (1,): the closed areas near the robot, and elsewhere.
 
-    "" if no area is closed.
+    Return "" if no area is closed.
     """
     place = shapely.Point(float(here.x[0]), float(here.y[0]))
     ordered = sorted(closings, key=lambda closing: closing.area.distance(place))
     near = [closing for closing in ordered if closing.area.distance(place) <= reach_of(model) + NEAR]
-    words = [("about the robot", near), ("elsewhere", ordered[len(near) :])]
+    words = [("near the robot", near), ("elsewhere", ordered[len(near) :])]
     each = "; ".join(f"closed {where}: {listed(several)}" for where, several in words if several)
     return f"no path: none is open from where the robot may change its plan; {each}" if each else ""
 
@@ -178,7 +176,7 @@ def reach_of(model: PlanarModel) -> float:
 
 
 def states_by_place(graph: StateGraph) -> tuple[States, float]:
-    """Return all states of a graph, and the length of its longest move, m, which :func:`closed_arcs` need."""
+    """Return all states of a graph, and the length of its longest move, m; :func:`closed_arcs` needs both."""
     states, longest = graph.states(np.arange(graph.size)), 0.0
     arcs = graph.arcs
     tails = np.repeat(np.arange(graph.size), np.diff(arcs.start))
@@ -192,7 +190,7 @@ def states_by_place(graph: StateGraph) -> tuple[States, float]:
 def closed_arcs(graph: StateGraph, closing: Closing, states: States, longest: float) -> IntArray:
     """Return the indices (c,) of the arcs of a graph that lead through a closed area, or cut its corners.
 
-    ``states`` and ``longest`` are those of the graph, from :func:`states_by_place`.
+    ``states`` and ``longest`` come from :func:`states_by_place` for this graph.
     """
     collision = closing.collision(graph.model)
     x_min, y_min, x_max, y_max = closing.area.bounds
@@ -219,7 +217,7 @@ def closed_arcs(graph: StateGraph, closing: Closing, states: States, longest: fl
 
 
 def chains_closed(chains: MotionChains, closing: Closing) -> BoolArray:
-    """Mark the chains (C,) of motions that collide with a closed area."""
+    """Mark the chains of motions (C,), which join start and goal to a graph, that collide with a closed area."""
     collision = closing.collision(chains.graph.model)
     closed: BoolArray = ~collision.states_free(chains.corners[0]) & (not closing.person)  # contact may be left
     for rows, motions in chains.motions():

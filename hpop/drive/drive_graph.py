@@ -1,6 +1,6 @@
-"""The graph of a drive, which is reused by all searches of the drive, and known paths on it.
+"""The graph that all searches of a drive reuse, and known paths on it.
 
-It is laid out once, in the world without people and without named areas. Closed areas are masks over its arcs. After a
+It is built once, in the world without people and without named areas. Closed areas are masks over its arcs. After a
 change of the world, only criteria that depend on the change are evaluated again.
 """
 
@@ -43,14 +43,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class KnownRoutes:
-    """Known paths to a goal, with the remaining cost from each of their nodes.
+    """Paths to the goal that are known from earlier searches, with the remaining cost from each of their nodes.
 
-    The arcs are listed path by path. If areas have only been closed since, open remaining parts of optimal paths are
+    The S arcs are listed path by path. If areas have only been closed since, open remaining parts of optimal paths are
     still optimal, as there are fewer alternatives.
 
-    tails, arcs     (S,)    tail and index of each arc
-    ends            (S,)    position after the last arc of the same path
-    remaining_cost  (S, k)  in quanta, from the tail of each arc to the goal
+    tails, arcs     (S,)    tail node and index of each arc
+    ends            (S,)    index in this list after the last arc of the same path
+    remaining_cost  (S, k)  in quanta (smallest cost steps), from the tail of each arc to the goal
     closed          (S,)    whether this arc or a later one of the path is closed
     """
 
@@ -62,7 +62,7 @@ class KnownRoutes:
 
     @classmethod
     def of(cls, paths: Sequence[IntArray], tails: IntArray, graph: Graph, closed: BoolArray) -> KnownRoutes:
-        """Build known paths from the arcs of each, in a graph with tails (m,) and a mask of closed arcs (m,)."""
+        """Build known paths from the arcs of each path; the graph has tails (m,) and a mask of closed arcs (m,)."""
         arcs = np.concatenate([np.zeros(0, np.int64), *paths])
         sizes = [path.size for path in paths]
         last = np.cumsum(np.array(sizes, np.int64))
@@ -77,7 +77,7 @@ class KnownRoutes:
         return cls(tails[arcs], arcs, np.repeat(last, sizes), remaining_cost, is_closed)
 
     def remaining(self, node: int) -> list[IntArray]:
-        """Return the arcs of the open, non-dominated remaining parts of known paths from a node."""
+        """Return the parts of known paths from a node to the goal, as arcs, that are open and not dominated."""
         steps = np.flatnonzero((self.tails == node) & ~self.closed)
         steps = steps[is_nondominated(self.remaining_cost[steps])] if steps.size else steps
         return [self.arcs[step : self.ends[step]] for step in steps.tolist()]
@@ -101,12 +101,12 @@ def bare(world: World) -> World:
 class DriveGraph:
     """The graph of a drive, with its present costs and closed arcs.
 
-    name      of the planner that laid it out
-    query     for paths on the graph between a start and the goal, laid out in the bare world
-    world     in which costs are evaluated, with the present people and closed areas
+    name      name of the planner that built it
+    query     search problem on the graph, between a start and the goal, built in the bare world
+    world     world in which costs are evaluated, with the present people and closed areas
     closings  closed areas
-    masks     (c,) for each closed area, the indices of the arcs that it closes in the graph without joined ends
-    reading   columns of the criteria with costs that depend on closed areas
+    masks     (c,) for each closed area, the indices of the arcs that it closes in the graph without start and goal
+    reading   columns of the criteria whose costs depend on closed areas
     """
 
     name: str
@@ -120,11 +120,10 @@ class DriveGraph:
     def laid_out(
         cls, name: str, inner: StateGraph, problem: Problem, objectives: Objectives, closings: Sequence[Closing] = ()
     ) -> DriveGraph:
-        """Return the graph from the start of a problem to its goal; ``inner`` is a graph of states in the bare world.
+        """Build the graph from the start of a problem to its goal; ``inner`` is a graph of states in the bare world.
 
-        ``closings`` are the closed areas of the problem that the bare world lacks.
-
-        Raises QueryError if the start or the goal cannot be joined to the graph.
+        ``closings`` are the closed areas of the problem, which the bare world lacks. Raises QueryError if the start or
+        the goal cannot be joined to the graph.
         """
         began = time.perf_counter()
         space, start, goals = with_ends(inner, problem, inner.reach(problem))
@@ -135,7 +134,7 @@ class DriveGraph:
         return cls(name, query, problem.world, tuple(closings), tuple(masks))
 
     def from_beside(self, problem: Problem) -> DriveGraph:
-        """Return the graph with another start, which is not one of its states and is joined to it."""
+        """Return the graph with the start of a problem, which is no state of the graph, joined to it."""
         joined = DriveGraph.laid_out(self.name, self.inner, problem, self.query.objectives)
         return replace(joined, closings=self.closings, masks=self.masks, reading=self.reading)
 
@@ -184,9 +183,9 @@ class DriveGraph:
     # Changes
 
     def changed(self, world: World, closings: Sequence[Closing], *, people: bool) -> DriveGraph:
-        """Return the graph after people (``people``) or closed areas have changed; masks of known areas are reused.
+        """Return the graph for a changed world and changed closed areas; ``people`` says that people have changed.
 
-        Only criteria that depend on the change are evaluated again.
+        Only criteria that depend on the change are evaluated again, and masks of known areas are reused.
         """
         masks, reading = [], set(self.reading)
         criteria = self.query.objectives.optimised
@@ -210,7 +209,7 @@ class DriveGraph:
         return copied(changed, **{part: vars(self)[part] for part in CACHED if part in vars(self)})
 
     def _reading(self, closing: Closing, criteria: Sequence[Criterion], world: World) -> set[int]:
-        """Return the columns of criteria that cost motions near a closed area differently in the other world."""
+        """Return the columns of criteria that give motions near a closed area other costs in ``world`` than now."""
         states, _ = self._places
         x_min, y_min, x_max, y_max = closing.area.bounds
         dx, dy = np.maximum(x_min - states.x, states.x - x_max), np.maximum(y_min - states.y, states.y - y_max)
@@ -236,13 +235,13 @@ class DriveGraph:
 
     @cached_property
     def _finder(self) -> KDTree:
-        """Search tree of all states of the graph without joined ends; angles are points on a circle."""
+        """Search tree of all states of the graph without start and goal; angles are points on a circle."""
         from scipy.spatial import KDTree  # on first use: the import takes its time
 
         return KDTree(_points(self.inner, self._places[0]))
 
     def nodes(self, states: States) -> IntArray:
-        """Return the nodes (N,) of the graph without joined ends at states (N,); -1 where there is none."""
+        """Return the nodes (N,) of the graph, without start and goal, at states (N,); -1 where there is no node."""
         space = self.inner.model.space
         own = States(**{name: getattr(states, name) for name in space.names})
         nearest = self._finder.query(_points(self.inner, own))[1]
@@ -253,11 +252,11 @@ class DriveGraph:
         return np.where(same, nearest, -1)
 
     def arcs_of(self, trajectories: Sequence[Trajectory]) -> list[IntArray]:
-        """Return, for each trajectory, the arcs of its last part that follows the graph to a goal."""
+        """Return for each trajectory the arcs of its last part, from where it follows the graph to a goal."""
         return [arcs for arcs, _ in self.arcs_and_places(trajectories)]
 
     def arcs_and_places(self, trajectories: Sequence[Trajectory]) -> list[tuple[IntArray, IntArray]]:
-        """Return the arcs of :meth:`arcs_of`, each with the index of the state of the trajectory at its tail."""
+        """Return for each trajectory the arcs as :meth:`arcs_of`, and the indices of its states at their tails."""
         if not trajectories:
             return []
         names = self.inner.model.space.names
@@ -268,7 +267,7 @@ class DriveGraph:
         return [self._arcs_along(own) for own in np.split(nodes, ends[:-1])]
 
     def all_arcs(self, trajectory: Trajectory) -> IntArray | None:
-        """Return the arcs of a trajectory that follows the graph as a whole; None if it does not, or is closed."""
+        """Return the arcs of a trajectory that follows the graph from its start on; None if not, or if it is closed."""
         (arcs,) = self.arcs_of([trajectory])
         first = int(self.nodes(trajectory.states.take([0]))[0])
         begins = self.tails[arcs[0]] == first if arcs.size else first in self.query.goals
@@ -310,7 +309,7 @@ class DriveGraph:
         return between
 
     def known_routes(self, paths: Sequence[IntArray]) -> KnownRoutes:
-        """Return the known paths with the given arcs, with their remaining costs."""
+        """Return known paths, given by their arcs, with their remaining costs."""
         return KnownRoutes.of(paths, self.tails, self.graph, self.closed)
 
     # Search
@@ -363,7 +362,7 @@ class DriveGraph:
         return paths.select(paths.costs, rows[np.lexsort(paths.costs[rows].T[::-1])])
 
     def restored(self, node: int, answer: Mapping[str, Any]) -> ParetoPaths:
-        """Return the result of a search that its deadline ended, from the event log; the search began at this node."""
+        """Rebuild the result of a search from a node that its deadline ended; ``answer`` is from the event log."""
         logged = [np.array(path, np.int64) for path in answer["arcs"]]
         arcs = known_paths(self.graph, node, self._is_goal, logged, self.closed).paths
         paths, gap = self._unsearched(node, arcs), answer["gap"]
@@ -376,14 +375,14 @@ class DriveGraph:
         return ParetoPaths(costs, Status.TIME_LIMIT, stats, self.graph, node, tuple(several), gap=math.inf)
 
     def candidates(self, node: int, paths: ParetoPaths) -> Candidates:
-        """Return paths from a node as candidates of the planner that laid out the graph, with their claim."""
+        """Return paths from a node as trajectories of the planner that built the graph, with a claim of optimality."""
         query = replace(self.query, start=node, closed=self.closed)
         reason = self.closed_in(node) if paths.status is Status.NO_PATH else ""
         claim, stats = claim_with_known_paths(paths, query.where), search_stats(paths, paths.gap)
         return assemble(self.name, query, paths, claim, reason=reason, stats=stats)
 
     def closed_in(self, node: int) -> str:
-        """Return the reason why no path leads on from a node, as text; "" if no area is closed."""
+        """Return as text why no path leads to the goal from a node; "" if no area is closed."""
         return no_way_out(self.closings, self.query.space.states(np.array([node])), self.inner.model)
 
 
@@ -393,7 +392,7 @@ def _differ(criterion: Criterion, before: Motions, after: Motions) -> bool:
 
 
 def _points(graph: StateGraph, states: States) -> FloatArray:
-    """Return states (N,) as points (N, d): near states are near points, also for angles that differ by 2 pi."""
+    """Return states (N,) as points (N, d), such that near states are near points, even across a turn of 2 pi."""
     columns: list[FloatArray] = []
     for name in graph.model.space.names:
         column = getattr(states, name)

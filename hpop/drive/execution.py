@@ -1,7 +1,7 @@
 """A drive: a plan that a robot follows, changes of the world on the way, and options to change the plan.
 
-The caller passes the time, ``now``, in seconds on a clock of the caller. So the same events always give the same drive,
-and a drive can be repeated from its event log.
+The caller passes the time, ``now``, in seconds on its own clock. So the same events always give the same drive, and a
+drive can be repeated from its event log.
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ SHIFT = 0.01
 
 @checked_arguments
 class Execution(EventLog):
-    """A drive along a plan, with options to change it; :func:`hpop.follow` creates one.
+    """A drive along a plan, with options to change the plan; :func:`hpop.follow` creates one.
 
-    problem     as it was planned
+    problem     the problem for which the plan was made
     choice      the plan that was chosen first; ``ways`` are all plans of the front
-    patience    share by which another plan must be better before the robot takes it by itself
+    patience    share by which another plan must be better before the robot changes to it by itself
     notice      s, least time between such a change and the first turn that was not announced
     preference  of the person aboard, by which the robot chooses; it is not saved, but the choices are
     record      the event log, as JSON; see :meth:`save`
@@ -61,9 +61,9 @@ class Execution(EventLog):
 
     Guarantees: options are the result of an exact search from the same node in the world as it is now. If a deadline
     ends the search, they are at most a factor 1 + gap worse. The present plan is among them while it is open. The
-    driven trajectory has no jump in place, heading or, by the planning law, speed. The same events give the same drive.
+    driven trajectory has no jump in position, heading or (as planned) speed. The same events give the same drive.
 
-    Cost: the graph is laid out once; a query then takes some milliseconds in rooms and offices.
+    Cost: the graph is built once; a query then takes some milliseconds in rooms and offices.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class Execution(EventLog):
         return f"<Execution: {plan.driven.duration:.1f} s {ends}, {len(self.record)} events>"
 
     def _lay_out(self, now: float) -> None:
-        """Prepare the graph for queries from a time on; among moving people, in another thread."""
+        """Prepare the graph for queries from a time on; among moving people this begins in another thread."""
         if not self.surroundings.moving:
             self._replanner.graph(self.surroundings)
         elif not (commit := self.commit(now, 0.0)).arrives:
@@ -122,7 +122,7 @@ class Execution(EventLog):
 
     @property
     def announced(self) -> Trajectory:
-        """The trajectory from the beginning of the drive to the goal, even if a part of it is closed now."""
+        """The trajectory from the beginning of the drive to the goal, even if a part of it is now closed."""
         return self._progress.plan.announced
 
     @property
@@ -133,8 +133,8 @@ class Execution(EventLog):
     def at(self, now: float, state: StateSpec | None = None) -> Moment:
         """Return the position of the robot, the costs of the drive so far, and the remaining plan.
 
-        state  measured state of the robot, if any; the robot is then taken to be where the plan passes nearest to it,
-               and later times shift accordingly. Measured states must come in order of time
+        state  measured state of the robot, if any. The robot is then assumed to be where the plan passes nearest to
+               it, and the plan is shifted in time accordingly. Measured states must come in order of time
         """
         progress = self._progress
         if state is None:
@@ -152,8 +152,8 @@ class Execution(EventLog):
     def commit(self, now: float, deadline: float = DEADLINE) -> Commit:
         """Return the first place of the plan, at least ``deadline`` s from now, where the robot may change its plan.
 
-        This is the end of a straight move or hold, since all plans go straight on or stop to turn there. If the robot
-        stands (at the start, at the goal, or before a closed area), it is that place.
+        This is the end of a straight move or hold, where all plans go straight on or stop to turn. If the robot stands
+        (at the start, at the goal, or before a closed area), it is the place where it stands.
         """
         now, plan, lag = self._time(now), self._progress.plan, self._progress.lag
         t = now + deadline_of(deadline) - lag
@@ -174,12 +174,14 @@ class Execution(EventLog):
     # Options
 
     def options(self, now: float, deadline: float = DEADLINE) -> Options:
-        """Return the front of remaining plans from the commit on, which includes the present plan if that is open.
+        """Return the front of remaining plans from the next place where the plan may change (:meth:`commit`).
+
+        It includes the present plan if that is open.
 
         deadline  s of processor time of this thread for the search. Known plans need no search, so a deadline of 0
                   returns them; a missing plan is at most a factor 1 + gap better. After a change of people, the same
-                  number of seconds on the clock is used to rebuild the graph. If that is not enough, the options are
-                  the known plans that are open and clear of people, and the gap is infinite
+                  number of seconds of real time is spent on rebuilding the graph. If that is not enough, the options
+                  are the known plans that are open and clear of people, and the gap is infinite
         """
         deadline, now = deadline_of(deadline), self._told(now)
         options, result = self._options(now, deadline, None)
@@ -187,7 +189,7 @@ class Execution(EventLog):
         return options
 
     def options_again(self, now: float, deadline: float, answer: Mapping[str, Any] | None) -> Options:
-        """Repeat options from an event log; ``answer`` is the result of a search that its deadline had ended."""
+        """Repeat a call of :meth:`options` from an event log; ``answer`` is the result of a search cut by its deadline."""
         now = self._told(now)
         self._note("options", now, deadline=deadline, answer=answer)
         return self._options(now, deadline_of(deadline), answer, again=True)[0]
@@ -197,7 +199,7 @@ class Execution(EventLog):
     ) -> tuple[Options, ReplanResult]:
         """Return options, and the search result behind them; ``again`` repeats an event log, without a deadline.
 
-        If people walk towards the robot so that no path leads on, they are predicted to stop before it.
+        If no path leads on because people walk towards the robot, they are predicted to stop before it.
         """
         commit, seconds = self.commit(now, deadline), None if again else deadline
         if answer is not None and answer.get("stopping"):
@@ -219,7 +221,7 @@ class Execution(EventLog):
     def _options_from(
         self, commit: Commit, now: float, deadline: float | None, answer: Any
     ) -> tuple[Options, ReplanResult]:
-        """Return options from a commit on, and the search result behind them."""
+        """Return options from a commit (place where the plan may change) on, and the search result behind them."""
         surroundings, plan = self.surroundings, self._progress.plan
         begins = float(plan.driven.times[commit.place])
         remaining = between(plan.announced, begins, plan.announced.duration)
@@ -254,20 +256,20 @@ class Execution(EventLog):
         return answer
 
     def take(self, option: Option | Point | int, now: float | None = None) -> Trajectory:
-        """Take one of the last options, which is driven from the commit on; return the new plan.
+        """Take one of the last options, which the robot follows from the commit on; return the new plan.
 
         A change on request needs neither patience nor notice. Raises DriveError if the robot has passed the commit, or
-        if the option has been closed meanwhile.
+        if the option has been closed since.
         """
         options = self._options_at_hand()
         now = self._in_order(self._now() if now is None else now)
         place = options.place_of(option)
         chosen, commit = options[place], options.commit
         if now > commit.time + SAME and not commit.arrives:
-            began = f"{commit.time:.2f} s, and it is {now:.2f} s"
+            began = f"{commit.time:.2f} s, but it is {now:.2f} s already"
             raise DriveError(f"these options begin at {began}: call options(now) again")
         if not self._progress.plan.begins_with(options.compared.before):
-            raise DriveError("the plan up to where these options begin has been cut since; call options(now) again")
+            raise DriveError("the plan was cut before the place where these options begin; call options(now) again")
         if closed_trajectories([chosen.item], self.surroundings.closed).any():
             raise DriveError(f"option {place} has been closed since; call options(now) again")
         self._drive(now, commit.place, commit.stands, None if chosen.keeps_on else chosen.item)
@@ -284,7 +286,7 @@ class Execution(EventLog):
         self.record.append(dict(event))
 
     def _drive(self, now: float, place: int, stands: float, trajectory: Trajectory | None) -> None:
-        """Follow a trajectory from a state of the plan on, after a stop of ``stands`` s; None keeps the plan."""
+        """Follow a trajectory from a state of the plan on, after a stop of ``stands`` s there; None keeps the plan."""
         if trajectory is not None:
             self._progress.plan = self._progress.plan.then(place, stands, trajectory)
             self._progress.cut(now)
@@ -300,12 +302,13 @@ class Execution(EventLog):
     def adapt(self, options: Options) -> Option | None:
         """Let the robot change its plan by itself; return the option that it takes, None if it keeps its plan.
 
-        If the plan is closed, it takes the knee. Otherwise it takes the option with the least costs, on average over
-        the criteria relative to the remaining plan, if they are better by ``patience``, and if no turn that was not
-        announced begins within ``notice``. A known preference of the person aboard replaces the average.
+        If the plan is closed, it takes the knee of the front (the best compromise). Otherwise it compares the costs of
+        each option with those of the remaining plan, on average over the criteria. It takes the best option in which no
+        unannounced turn begins within ``notice``, if this is better than the plan by ``patience``. A known preference
+        of the person aboard replaces the average.
         """
         if options is not self._options_at_hand():
-            raise DriveError("adapt takes the last options only; call options(now) again")
+            raise DriveError("adapt takes only the options of the last call; call options(now) again")
         chosen = adapted(options, self.patience, self.notice)
         if chosen is not None:
             self.take(chosen)
@@ -328,7 +331,7 @@ class Execution(EventLog):
         open    a closed area by name, or the polygon that was closed. Zones of the map with a name are doors; keep-out
                 zones among them are closed at first
         people  all people present now, as predicted from now on; ``groups`` are indices of people who talk together
-        stop    one person, by name or number, who stands from now on
+        stop    one person, by name or index, who stands from now on
         now     s; by default the time of the last event
 
         If the plan is closed ahead, the robot drives on to the last place where it may change its plan, or brakes.
@@ -359,7 +362,7 @@ class Execution(EventLog):
         return self._change(now, after, new)
 
     def _change(self, now: float, after: DriveSurroundings, new: Sequence[Closing]) -> Change:
-        """Continue the drive in changed surroundings, with newly closed areas; return the effect on the plan."""
+        """Continue the drive in changed surroundings; ``new`` are newly closed areas. Return the effect on the plan."""
         progress = self._progress
         cut = progress.enter(after, now)
         self._lay_out(now)

@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 
 
 class Stretch(NamedTuple):
-    """A part of a drive with the same surroundings and the same lag.
+    """A part of a drive in which surroundings and lag do not change.
 
-    begins  s, of the plan; a motion under way belongs to the surroundings in which it began
-    lag     s, of the drive, at which the plan began, as corrected by measured states
-    driven  the plan before, and a time of it, s, if the motion under way was split at that time; else None
+    begins  s, time of the plan; a motion under way belongs to the surroundings in which it began
+    lag     s, time of the drive at which the plan began, corrected by measured states
+    driven  if the last motion of this part was split: the plan before that, and its time of the split, s; else None
     """
 
     surroundings: DriveSurroundings
@@ -44,7 +44,7 @@ class Stretch(NamedTuple):
 class Past(NamedTuple):
     """Costs of a drive so far.
 
-    totals    by criterion: sums, worst moments, or integrals of time-means
+    totals    by criterion: the sum, the worst moment, or the time integral of a time-mean
     duration  s
     """
 
@@ -52,7 +52,7 @@ class Past(NamedTuple):
     duration: float
 
     def cost(self, criterion: Criterion) -> float:
-        """Return the cost so far; a time-mean is that over the elapsed time."""
+        """Return the cost of a criterion so far; a time-mean is taken over the elapsed time."""
         total = self.totals[criterion.name]
         if criterion.aggregate == "time-mean":
             return total / self.duration if self.duration > 0.0 else 0.0
@@ -60,7 +60,7 @@ class Past(NamedTuple):
 
 
 def past(plan: Plan, end: float, stretches: Sequence[Stretch], criteria: Sequence[Criterion]) -> Past:
-    """Return the costs of a plan up to a time of it, s; each stretch is evaluated in its own surroundings.
+    """Return the costs of a plan up to time ``end``, s; each stretch of the drive is evaluated in its own surroundings.
 
     Criteria with memory are evaluated along the whole path in the present world, and grow evenly within a motion.
     """
@@ -84,10 +84,10 @@ def past(plan: Plan, end: float, stretches: Sequence[Stretch], criteria: Sequenc
 
 
 def _costs(criteria: Sequence[Criterion], trajectory: Trajectory, stretch: Stretch, end: float) -> Iterator[FloatArray]:
-    """Yield the costs (k,) of a stretch up to a time of the trajectory, s: of whole motions, then of the one under way.
+    """Yield the costs (k,) of a stretch up to a time, s: first of whole motions, then of the motion under way.
 
-    The part of a motion under way keeps the timing of the whole motion, as a part of a turn would take longer on its
-    own.
+    The part of the motion under way keeps the timing of the whole motion, because a part of a turn would take longer as
+    a turn of its own.
     """
     last = float(trajectory.times[max(0, int(np.searchsorted(trajectory.times, end + SAME, side="right")) - 1)])
     last = max(stretch.begins, last)
@@ -110,9 +110,9 @@ def _costs(criteria: Sequence[Criterion], trajectory: Trajectory, stretch: Stret
 def stopped(
     stretches: Sequence[Stretch], t: float, begins: float, lag: float, driven: Trajectory | None = None
 ) -> list[Stretch]:
-    """Return the stretches of a drive that stops at a time of its plan, s, with a new one that begins at the stop.
+    """Return the stretches of a drive that stops at time ``t`` of its plan, s, with a new stretch from the stop on.
 
-    begins, lag  of the new stretch, by the new plan
+    begins, lag  of the new stretch, in times of the new plan
     driven       the plan before, if the motion under way was split at the stop
     """
     last, begun = stretches[-1], [stretch for stretch in stretches if stretch.begins < t]
@@ -126,10 +126,10 @@ def stopped(
 class DriveProgress:
     """The plan that a robot follows, its position on the plan, and the surroundings on the way.
 
-    plan       at present
-    lag        s, of the drive, at which the plan began, as corrected by measured states
-    stretches  of the drive; the last one has the present surroundings
-    margin     m, to moving people
+    plan       the present plan
+    lag        s, time of the drive at which the plan began, corrected by measured states
+    stretches  parts of the drive by surroundings; the last one has the present surroundings
+    margin     m, distance to keep from moving people
     """
 
     def __init__(self, plan: Plan, surroundings: DriveSurroundings, begin: float, margin: float) -> None:
@@ -142,11 +142,11 @@ class DriveProgress:
         return self.stretches[-1].surroundings
 
     def planned(self, now: float) -> float:
-        """Return the time of the plan, s, that the robot has reached."""
+        """Return the time on the plan, s, that the robot has reached at time ``now`` of the drive, s."""
         return min(max(now - self.lag, 0.0), self.plan.end)
 
     def state(self, now: float) -> States:
-        """Return the state (1,) of the robot."""
+        """Return the state (1,) of the robot at time ``now`` of the drive, s."""
         return self.plan.driven.at(self.planned(now))
 
     def moment(self, now: float) -> Moment:
@@ -157,7 +157,7 @@ class DriveProgress:
         return Moment(now, planned, self.state(now), stands, arrived, plan, tuple(self.stretches), self.lag)
 
     def shift(self, now: float) -> None:
-        """Begin a stretch with the present lag, after the motion under way."""
+        """Begin a new stretch with the present lag, after the motion under way."""
         begins, last = motion_ends(self.plan.announced, self.planned(now)), self.stretches[-1]
         if last.begins >= begins - SAME:
             self.stretches.pop()
@@ -174,7 +174,7 @@ class DriveProgress:
         return self.cut(now)
 
     def _stand(self, now: float) -> None:
-        """Extend the plan by the time for which the robot has stood because the remaining plan is closed."""
+        """Insert into the plan the time for which the robot has stood because the remaining plan is closed."""
         plan = self.plan
         stood = now - self.lag - plan.end
         if plan.stops is not None and stood > SAME:
@@ -208,9 +208,9 @@ class DriveProgress:
 class Moment:
     """The position of the robot on its plan at a time of a drive, and the costs so far.
 
-    now      s, of the drive
-    planned  s, of the plan, that the robot has reached
-    state    (1,) of the robot
+    now      s, time of the drive
+    planned  s, time on the plan that the robot has reached
+    state    (1,) state of the robot
     stands   whether the robot stands because the remaining plan is closed
     arrived  whether it is at the goal
     plan     the trajectory from the beginning on, as the robot follows it if nothing changes
@@ -232,12 +232,12 @@ class Moment:
 
     @cached_property
     def rest(self) -> Trajectory:
-        """The remaining plan from here; the remaining part of a turn begins and ends at rest."""
+        """The remaining plan from here on; the remaining part of a turn begins and ends at rest."""
         return between(self._plan.driven, self.planned, self._plan.driven.duration)
 
     @cached_property
     def past(self) -> dict[str, float]:
-        """The costs so far by criterion, each stretch in the surroundings at that time.
+        """The costs so far by criterion; each part of the drive is evaluated in the surroundings at that time.
 
         They include the time for which the robot has stood because the remaining plan is closed.
         """
@@ -258,10 +258,10 @@ def front_of_rest(
 ) -> tuple[Front, Point | None, int | None]:
     """Return the front of remaining plans, the present plan if it is dominated, and the index of the present plan.
 
-    Sums are those of the remaining plan alone, as the past adds the same to all. Worst moments and means are those of
-    the whole drive, so plans with the same values are one point.
+    Costs that are sums cover only the remaining plan, because the past adds the same to all plans. Worst moments and
+    means cover the whole drive, so plans with the same values become one point.
 
-    problem  its start is the state, and its time the time, at which the remaining plans begin
+    problem  its start and time are those at which the remaining plans begin
     present  the present plan from there, None if it is closed
     past     function that returns the costs of the drive up to there
     """
@@ -291,7 +291,7 @@ def front_of_rest(
 
 @dataclass(frozen=True, eq=False)
 class _CostedPlans:
-    """Remaining plans with their costs and reported values (n, k + r), and their provenance."""
+    """Remaining plans with their costs and reported values (n, k + r), and their provenance (planner and options)."""
 
     trajectories: tuple[Trajectory, ...]
     values: FloatArray
@@ -318,7 +318,7 @@ class _CostedPlans:
         return _CostedPlans(self.trajectories + others.trajectories, values, self.origins + others.origins)
 
     def whole(self, criteria: Sequence[Criterion], past: Past) -> _CostedPlans:
-        """Return the plans with worst moments and means over the whole drive."""
+        """Return the plans with worst moments and means over the whole drive; ``past`` has the costs so far."""
         values = self.values.copy()
         for j, criterion in enumerate(criteria):
             if criterion.aggregate == "max":
@@ -331,7 +331,7 @@ class _CostedPlans:
         return replace(self, values=values)
 
     def front(self, like: Front) -> Front:
-        """Return the front of these plans, with names, certificate and problem of the front ``like``."""
+        """Return the front of these plans, with names, certificate and problem taken from the front ``like``."""
         k = len(like.names)
         return Front.of(
             self.values[:, :k],
@@ -351,7 +351,7 @@ class _CostedPlans:
         )
 
     def point(self, front: Front) -> Point:
-        """Return the only plan as a point that is listed after those of a front."""
+        """Return the only plan as a point, with the index after the last point of a front."""
         values, k = self.values[0].tolist(), len(front.names)
         return Point(
             index=len(front),
@@ -367,7 +367,7 @@ def _counts(front: Front, own: _CostedPlans) -> IntArray:
 
 
 def _place(front: Front, own: _CostedPlans) -> int | None:
-    """Return the index of the point of a front that has the costs of a plan; None if there is none."""
+    """Return the index of the point of a front that has the same costs as a plan; None if there is none."""
     same = np.flatnonzero((front.integers == _counts(front, own)).all(axis=1))
     return int(same[0]) if same.size else None
 

@@ -30,9 +30,9 @@ STRAIGHT = "straight"
 class PerceivedMotion(NamedTuple):
     """Motions that a person aboard perceives as one: consecutive straight moves, or a single other motion.
 
-    kind        of its law; "straight" for moves
-    change      of each state variable
-    begin, end  s
+    kind        kind of its motion law; "straight" for moves
+    change      change of each state variable
+    begin, end  times, s
     """
 
     kind: str
@@ -59,7 +59,7 @@ def perceived_motions(trajectory: Trajectory) -> list[PerceivedMotion]:
 def leaves(trajectory: Trajectory, announced: Trajectory) -> float | None:
     """Return the time, s, at which a trajectory departs from the announced one; None if it never does.
 
-    Both begin at the same place. If both go straight ahead, they part where the shorter one ends.
+    Both begin at the same place. If both go straight ahead, they part where the shorter straight run ends.
     """
     own, expected = perceived_motions(trajectory), perceived_motions(announced)
     for mine, theirs in zip(own, expected, strict=False):
@@ -73,7 +73,7 @@ def leaves(trajectory: Trajectory, announced: Trajectory) -> float | None:
 
 
 def next_turn(trajectory: Trajectory, t: float) -> float | None:
-    """Return the time, s, at which the first turn later than ``t`` begins; None if there is no such turn."""
+    """Return the time, s, at which the first turn in place after time ``t``, s, begins; None if there is none."""
     later = [
         time
         for time, kind in zip(trajectory.times.tolist(), trajectory.kinds, strict=False)
@@ -99,8 +99,8 @@ def same_side(trajectory: Trajectory, other: Trajectory, world: World, closings:
 class LeavePoints(NamedTuple):
     """Places of a plan at which the robot may change it.
 
-    times   (L,)  s, of the drive
-    states  (L,)  of the robot
+    times   (L,)  s, times of the drive
+    states  (L,)  states of the robot
     """
 
     times: FloatArray
@@ -111,13 +111,13 @@ class LeavePoints(NamedTuple):
 class Commit:
     """The next place at which a drive may change its plan; up to there the plan is fixed.
 
-    time     s, of the drive
-    state    (1,) of the robot
+    time     s, time of the drive at which the robot is there
+    state    (1,) state of the robot there
     place    index of the state in the driven plan
-    stands   s, for which the robot stands there first
-    arrives  whether it is the goal
+    stands   s, time for which the robot stands there first
+    arrives  whether this place is the goal
     before   the plan up to there
-    later    further places, soon after it, at which the robot may change its plan
+    later    further places, soon afterwards, at which the robot may change its plan
     """
 
     time: float
@@ -140,11 +140,11 @@ class Commit:
 class Option(Point):
     """A remaining plan from the commit on; see :class:`hpop.problems.front.Point`.
 
-    leaves_at   s, of the drive, when it departs from the announced plan; None: never
+    leaves_at   s, time of the drive at which it departs from the announced plan; None: never
     next_turn   s from now until the next turn in place begins; None: there is none
     same_side   whether it passes all obstacles on the same sides as the announced plan; None: it ends elsewhere
     keeps_on    whether it is the present plan
-    dominated   whether another option is better; only the present plan is listed in that case
+    dominated   whether another option is no worse in any cost; only the present plan is listed in that case
     """
 
     leaves_at: float | None = None
@@ -159,9 +159,9 @@ class Option(Point):
 class Options(Sequence[Option]):
     """The front of the remaining plans of a drive, which includes the present plan.
 
-    front     costs from the commit on; worst moments and means are those of the whole drive
-    now       s, of the drive, of the query
-    commit    where the remaining plans begin
+    front     costs from the commit on; worst moments and means cover the whole drive
+    now       s, time of the drive at which options were computed
+    commit    the place where the remaining plans begin
     keep_on   index of the present plan among the options, None if it is closed
     kept      the present plan if it is dominated; it is listed after the points of the front
     status    COMPLETE, NO_PATH, or the limit that stopped the search
@@ -226,7 +226,7 @@ class Options(Sequence[Option]):
     # Choosing
 
     def knee(self) -> Option:
-        """Return the option that is the best compromise; see :meth:`hpop.Front.knee`."""
+        """Return the option at the knee of the front, the best compromise; see :meth:`hpop.Front.knee`."""
         return self._option(self.front.knee().index)
 
     def best(self, name: str) -> Option:
@@ -246,7 +246,7 @@ class Options(Sequence[Option]):
         return self._option(self.front.nearest(wishes).index)
 
     def reference_point(self, aspirations: Mapping[str, float]) -> Option:
-        """Return the option that is best with respect to aspirations; see :meth:`hpop.Front.reference_point`."""
+        """Return the option that meets aspired costs best; see :meth:`hpop.Front.reference_point`."""
         return self._option(self.front.reference_point(aspirations).index)
 
     def place_of(self, chosen: Any) -> int:
@@ -266,7 +266,7 @@ class PlanComparison:
 
     before      the plan up to the commit
     announced   the announced plan from there on
-    query_time  s, of the plan
+    query_time  s, time on the plan at which options were computed
     sides       function that returns whether a trajectory passes obstacles on the same sides as the announced plan
     """
 

@@ -1,4 +1,4 @@
-"""A plan that is driven: trajectories cut and joined without jumps, places to leave it, and stops before obstacles."""
+"""A plan that is driven: cutting and joining trajectories, places where the plan may change, stops before obstacles."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def between(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
 
 
 def motion_ends(trajectory: Trajectory, t: float) -> float:
-    """Return the time, s, at which the motion under way at ``t`` ends."""
+    """Return the time, s, at which the motion under way at time ``t``, s, ends."""
     return float(trajectory.times[min(int(np.searchsorted(trajectory.times, t - SAME)), len(trajectory))])
 
 
@@ -74,7 +74,10 @@ def joined(first: Trajectory, second: Trajectory) -> Trajectory:
     end, begin = first.states.take(slice(-1, None)), second.states.take(slice(0, 1))
     for name, off in space.differences(end, begin).items():
         if abs(off[0]) > SAME:
-            raise DriveError(f"a plan must go on where the plan before it ends, but {name} differs by {off}")
+            raise DriveError(
+                f"a plan must begin where the plan before it ends, but {name} differs by {off[0]:g}; give a trajectory "
+                "that begins there"
+            )
     kinds = first.kinds + second.kinds
     columns = {}
     for name in space.names:
@@ -98,7 +101,8 @@ def held(trajectory: Trajectory, seconds: float) -> Trajectory:
     stands = sum(np.diff(clock)[[kind == HOLD.kind for kind in kinds]])
     if stands > LONGEST:
         raise DriveError(
-            f"the robot would stand for {stands:,.0f} s in all; a drive may do so for {LONGEST:,.0f} s at most"
+            f"the robot would stand for {stands:,.0f} s in all, but a drive may hold for at most {LONGEST:,.0f} s; "
+            "plan again from where it is, with problem.at(state, t)"
         )
     return Trajectory(trajectory.model, States(**columns), kinds, trajectory.punctual)
 
@@ -111,9 +115,9 @@ def _columns(states: States, names: tuple[str, ...]) -> States:
 class Plan:
     """A trajectory that is being driven, and the time up to which it is open. Times are planned times, s.
 
-    announced  from the beginning of the drive to the goal
-    stops      s, when the robot stops because the plan is closed beyond; None: it arrives
-    chosen     s, at which the last chosen part begins; the robot may leave people near it then, as at a start
+    announced  the trajectory from the beginning of the drive to the goal
+    stops      s, time at which the robot stops because the plan is closed beyond; None if it arrives
+    chosen     s, time at which the last chosen part begins; as at a start, the robot may then leave people near it
     """
 
     announced: Trajectory
@@ -135,7 +139,7 @@ class Plan:
 
     @cached_property
     def driven(self) -> Trajectory:
-        """The trajectory up to the goal, or up to the stop before a closed area."""
+        """The trajectory that the robot follows: up to the goal, or up to the stop before a closed area."""
         return self.announced if self.stops is None else until(self.announced, self.stops)
 
     @cached_property
@@ -151,22 +155,25 @@ class Plan:
 
     @property
     def ramp(self) -> float:
-        """Extra time, s, of a straight run that ends in a stop: v/2a, half of the loss by stopping and starting."""
+        """Extra time, s, that braking adds to a straight run: v/2a, half of the loss by stopping and starting."""
         turn = self.announced.model.laws.get("turn")
         return 0.5 * turn.loss if isinstance(turn, Turn) else 0.0
 
     @property
     def stops_for(self) -> float:
-        """Least time, s, for which a robot stands after a stop; on a clock, until the delayed robot stands as well."""
+        """Least time, s, for which a robot stands after a stop.
+
+        It is 0 except for punctual plans, where it lasts until the executed robot, which brakes, stands as well.
+        """
         return self.ramp if self.announced.punctual else 0.0
 
     def next_arrival(self, t: float) -> int:
-        """Return the first index of `arrivals` with a time later than ``t``, else the last index."""
+        """Return the index of the first state among `arrivals` after time ``t``, s; else the last index."""
         times = self.driven.times[self.arrivals]
         return int(self.arrivals[min(int(np.searchsorted(times, t + SAME, side="right")), times.size - 1)])
 
     def braked(self, t: float) -> float:
-        """Return the time, s, at which a robot that brakes at ``t`` stands: after v²/2a, or at the end of a turn."""
+        """Return the time, s, at which a robot that begins to brake at ``t`` stands: after v²/2a m, or after a turn."""
         motions, laws = self.announced, laws_of(self.announced.model)
         if t >= self.end - SAME or not len(motions):
             return self.end
@@ -209,7 +216,7 @@ class Plan:
         )
 
     def then(self, i: int, stands: float, remaining: Trajectory) -> Plan:
-        """Return the plan up to state ``i`` of `driven`, with a stop of ``stands`` s, followed by a trajectory."""
+        """Return the plan up to state ``i`` of `driven`, then a stop of ``stands`` s, then another trajectory."""
         before = held(part(self.driven, 0, i), stands)
         return Plan(joined(before, remaining), chosen=before.duration)
 
@@ -222,14 +229,14 @@ class Plan:
         return replace(self, chosen=0.0)
 
 
-HALVINGS = 20  # of a motion that touches a closed area
+HALVINGS = 20  # bisection steps to find the moment of contact in a motion that touches a closed area
 
 
 class Cut(NamedTuple):
-    """The part of a plan that stays open, in times of the plan, s.
+    """The open part of a plan, in times of the plan, s.
 
     safe   time up to which the plan is free, None if it is free to its end
-    stops  time at which the robot stands, None if it arrives
+    stops  time at which the robot comes to rest before the closed part, None if it arrives
     """
 
     safe: float | None
@@ -241,12 +248,12 @@ def cut_of(
 ) -> Cut:
     """Return the part of a plan, from time ``t`` on, that is free of closed areas and people.
 
-    The robot must not come nearer than ``margin``, m, to ``people`` as predicted from then on: neither by the plan nor,
-    if the plan is on a clock, as executed. Standing does not protect the robot from people who walk; then another plan
-    must be taken in time.
+    The robot must not come nearer than ``margin``, m, to ``people`` as predicted from then on. This holds for the plan
+    and, if the plan is punctual, also for its execution. Standing does not protect the robot from people who walk
+    towards it; then another plan must be taken in time.
 
-    The robot stops at the last free place where it may change its plan, so that it drives on while other plans are
-    searched. If it is too late for that place it brakes; if braking would touch a closed area it stops at once.
+    The robot stops at the last free place where it may change its plan, so that it drives on during a search for other
+    plans. If it is too late to stop there, it brakes; if braking would touch a closed area, it stops at once.
     """
     touches = [at for closing in closings if (at := _touches(plan.announced, t, closing)) is not None]
     if people:

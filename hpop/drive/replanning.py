@@ -1,4 +1,7 @@
-"""Replanning during a drive: graphs, and paths found on them, are reused from query to query."""
+"""Replanning during a drive: graphs, and paths found on them, are reused from query to query.
+
+While people move, the search uses a graph on a clock: the graph of states with discrete time.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +40,7 @@ T = TypeVar("T")
 class LatestOnlyWorker:
     """A worker thread that keeps only the newest waiting task; an older waiting task is cancelled.
 
-    The thread ends after its last task, or with the process.
+    The thread ends after its last task, or when the process ends.
     """
 
     def __init__(self) -> None:
@@ -72,12 +75,13 @@ class LatestOnlyWorker:
                     future.set_exception(error)
 
 
-RECHECK = 0.05  # s of this thread's processor time to check known paths again, even if the deadline is shorter
+RECHECK = 0.05  # s of processor time in which known paths are checked again, even if the deadline is shorter
 
 
 class ReplanResult(NamedTuple):
     """Result of a search from the place where a drive may change its plan.
 
+    candidates  the remaining plans found, with their claim of optimality
     gap     for every missing cost vector, a returned one is at most a factor 1 + gap worse
     labels  number of partial paths that the search generated
     answer  if a deadline ended the search, its result as JSON, so that it can be repeated; else None
@@ -150,7 +154,7 @@ class Replanner:
         deadline: float | None,
         answer: Mapping[str, Any] | None,
     ) -> ReplanResult:
-        """Search on a clock, among moving people, beginning with known paths."""
+        """Search on the graph on a clock, among moving people, beginning with known paths."""
         if answer is not None and "ways" in answer:
             logged = [Trajectory.from_description(problem.model, trajectory) for trajectory in answer["ways"]]
             return self._rechecked(problem, logged)
@@ -184,7 +188,7 @@ class Replanner:
         return ReplanResult(candidates, paths.gap, paths.stats.labels_generated, logged_result)
 
     def _clear(self, now: DriveSurroundings, problem: Problem, commit: Commit, seconds: float) -> list[Trajectory]:
-        """Return the parts of known plans after the commit that are open and clear of people, found in ``seconds``."""
+        """Return parts of known plans after the commit that are open and clear of people, as found in ``seconds`` s."""
         until, least = time.perf_counter() + seconds, time.thread_time() + RECHECK
 
         def enough() -> bool:
@@ -198,7 +202,7 @@ class Replanner:
         return [*clear_trajectories(remaining, problem, commit.before, now.closed, options.margin, latest, enough)]
 
     def _rechecked(self, problem: Problem, trajectories: Sequence[Trajectory]) -> ReplanResult:
-        """Return known trajectories as the result, for queries while the graph on the clock is being built."""
+        """Return known trajectories as the result of a query while the graph on the clock is being built."""
         answer = {"ways": [trajectory.describe() for trajectory in trajectories]}
         candidates = rechecked(self.planner.name, problem, self.objectives, trajectories)
         return ReplanResult(candidates, math.inf, 0, answer)
@@ -206,7 +210,10 @@ class Replanner:
     # The graph on the clock, built in another thread
 
     def begin(self, now: DriveSurroundings, commit: Commit) -> None:
-        """Begin to build the graph on a clock for queries from a commit on, unless this is done or under way."""
+        """Begin to build, in another thread, the graph on a clock for queries from a commit on.
+
+        Do nothing if the graph is built or being built.
+        """
         is_pending = self._pending is not None and self._pending.surroundings is now
         if not is_pending and self._serving(now, commit) is None:
             self._pending = _PendingGraph(now, commit, self._worker.begin(partial(self._built, now, commit)))
@@ -256,7 +263,7 @@ class Replanner:
         return next((graph for graph in graphs if graph.serves(now, commit, untimed)), None)
 
     def stopping(self, now: DriveSurroundings, commit: Commit) -> DriveSurroundings | None:
-        """Return the surroundings in which people stop who otherwise would walk into the robot; None if there are none.
+        """Return the surroundings with people stopped who would walk into the robot; None if there are no such people.
 
         They are used if no path leads on from the commit.
         """
@@ -272,7 +279,10 @@ class Replanner:
             self._timed = self._passable(now, commit, built)
 
     def _built(self, now: DriveSurroundings, commit: Commit, *, is_far: bool = False) -> TimedDriveGraph:
-        """Build the graph on a clock for queries from a commit on; ``is_far``: for later ones, with no person near."""
+        """Build the graph on a clock for queries from a commit on.
+
+        With ``is_far`` it is only for later queries, when no person is near the robot any more.
+        """
         base = untimed = self._without_time(now)
         node = int(untimed.nodes(commit.state)[0])
         if node < 0:
@@ -289,7 +299,7 @@ class Replanner:
         return built if is_far else self._passable(now, commit, built)
 
     def _passable(self, now: DriveSurroundings, commit: Commit, built: TimedDriveGraph) -> TimedDriveGraph:
-        """Return the graph or, if no path leads on from the commit, a graph among people who stop before the robot."""
+        """Return the graph; if no path leads on from the commit, build one among people who stop before the robot."""
         node = built.node(commit.state)
         node = built.start if node < 0 else node
         if built.prepared.paths(node, built.tick(commit.time), deadline=RECHECK).status is not Status.NO_PATH:
@@ -362,7 +372,7 @@ class Replanner:
         return ReplanResult(graph.candidates(node, paths), paths.gap, paths.stats.labels_generated, logged_result)
 
     def graph(self, now: DriveSurroundings) -> DriveGraph:
-        """Return the graph with the present costs and closed areas; it is laid out at the first call."""
+        """Return the graph with the present costs and closed areas; it is built at the first call."""
         before = self._graph
         if self._graph is None:
             problem = now.problem.at(self.problem.start, 0.0)
@@ -378,7 +388,7 @@ class Replanner:
         return self._graph
 
     def _inner(self, now: DriveSurroundings) -> StateGraph:
-        """Return the graph of states of the planner, in the bare world."""
+        """Return the planner's graph of states in the bare world, without people and named areas."""
         family = self.planner.graph_of_drives
         states = None if family is None else family.states(self.problem)
         if states is None:

@@ -1,4 +1,4 @@
-"""Starting a drive: from a point of a front, from its file, and by a script of events."""
+"""Starting a drive: from a point of a front, from a saved file, or with a script of events."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ KINDS = (*WORLD, *CHOICES, "options")
 class Event:
     """An event of a drive: a change of the world, or a choice of the person aboard.
 
-    at     s, of the drive
+    at     s, time of the drive
     kind   "close", "open", "people" or "stop": a change of the world (:meth:`hpop.drive.Execution.world`); "wish" or
            "take": a choice of the person aboard; "options": options are only listed
-    value  by kind: a polygon or the name of a door; people; a person; words or shares of a wish; an index, "knee" or
-           "least NAME"; None
-    name   of a closed polygon, by which it can be opened
+    value  for "close" and "open": a polygon, or the name of a door; "people": all people present; "stop": a person;
+           "wish": its words or shares; "take": an index, "knee" or "least NAME"; "options": None
+    name   name of a closed polygon, by which it can be opened
     """
 
     at: float
@@ -63,7 +63,7 @@ class Event:
     def __post_init__(self) -> None:
         object.__setattr__(self, "at", float(real("at", self.at, 0, MOST, "a time in s", error=DriveError)))
         if self.kind not in KINDS:
-            raise DriveError(f"an event is one of {', '.join(KINDS)}, got {shown(self.kind)}")
+            raise DriveError(f"an event must be one of {', '.join(KINDS)}, got {shown(self.kind)}")
 
     def __str__(self) -> str:
         match self.kind, self.value:
@@ -89,8 +89,8 @@ class Happening:
     """An event, and its effect on the drive.
 
     change   effect of a change of the world; None for other events, and for a change that was refused
-    options  after the event
-    taken    the option that is driven from the commit on; None if the robot keeps its plan
+    options  the options after the event
+    taken    the option that the robot follows from the commit on; None if it keeps its plan
     asked    whether the person aboard chose the option, rather than the robot
     words    description of the choice, or the reason why there is none
     driven   the trajectory up to the event
@@ -115,10 +115,7 @@ class Happening:
 def performed(drive: Execution, events: Iterable[Event], *, deadline: float = DEADLINE) -> Iterator[Happening]:
     """Perform a script of events in a drive, and yield the effect of each.
 
-    The robot may also change its plan by itself.
-
-    ``deadline`` is the processor time of this thread for options, s.
-
+    After an event the robot may also change its plan by itself. ``deadline`` is the processor time for options, s.
     Raises DriveError for events that are out of order or come after the arrival, and the errors of the methods of the
     drive.
     """
@@ -172,12 +169,13 @@ def _chosen(drive: Execution, options: Options, event: Event) -> tuple[Option | 
         (row,) = named_rows(options.front, [event.value])
     except OptionError:  # the number of options becomes known only now
         last = len(options) - 1
-        return None, f"no option {shown(event.value)}: " + (f"they are numbered 0 to {last:,}" if last else "0 is all")
+        there = f"options are numbered 0 to {last:,}" if last else "the only option is 0"
+        return None, f"there is no option {shown(event.value)}: {there}"
     option: Option = options[row.number]
     return option, str(row)
 
 
-# A search that its deadline ended cannot be repeated exactly, so the event log has its result.
+# A search that was ended by its deadline cannot be repeated exactly, so the event log has its result.
 
 
 @checked_arguments
@@ -204,7 +202,7 @@ def load(path: str | os.PathLike[str]) -> Execution:
     except HpopError as error:
         raise DriveError(f"{path}: {error!s:.600}") from error
     except (TypeError, ValueError, OverflowError, LookupError, AttributeError, ShapelyError) as error:
-        raise DriveError(f"{path}: not the record of a drive: {shown(error)}; save the drive again") from None
+        raise DriveError(f"{path}: expected the record of a drive: {shown(error)}; save the drive again") from None
     return drive
 
 
@@ -230,7 +228,7 @@ def tell(drive: Execution, event: Mapping[str, Any]) -> None:
     elif kind == "stop":
         drive.world(now, stop=event["person"])
     else:
-        raise DriveError(f"a drive has no event {shown(kind)}")
+        raise DriveError(f"unknown event {shown(kind)} in the record of a drive; save the drive again")
 
 
 OF_TIME = ("clock", "hold", "arrive_by", "margin")  # planner options of time, in the provenance of a plan
@@ -268,8 +266,8 @@ def follow(
         raise DriveError(f"front must be an hpop.Front of trajectories, got {shown(front)}")
     if front.problem is not None and question_of(front.problem) != question_of(plain(problem.describe())):
         raise QueryError(
-            "the front belongs to another problem than the one given; hpop.Problem.from_description(front.problem) is "
-            "its own"
+            "the front belongs to another problem than the one given; give its own problem, "
+            "hpop.Problem.from_description(front.problem)"
         )
     preference = choice if isinstance(choice, Preferring) else None
     point = _point(front, choice) if preference is None else front.select(preference=preference)
@@ -291,7 +289,7 @@ def _point(front: Front, choice: Any) -> Point:
         return named[choice]
     if isinstance(choice, Point):
         if not any(item is choice.item for item in front.items):
-            raise DriveError("the choice is a point of another front")
+            raise DriveError("the choice is a point of another front; give a point of this front, or its row")
         return choice
     if is_whole(choice) and -len(front) <= choice < len(front):
         return front[int(choice)]
@@ -299,13 +297,13 @@ def _point(front: Front, choice: Any) -> Point:
 
 
 def _planner_of(origin: Mapping[str, Any]) -> Planner:
-    """Return the planner that found a point, with its options of the graph and of time."""
+    """Return the planner that found a point, given the point's provenance, with its options for graph and time."""
     name = origin.get("planner")
     options: tuple[str, ...] = planners[name].graph_options if isinstance(name, str) and name in planners else ()
     if not options:
         raise DriveError(
             f"{shown(name)} has no graph on which a drive can search; plan with lattice or roadmap, or in Python give "
-            "one of them, planner='lattice'"
+            "one of them: planner='lattice'"
         )
     chosen = {option: origin[option] for option in (*options, *OF_TIME) if option in origin}
     return make_planner({cast(str, name): chosen})

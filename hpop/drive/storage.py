@@ -1,4 +1,4 @@
-"""The event log of a drive, its file, and the effect of a change of the world on the plan."""
+"""The event log of a drive, the file of a drive, and the effect of a change of the world on the plan."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ KEYS = {"schema", "version", "problem", "planner", "begin", "patience", "notice"
 
 
 def write(drive: Execution, path: str | os.PathLike[str]) -> None:
-    """Write a drive to a JSON file, as a whole or not at all; OSError if it cannot be written."""
+    """Write a drive to a JSON file, completely or not at all; OSError if it cannot be written."""
     stored = {
         "schema": SCHEMA,
         "version": VERSION,
@@ -83,8 +83,8 @@ def _described(planner: Planner) -> dict[str, dict[str, Any]]:
 class EventLog:
     """Log of the events of a drive.
 
-    begin   s, when the robot leaves
-    record  the events, as JSON
+    begin   s, time at which the robot leaves
+    record  the events so far, as JSON
     """
 
     def __init__(self, begin: float) -> None:
@@ -135,9 +135,9 @@ class Change:
     safe_until  time until which the present plan is free; None if it is free to its end
     stops_at    time at which the robot comes to rest if it takes no option; None if it arrives at the goal
     brakes      whether the robot must brake before it reaches a place where it may change its plan
-    invalid     indices of options of the last call of ``options`` that are closed now, or that the plan no longer
+    invalid     indices of options of the last call of ``options`` that are now closed, or that the plan no longer
                 reaches
-    notes       on people within obstacles, predictions that were cut, and people in contact with the robot
+    notes       warnings to print: people within obstacles, predictions that were cut, people in contact with the robot
     """
 
     now: float
@@ -156,7 +156,7 @@ def written(
     stop: Any,
     name: str,
 ) -> dict[str, Any]:
-    """Return the arguments of a change of the world as JSON."""
+    """Return the arguments of a change of the world (`Execution.world`) as JSON for the event log."""
     if close is not None or open_ is not None:
         area = open_ if close is None else close
         return {"area": area if isinstance(area, str) else mapping(polygon_of(area, "an area")), "name": name}

@@ -32,14 +32,14 @@ GONE = 1e5  # m: a person that far away has no effect
 class DriveSurroundings:
     """The world of a drive from some time on, and the problem of the drive in it.
 
-    problem   in this world; its time begins at `since`
+    problem   problem in this world; its time begins at `since`
     bare      the world without people and without named closed areas
     closings  areas that have been closed
     areas     all areas with a name: zones of the map, and areas closed during the drive
-    since     s, of the drive, at which the predictions of people begin
+    since     s, time of the drive at which the predictions of people begin
     bodies    closed areas of the standing people
-    margin    m, to these people
-    stopping  notes on people who are predicted to stop before the robot, since otherwise no path would be open
+    margin    m, distance to keep from people
+    stopping  notes (warnings to print) on people who are predicted to stop before the robot, so that a path is open
     """
 
     problem: Problem
@@ -53,7 +53,7 @@ class DriveSurroundings:
 
     @classmethod
     def of(cls, problem: Problem, since: float, margin: float = 0.0) -> DriveSurroundings:
-        """Return the surroundings at the start of a drive; named keep-out zones of the problem are the closed areas."""
+        """Return the surroundings at the start of a drive; named keep-out zones of the problem are closed at first."""
         zones = problem.world.content.zones
         closings = tuple(Closing(z.area, z.name) for z in zones if z.kind == "keep-out" and z.name)
         people = problem.world.content.people
@@ -105,7 +105,7 @@ class DriveSurroundings:
         return self._changed(*self._as_predicted(now), closings=(*self.closings, closing), areas=areas)
 
     def open(self, now: float, area: Any) -> DriveSurroundings:
-        """Return the surroundings with a closed area opened, by name or polygon; DriveError if it is not closed."""
+        """Return the surroundings with an area opened, given by name or polygon; DriveError if it is not closed."""
         opened = to_open(area, self.areas, self.closings)
         return self._changed(*self._as_predicted(now), closings=tuple(c for c in self.closings if c not in opened))
 
@@ -115,7 +115,9 @@ class DriveSurroundings:
         """Return the surroundings with other people, predicted from now on; groups are indices of people who talk."""
         given = tuple(people) if isinstance(people, Iterable) and not isinstance(people, str) else None
         if given is None or not all(isinstance(person, Person) for person in given):
-            raise DriveError(f"people must be a list of all hpop.world.Person who are there now, got {shown(people)}")
+            raise DriveError(
+                f"people must be a list of all people present, each hpop.world.Person; got {shown(people)}"
+            )
         if not given and any(OF_PEOPLE & {*criterion.requires} for criterion in self.problem.criteria):
             given, groups = tuple(_gone(person) for person in self.people), self.problem.world.content.groups
         return self._changed(now, given, groups=groups)
@@ -128,9 +130,9 @@ class DriveSurroundings:
         return self._changed(now, tuple(people))
 
     def with_people_who_stop(self, states: States, times: FloatArray) -> DriveSurroundings | None:
-        """Return the surroundings in which people stop before a robot that comes to some states (n,).
+        """Return the surroundings in which people stop before a robot that comes to the states (n,).
 
-        None if no person comes there soon. Predictions begin at the same time as before.
+        Return None if no person comes there soon. Predictions begin at the same time as before.
 
         Parameters
         ----------
@@ -149,7 +151,7 @@ class DriveSurroundings:
         return replace(self._changed(self.since, people), stopping=(taken_to_stop(self.people, stopped),))
 
     def _place_of(self, person: Any) -> int:
-        """Return the index of a person, given by index, name or value."""
+        """Return the index of a person, given by index, by name, or as a `Person`; DriveError if there is none."""
         names = [known.name for known in self.people]
         if is_whole(person) and 0 <= person < len(names):
             return int(person)
@@ -158,7 +160,7 @@ class DriveSurroundings:
             return names.index(name)
         if not names:
             raise DriveError(
-                f"there are no people, so {shown(name)} cannot stop; first give all people who are there, with people="
+                f"there are no people, so {shown(name)} cannot stop; first give all people present, with people="
             )
         listed = ", ".join(f"{i}: {shown(name)}" if name else str(i) for i, name in enumerate(names))
         raise DriveError(
@@ -167,15 +169,15 @@ class DriveSurroundings:
         )
 
     def _as_predicted(self, now: float) -> tuple[float, tuple[Person, ...]]:
-        """Return the time, s, at which predictions begin, and the people; both are unchanged while any person moves.
+        """Return the time, s, at which predictions begin, and the people; both stay as they are while any person moves.
 
-        If no person moves any more, these are the present time and the people who are still there.
+        If no person moves any more, return the present time, and the people where they are now.
         """
         people = self._people_at(now)
         return (self.since, self.people) if any(person.moves for person in people) else (now, people)
 
     def _people_at(self, now: float) -> tuple[Person, ...]:
-        """Return the people as predicted for now; people who have left stay away."""
+        """Return the people as predicted for time ``now``, s; people who have left are moved far away."""
         people = (person.later(max(0.0, now - self.since)) for person in self.people)
         return tuple(_gone(person) if _has_gone(person) else person for person in people)
 
@@ -208,17 +210,17 @@ class DriveSurroundings:
 
 
 def _bodies(people: Iterable[Person], before: Mapping[Person, Closing], margin: float) -> dict[Person, Closing]:
-    """Return the closed areas of standing people, enlarged by a margin, m; areas in ``before`` are reused."""
+    """Return the closed area of each standing person: its body, enlarged by a margin, m; ``before`` is reused."""
     bodies, content = {}, Content(people=tuple(people), kept=margin)
     for i, body in content.bodies.items():
         person = content.people[i]
-        closing = Closing(body, person=person.name or "somebody", place=(person.x, person.y))
+        closing = Closing(body, person=person.name or "a person", place=(person.x, person.y))
         bodies[person] = before.get(person) or closing
     return bodies
 
 
 def _standing(person: Person) -> Person:
-    """Return the person as one who stands at the present position from now on."""
+    """Return the person, changed to stand at the present position from now on."""
     yaw = person.yaw
     if person.moves and not person.futures:
         x, y = person.ahead_at(0.0)
@@ -227,10 +229,10 @@ def _standing(person: Person) -> Person:
 
 
 def _has_gone(person: Person) -> bool:
-    """Return whether a person has left according to all hypotheses."""
+    """Return whether a person has left in all possible futures."""
     return all(likely.until == 0.0 and likely.afterwards == "gone" for _, likely in person.hypotheses)
 
 
 def _gone(person: Person) -> Person:
-    """Return the person far away: criteria that need people still have one, at no cost."""
+    """Return the person moved far away, without effect; so criteria that need people still have one."""
     return replace(_standing(person), x=person.x + GONE)

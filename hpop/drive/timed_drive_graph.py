@@ -1,8 +1,8 @@
 """The graph of a drive on a clock, among moving people; it is reused as long as they move as predicted.
 
-Most of the time of a query goes into tables of costs near people, and into bounds on the remaining cost. Both do not
-depend on the position of the robot: a later query begins at a later tick of the same clock. When people change, only
-tables that depend on them are computed again.
+On a clock, time is discrete: it is counted in ticks. Most of the time of a query goes into tables of costs near people,
+and into bounds on the remaining cost. Neither depends on the position of the robot, and a later query begins at a later
+tick of the same clock. When people change, only tables that depend on them are computed again.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ EARLIER = 0.5  # s by which a robot may be ahead of its plan before the graph mu
 
 
 class ScheduledPath(NamedTuple):
-    """A known path: its arcs (s,), and their departures (s,), s of the drive."""
+    """A known path: its arcs (n,), and the time of departure (n,) on each arc, s of the drive."""
 
     arcs: IntArray
     times: FloatArray
@@ -59,17 +59,18 @@ class TimedDriveGraph:
     """The graph of a drive on a clock, among people as predicted.
 
     untimed     the graph with only the costs that do not depend on time, and with its closed arcs
-    timed       the graph on the clock; tick 0 is `since`, s of the drive
-    objectives, options
-    people      as predicted from `since` on
+    timed       the graph on the clock; tick 0 is at `since`, s of the drive
+    objectives  the criteria of the search
+    options     the planner's options of time, such as the tick
+    people      people as predicted from `since` on
     base        the untimed graph, without a joined start
-    start       node from which it was laid out; `begin` is the earliest tick of a query from it
-    state       (1,) of the robot at the start
+    start       node for which the graph was built; `begin` is the earliest tick of a query from it
+    state       (1,) state of the robot at the start
     places      nodes of the commit and of the places soon after it
     near        nodes within the margin of a person, with times, s on the clock: the robot may begin there, although it
                 must not come so near elsewhere; empty if no person is near
-    instead_of  surroundings in which no path leads on, as people walk towards the robot
-    stopping    these surroundings with people who stop before the robot, for which this graph was built
+    instead_of  surroundings in which no path leads on, because people walk towards the robot; else None
+    stopping    the same with people who stop before the robot, for which this graph was built; else None
     """
 
     untimed: DriveGraph
@@ -101,10 +102,10 @@ class TimedDriveGraph:
         *,
         is_far: bool = False,
     ) -> TimedDriveGraph:
-        """Return the graph on a clock that begins at the node of a commit, where the plan may change next.
+        """Build the graph on a clock that begins at the node of a commit, where the plan may change next.
 
-        before  graph on a clock for other people or closed areas, to reuse parts of it; None for none
-        is_far  whether it is only for later places, with no person near
+        before  graph on a clock for other people or closed areas, of which parts are reused; None for none
+        is_far  whether the graph is only for later places, where no person is near
         """
         space = cast("StateGraph | JoinedEnds", untimed.query.space.costed_in(now.problem.world))
         arcs = before.timed.arcs if before is not None and before.untimed.query.space is untimed.query.space else None
@@ -127,11 +128,11 @@ class TimedDriveGraph:
         )
 
     def refuses(self, now: DriveSurroundings, commit: Commit, untimed: DriveGraph) -> bool:
-        """Return whether it is known that no path leads on from the commit, as people walk towards the robot."""
+        """Return whether it is known that no path leads on from the commit because people walk towards the robot."""
         return self.instead_of is now and self.base is untimed and self.node(commit.state) in self.places
 
     def serves(self, now: DriveSurroundings, commit: Commit, untimed: DriveGraph) -> bool:
-        """Return whether this graph can answer a query from the commit: same people and time, node in reach."""
+        """Return whether this graph can answer a query from the commit: same people, and a node that it covers."""
         node = self.node(commit.state)
         if self.base is not untimed or self.people != now.people or self.since != now.since or node < 0:
             return False
@@ -165,7 +166,10 @@ class TimedDriveGraph:
         return PreparedTimed(self.timed.graph, self.start, self.untimed.query.goals, begin=self.begin)
 
     def scheduled(self, trajectories: Sequence[Trajectory], at: float) -> list[ScheduledPath]:
-        """Return the last part of each trajectory that follows the graph; all begin at a time of the drive, s."""
+        """Return the last part of each trajectory, from where it follows the graph, as a path with departures.
+
+        All trajectories begin at time ``at`` of the drive, s.
+        """
         parts = self.untimed.arcs_and_places(trajectories)
         paths = [
             ScheduledPath(arcs, at + trajectory.times[leaving])
@@ -174,7 +178,10 @@ class TimedDriveGraph:
         return [path for path in paths if path.arcs.size]
 
     def on_clock(self, node: int, at: float, paths: Iterable[ScheduledPath]) -> list[TimedPath]:
-        """Return the remaining parts, in ticks, of known paths from a node at a time, s of the drive, with holds."""
+        """Return the remaining parts of known paths from a node, as paths in ticks with holds.
+
+        The robot is at the node at time ``at``, s of the drive.
+        """
         begin, graph, remaining = self.tick(at), self.timed.graph, list[TimedPath]()
         least = graph.hold or 0
         waits = 0.5 * max(1, least) * self.options.tick  # s: a shorter stop is no hold
@@ -201,7 +208,7 @@ class TimedDriveGraph:
         return self.prepared.paths(node, self.tick(at), deadline=deadline, known=self.on_clock(node, at, known))
 
     def in_seconds(self, paths: TimedPaths) -> list[ScheduledPath]:
-        """Return paths with departures in seconds of the drive, for later queries."""
+        """Convert paths in ticks to paths with departures in seconds of the drive, for later queries."""
         tick = self.options.tick
         return [
             ScheduledPath(arcs, np.asarray(self.since + leaves * tick, np.float64)) for arcs, leaves in paths.places
@@ -214,7 +221,7 @@ class TimedDriveGraph:
         return {"status": str(paths.status), "gap": gap, "labels": paths.stats.labels_generated, "walks": timed_paths}
 
     def restored(self, node: int, at: float, answer: Mapping[str, Any]) -> TimedPaths:
-        """Return the result of a search that its deadline ended, from the event log."""
+        """Rebuild the result of a search that was ended by its deadline from the event log."""
         logged = [TimedPath(np.array(arcs, np.int64), np.array(leaves, np.int64)) for arcs, leaves in answer["walks"]]
         paths = self.prepared.paths(node, self.tick(at), deadline=0.0, known=logged)
         stats = replace(paths.stats, labels_generated=answer["labels"])
@@ -222,7 +229,7 @@ class TimedDriveGraph:
         return replace(paths, status=Status(answer["status"]), gap=gap, stats=stats)
 
     def candidates(self, name: str, problem: Problem, commit: Commit, node: int, paths: TimedPaths) -> Candidates:
-        """Return paths from a commit as candidates of the planner that laid out the graph, with their claim."""
+        """Return paths from a commit as trajectories of the planner ``name``, with a claim of optimality."""
         # A robot that starts from rest is late by half of the time that stopping and starting take.
         ramps, rests = self.timed.ramps, commit.place == 0 or commit.stands > 0.0
         late = ramps.half if ramps is not None and rests else 0.0
@@ -244,12 +251,12 @@ def _start(state: States, time: float) -> Start:
 
 CLAIM = (
     "incomplete: known paths, checked again with the present people and closed areas; points need not be optimal, "
-    "others are missing, and how much better these may be is known only when the graph on the clock is built: ask again"
+    "others may be missing, by an unknown factor better, until the graph on the clock is built: call options again"
 )
 
 
 def remaining_from(trajectories: Iterable[Trajectory], state: States) -> Iterator[Trajectory]:
-    """Yield the part of each trajectory after its last visit of a state (1,), if it visits the state."""
+    """Yield the part of each trajectory from its last visit to a state (1,) on, if it visits the state."""
     for trajectory in trajectories:
         at_state = np.ones(len(trajectory) + 1, dtype=np.bool_)
         rows = np.zeros(len(trajectory) + 1, np.int64)
@@ -272,10 +279,10 @@ def clear_trajectories(
     """Yield the trajectories that are clear of closed areas and people, as planned and as executed.
 
     problem  its start and time are those at which the trajectories begin
-    before   the trajectory up to there, as the robot need not be at rest there
-    margin   m, to moving people
+    before   the trajectory up to there; the robot need not be at rest there
+    margin   m, distance to keep from moving people
     latest   s, longest duration, None for any
-    enough   function that returns whether to stop
+    enough   function that returns True when checking must end
     """
     parts, people = problem.model.platform, problem.world.content.people
     for trajectory in trajectories:

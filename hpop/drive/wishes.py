@@ -24,9 +24,9 @@ LESS = re.compile(r"(?:fewer|less)\s+(.+)")
 
 @dataclass(frozen=True)
 class Wish:
-    """Answer to a wish.
+    """Answer to a wish of the person aboard.
 
-    option  that meets the wish, None if none does
+    option  the option that meets the wish, None if none does
     words   description of the choice, or the reason why there is none
     """
 
@@ -38,17 +38,17 @@ def wished(options: Options, wish: str | None, shares: Mapping[str, Any]) -> Wis
     """Return the option that meets a wish with the least loss in the other costs.
 
     - "fewer turns", "less exposure": less of that cost than the remaining plan, with the least loss in other costs.
-    - "hurry": the least duration among options in which no other cost grows by more than a fifth, or by the share
-      that ``shares`` names for it.
-    - no words, ``duration=-0.2``: each named cost changes by at least that share (here: a fifth less), at the least
-      loss.
+    - "hurry": the least duration among options in which no other cost grows by more than a fifth, or by more than its
+      share in ``shares``.
+    - ``wish`` None and shares, such as ``duration=-0.2``: each named cost grows by at most its share (here it falls by
+      a fifth or more), with the least loss.
 
-    The loss is the growth of the costs over the remaining plan, each as a part of its range over the options. Raises
-    DriveError for an unknown wish, and for a cost that the front does not have.
+    The loss is the growth of the costs relative to the remaining plan, each divided by its range over the options.
+    Raises DriveError for an unknown wish, and for a cost that the front does not have.
     """
     checked = checked_wish(wish, shares, options.front.names)
     if options.keep_on is None:
-        return Wish(None, "a wish is compared with the remaining plan, which is closed; take one of the options")
+        return Wish(None, "a wish refers to the remaining plan, but that is closed; take one of the options")
     if checked.name is not None:
         return _less(options, checked.name)
     return _within(options, checked.shares) if wish is None else _hurry(options, checked.shares)
@@ -57,7 +57,7 @@ def wished(options: Options, wish: str | None, shares: Mapping[str, Any]) -> Wis
 class _CheckedWish(NamedTuple):
     """A valid wish.
 
-    name    of the cost to reduce, None if the wish names none
+    name    name of the cost to reduce, None if the wish names none
     shares  largest growth of each named cost, as a share
     """
 
@@ -72,20 +72,22 @@ def checked_wish(wish: Any, shares: Mapping[str, Any], names: Sequence[str]) -> 
         _check(name, names)
     if wish is None:
         if not limits:
-            raise DriveError("a wish is words, such as 'fewer turns' or 'hurry', or a cost and a share: duration=-0.2")
+            raise DriveError(
+                "a wish must be words, such as 'fewer turns' or 'hurry', or a cost and a share: duration=-0.2"
+            )
         return _CheckedWish(None, limits)
     if not isinstance(wish, str):
-        raise DriveError(f"a wish is words, such as 'fewer turns', got {shown(wish)}")
+        raise DriveError(f"a wish must be words, such as 'fewer turns', got {shown(wish)}")
     if wish == HURRY:
         return _CheckedWish(None, limits)
     match = LESS.fullmatch(wish.strip())
     if match is None:
         raise DriveError(
-            f"a wish is 'hurry', or 'fewer' or 'less' with a cost ({', '.join(names)}), got {shown(wish)}."
+            f"a wish must be 'hurry', or 'fewer' or 'less' with a cost ({', '.join(names)}), got {shown(wish)}."
             f"{did_you_mean(wish, [HURRY, *(f'fewer {name}' for name in names)])}"
         )
     if limits:
-        raise DriveError(f"{shown(wish)} takes no shares; say duration=-0.2 alone, or 'hurry' with them")
+        raise DriveError(f"{shown(wish)} takes no shares; give shares alone, such as duration=-0.2, or with 'hurry'")
     name = match.group(1)
     _check(name, names)
     return _CheckedWish(name, {})
@@ -94,8 +96,8 @@ def checked_wish(wish: Any, shares: Mapping[str, Any], names: Sequence[str]) -> 
 def _check(name: str, names: Sequence[str]) -> None:
     if name not in names:
         raise DriveError(
-            f"there is no cost {shown(name)} to wish for.{did_you_mean(name, names)} The front's are "
-            f"{', '.join(names)}; for another one plan with that criterion as well"
+            f"there is no cost {shown(name)} to wish for.{did_you_mean(name, names)} The front has the costs "
+            f"{', '.join(names)}; for another cost, plan with that criterion as well"
         )
 
 
@@ -137,7 +139,10 @@ def _hurry(options: Options, limits: Mapping[str, float]) -> Wish:
 
 
 def _least_loss(options: Options, able: BoolArray, words: str) -> Wish:
-    """Return the option, among those marked (n,), with the least growth of costs, each relative to its range."""
+    """Return the option with the least growth of costs among the options ``able`` (n,).
+
+    The growth of each cost is divided by its range over the options. ``words`` describe the condition.
+    """
     if not able.any():
         return Wish(None, f"there is no option {words}")
     counts, plan = _counts(options)
@@ -172,7 +177,7 @@ def _plan_of(options: Options) -> Mapping[str, float]:
 
 
 def _counts(options: Options) -> tuple[Any, Any]:
-    """Return the costs (n, k) of the points of the front, and (k,) of the remaining plan, in quanta."""
+    """Return the costs (n, k) of the points of the front, and (k,) of the remaining plan, in quanta (cost steps)."""
     front = options.front
     plan = np.array([_plan_of(options)[name] for name in front.names])
     return front.integers.astype(np.float64), np.rint(plan / front.quanta)
@@ -187,9 +192,9 @@ NOTICE = 2.0
 def adapted(options: Options, patience: float, notice: float) -> Option | None:
     """Return the option that a robot takes by itself; None if it keeps its plan or has no option.
 
-    If the plan is closed, this is the knee. Otherwise it is the option with the least costs, on average over the
-    criteria relative to the remaining plan, if they are better by ``patience``, and if no turn that was not announced
-    begins within ``notice``, s.
+    If the plan is closed, this is the knee of the front (the best compromise). Otherwise the costs of each option are
+    compared with those of the remaining plan, on average over the criteria. The robot takes the best option in which no
+    unannounced turn begins within ``notice``, s, if this is better than the plan by the share ``patience``.
     """
     if not len(options.front):
         return None

@@ -67,7 +67,7 @@ def test_until_the_graph_is_made_the_known_ways_are_looked_at_again(change: str)
     assert at_once.status is Status.TIME_LIMIT
     assert at_once.gap == np.inf
     assert at_once.labels == 0
-    assert "ask again" in at_once.certificate
+    assert "call options again" in at_once.certificate
     assert "NOT VALID" not in at_once.certificate
     drive.ready()
     exact = drive.options(0.7, 0.25)

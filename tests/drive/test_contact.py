@@ -120,6 +120,6 @@ def test_a_robot_hemmed_in_is_told_who_is_about_it(walks: bool) -> None:
     assert options.status is Status.NO_PATH
     (note,) = (note for note in options.front.notes if note.startswith("no path"))
     near, far = note.split("; closed elsewhere: ")
-    assert "closed about the robot: " in near
+    assert "closed near the robot: " in near
     assert all(f"{name} who stands at" in near for name in ("Ann", "Bob", "Cem", "Dan"))
     assert far == "Eve who stands at (12.00, 7.00)"

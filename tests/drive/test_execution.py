@@ -87,8 +87,8 @@ def test_without_another_way_the_robot_stands_before_the_door_until_it_opens() -
         ({"close": "north", "open": "south"}, "give exactly one of close, open, people and stop"),
         ({}, "give exactly one of close, open, people and stop"),
         ({"close": [(0, 0), (10**400, 0), (1, 1)]}, "an area to close must be a polygon"),
-        ({"people": 5}, "people must be a list of all hpop.world.Person"),
-        ({"people": "Ada"}, "who are there now, got 'Ada'"),
+        ({"people": 5}, "people must be a list of all people present, each hpop.world.Person"),
+        ({"people": "Ada"}, "each hpop.world.Person; got 'Ada'"),
         ({"people": [Person(4.0, 4.0)], "groups": 5}, "groups must be a list"),
     ],
 )

@@ -169,8 +169,8 @@ def test_what_becomes_of_a_wish_is_told_without_costs_that_rounding_tells_apart(
         ("fewer turnns", {}, "no cost 'turnns' to wish for. Did you mean 'turns'"),
         (None, {"rotation": -0.1}, "no cost 'rotation'"),
         (None, {"turns": float("nan")}, "the wish for turns"),
-        ("please", {}, "a wish is 'hurry'"),
-        (None, {}, "a wish is words"),
+        ("please", {}, "a wish must be 'hurry'"),
+        (None, {}, "a wish must be words"),
     ],
 )
 def test_a_wish_for_what_is_not_there_is_an_error(words: str | None, shares: dict[str, float], said: str) -> None:
@@ -344,7 +344,7 @@ def test_options_whose_beginning_is_cut_are_invalid_and_are_not_taken() -> None:
     assert change.stops_at < options.commit.time
     assert change.invalid == tuple(range(len(options)))
     for option in options:
-        with pytest.raises(DriveError, match=r"cut since; call options\(now\) again"):
+        with pytest.raises(DriveError, match=r"these options begin; call options\(now\) again"):
             drive.take(option)
     drive.world(0.3, open="a trolley")
     assert drive.take(options[0]).duration > options.commit.time

@@ -102,10 +102,10 @@ def test_what_cannot_be_done_is_said_in_words_and_the_drive_goes_on() -> None:
     ]
     hurry, row, on_robot, _, _, fewer, none, opened = performed(drive, events)
     assert "duration" in hurry.words
-    assert row.words == f"no option 999: they are numbered 0 to {len(row.options) - 1}"
+    assert row.words == f"there is no option 999: options are numbered 0 to {len(row.options) - 1}"
     assert "covers the robot" in on_robot.words
     assert on_robot.change is None
-    assert "which is closed" in fewer.words
+    assert "that is closed" in fewer.words
     assert "no option to take" in none.words
     assert [h.taken for h in (hurry, row, on_robot, fewer, none)] == [None] * 5
     assert opened.change is not None

@@ -112,7 +112,7 @@ events:
         ("stop: Cleo", "stop: Ada", "line 6.*expected the name of one person, got 'Ada'"),
         ("wish: {duration", "wish: {turn", "line 8.*no cost 'turn' to wish for.*Did you mean 'turns'"),
         ("wish: hurry", "wish: fewer tunrs", "line 9.*no cost 'tunrs'.*Did you mean 'turns'"),
-        ("wish: hurry", "wish: slower", "line 9.*a wish is 'hurry'"),
+        ("wish: hurry", "wish: slower", "line 9.*a wish must be 'hurry'"),
         ("take: least turns", "take: least tunrs", "line 10.*least tunrs.*Did you mean 'least turns'"),
         ("[4, 2], [4, 3]]", "[4, 2], [3, 2]]", "line 5"),
         ("[[3, 2], [4, 2], [4, 3]]", "[[3, 20], [4, 20], [4, 21]]", "line 5.*'wet floor' is not on the map.*12, 8"),
