@@ -189,7 +189,7 @@ class Execution(EventLog):
         return options
 
     def options_again(self, now: float, deadline: float, answer: Mapping[str, Any] | None) -> Options:
-        """Repeat a call of :meth:`options` from an event log; ``answer`` is the result of a search cut by its deadline."""
+        """Repeat a call of :meth:`options` from an event log; ``answer`` is the result of a search its deadline ended."""
         now = self._told(now)
         self._note("options", now, deadline=deadline, answer=answer)
         return self._options(now, deadline_of(deadline), answer, again=True)[0]

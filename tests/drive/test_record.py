@@ -73,7 +73,7 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
         ("ways", {"kinds": []}, "drive.json"),
         ("planner", {"latice": {}}, "unknown planner"),
         ("begin", None, "begin must be"),
-        ("events", [{"event": "jump", "now": 0}], "no event 'jump'"),
+        ("events", [{"event": "jump", "now": 0}], "unknown event 'jump'"),
         ("events", [{"event": "open", "now": 1.0, "area": "a door", "name": ""}], "'a door'"),
         ("events", [{"event": "close", "now": 1.0, "area": {"type": "Polygon"}, "name": ""}], "drive.json"),
         (
@@ -86,7 +86,7 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
                     "name": "",
                 }
             ],
-            "drive.json: not the record of a drive",
+            "drive.json: expected the record of a drive",
         ),
         ("events", [{"event": "seen", "now": 1e300, "state": [1, 1, 0]}], "now must be"),
         ("events", [{"event": "take", "now": 1, "place": 10**9, "stands": 0, "rest": None}], "drive.json"),
