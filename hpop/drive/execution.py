@@ -189,7 +189,7 @@ class Execution(EventLog):
         return options
 
     def options_again(self, now: float, deadline: float, answer: Mapping[str, Any] | None) -> Options:
-        """Repeat a call of :meth:`options` from an event log; ``answer`` is the result of a search its deadline ended."""
+        """Repeat a call of :meth:`options` from an event log; ``answer`` is a result that a deadline cut short."""
         now = self._told(now)
         self._note("options", now, deadline=deadline, answer=answer)
         return self._options(now, deadline_of(deadline), answer, again=True)[0]
