@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray, IntArray
-from hpop.base.options import whole
+from hpop.base.scalars import is_whole, python_value
+from hpop.base.text import shown
 from hpop.frontier.dominance import finite_costs, is_nondominated
 from hpop.frontier.points import FrontError
 
@@ -33,7 +34,9 @@ def representative(Y: ArrayLike, count: int) -> IntArray:
     >>> representative([[0, 10], [1, 9], [5, 5], [9, 1], [10, 0], [6, 6]], 3).tolist()
     [1, 2, 3]
     """
-    number = whole("count", count, 1, error=FrontError)
+    if not is_whole(count) or python_value(count) < 1:
+        raise FrontError(f"count must be a whole number of points, at least 1, got {shown(count)}")
+    number = int(python_value(count))
     costs = finite_costs(Y).astype(np.float64)
     rows = np.flatnonzero(is_nondominated(costs))
     if len(rows) <= number:

@@ -66,7 +66,7 @@ def test_scales_of_the_costs_decide_nothing():
 
 @pytest.mark.parametrize("count", [0, -1, 2.5, "many"])
 def test_a_count_that_is_no_number_of_points_is_refused(count):
-    with pytest.raises(FrontError, match="count must be a whole number of at least 1"):
+    with pytest.raises(FrontError, match="count must be a whole number of points, at least 1"):
         representative([[1, 2], [2, 1]], count)
 
 

@@ -22,6 +22,7 @@ from hpop.motions import Motions, PlaneCollision, States, collision_of, onward
 from hpop.planners.graphs.arcs import MOVE, Arcs, Counts, Quanta, blocks, table
 from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph, aggregates
 from hpop.planners.objectives import quantised
+from hpop.runtime import limits
 from hpop.search import Graph
 
 if TYPE_CHECKING:
@@ -258,11 +259,12 @@ class StateGraph(TrajectoryGraph):
         size = self.arcs.heads.size
         made = [Quanta(size) for _ in missing]
 
-        tables = {
-            (number, j): self.costs_anywhere(kind, criteria[j])
-            for number, kind in enumerate(self.kinds)
-            for j in missing
-        }
+        with limits.within(self.spending):
+            tables = {
+                (number, j): self.costs_anywhere(kind, criteria[j])
+                for number, kind in enumerate(self.kinds)
+                for j in missing
+            }
         anywhere = {at: costs for at, costs in tables.items() if costs is not None}
 
         def costs(part: slice) -> tuple[slice, list[IntArray]]:
