@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.arrays import BoolArray, IntArray, copied, inserted
+from hpop.base.arrays import BoolArray, IntArray
 from hpop.base.options import whole
 from hpop.base.text import shown
 from hpop.errors import GraphError
@@ -114,12 +114,12 @@ class Graph:
     @property
     def arcs(self) -> int:
         """Number of arcs, m."""
-        return len(self.heads)
+        return int(self.indptr[-1])
 
     @property
     def criteria(self) -> int:
         """Number of costs, k."""
-        return int(self.costs.shape[1])
+        return len(self.aggregates)
 
     @classmethod
     def from_arcs(
@@ -265,10 +265,10 @@ class Graph:
 
     def extended(
         self, nodes: int, tails: IntArray, heads: IntArray, costs: IntArray, *, is_reused: bool = False
-    ) -> Self:
+    ) -> Graph:
         """Return the graph with more nodes at the end, and more arcs after those of each tail.
 
-        If this graph ``is_reused``, it is the :attr:`base` of the result, and searches of the result use its cache.
+        If this graph ``is_reused``, it is the :attr:`base` of the result, which uses its cache and arcs.
 
         Parameters
         ----------
@@ -280,22 +280,22 @@ class Graph:
         >>> more.indptr.tolist(), more.heads.tolist(), more.costs.ravel().tolist()
         ([0, 2, 3, 4], [1, 2, 0, 1], [5, 7, 6, 8])
         """
+        from hpop.search.extended import ExtendedGraph  # it imports this module
+
         nodes = whole("nodes", nodes, self.nodes, MOST_NODES, "a number of nodes", error=GraphError)
-        added = type(self).from_arcs(nodes, tails, heads, costs, aggregates=self.aggregates)  # these alone are checked
-        rows = np.append(self.indptr, np.full(nodes - self.nodes, self.arcs))
-        before = np.repeat(rows[1:], np.diff(added.indptr))
-        arrays: dict[str, NDArray[Any]] = {
-            "indptr": rows + added.indptr,
-            "heads": inserted(self.heads, before, added.heads),
-            "costs": inserted(self.costs, before, added.costs),
-            "arc": np.arange(self.arcs + added.arcs, dtype=np.int32),
-        }
-        _make_read_only(*arrays.values())
-        largest = np.maximum(self.largest, added.largest)
-        fields = {**arrays, "largest": largest, "base": self if is_reused else None, "labels": None, "edges": None}
-        graph = copied(self, without=("cache", "_numbers"), **fields)
+        part = Graph.from_arcs(nodes, tails, heads, costs, aggregates=self.aggregates)  # these alone are checked
+        graph = ExtendedGraph.of(self, part)
         _check_sums(graph)
-        return graph
+        return graph if is_reused else graph.copied()
+
+    def ends_and_costs(self, arcs: IntArray) -> tuple[NDArray[np.int32], IntArray]:
+        """Return heads (N,) and costs (N, k) of some arcs (N,)."""
+        return self.heads[arcs], self.costs[arcs]
+
+    @property
+    def rows_of_turns(self) -> tuple[IntArray, NDArray[np.int32], IntArray, IntArray]:
+        """Row pointers, heads and costs that have the turns of groups, and the row pointers of this graph."""
+        return self.indptr, self.heads, self.costs, self.indptr
 
     @cached_property
     def cache(self) -> dict[Hashable, Any]:

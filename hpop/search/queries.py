@@ -98,8 +98,8 @@ class ParetoPaths:
 
     def nodes(self, i: int) -> IntArray:
         """Return the nodes of path i, with source and target."""
-        heads = self._graph.heads[self._paths[i]].astype(np.int64)
-        return np.concatenate([np.array([self._source], np.int64), heads])
+        heads, _ = self._graph.ends_and_costs(self._paths[i])
+        return np.append(np.array([self._source], np.int64), heads)
 
     def path(self, i: int) -> list[Hashable]:
         """Return the labels of the nodes of path i, with source and target; numbers for a graph without labels."""
@@ -180,7 +180,7 @@ class ParetoPaths:
         sizes = np.array([path.size for path in paths], dtype=np.int64) + 1
         nodes = np.full(sizes.sum(), self._source, dtype=np.int64)
         heads = np.delete(np.arange(nodes.size), np.cumsum(sizes) - sizes)
-        nodes[heads] = self._graph.heads[np.concatenate([np.zeros(0, np.int64), *paths])]
+        nodes[heads], _ = self._graph.ends_and_costs(np.concatenate([np.zeros(0, np.int64), *paths]))
         return nodes, sizes
 
     def suffixes(self, node: int) -> list[IntArray]:
@@ -207,7 +207,7 @@ def costs_along(graph: Graph, paths: Sequence[IntArray]) -> IntArray:
     worst = np.array(graph.aggregates) == "max"
     costs = np.zeros((len(paths), graph.criteria), np.int64)
     for row, arcs in zip(costs, paths, strict=True):
-        each = graph.costs[arcs]
+        _, each = graph.ends_and_costs(arcs)
         row[:] = np.where(worst, each.max(axis=0, initial=0), each.sum(axis=0))
     return costs
 

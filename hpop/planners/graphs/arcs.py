@@ -18,6 +18,7 @@ from hpop.planners.graphs.trajectory_graph import Stretches
 from hpop.planners.objectives import quantised
 from hpop.planners.spending import Spending
 from hpop.search import Graph
+from hpop.search.extended import ExtendedGraph
 
 if TYPE_CHECKING:
     from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
@@ -155,7 +156,13 @@ def summed_columns(graph: Graph) -> list[int]:
 
 def _charges_every_turn(graph: Graph, column: int, turned: NDArray[np.int8]) -> bool:
     """Return whether a cost is positive for every arc with a turn."""
-    return not any(((graph.costs[part, column] == 0) & (turned[part] > 0)).any() for part in blocks(graph.arcs))
+    if not isinstance(graph, ExtendedGraph) or graph.base is None:
+        return not any(((graph.costs[part, column] == 0) & (turned[part] > 0)).any() for part in blocks(graph.arcs))
+    added, cache, name = graph.added, graph.base.cache, ("charges every turn", column)
+    if name not in cache:
+        cache[name] = _charges_every_turn(graph.base, column, np.delete(turned, added.places))
+    charged: BoolArray = (added.costs[:, column] > 0) | (turned[added.places] == 0)
+    return cache[name] and bool(charged.all())
 
 
 # Chains of motions as single arcs. Every motion of a chain is checked for collisions and costed. The costs are added

@@ -256,7 +256,7 @@ class JoinedEnds(TrajectoryGraph):
         inner, joins = self.inner.graph(criteria), self.joins
         self.spending.check("start and goal were joined", inner.heads.nbytes + inner.costs.nbytes)
         costs, is_reused = joins.costs(criteria), self.inner.is_reused
-        if is_reused:  # the inner graph stays in memory, and this is a copy
+        if is_reused:  # the inner graph stays in memory, and some searches copy its arcs
             self.spending.hold(inner.heads.nbytes + inner.costs.nbytes, "start and goal were joined")
         return inner.extended(self.size, joins.tails, joins.heads, costs, is_reused=is_reused)
 

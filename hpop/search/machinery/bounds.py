@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from hpop.base.arrays import IntArray
 from hpop.runtime.compiled import lean
 from hpop.runtime.status import Status
+from hpop.search.extended import ExtendedGraph
 from hpop.search.graph import Graph
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups, NoRoom
@@ -286,7 +287,8 @@ class BackwardSearches:
             np.empty(m, np.int32),
             np.empty((graph.criteria, m), np.int64),
         )
-        clock.call(sort_arcs_by_head, groups.start, groups.heads, groups.origin, graph.costs, begin, tails, weights)
+        costs, rows = groups.costs_of_arcs(graph)
+        clock.call(sort_arcs_by_head, groups.start, groups.heads, rows, costs, begin, tails, weights)
         self.h, self.parents = np.empty((k, n), np.int64), np.empty((k, n), np.int32)
         dearest = np.ascontiguousarray(groups.dearest.T)
         ends = groups.new_number[targets]
@@ -326,10 +328,20 @@ def costs_of_least_paths(graph: Graph, source: int, h: IntArray, onward: NDArray
     k = graph.criteria
     vectors = np.zeros((k, k), np.int64)
     for j in range(k):
-        if h[j, source] < UNREACHABLE:
+        if isinstance(graph, ExtendedGraph) and graph.base is not None and h[j, source] < UNREACHABLE:
+            vectors[j] = graph.costs_of_path(_path(onward[j], source), j, h[j])
+        elif h[j, source] < UNREACHABLE:
             arrays = (graph.indptr, graph.heads, graph.costs, _is_max(graph))
             clock.call(costs_of_least_path, *arrays, j, h[j], onward[j], source, vectors[j])
     return vectors[h[:, source] < UNREACHABLE]
+
+
+def _path(onward: NDArray[np.int32], source: int) -> IntArray:
+    """Return the nodes of the path from a source along the next nodes (n,)."""
+    nodes = [source]
+    while (node := int(onward[nodes[-1]])) >= 0:
+        nodes.append(node)
+    return np.array(nodes, np.int64)
 
 
 def _is_max(graph: Graph) -> IntArray:

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import IntArray, inserted, numbered
 from hpop.runtime.compiled import kernel, lean
+from hpop.search.extended import ExtendedGraph
 from hpop.search.graph import Graph
 from hpop.search.machinery.slices import PARTS, Clock
 from hpop.search.machinery.turn_costs import (
@@ -66,6 +67,7 @@ class Groups:
     start       (n + 1,)  the plain arcs of node v are start[v] : start[v + 1]
     heads       (m,)      heads of the plain arcs, in new numbers
     origin      (m,)      indices of the plain arcs in the graph
+    plain       (m, k)    costs of the plain arcs of a graph whose arcs are not copied from its base, or None
     """
 
     column: int
@@ -79,12 +81,19 @@ class Groups:
     start: IntArray
     heads: NDArray[np.int32]
     origin: NDArray[np.int32]
+    plain: IntArray | None = None
 
     @property
     def nbytes(self) -> int:
         """Bytes of the arrays."""
         arrays = (self.nodes, self.new_number, self.rows, self.dearest, self.turns, self.start, self.heads, self.origin)
-        return sum(array.nbytes for array in arrays)
+        return sum(array.nbytes for array in arrays) + (0 if self.plain is None else self.plain.nbytes)
+
+    def costs_of_arcs(self, graph: Graph) -> tuple[IntArray, NDArray[np.int32]]:
+        """Return a table of costs, and its row (m,) for each plain arc."""
+        if self.plain is None:
+            return graph.costs, self.origin
+        return self.plain, np.arange(len(self.plain), dtype=np.int32)
 
     @classmethod
     def of(cls, graph: Graph, clock: Clock) -> Self:
@@ -102,7 +111,7 @@ class Groups:
     @classmethod
     def of_turns(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
         """Return the groups of turns that raise the cost of a column, or None if these turns form no groups."""
-        if graph.base is None or not _turns_are_at_ends(graph, column):
+        if not isinstance(graph, ExtendedGraph) or graph.base is None or not _turns_are_at_ends(graph, column):
             if ("groups", column) in graph.cache:
                 return None
             own = cls._computed(graph, column, clock)
@@ -117,9 +126,9 @@ class Groups:
         check_room(clock, 0 if groups is None else groups.nbytes)
         return None if groups is None else groups._with_added_nodes(graph, graph.base)
 
-    def _with_added_nodes(self, graph: Graph, base: Graph) -> Self:
+    def _with_added_nodes(self, graph: ExtendedGraph, base: Graph) -> Self:
         """Return the groups of a graph that adds start and goal nodes to ``base``, the graph of these groups."""
-        more, j = graph.nodes - base.nodes, _added_arcs(graph, base)
+        more, j, added = graph.nodes - base.nodes, graph.added.places, graph.added
         ends = np.arange(base.nodes, graph.nodes)
         rows = np.zeros((more, GROUP_COLUMNS), np.int64)
         rows[:, OFFSET], rows[:, SIZE] = ends, 1
@@ -133,6 +142,9 @@ class Groups:
         origin = self.origin + np.repeat(shift[self.nodes], np.diff(self.start)).astype(np.int32)
         counts = np.bincount(new_number[tails], minlength=graph.nodes)
         zeros = np.zeros((more, graph.criteria), np.int64)
+        name = ("plain arcs", self.column)
+        if name not in base.cache:
+            base.cache[name] = base.costs[self.origin]
         return replace(
             self,
             nodes=np.concatenate([self.nodes, ends]),
@@ -140,19 +152,20 @@ class Groups:
             rows=np.concatenate([self.rows, rows]),
             dearest=np.concatenate([self.dearest, zeros]),
             start=at + np.append(0, np.cumsum(counts)),
-            heads=inserted(self.heads, before, new_number[graph.heads[j[order]]].astype(np.int32)),
+            heads=inserted(self.heads, before, new_number[added.heads[order]].astype(np.int32)),
             origin=inserted(origin, before, j[order].astype(np.int32)),
+            plain=inserted(base.cache[name], before, added.costs[order]),
         )
 
     def unshared(self) -> Self:
-        """Return the same groups, each with its own columns of turns."""
+        """Return the same groups, each with its own columns of turns, and the costs of arcs in the graph's table."""
         if not self.turns.size:
-            return self
+            return replace(self, plain=None)
         rows = self.rows.copy()
         group, pair = numbered(self.rows[:, SIZE] ** 2)
         rows[:, TURNS] = np.cumsum(rows[:, SIZE] ** 2) - rows[:, SIZE] ** 2
         turns = self.turns[:, np.append(self.rows[group, TURNS] + pair, self.turns.shape[1] - 1)]
-        return replace(self, rows=rows, turns=turns)
+        return replace(self, rows=rows, turns=turns, plain=None)
 
     @classmethod
     def _computed(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
@@ -208,28 +221,17 @@ class Groups:
         return cls(column, step, nodes, new_number, rows, dearest, alike, turns, start, heads[:m], origin[:m])
 
 
-def _added_arcs(graph: Graph, base: Graph) -> IntArray:
-    """Return the indices (j,) of the arcs that a graph adds to its base: the last arcs of each tail."""
-    own = np.diff(base.indptr, append=np.full(graph.nodes - base.nodes, base.arcs))
-    more = np.diff(graph.indptr) - own
-    tails = np.flatnonzero(more)
-    ends = graph.indptr[tails + 1]
-    return np.concatenate(
-        [np.zeros(0, np.int64), *(np.arange(e - n, e) for e, n in zip(ends, more[tails], strict=True))]
-    )
-
-
-def _turns_are_at_ends(graph: Graph, column: int) -> bool:
+def _turns_are_at_ends(graph: ExtendedGraph, column: int) -> bool:
     """Return whether all added arcs that raise a column leave an added source or enter an added sink.
 
     A source is a node that no added arc enters, a sink a node that no added arc leaves.
     """
     assert graph.base is not None
-    j = _added_arcs(graph, graph.base)
-    tails, heads = np.searchsorted(graph.indptr, j, side="right") - 1, graph.heads[j]
+    added = graph.added
+    tails, heads = np.searchsorted(graph.indptr, added.places, side="right") - 1, added.heads
     first = (tails >= graph.base.nodes) & ~np.isin(tails, heads)
     last = (heads >= graph.base.nodes) & ~np.isin(heads, tails)
-    return bool((first | last)[graph.costs[j, column] > 0].all())
+    return bool((first | last)[added.costs[:, column] > 0].all())
 
 
 @lean

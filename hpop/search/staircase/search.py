@@ -129,10 +129,13 @@ class Staircase(JointSearch):
         m = len(groups.heads)
         self.arcs = np.empty((m, ARC_COLUMNS), self.dtype)
         self.heads, self.origin = np.empty(m, np.int32), np.empty(m, np.int32)
-        plain = (groups.nodes, groups.rows, groups.dearest, groups.start, groups.heads, groups.origin)
+        costs, rows = groups.costs_of_arcs(graph)
+        plain = (groups.nodes, groups.rows, groups.dearest, groups.start, groups.heads, rows)
         tables = (self.is_target, self.nodes, self.group_table, self.start, self.arcs, self.heads, self.origin)
-        m = clock.call(fill_tables, graph.costs, np.array(order, np.int64), h, plain, *tables)
+        m = clock.call(fill_tables, costs, np.array(order, np.int64), h, plain, *tables)
         self.arcs, self.heads, self.origin = self.arcs[:m], self.heads[:m], self.origin[:m]
+        if groups.plain is not None:
+            self.origin = groups.origin[self.origin]
         self._make_goal_staircase(width)
         self.share = np.full((len(self.groups.rows), self.width), self._empty_steps(1)[0])
         self.stairs = self._empty_steps(1 << 14)
@@ -345,7 +348,7 @@ class Staircase(JointSearch):
         """Return the indices of the arcs of solutions in the graph, from the source on."""
         graph, groups = self.graph, self.groups
         tails = np.repeat(np.arange(len(groups.nodes), dtype=np.int32), np.diff(self.start))
-        arcs = (graph.indptr, graph.heads, graph.costs, self.order[1], tails, self.heads, self.origin)
+        arcs = (*graph.rows_of_turns, self.order[1], tails, self.heads, self.origin)
         arrays = (*arcs, groups.nodes, self.closed, self.source, np.maximum(labels, 0))
         ends, steps = np.empty(len(labels), np.int64), np.empty(STEPS * len(labels), np.int64)
         size = clock.call(trace_paths, *arrays, ends, steps)

@@ -135,6 +135,7 @@ def trace_paths(
     indptr: IntArray,
     heads: NDArray[np.int32],
     costs: IntArray,
+    first: IntArray,
     index: int,
     arc_tails: NDArray[np.int32],
     arc_heads: NDArray[np.int32],
@@ -147,6 +148,9 @@ def trace_paths(
     steps: IntArray,
 ) -> int:
     """Follow labels (n,) back to the source, and insert turns between arcs that do not join.
+
+    indptr, heads, costs  arcs with the turns of groups; first  (n + 1,) row pointers of the graph, where each node has
+    these arcs before others
 
     Writes the arcs of all paths to `steps`, path after path, each from its last arc to its first, as far as there is
     room, and the end of each path in this array to `ends` (n,). Returns the length that `steps` needs.
@@ -169,7 +173,7 @@ def trace_paths(
                 u, v = nodes[at], nodes[tail]
                 for b in range(indptr[u], indptr[u + 1]):
                     if size < len(steps) and heads[b] == v and costs[b, index] > 0:
-                        steps[size] = b
+                        steps[size] = first[u] + b - indptr[u]
                 size += 1
         ends[i] = size
     return size
