@@ -217,7 +217,7 @@ def closed_arcs(graph: StateGraph, closing: Closing, states: States, longest: fl
 
 
 def chains_closed(chains: MotionChains, closing: Closing) -> BoolArray:
-    """Mark the chains of motions (C,), which join start and goal to a graph, that collide with a closed area."""
+    """Return which chains of motions (C,), by which start and goal join a graph, collide with a closed area."""
     collision = closing.collision(chains.graph.model)
     closed: BoolArray = ~collision.states_free(chains.corners[0]) & (not closing.person)  # contact may be left
     for rows, motions in chains.motions():

@@ -122,8 +122,8 @@ class DriveGraph:
     ) -> DriveGraph:
         """Build the graph from the start of a problem to its goal; ``inner`` is a graph of states in the bare world.
 
-        ``closings`` are the closed areas of the problem, which the bare world lacks. Raises QueryError if the start or
-        the goal cannot be joined to the graph.
+        The bare world has no people and no named areas; ``closings`` are the closed areas of the problem. Raises
+        QueryError if the start or the goal cannot be joined to the graph.
         """
         began = time.perf_counter()
         space, start, goals = with_ends(inner, problem, inner.reach(problem))

@@ -182,7 +182,7 @@ class Options(Sequence[Option]):
 
     @property
     def certificate(self) -> str:
-        """The claim for the front, as text."""
+        """The certificate of the front: the guarantee of the search, as text."""
         return self.front.certificate
 
     @property

@@ -128,8 +128,8 @@ class Plan:
         laws = laws_of(self.announced.model)
         if curves := sorted({kind for kind in self.announced.kinds if is_curve(laws[kind])}):
             raise DriveError(
-                f"a plan to follow consists of turns, straight moves and holds, after each of which it may change; "
-                f"this one has {', '.join(curves)}: follow the polyline from which it was smoothed"
+                "a drive needs a plan of turns, straight moves and holds, after each of which it may change; this plan "
+                f"has {', '.join(curves)}: follow the polyline from which it was smoothed"
             )
 
     @property
@@ -281,7 +281,7 @@ def cut_of(
 
 
 def closed_trajectories(trajectories: Sequence[Trajectory], closings: Iterable[Closing]) -> BoolArray:
-    """Mark the trajectories (n,) that lead through a closed area."""
+    """Return which trajectories (n,) lead through a closed area."""
     closed = np.zeros(len(trajectories), dtype=np.bool_)
     for closing in closings:
         for owner, motions in batches(trajectories, closing.world_of_area):

@@ -1,6 +1,7 @@
 """Replanning during a drive: graphs, and paths found on them, are reused from query to query.
 
-While people move, the search uses a graph on a clock: the graph of states with discrete time.
+While people move, the search uses a graph on a clock: the graph of states with discrete time. A commit is the next
+place where the plan may change.
 """
 
 from __future__ import annotations
@@ -251,7 +252,7 @@ class Replanner:
         return serving
 
     def _serving(self, now: DriveSurroundings, commit: Commit) -> TimedDriveGraph | None:
-        """Return the built graph on a clock that can answer queries from the commit, None if there is none."""
+        """Return a graph on a clock, already built, that can answer queries from the commit; None if there is none."""
         untimed = self._untimed
         if untimed is None:
             return None

@@ -66,7 +66,10 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     if not isinstance(stored, dict) or stored.get("schema") != SCHEMA or set(stored) != KEYS:
         raise DriveError(f"{source}: expected a drive, as drive.save writes it, found something else")
     if stored["version"] != VERSION:
-        raise DriveError(f"{source}: expected version {VERSION} of a drive, found {shown(stored['version'])}")
+        raise DriveError(
+            f"{source}: expected version {VERSION} of a drive, found {shown(stored['version'])}; load it with the hpop "
+            "that wrote it"
+        )
     if not isinstance(stored["problem"], dict):
         raise DriveError(f"{source}: expected the problem of a drive, found {shown(stored['problem'])}")
     return {**stored, "problem": found_from_file(source, stored["problem"])}

@@ -177,7 +177,7 @@ class LookAt(Region):
 
     @property
     def lengths(self) -> BoolArray:
-        """Mark the distance as the only coordinate in m."""
+        """Mask (k,) of the coordinates in m: only the distance."""
         return np.array([True, False, False, *([] if self.roll is None else [False])])
 
     @property
@@ -258,7 +258,7 @@ class PoseAt(Region):
 
     @property
     def lengths(self) -> BoolArray:
-        """Mark the coordinates in m: the three of the position."""
+        """Mask (k,) of the coordinates in m: the three of the position."""
         angles = 3 if self.yaw_pitch_roll is not None else 2 if self.direction is not None else 0
         return np.array([True] * 3 + [False] * angles)
 

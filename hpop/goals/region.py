@@ -131,7 +131,7 @@ class InverseKinematics:
         return -(jacobian.transpose(0, 2, 1) @ pull)[:, :, 0]
 
     def _jacobian(self, states: States) -> FloatArray:
-        """Return the derivatives (m, k, n) of the region's coordinates with respect to the columns of the rows."""
+        """Return the derivatives (m, k, n) of the region's coordinates with respect to the state variables."""
         pose = self.model.pose(self.region.body, states)
         columns = []
         for name in self.space.names:
@@ -141,7 +141,7 @@ class InverseKinematics:
 
     @cached_property
     def _limits(self) -> tuple[FloatArray, FloatArray]:
-        """Return the lower and upper limits (n,) of the columns, infinite for angles without limits."""
+        """Return the lower and upper limits (n,) of the state variables, infinite for angles without limits."""
         turning = self._turning
         low, high = np.array(self.space.low, float), np.array(self.space.high, float)
         return np.where(turning, -np.inf, low), np.where(turning, np.inf, high)

@@ -131,13 +131,15 @@ class TourStop:
                     "own"
                 )
             if "camera" not in model.provides:
-                raise QueryError(f"stop {self.name!r} needs a camera, which {model.name} does not have")
+                raise QueryError(f"stop {self.name!r} needs a camera, which {model.name} does not have; leave it out")
         if self.goal is None:
             return self
         stop = replace(self, goal=checked_goal(self.goal, model.space))
         target = stop.target
         if target is not None and (absent := sorted(target.requires - model.provides)):
-            raise QueryError(f"stop {self.name!r} requires {', '.join(absent)}, which the model does not have")
+            raise QueryError(
+                f"stop {self.name!r} requires {', '.join(absent)}, which the model does not have; give another goal"
+            )
         return stop
 
     def place(self, world: World) -> tuple[float, float] | None:
@@ -212,7 +214,9 @@ class Tour:
                 "these stops different names"
             )
         if (total := sum(stop.dwell for stop in stops)) > LONGEST:
-            raise QueryError(f"the dwells of a tour must be {LONGEST:,.0f} s at most in all, got {total:,.6g} s")
+            raise QueryError(
+                f"the dwells of a tour may be {LONGEST:,.0f} s at most in all, got {total:,.6g} s; shorten some of them"
+            )
         object.__setattr__(self, "stops", tuple(stops))
         object.__setattr__(self, "order", self._checked_order())
         _ = self.layers

@@ -264,7 +264,7 @@ class PiecesHistory(History):
         return self.pieces.times[:-1]
 
     def of_motions(self, column: Callable[[Motions], Column]) -> FloatArray:
-        """Return a column (n,) of the pieces, in time order."""
+        """Return a value (n,) for each piece in time order; ``column`` computes the values of a batch of pieces."""
         values = np.zeros(len(self))
         for index, pieces in self.pieces.batches(self.world):
             values[index] = column(pieces)

@@ -251,7 +251,7 @@ class MotionTable:
         return np.cumsum(self.counts) - self.counts + np.arange(self.counts.size)
 
     def _of_law(self, i: int) -> BoolArray:
-        """Return which of all motions (N,) follow a law."""
+        """Return which of all motions (N,) follow law number ``i``."""
         of_law: BoolArray = self.law[self.motions] == i
         return of_law
 

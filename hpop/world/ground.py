@@ -142,7 +142,8 @@ def check_area(name: str, area: BaseGeometry) -> None:
     check_coordinates(area, name)
     check_joinable([area], name)
     if not area.is_valid:
-        raise MapError(f"{name} is no valid polygon: {shapely.is_valid_reason(area)}.")
+        reason = shapely.is_valid_reason(area)
+        raise MapError(f"{name} is no valid polygon ({reason}); repair it with shapely.make_valid.")
 
 
 def check_size(extent: BaseGeometry) -> None:
@@ -213,11 +214,11 @@ class Ground:
         object.__setattr__(self, "extent", extent)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the fields without the values derived from them."""
+        """Return the fields for pickling, without the values derived from them."""
         return {key: value for key, value in self.__dict__.items() if key != "cache"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore the fields."""
+        """Restore the pickled fields, with an empty cache."""
         self.__dict__.update(state, cache=Cache())
 
     def derived(self, key: tuple[Any, ...], make: Callable[[], T]) -> T:
@@ -314,12 +315,12 @@ class Ground:
         return self.derived(("free", layer), make)
 
     def free_region(self, layer: Layer, closed: BaseGeometry | None = None) -> BaseGeometry:
-        """Return the extent less the obstacles of a layer, and less the region ``closed`` if given, m."""
+        """Return the extent, m, less a layer (obstacles in a range of heights) and the region ``closed`` if given."""
         solid = self._solid(layer)
         return without(self.extent, solid if closed is None else union([solid, closed]))
 
     def beside_cells(self, layer: Layer) -> FreeSpace | None:
-        """Return the extent less the prisms of a layer, ignoring its occupied cells; None if it has no prisms."""
+        """Return the extent less the prisms in a range of heights, ignoring occupied cells; None without prisms."""
         if not layer.prisms:
             return None
         solid = union([self.obstacles[i].polygon for i in layer.prisms])
@@ -328,7 +329,7 @@ class Ground:
     def cell_space(
         self, layer: Layer, rest: FreeSpace | None, closed: BaseGeometry | None = None, before: CellSpace | None = None
     ) -> CellSpace | None:
-        """Return the free space of a layer in the form for cells, in which changes of a few cells cost little.
+        """Return the free space in a range of heights in the form for cells, in which a few changed cells cost little.
 
         Return None if this form does not apply: without cells, or if an edge is not parallel to an axis.
 

@@ -84,11 +84,11 @@ class World(FromCells, FromFiles):
         return facts_html([*facts(self).items(), *notes]) + picture_html(self)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the fields without the values derived from them."""
+        """Return the fields for pickling, without the values derived from them."""
         return {key: value for key, value in self.__dict__.items() if key != "cache"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore the fields."""
+        """Restore the pickled fields, with an empty cache."""
         self.__dict__.update(state, cache=Cache(beside=state["ground"].cache))
 
     def derived(self, key: tuple[Any, ...], make: Callable[[], T]) -> T:
@@ -264,7 +264,7 @@ class World(FromCells, FromFiles):
         return self.derived(("free", layer), make)
 
     def beside_cells(self, layer: Layer) -> FreeSpace:
-        """Return the extent less closed regions and the prisms of a layer, ignoring its occupied cells."""
+        """Return the extent less closed regions and the prisms in a range of heights, ignoring occupied cells."""
         blocked = union([*(self.obstacles[i].polygon for i in layer.prisms), self.closed])
         return self.derived(("beside cells", layer), lambda: FreeSpace(without(self.extent, blocked)))
 

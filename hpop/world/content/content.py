@@ -88,7 +88,8 @@ class Zone:
         check_coordinates(self.area, f"{what}: its area")
         check_joinable([self.area], what)
         if not self.area.is_valid:
-            raise MapError(f"{what}: its area is no valid polygon: {shapely.is_valid_reason(self.area)}.")
+            reason = shapely.is_valid_reason(self.area)
+            raise MapError(f"{what}: its area is no valid polygon ({reason}); repair it with shapely.make_valid.")
         if self.kind == "speed":
             set_numbers(self, what, "limit")
             if not (self.limit and self.limit >= LEAST):

@@ -134,7 +134,7 @@ class Person:
     def along(cls, track: Track, **others: Any) -> Person:
         """Return a person who follows a track; ``others`` are further attributes."""
         if not isinstance(track, Track):
-            raise MapError(f"a person follows an hpop.world.Track; got {shown(track)}.")
+            raise MapError(f"Person.along needs an hpop.world.Track to follow; got {shown(track)}.")
         x, y = track.at(0.0)
         return cls(float(x), float(y), track=track, **others)
 

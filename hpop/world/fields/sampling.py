@@ -73,7 +73,7 @@ def sample_clearance(ground: Ground, free: FreeSpace, last: tuple[FreeSpace, Fie
 
 
 def _near(edges: FloatArray, clearance: FloatArray, xs: FloatArray, ys: FloatArray) -> BoolArray:
-    """Mark blocks of grid points (ys, xs) where changed edges (E, 4) may have changed the old clearance (H, W), m."""
+    """Return in which blocks of grid points (ys, xs) changed edges (E, 4) may change the old clearance (H, W), m."""
     rows, columns = (np.arange(0, size, BLOCK) for size in clearance.shape)
     if not len(edges):
         return np.zeros((rows.size, columns.size), dtype=bool)

@@ -103,14 +103,14 @@ class ChangingEdges:
         return distance if self.added is None else np.minimum(distance, self.added.distance(x, y))
 
     def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
-        """Update whether the convex hulls of corners (N, c, 2), m, meet the edges; see `compare_hulls` for results."""
+        """Update in ``relation`` (N,) whether convex hulls of corners (N, c, 2), m, meet the edges, see `compare_hulls`."""
         for tree in (self.tree, self.added):
             if tree is not None:
                 tree.compare(corners, margin, relation)
 
 
 def _among(values: IntArray, others: IntArray) -> BoolArray:
-    """Mark the values that occur in ``others``; both arrays are sorted."""
+    """Return which values (N,) occur in ``others``; both arrays are sorted."""
     if not others.size:
         return np.zeros(values.size, dtype=np.bool_)
     found: BoolArray = others[np.minimum(np.searchsorted(others, values), others.size - 1)] == values
@@ -190,7 +190,7 @@ class CellSpace(FreeSpace):
         )
 
     def contains(self, x: FloatArray, y: FloatArray) -> BoolArray:
-        """Mark points strictly inside the free region."""
+        """Return which points (M,) lie strictly inside the free region."""
         from hpop.world.geometry._cells import inside_cells  # numba is slow to import
 
         free = np.empty(x.shape, dtype=np.bool_)
@@ -211,7 +211,7 @@ class CellSpace(FreeSpace):
         return result
 
     def differs(self, before: FreeSpace, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
-        """Mark points (M,) where the free space within a distance, m, may differ from a previous free space."""
+        """Return at which points (M,) the free space within a distance, m, may differ from a previous free space."""
         changed = self.changed_cells(before)
         if changed is None:
             return super().differs(before, x, y, within)
@@ -228,21 +228,21 @@ class CellSpace(FreeSpace):
         return changed_boxes(before.raster, self.raster)
 
     def shapes_free(self, shapes: NDArray[np.object_], margin: float) -> BoolArray:
-        """Mark shapely geometries (N,) in the free region, at least ``margin`` (m) from its border."""
+        """Return which shapely geometries (N,) lie in the free region, at least ``margin`` (m) from its border."""
         if margin <= TOLERANCE or "whole" in vars(self) or not len(shapes):
             return self.whole.shapes_free(shapes, margin)
         free = self._beside_cells(shapes, margin)
         return free if self.rest is None else free & self.rest.shapes_free(shapes, margin)
 
     def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
-        """Update whether the convex hulls of corners (N, c, 2), m, meet the border; see `compare_hulls` for results."""
+        """Update in ``relation`` (N,) whether convex hulls of corners (N, c, 2), m, meet the border."""
         if self.index is not None:
             self.index.compare(corners, margin, relation)
         if self.rest is not None:
             self.rest.compare(corners, margin, relation)
 
     def _beside_cells(self, shapes: NDArray[np.object_], margin: float) -> BoolArray:
-        """Mark geometries (N,) that lie on free cells, at least ``margin`` (m) from the border of these cells."""
+        """Return which geometries (N,) lie on free cells, at least ``margin`` (m) from the border of these cells."""
         points, owner = shapely.get_coordinates(shapes, return_index=True)
         first = np.searchsorted(owner, np.arange(len(shapes)))
         free = self.contains(points[first, 0], points[first, 1])

@@ -79,7 +79,7 @@ class EdgeTree:
         return out
 
     def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
-        """Update whether the convex hulls of corners (N, c, 2), m, meet the edges; see `compare_hulls` for results."""
+        """Update in ``relation`` (N,) whether convex hulls of corners (N, c, 2), m, meet the edges, see `compare_hulls`."""
         from hpop.world.geometry._hulls import compare_hulls  # numba is slow to import
 
         levels, count = len(self.members).bit_length() + 1, corners.shape[1]
@@ -158,7 +158,7 @@ class FreeSpace:
         return self._nearest.distance(x, y)
 
     def contains(self, x: FloatArray, y: FloatArray) -> BoolArray:
-        """Mark points strictly inside the free region."""
+        """Return which points (M,) lie strictly inside the free region."""
         return shapely.contains_xy(self.region, x, y)
 
     def clearance(self, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -169,7 +169,7 @@ class FreeSpace:
         return result
 
     def differs(self, before: FreeSpace, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
-        """Mark points (M,) where free space within a distance, m, may differ from a previous free space.
+        """Return at which points (M,) the free space within a distance, m, may differ from a previous free space.
 
         It is equal if no edge within that distance was added or removed, and the point is free in both or in neither.
         """
@@ -187,7 +187,7 @@ class FreeSpace:
         return np.where(self.contains(x, y), 1.0, -1.0) * self.distance(x, y)
 
     def segments_free(self, x0: FloatArray, y0: FloatArray, x1: FloatArray, y1: FloatArray, margin: float) -> BoolArray:
-        """Mark segments in the free region, at least ``margin`` (>= 0, m) from its border.
+        """Return which segments (M,) lie in the free region, at least ``margin`` (>= 0, m) from its border.
 
         Cheap tests decide most: a segment is free if the clearance of its midpoint exceeds the margin plus half its
         length, and not free if an end is closer than the margin. The remaining ones are looked up in the tree of edges.
@@ -203,7 +203,7 @@ class FreeSpace:
         return free
 
     def shapes_free(self, shapes: NDArray[np.object_], margin: float) -> BoolArray:
-        """Mark shapely geometries (N,) in the free region, at least ``margin`` (m) from its border."""
+        """Return which shapely geometries (N,) lie in the free region, at least ``margin`` (m) from its border."""
         if margin <= TOLERANCE:
             return np.asarray(shapely.covers(_own(self), shapes), dtype=bool)
         # If the border is out of reach, a shape is all inside or all outside, so one of its points decides.
@@ -212,7 +212,7 @@ class FreeSpace:
         return free
 
     def hulls_free(self, corners: FloatArray, margin: float) -> BoolArray:
-        """Mark the convex hulls of corners (N, c, 2), m, in the free region, at least ``margin`` (m) from its border.
+        """Return which convex hulls of corners (N, c, 2), m, lie in the free region, ``margin`` (m) from its border.
 
         The result is that of :meth:`shapes_free`, which is called only for hulls whose distance from the border is the
         margin up to rounding.
@@ -229,7 +229,7 @@ class FreeSpace:
         return free
 
     def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
-        """Update whether the convex hulls of corners (N, c, 2), m, meet the border; see `compare_hulls` for results."""
+        """Update in ``relation`` (N,) whether convex hulls of corners (N, c, 2), m, meet the border."""
         if len(self.edges):
             self._nearest.compare(corners, margin, relation)
 

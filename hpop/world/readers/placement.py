@@ -54,7 +54,7 @@ FLATTENING = 1 / 298.257223563
 
 
 def crs_of(name: Any) -> str:
-    """Return the code of a crs from its name; `MapError` if unknown. Degrees of any datum are `DEGREES`.
+    """Return the code of a crs from its name; `MapError` if unknown. Systems in degrees all count as `DEGREES`.
 
     >>> crs_of("urn:ogc:def:crs:EPSG::3857"), crs_of("urn:ogc:def:crs:OGC:1.3:CRS84"), crs_of("EPSG:4326")
     ('EPSG:3857', 'EPSG:4326', 'EPSG:4326')
@@ -275,7 +275,7 @@ class Placement:
 
 
 def _as_degrees(shapes: NDArray[np.object_]) -> BoolArray:
-    """Mark geometries (n,) that look like degrees: within 180 and 90, too small to be in metres, and no points."""
+    """Return which geometries (n,) look like degrees: within 180 and 90, too small to be in metres, and no points."""
     bounds = shapely.bounds(shapes).reshape(-1, 4)
     spans = bounds[:, 2:] - bounds[:, :2]
     within = (np.abs(bounds) <= MOST_DEGREES * 2).all(axis=1)

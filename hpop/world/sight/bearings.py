@@ -260,7 +260,7 @@ def bearings(world: World, z: float, count: int = 16) -> Bearings:
 
 
 def _near_jumps(distances: FloatArray) -> BoolArray:
-    """Mark nodes and bearings (H, W, B) at most two nodes away from a bend or jump of the distance.
+    """Return a mask (H, W, B) of nodes and bearings at most two nodes away from a bend or jump of the distance.
 
     Bends and jumps inside obstacles do not count.
     """

@@ -116,7 +116,7 @@ class _Points(NamedTuple):
 
     @property
     def goes_on(self) -> BoolArray:
-        """Mark points (N - 1,) that are followed by another point of the same person."""
+        """Mask (N - 1,) of the points that are followed by another point of the same person."""
         return np.asarray(np.diff(self.who) == 0)
 
     @property
@@ -151,7 +151,7 @@ def tracks_of(
     if not len(ids):
         raise source.error("has no rows: expected a row per person and time.")
     if len(ids) > MOST_ROWS:
-        raise source.error(f"has {len(ids):,} rows; expected at most {MOST_ROWS:,}.")
+        raise source.error(f"has {len(ids):,} rows; expected at most {MOST_ROWS:,}: split it.")
     first = dict[Hashable, int]()
     number = np.fromiter((first.setdefault(name, len(first)) for name in ids), dtype=np.int64, count=len(ids))
     names = list(first)

@@ -138,7 +138,7 @@ class Track:
         return replace(self, times=self.times[first:] - t, x=self.x[first:], y=self.y[first:])
 
     def until(self, t: float) -> Track:
-        """Return the track up to time t, s, which must be after the begin of the track."""
+        """Return the track up to time t, s, which must be after its first time."""
         kept = int(np.searchsorted(self.times, t, side="left"))
         if kept == 0 or t <= self.begin:
             raise MapError(f"a track that begins at {self.begin:g} s cannot end at {t:g} s; give a later time.")

@@ -247,7 +247,7 @@ def test_what_is_no_prediction_is_refused(given, message):
 def test_what_is_no_future_is_refused(given, message):
     with pytest.raises(MapError, match=message):
         Future(**{"weight": 1.0, **given})
-    with pytest.raises(MapError, match=r"follows an hpop\.world\.Track"):
+    with pytest.raises(MapError, match=r"needs an hpop\.world\.Track"):
         Person.along([(0, 1, 1)])
 
 
