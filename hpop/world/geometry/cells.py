@@ -103,7 +103,7 @@ class ChangingEdges:
         return distance if self.added is None else np.minimum(distance, self.added.distance(x, y))
 
     def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
-        """Update in ``relation`` (N,) whether convex hulls of corners (N, c, 2), m, meet the edges, see `compare_hulls`."""
+        """Update in ``relation`` (N,) whether convex hulls of corners (N, c, 2), m, meet the edges."""
         for tree in (self.tree, self.added):
             if tree is not None:
                 tree.compare(corners, margin, relation)

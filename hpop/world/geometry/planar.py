@@ -79,7 +79,7 @@ class EdgeTree:
         return out
 
     def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
-        """Update in ``relation`` (N,) whether convex hulls of corners (N, c, 2), m, meet the edges, see `compare_hulls`."""
+        """Update in ``relation`` (N,) whether convex hulls of corners (N, c, 2), m, meet the edges."""
         from hpop.world.geometry._hulls import compare_hulls  # numba is slow to import
 
         levels, count = len(self.members).bit_length() + 1, corners.shape[1]
