@@ -37,10 +37,9 @@ from hpop.errors import ModelError
 from hpop.models.laws import Move, _InPlace, _Straight, linear
 from hpop.motions import HOLD, Law, Phase, States, laws_of
 from hpop.motions.by_law import extras
-from hpop.motions.laws import CLOCK, SPEED
+from hpop.motions.laws import CHANGE, CLOCK, SPEED
 from hpop.trajectories.trajectory import STRAIGHT, Trajectory
 
-CHANGE = "speed_change"
 MOST_CLASSES = 8
 SLOW = 1e-9  # m/s: below, the speed of a ramp has no usable slope along its way
 SAME = 1e-6  # m/s or m/s²: tolerance for speeds that were rounded to decimals

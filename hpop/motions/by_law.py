@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.registry import with_optional_members
 from hpop.errors import ModelError
 from hpop.motions.batch import Motions
-from hpop.motions.laws import CLOCK, HOLD, LONGEST, Law, is_coupled, is_curve, slopes, stands
-from hpop.motions.model import Model, laws_of
+from hpop.motions.laws import CHANGE, CLOCK, HOLD, LONGEST, SPEED, Law, is_coupled, is_curve, slopes, stands
+from hpop.motions.model import MODEL_DEFAULTS, Model, laws_of
 from hpop.motions.states import States
 
 if TYPE_CHECKING:
@@ -28,6 +30,30 @@ def extras(model: Model, kinds: Iterable[str]) -> tuple[str, ...]:
     laws = laws_of(model)
     names = dict.fromkeys(name for kind in dict.fromkeys(kinds) for name in laws[kind].extra)
     return tuple(sorted(names, key=CLOCK.__eq__))
+
+
+def with_changes(
+    model: Model, columns: Mapping[str, FloatArray], kinds: Sequence[str]
+) -> tuple[States, tuple[str, ...]]:
+    """Return the states (n+1,) and kinds of motions after inserting changes of speed, if the model has several speeds.
+
+    Moves then have the fastest speed. The robot is at rest during all other motions, at the start and at the end.
+    """
+    speeds = with_optional_members(model, MODEL_DEFAULTS).speed_classes
+    if not speeds:
+        return States(**columns), tuple(kinds)
+    laws = laws_of(model)
+    needed = [0.0, *(speeds[-1] if SPEED in laws[kind].extra else 0.0 for kind in kinds), 0.0]
+    rows, reached, inserted = [0], [0.0], list[str]()
+    for i, (before, now) in enumerate(pairwise(needed)):
+        steps = [(i, CHANGE)] if before != now else []
+        for row, kind in [*steps, *((i + 1, kind) for kind in kinds[i : i + 1])]:
+            rows.append(row)
+            reached.append(now)
+            inserted.append(kind)
+    states = {name: column[rows] for name, column in columns.items()} | {SPEED: np.array(reached)}
+    names = (*model.space.names, *extras(model, inserted))
+    return States(**{name: states[name] for name in names}), tuple(inserted)
 
 
 def refuse_impossible(model: Model, law: Law, start: States, end: States, numbers: IntArray) -> None:

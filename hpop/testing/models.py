@@ -17,6 +17,7 @@ from hpop.errors import ModelError, UnsupportedModel
 from hpop.models.base import PlanarModel
 from hpop.motions import HOLD, MODEL_DEFAULTS, Model, Motions, States, is_curve, laws_of, stands
 from hpop.motions.by_law import STILL
+from hpop.motions.laws import SPEED
 from hpop.planners.needs import in_plane
 from hpop.testing.contracts import (
     SAME,
@@ -169,7 +170,12 @@ def drawn_motions(
     end = States(**{n: getattr(start, n) + share * changes[n] * (n in law.varies) for n in space.names})
     # States that a law changes together (a head that turns back as its base turns) determine where it can end.
     led = {n: law.interpolate(n, start, end, ones) if n in law.varies else getattr(end, n) for n in space.names}
-    return Motions(world, model, law, start, States(**led), t0=np.zeros(size))
+    end = States(**led)
+    if SPEED in law.extra:
+        speeds = rng.permutation(np.resize(model.speed_classes, 2 * size)).reshape(2, size)
+        before, after = speeds if SPEED in law.varies else speeds[[0, 0]]
+        start, end = States(**start.__dict__ | {SPEED: before}), States(**led | {SPEED: after})
+    return Motions(world, model, law, start, end, t0=np.zeros(size))
 
 
 def _laws_fault(model: Model, world: World, rng: np.random.Generator, batches: list[Motions]) -> str:
@@ -190,7 +196,9 @@ def _laws_fault(model: Model, world: World, rng: np.random.Generator, batches: l
                 found = law.interpolate(name, start, end, share * ones)
                 if fault := differ(f"{name} of a {kind} at {share:.0%}", getattr(states, name), found, 1e-6, 1.0):
                     return fault
-            if is_curve(law):  # other laws change states evenly with the share: collisions and integrals rely on it
+            if (
+                is_curve(law) or name == SPEED
+            ):  # other laws change states evenly with the share: collisions and integrals rely on it
                 continue
             middle, found = 0.5 * (getattr(start, name) + getattr(end, name)), law.interpolate(name, start, end, half)
             if fault := differ(f"{name} of a {kind}, which is no curve, half of it done", middle, found, 1e-6, 1.0):
@@ -264,7 +272,8 @@ def _connection_fault(model: Model, world: World, rng: np.random.Generator) -> s
 def _tour(model: Model, world: World, rng: np.random.Generator) -> Trajectory:
     """Return a trajectory through random states, as the model connects them, with a hold."""
     through = Trajectory.through(model, drawn_states(model, world, rng, 5))
-    return through.with_hold(at=len(through) // 2, seconds=HELD)
+    rests = np.flatnonzero(getattr(through.states, SPEED, np.zeros(len(through) + 1)) == 0.0)
+    return through.with_hold(at=int(rests[rests.size // 2]), seconds=HELD)
 
 
 def _stations_fault(model: PlanarModel) -> str:

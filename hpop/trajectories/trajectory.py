@@ -20,7 +20,7 @@ from hpop.base.text import shown
 from hpop.errors import ModelError, OptionError
 from hpop.motions import HOLD, MODEL_DEFAULTS, Curve, Model, Motions, States, is_curve, laws_of, slopes
 from hpop.motions.bodies import body_table
-from hpop.motions.by_law import STILL, extras, motions_of, refuse_holds, refuse_impossible
+from hpop.motions.by_law import STILL, extras, motions_of, refuse_holds, refuse_impossible, with_changes
 from hpop.motions.laws import CLOCK, LONGEST
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ class Trajectory:
                 kinds.append("move")
             turn_to(to_yaw)
         columns = np.array(states, float).T
-        return cls(model, States(**dict(zip(model.space.names, columns, strict=True))), tuple(kinds))
+        return cls(model, *with_changes(model, dict(zip(model.space.names, columns, strict=True)), kinds))
 
     @classmethod
     def through(cls, model: Model, states: States) -> Trajectory:
@@ -152,7 +152,7 @@ class Trajectory:
                     rows.append(space.onward(rows[-1], leg.end.take(slice(pair, pair + 1))))
                     kinds.append(leg.kind)
         columns = {name: np.concatenate([getattr(row, name) for row in rows]) for name in space.names}
-        return cls(model, States(**columns), tuple(kinds))
+        return cls(model, *with_changes(model, columns, kinds))
 
     def with_hold(self, *, at: int, seconds: float) -> Trajectory:
         """Return the trajectory with a pause at one of its states (n+1,), counted from 0.

@@ -16,8 +16,8 @@ from hpop.base.options import LEAST, set_wholes
 from hpop.base.scalars import set_python_values
 from hpop.criteria.visits import Visits, all_visits
 from hpop.goals import checked_goal
-from hpop.models.speeds import CHANGE
 from hpop.motions import HOLD, Motions, States
+from hpop.motions.laws import CHANGE
 from hpop.planners.base import Candidates, Planner, joined, make_planner
 from hpop.planners.graphs.family import BuiltGraph, GraphFamily, NotBuilt, graph_family
 from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED, Ends

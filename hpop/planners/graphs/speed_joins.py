@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
-from hpop.models.speeds import CHANGE
 from hpop.motions import Model, Motions, States, laws_of
-from hpop.motions.laws import SPEED
+from hpop.motions.laws import CHANGE, SPEED
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.objectives import quantised
 

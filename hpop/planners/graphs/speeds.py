@@ -25,9 +25,9 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
 from hpop.errors import QueryError
-from hpop.models.speeds import CHANGE, neighbouring
+from hpop.models.speeds import neighbouring
 from hpop.motions import Model, Motions, States, laws_of
-from hpop.motions.laws import SPEED
+from hpop.motions.laws import CHANGE, SPEED
 from hpop.planners.graphs.arcs import blocks
 from hpop.planners.graphs.joined_ends import Ends
 from hpop.planners.graphs.speed_joins import JoinCopies, at_speed

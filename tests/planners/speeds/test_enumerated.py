@@ -231,6 +231,32 @@ def classes_kept(trajectory: Trajectory, run: Trajectory, times: Any, speed: Any
         assert np.hypot(at.x - planned.x, at.y - planned.y).max() < 1e-6
 
 
+def kept(costs: set[Costs]) -> set[Costs]:
+    """Return the non-dominated ones of some costs."""
+    return {c for c in costs if not any(o != c and all(a <= b for a, b in zip(o, c, strict=True)) for o in costs)}
+
+
+@pytest.mark.seeds(3, of=40)
+def test_a_tour_of_stops_at_rest_is_the_filtered_sum_of_the_fronts_between_them(seed: int) -> None:
+    problem, *_ = drawn(2000 + seed)
+    rng = np.random.default_rng(seed)
+    (x, y, heading), dwell = rng.integers(0, (*SIZE, HEADINGS)).tolist(), 2.0
+    stop, criteria = [float(x), float(y), heading * ACROSS], ["duration", "turns", "felt_acceleration"]
+    planner, tour = Lattice(step=1.0, headings=HEADINGS), hpop.Tour([{"goal": stop, "dwell": dwell}])
+    ends = {"world": problem.world, "model": problem.model, "criteria": criteria}
+    try:
+        toured = Problem(start=problem.start, goal=problem.goal, tour=tour, **ends)
+        there = planner.query(Problem(start=problem.start, goal=stop, **ends)).paths(Limits()).costs
+        onward = planner.query(Problem(start=stop, goal=problem.goal, **ends)).paths(Limits()).costs
+        found = planner.query(toured).paths(Limits()).costs
+    except QueryError:
+        pytest.skip("start, stop or goal is blocked")
+    held = np.array([round(dwell / 1e-6), 0, 0])
+    wanted = kept({tuple((a + b + held).tolist()) for a in there for b in onward})
+    assert set(map(tuple, found.tolist())) == wanted
+    assert verify(toured, toured.solve(planner)) == []
+
+
 @pytest.mark.seeds(3, of=20)
 def test_one_speed_in_a_list_changes_nothing(seed: int) -> None:
     problem, _, _ = drawn(seed, one=True)

@@ -23,6 +23,7 @@ from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
 from hpop.scenario import load_scenario
+from hpop.testing import check_model
 from hpop.trajectories.trajectory import Trajectory
 
 ROOM, WALL = shapely.box(0, 0, 8, 6), shapely.box(3, 0, 4, 3)
@@ -249,3 +250,15 @@ def test_an_execution_ramps_behind_a_change_up_and_before_a_change_down() -> Non
 )
 def test_impossible_speeds_are_faults(rows: Any, kinds: tuple[str, ...], message: str) -> None:
     assert any(fault.startswith(message) for fault in ROBOT.faults(trajectory(*rows, kinds=kinds)))
+
+
+@pytest.mark.parametrize("robot", [ROBOT, PanTilt(base=ROBOT)])
+def test_robots_with_speeds_pass_the_checks_of_models(robot: PlanarModel) -> None:
+    check_model(robot)
+
+
+def test_trajectories_through_poses_take_the_fastest_speed_from_rest_to_rest() -> None:
+    plan = Trajectory.from_poses(ROBOT, [(1, 1, 0), (3, 1, 0), (3, 4, np.pi / 2)])
+    assert plan.kinds == ("speed_change", "move", "speed_change", "turn", "speed_change", "move", "speed_change")
+    assert plan.states.speed.tolist() == [0.0, 1.5, 1.5, 0.0, 0.0, 1.5, 1.5, 0.0]
+    assert list(ROBOT.faults(plan)) == []
