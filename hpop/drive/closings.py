@@ -118,7 +118,7 @@ def to_close(area: Any, name: str, areas: Mapping[str, BaseGeometry], closed: Se
 
 
 def to_open(area: Any, areas: Mapping[str, BaseGeometry], closed: Sequence[Closing]) -> list[Closing]:
-    """Return those of the closed areas that have this name or polygon; DriveError if there are none."""
+    """Find the closed areas with this name or polygon, and return them; DriveError if there are none."""
     if isinstance(area, str):
         if opened := [closing for closing in closed if closing.name == area]:
             return opened

@@ -339,7 +339,7 @@ class DriveGraph:
         present: IntArray | None,
         deadline: float | None = None,
     ) -> ParetoPaths:
-        """Return all non-dominated paths from a node to the goal, or those found until a deadline.
+        """Return all non-dominated paths from a node to the goal, or the paths found until a deadline.
 
         Known paths need no search: they are returned even for a deadline of 0 s, unless a better path is found.
 

@@ -304,7 +304,7 @@ class _CostedPlans:
 
     @classmethod
     def alone(cls, present: Trajectory, values: FloatArray) -> _CostedPlans:
-        """Return only the present plan."""
+        """Return a collection with only the present plan."""
         return cls((present,), values, ({"planner": "drive", "kept": True},))
 
     @classmethod
@@ -313,7 +313,7 @@ class _CostedPlans:
         return cls((), np.zeros((0, len(front.names) + len(front.reported_names))), ())
 
     def and_those_of(self, others: _CostedPlans) -> _CostedPlans:
-        """Return these plans and those of another collection."""
+        """Return a collection of these plans and ``others``."""
         values = np.concatenate([self.values, others.values])
         return _CostedPlans(self.trajectories + others.trajectories, values, self.origins + others.origins)
 

@@ -144,9 +144,10 @@ class Plan:
 
     @cached_property
     def arrivals(self) -> IntArray:
-        """Indices (a,) of the first and last states of `driven`, and of states at which a straight move or hold ends.
+        """Indices (a,) of the states of `driven` at which the robot may change its plan.
 
-        The robot may change its plan there, since all plans go straight on or stop to turn.
+        These are the first and the last state, and all states at which a straight move or hold ends: there all plans
+        go straight on or stop to turn.
         """
         kinds = self.driven.kinds
         after = [0] + [i + 1 for i, kind in enumerate(kinds) if "x" in laws_of(self.driven.model)[kind].varies]
@@ -168,7 +169,7 @@ class Plan:
         return self.ramp if self.announced.punctual else 0.0
 
     def next_arrival(self, t: float) -> int:
-        """Return the index of the first state among `arrivals` after time ``t``, s; else the last index."""
+        """Return the index of the next state after ``t`` s where the plan may change (`arrivals`), else the last."""
         times = self.driven.times[self.arrivals]
         return int(self.arrivals[min(int(np.searchsorted(times, t + SAME, side="right")), times.size - 1)])
 

@@ -264,7 +264,7 @@ class Replanner:
         return next((graph for graph in graphs if graph.serves(now, commit, untimed)), None)
 
     def stopping(self, now: DriveSurroundings, commit: Commit) -> DriveSurroundings | None:
-        """Return the surroundings with people stopped who would walk into the robot; None if there are no such people.
+        """Return the surroundings in which people stop who would walk into the robot; None if there are no such people.
 
         They are used if no path leads on from the commit.
         """

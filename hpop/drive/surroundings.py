@@ -72,7 +72,7 @@ class DriveSurroundings:
 
     @property
     def closed(self) -> tuple[Closing, ...]:
-        """All closed areas: those that have been closed, and the bodies of standing people."""
+        """All areas closed to the robot: doors and other areas that were closed, and the bodies of standing people."""
         return (*self.closings, *self.bodies.values())
 
     def at(self, state: States, now: float) -> Problem:

@@ -200,7 +200,7 @@ class TimedDriveGraph:
     def remaining_paths(
         self, node: int, at: float, known: Iterable[ScheduledPath], deadline: float | None
     ) -> TimedPaths:
-        """Return all non-dominated paths from a node at a time, s of the drive, or those found until a deadline.
+        """Return all non-dominated paths from a node at time ``at`` of the drive, s, or the paths found in time.
 
         known     known paths from any node
         deadline  s of processor time of this thread, None for no deadline

@@ -134,7 +134,7 @@ class GoalSet(GoalDefaults):
         return f"({', '.join('any' if value is None else f'{value:.4g}' for value in self.members[0])})"
 
     def states(self, problem: Problem, rng: RNG, count: int) -> States:
-        """Return states (n,): each member without free angles once, then the others, with random angles, in turn."""
+        """Return ``count`` states or fewer: members without free angles once, others repeatedly with random angles."""
         count = checked_count(count)
         whole, others = ([m for m in self.members if (None in m) is free] for free in (False, True))
         rows = list(islice(chain(whole, cycle(others)), count))

@@ -161,7 +161,7 @@ class InverseKinematics:
 
 
 def sampled_space(model: Model, world: World) -> StateSpace:
-    """Return the space in which states are sampled: that of the model, with a mobile base limited to the world."""
+    """Return the model's state space, in which states are sampled; a mobile base is limited to the world."""
     if not ({"base", "plane"} & model.provides and {"x", "y"} <= set(model.space.names)):
         return model.space
     x_min, y_min, x_max, y_max = world.bounds

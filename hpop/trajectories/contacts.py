@@ -45,7 +45,7 @@ def contact(
     For a person with an uncertain position or several futures, it counts as contact if more than 5 % of the prediction
     is too near. A robot that begins within a person's margin, or is approached within a second, may leave. So may a
     robot that begins in contact (with an uncertain person, within a second), as long as its own motion does not reduce
-    the gap. Standing people are not checked, except those with indices in ``left``, which the robot touches at its
+    the gap. Standing people are not checked, except the indices in ``left``, people that the robot touches at its
     start.
     """
     moments = _moments(trajectory)

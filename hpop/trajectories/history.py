@@ -84,7 +84,7 @@ class History:
 
     @property
     def passed(self) -> FloatArray:
-        """Executed time (M+1,), s, at which each planned state is passed."""
+        """Time in the execution, s, at which the robot passes each planned state (M+1,)."""
         return self._execution[1]
 
     def track(self, step: float) -> SampledTrajectory:
@@ -216,7 +216,7 @@ class TrajectoryPieces:
 
     @cached_property
     def states(self) -> States:
-        """States (n+1,) at those times."""
+        """States (n+1,) of the robot at `times`."""
         return self.trajectory.at(self.times)
 
     def batches(self, world: World) -> Iterator[tuple[IntArray, Motions]]:
@@ -272,5 +272,5 @@ class PiecesHistory(History):
 
     @property
     def passed(self) -> FloatArray:
-        """Executed time (n+1,), s, at which pieces begin and end, interpolated from the ends of the planned motions."""
+        """Time in the execution, s, at which pieces begin and end (n+1,), interpolated within each motion."""
         return np.interp(self.pieces.times, self.trajectory.times, super().passed)

@@ -274,7 +274,7 @@ def _distinct(columns: Sequence[Any]) -> tuple[IntArray, IntArray]:
 
     Rows are equal if all bits are. Each row looks up the slot of its hash, which holds the first row with that hash. If
     the two are equal, the row is done; otherwise it gets another hash. Few rows are distinct, so this takes a tenth of
-    the time of sorting. Hash keys are drawn anew each time, so that no input can be prepared to collide.
+    the time of sorting. Hash keys are random, so that no input can be prepared to collide.
     """
     bits = [np.ascontiguousarray(column).view(np.uint64) for column in columns]
     size = bits[0].size

@@ -88,8 +88,8 @@ def prisms(polygon: Polygon, heights: tuple[float, float], name: str) -> Iterato
 def convex_pieces(polygon: Polygon) -> list[Polygon]:
     """Cut a polygon into convex polygons.
 
-    The polygon is cut into triangles. Neighbours are then merged if their union is convex, those with the longest
-    common side first.
+    The polygon is cut into triangles. Neighbouring pieces are then merged if their union is convex; pairs
+    with the longest common side come first.
 
     >>> sorted(p.area for p in convex_pieces(shapely.Polygon([(0, 0), (9, 0), (9, 1), (1, 1), (1, 3), (0, 3)])))
     [2.5, 8.5]

@@ -270,7 +270,7 @@ def without_places(description: Any) -> Any:
 
 
 def _paths(description: Any) -> dict[str, str]:
-    """Return the file paths in a description: that of the map, and options that are absolute paths, such as a mask."""
+    """Return the file paths in a description: the map, and reader options that are absolute paths, such as a mask."""
     if not isinstance(description, Mapping) or not isinstance(description.get("path"), str):
         return {}
     options = description.get("options")

@@ -220,7 +220,7 @@ class Person:
         return replace(self, velocity=future.velocity, track=future.track, futures=(), **own)
 
     def shifted(self, x: float, y: float) -> Person:
-        """Return the person with all positions, also those of tracks and futures, shifted by (x, y), m."""
+        """Return the person shifted by (x, y), m, with all its tracks and futures."""
 
         def shifted_track(track: Track | None) -> Track | None:
             return None if track is None else replace(track, x=track.x + x, y=track.y + y)

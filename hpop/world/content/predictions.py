@@ -372,7 +372,7 @@ def yielding(person: Person, place: tuple[float, float], reach: float, begin: fl
 def with_stops(
     people: Sequence[Person], which: Sequence[int], place: tuple[float, float], reach: float
 ) -> tuple[Person, ...]:
-    """Return all people, where those with the indices ``which`` stop before the robot as by :func:`yielding`."""
+    """Return all people; those with the indices ``which`` stop before the robot, see :func:`yielding`."""
     return tuple(yielding(person, place, reach) if i in which else person for i, person in enumerate(people))
 
 

@@ -177,7 +177,7 @@ class Field:
 
 
 def _step(at: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
-    """Split positions (M,) on an axis of ``count`` samples into the sample before and the fraction of a step beyond."""
+    """Return the sample (index) before each position (M,) on an axis of ``count`` samples, and the rest in steps."""
     at = np.minimum(np.maximum(at, 1.0), count - 2.0)
     before = np.fmin(at, count - 3.0).astype(np.int64)  # fmin also bounds NaN
     return before, at - before

@@ -34,7 +34,7 @@ def _faced(
     sorted_: FloatArray,
     room: int,
 ) -> tuple[int, int]:
-    """Copy the planes of a body to sorted_, from row ``room`` on: first those that face a point, then all others.
+    """Copy the planes of a body to sorted_, from row ``room`` on: planes that face the point ``o`` first.
 
     Return the row after the planes that face the point o, and the row after all planes. The last column becomes the
     distance of the point behind each plane, m. Nothing is copied for a body that no ray from the point can enter: one
@@ -109,7 +109,7 @@ def blocked(
 ) -> None:
     """Write to out (N,) the fraction of rays from each origin (N, 3) that enter a body before ``reach`` (N, K), m.
 
-    directions (N, K, 3): unit vectors. Bodies are those of the world, and those of the robot ("own"). Each body of the
+    directions (N, K, 3): unit vectors. Bodies belong to the world, or to the robot ("own"). Each body of the
     robot moves with a frame: poses (B, N, 4, 4). See `Surfaces` for planes, begin and rounds.
     """
     count, own_count = len(rounds), len(own_rounds)

@@ -214,8 +214,8 @@ class FreeSpace:
     def hulls_free(self, corners: FloatArray, margin: float) -> BoolArray:
         """Return which convex hulls of corners (N, c, 2), m, lie in the free region, ``margin`` (m) from its border.
 
-        The result is that of :meth:`shapes_free`, which is called only for hulls whose distance from the border is the
-        margin up to rounding.
+        The result equals :meth:`shapes_free`, which is slower and therefore called only for hulls whose distance from
+        the border is the margin up to rounding.
         """
         from hpop.world.geometry._hulls import CLEAR, UNSURE  # numba is slow to import
 

@@ -88,8 +88,8 @@ class Surfaces:
     ) -> FloatArray:
         """Return the fraction (N,) of rays from origins (N, 3), m, that enter a body before ``reach`` (N, K), m.
 
-        Rays have unit directions (N, K, 3). Bodies are these surfaces, and those of the robot, ``own``. Each of the
-        latter moves with a frame: poses (B, N, 4, 4).
+        Rays have unit directions (N, K, 3). Bodies are these surfaces, and the robot's surfaces ``own``, each of
+        which moves with a frame: poses (B, N, 4, 4).
         """
         from hpop.world.geometry._sight_in_space import blocked  # numba is slow to import
 

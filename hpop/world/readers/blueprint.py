@@ -62,7 +62,7 @@ class Specks(NamedTuple):
 
 
 def without_specks(raster: Raster, smallest: float) -> tuple[BoolArray, str]:
-    """Return cells (H, W) without obstacles smaller than ``smallest``, m², and a note on those removed and left."""
+    """Return cells (H, W) without obstacles smaller than ``smallest``, m², and a note on what was removed."""
     cells, square = raster.cells, raster.resolution**2
     labels, count = numbered(cells, _ROUND)
     area = areas_of(labels, count)
@@ -298,7 +298,7 @@ def closing(raster: Raster) -> Iterator[str]:
 
 
 def _beside(lines: NDArray[np.int32], rooms: NDArray[np.int32], large: BoolArray) -> Iterator[NDArray[np.int32]]:
-    """Yield pairs (n, 2): the number of a line, and that of a large room that it touches."""
+    """Yield pairs (n, 2): the number of a line, and the number of a large room that it touches."""
     for a, b in (
         ((slice(1, None), slice(None)), (slice(None, -1), slice(None))),
         ((slice(None), slice(1, None)), (slice(None), slice(None, -1))),

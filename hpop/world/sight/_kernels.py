@@ -326,7 +326,7 @@ def unseen(
 
     The visibility of each landmark, times its weight, is a field; see `landmark_field`.
 
-    values            (N,)    samples of all fields in turn, row by row; a field is 0 beyond its window
+    values            (N,)    samples of all fields, one field after another, row by row; 0 beyond the windows
     windows           (L, 5)  of each field: index of its first value, first row, rows, first column, columns
     shape                     rows and columns of the grid; beyond it the values of its border hold
     marks             (L, 3)  m: x, y, and height above the camera

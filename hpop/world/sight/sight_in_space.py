@@ -70,7 +70,7 @@ def in_view(pose: Pose, landmark: Landmark, size: int, fov: float, vertical: flo
 
 
 def openness(world: World, pose: Pose, size: int, radius: float) -> FloatArray:
-    """Return the open fraction (N,), in [0, 1], of the horizontal disc of ``radius`` m around the camera."""
+    """Return the visible fraction (N,), in [0, 1], of the horizontal disc of ``radius`` m around the camera."""
     directions = over_sphere(RAYS, height=0.0)
     place = rows((pose.x, pose.y, pose.z), size)
     distances = surfaces_of(world).first_hits(place, np.broadcast_to(directions, (size, *directions.shape)), radius)

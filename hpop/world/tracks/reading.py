@@ -128,7 +128,7 @@ def petrack_tracks(text: str, source: TrackFile, wanted: Sequence[Hashable] | No
 
 
 def is_jupedsim(data: bytes) -> bool:
-    """Return whether a file is an SQLite database, as those of JuPedSim are."""
+    """Return whether a file is an SQLite database, which is the format of JuPedSim."""
     return data.startswith(MAGIC)
 
 
