@@ -35,7 +35,7 @@ def test_every_criterion_of_hpop_has_an_entry_with_its_parameters(script):
     assert {line[5:-1] for line in page.splitlines() if line.startswith("### `")} == at_home
     entry = page[page.index("### `energy`") : page.index("### `", page.index("### `energy`") + 1)]
     assert "| J | sum | wheels | yes | 1e-06 |" in entry
-    assert "| `c6` | 20 | W s³/m², or kg |" in entry
+    assert "| `c6` | 20 | W s³/m², which is kg |" in entry
     assert "Tokekar" in entry
 
 

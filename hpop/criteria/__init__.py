@@ -1,6 +1,6 @@
-"""Criteria in four groups. Each is imported, and then registered, when it is first used.
+"""Criteria (costs to be minimised) in four groups; each is imported and registered when it is first used.
 
-The imports below are the only list of hpop's criteria: names of this package and registered names follow from it.
+The imports below are the only list of hpop's criteria. The names of this package and the registry are made from it.
 """
 
 from __future__ import annotations

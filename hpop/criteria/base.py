@@ -1,7 +1,7 @@
-"""Criteria: plain NumPy functions of motions, with declared unit, group and aggregate.
+"""Declaration of criteria: costs of motions, written as plain NumPy functions, with a unit, a group and an aggregate.
 
-A criterion is a frozen dataclass; its fields are its parameters. Its method ``cost(m)`` returns one number for each
-motion, >= 0, to be minimised::
+A criterion is a frozen dataclass whose fields are its parameters. Its method ``cost(m)`` returns one number >= 0 for
+each motion of a batch, to be minimised::
 
     @hpop.criterion("rotation", group="C", unit="rad", aggregate="sum")
     @dataclass(frozen=True)
@@ -45,27 +45,30 @@ T = TypeVar("T", bound=type)
 
 @runtime_checkable
 class Criterion(Protocol):
-    """Criterion as planners and fronts see it.
+    """Cost of motions that planners minimise, with all that planners and fronts need to know about it.
 
-    name       in the registry
+    name       name in the registry
     group      P, C, R or O
-    unit       of the cost, SI; "1" for a count or a share
-    aggregate  how motions add up: sum; time-mean (sum over duration); max (worst moment); trajectory (with memory)
-    requires   bodies or world contents it needs: "camera", "people", ...
-    smooth     whether the cost has a gradient; nonlinear programs refuse criteria without one
-    quantum    resolution at which costs are compared, in the unit: exact searches add integers of it
+    unit       unit of the cost, SI; "1" for a count or a share
+    aggregate  how a trajectory's cost follows from those of its motions: "sum"; "time-mean" (sum divided by duration);
+               "max" (worst moment); "trajectory" (only defined for the trajectory as a whole)
+    requires   bodies of the robot or contents of the world that it needs: "camera", "people", ...
+    smooth     True if the cost has a gradient; nonlinear programs refuse criteria without one
+    quantum    smallest difference, in the unit, that counts: exact searches round costs of motions to multiples of it
 
-    These may be left out, and have defaults:
+    A class may leave out these members; each entry ends with the default:
 
-    role         "duration", "length", "turns" or "stops_missed", if planners may use the cost as it; None
-    world_frame  whether the cost has directions or positions of its own, so that turning the world changes it; False
-    instead      names of criteria for models that lack a requirement; ()
-    integral     of a time-mean: the sum that searches minimise in its place; None for the time integral of ``cost``
-    mean         of a sum that replaces a time-mean (its stand-in): the time-mean; None
-    stand_in_quantum  of a time-mean: the quantum that the user set for its stand-in; None
-    places       positions (x, y, z), m, for pictures to mark; ()
-    bound        method of two states (M,): a lower bound (M,) on the cost of any trajectory between them; None
-    convex       method of a path: the cost of polylines as a convex expression, :mod:`hpop.criteria.convex`; None
+    role         "duration", "length", "turns" or "stops_missed" if planners may use the cost as this quantity; None
+    world_frame  True if the cost contains a fixed direction or position, so that turning the world changes it; False
+    instead      names of criteria to suggest for models that lack a requirement; ()
+    integral     for a time-mean: the sum that searches minimise in its place (its stand-in); None for the time integral
+                 of ``cost``
+    mean         for a stand-in: the time-mean that it replaces; None
+    stand_in_quantum  for a time-mean: the quantum that the user has set for its stand-in; None
+    places       positions (x, y, z), m, that pictures mark; ()
+    bound        method: takes two states (M,), returns a lower bound (M,) on the cost of any trajectory between them;
+                 None
+    convex       method: takes a polyline, returns its cost as a convex expression (:mod:`hpop.criteria.convex`); None
     """
 
     @property
@@ -83,10 +86,11 @@ class Criterion(Protocol):
     @property
     def quantum(self) -> float: ...
     def cost(self, m: Any) -> Column:
-        """Return the cost (M,) of each motion of :class:`hpop.Motions`: its part of the sum, integral or worst moment.
+        """Return the cost (M,) of each motion of a batch ``m`` (:class:`hpop.Motions`).
 
-        With memory (aggregate "trajectory"), return the running value (M,) at the end of each motion of a
-        :class:`hpop.trajectories.history.History`.
+        That is its contribution to the sum or time integral, or its worst moment. For the aggregate "trajectory", ``m``
+        is a :class:`hpop.trajectories.history.History` (one trajectory). Then return the cost (M,) of the trajectory up
+        to the end of each of its motions.
         """
 
     if TYPE_CHECKING:  # the defaults are set by `completed`
@@ -122,7 +126,7 @@ CRITERION_DEFAULTS: dict[str, Any] = {
     "bound": None,
     "convex": None,
 }
-"""Values of the contract's optional members."""
+"""Defaults of a criterion's optional members."""
 
 
 CriterionSpec = str | Criterion | Mapping[str, Mapping[str, Any] | None]
@@ -142,14 +146,14 @@ def criterion(
     role: Role | None = None,
     instead: tuple[str, ...] = (),
 ) -> Callable[[T], T]:
-    """Declare and register a criterion; :class:`Criterion` explains the arguments.
+    """Declare and register a criterion: decorator of its class. :class:`Criterion` explains the arguments.
 
-    ``world_frame`` says that the cost depends on a direction or position of its own, such as that of the sun, so that
-    it changes if the world is turned with everything in it. ``role`` says that planners may use the cost as the
-    duration, the length of the path or the number of turns, whatever its name. ``instead`` names criteria for models
-    that lack a requirement.
+    ``world_frame`` says that the cost depends on a fixed direction or position, such as that of the sun, so that it
+    changes if the world is turned together with everything in it. ``role`` says that planners may use the cost as the
+    duration, the length of the path or the number of turns, whatever the criterion's name is. ``instead`` names
+    criteria to suggest for models that lack a requirement.
 
-    Raises CriterionError when the declaration is wrong or the name is taken.
+    Raises CriterionError if the declaration is wrong or the name is taken.
     """
 
     def declare(cls: T) -> T:
@@ -183,7 +187,10 @@ def criterion(
         }
         taken = {field.name for field in dataclasses.fields(cls)} & set(declared)
         if taken:
-            raise CriterionError(f"criterion {name!r}: parameters may not be called {sorted(taken)}")
+            raise CriterionError(
+                f"criterion {name!r}: parameters must not be called {', '.join(sorted(taken))}, because the decorator "
+                "sets these attributes; rename them"
+            )
         for key, value in declared.items():
             setattr(cls, key, value)
         criteria.add(name, with_optional_members(cls, CRITERION_DEFAULTS))
@@ -194,44 +201,45 @@ def criterion(
 
 @checked_arguments
 def make_criterion(spec: CriterionSpec) -> Criterion:
-    """Return a criterion from its name, from ``{name: {parameter: value}}``, or the criterion itself.
+    """Return a criterion, given its name, ``{name: {parameter: value}}`` or a criterion object.
 
-    Raises UnknownName for a name that is not registered and CriterionError for unknown parameters.
+    Raises UnknownName for a name that is not registered, and CriterionError for unknown parameters or other values.
     """
     if isinstance(spec, str | Mapping):
         return cast(Criterion, plugin_from_spec(criteria, spec))
     if not isinstance(spec, type) and isinstance(spec, Criterion):
         return with_optional_members(spec, CRITERION_DEFAULTS)
     raise CriterionError(
-        f"a criterion is a name or an instance such as Turns(), got {shown(spec)}; declare a class with @hpop.criterion"
+        f"a criterion must be a name or an instance such as Turns(), got {shown(spec)}; declare a class of your own "
+        "with @hpop.criterion"
     )
 
 
 def index_of_role(role: Role, criteria: Sequence[Criterion]) -> int | None:
-    """Return the index of the criterion with a role; None if none has it."""
+    """Return the index of the criterion with a role, such as "duration"; None if no criterion has it."""
     return next((j for j, criterion in enumerate(criteria) if criterion.role == role), None)
 
 
 def describe_criterion(criterion: Criterion) -> dict[str, dict[str, Any]]:
-    """Return the JSON-able form that :func:`make_criterion` reads back."""
+    """Return name and parameters of a criterion for JSON; :func:`make_criterion` makes the criterion from them."""
     fields = dataclasses.fields(criterion)  # type: ignore[arg-type]
     return {criterion.name: {field.name: getattr(criterion, field.name) for field in fields if field.init}}
 
 
 def check_usable(criterion: Criterion, model: Model, world: World) -> None:
-    """Raise CriterionError if a criterion lacks a requirement in robot and world, or cannot be saved."""
+    """Raise CriterionError if robot and world lack something that a criterion requires, or if it cannot be saved."""
     check_requirements(criterion, model, world)
     try:
         json.dumps(describe_criterion(criterion), allow_nan=False)
     except (TypeError, ValueError) as error:
         raise CriterionError(
-            f"criterion {criterion.name!r} cannot be described in a saved front: it must be a dataclass whose fields "
-            f"are finite numbers, words, or lists of them ({error})"
+            f"criterion {criterion.name!r} must be a dataclass whose fields are finite numbers, strings, or lists of "
+            f"them, so that it can be saved with a front; change its fields ({error})"
         ) from None
 
 
 def check_command(criterion: Criterion) -> str:
-    """Return the shell command that tests a criterion: ``hpop check`` with the file or module of its class."""
+    """Return the shell command by which a user tests a criterion: ``hpop check FILE:CLASS``."""
     cls = class_of(criterion)
     file = getattr(sys.modules.get(cls.__module__), "__file__", None)
     source = cls.__module__ if "." in cls.__module__ or file is None else file
@@ -239,13 +247,13 @@ def check_command(criterion: Criterion) -> str:
 
 
 def class_of(criterion: Criterion) -> type:
-    """Return the class of a criterion; if hpop made it as the integral of a time-mean, the class of the mean."""
+    """Return the class of a criterion; for a time integral that hpop made from a time-mean, the mean's class."""
     cls, mean = type(criterion), criterion.mean
     return type(mean) if cls.__module__.startswith("hpop.") and mean is not None else cls
 
 
 def check_requirements(criterion: Criterion, model: Model, world: World) -> None:
-    """Raise CriterionError if a criterion lacks a requirement in model and world, and name criteria to use instead."""
+    """Raise CriterionError if model and world lack something that a criterion requires; suggest other criteria."""
     absent = lacking(with_optional_members(criterion, CRITERION_DEFAULTS).requires, model, world)
     if not absent:
         return

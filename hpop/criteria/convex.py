@@ -1,12 +1,12 @@
-"""Convex forms of criteria for polylines, declared as an atom of cvxpy declares its curvature.
+"""Convex costs of polylines, for planners that solve convex programs with cvxpy.
 
-A criterion that can be minimised by convex programs has one more method::
+A criterion that such planners can minimise has one more method::
 
     def convex(self, path: ConvexPath) -> ConvexCost:
         return ConvexCost(path.length, exact=True)
 
-Each segment of the path stays in a convex region of free space. So a constraint or a cost that is convex in the ends of
-a segment holds all along it.
+Each segment of the polyline stays in a convex region of free space. A convex bound that holds at both ends of a segment
+therefore holds all along it.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ConvexCost:
-    """Convex cvxpy expression of a cost.
+    """Cost of a polyline as a convex expression of cvxpy.
 
     expression  scalar, >= 0, in the criterion's unit
-    exact       whether it equals the cost of every trajectory along the path; else it is an upper bound
+    exact       True if it equals the cost of every trajectory along the polyline; False if it is an upper bound
     """
 
     expression: Any
@@ -34,11 +34,11 @@ class ConvexCost:
 
 
 class ConvexPath(Protocol):
-    """Polyline of n segments with vertices that are cvxpy expressions.
+    """Polyline of n segments whose vertices are variables of a convex program.
 
-    world, model
-    start     the state at the start, (1,)
-    vertices  expression (n+1, 2), m; the first and the last row are constants
+    world, model  the world and the robot
+    start         state (1,) at the start
+    vertices      expression of cvxpy (n+1, 2), m; the first and the last row are constants
     """
 
     @property
@@ -51,11 +51,15 @@ class ConvexPath(Protocol):
     def vertices(self) -> Any: ...
     @property
     def length(self) -> Any:
-        """Sum of the segments' lengths, m: convex."""
+        """Length of the polyline, m, as a convex expression of cvxpy."""
 
     def shortfall(self, enough: float, space: FreeSpace, body: str) -> Any:
-        """Return a convex upper bound of max (enough - d)₊ along the path, m, d being a body's distance to the border.
+        """Return a convex upper bound, m, on the largest shortfall (enough - d)₊ of a body's distance d to obstacles.
 
-        In a convex region that the border does not enter, the distance to the region's own border is concave and no
-        greater than d. It equals d where the nearest obstacle is a straight wall.
+        enough  m, distance that is enough
+        space   free space; d is the distance to its border
+        body    body of the robot: "base" or "camera"
+
+        Each segment lies in a convex region of the free space. The distance to the border of this region is concave and
+        at most d. It equals d where the nearest obstacle is a straight wall.
         """

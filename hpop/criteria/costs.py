@@ -1,4 +1,4 @@
-"""Costs of motions and trajectories by criteria, and the quanta at which the costs of a problem are compared."""
+"""Evaluation of criteria on motions and whole trajectories, and the quanta (smallest differences) of costs."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from hpop.trajectories.trajectory import Trajectory
 if TYPE_CHECKING:
     from hpop.world import World
 
-PROGRESS_EVERY = 100  # trajectories between two progress reports
-FINEST = 1e-12  # in the unit; exact searches refuse quanta that make their sums overflow
+PROGRESS_EVERY = 100  # number of trajectories between two progress reports
+FINEST = 1e-12  # smallest quantum, in the unit of a cost; exact searches also refuse quanta by which sums overflow
 C = TypeVar("C", bound=Criterion)
 
 
 @checked_arguments
 def motion_costs(criterion: Criterion, motions: Motions) -> FloatArray:
-    """Return the costs (M,) of motions, checked: one finite number >= 0 for each motion.
+    """Return the cost (M,) of each motion by a criterion, and check that it is one finite number >= 0.
 
-    Raises CriterionError that names the criterion, the kind of motion and the first wrong value. An error in the
-    ``cost`` of a user's criterion becomes a CriterionError that says where it came from. Without motions, ``cost`` is
-    not called.
+    Raises CriterionError, which names the criterion, the kind of motion and the first wrong value. An error in the
+    ``cost`` method of a user's criterion becomes a CriterionError that says where it was raised. For an empty batch,
+    ``cost`` is not called.
     """
     if not len(motions):
         check_requirements(criterion, motions.model, motions.world)
@@ -45,7 +45,11 @@ def motion_costs(criterion: Criterion, motions: Motions) -> FloatArray:
 
 
 def _checked_costs(criterion: Criterion, m: Motions | History, size: int, kind: str) -> FloatArray:
-    laws_of(with_optional_members(m.model, MODEL_DEFAULTS))  # completes the laws as well
+    """Call a criterion's ``cost`` and check the result: ``size`` finite numbers >= 0.
+
+    ``kind`` names the kind of motions in errors.
+    """
+    laws_of(with_optional_members(m.model, MODEL_DEFAULTS))  # adds the defaults of optional members to the laws too
     check_requirements(criterion, m.model, m.world)
     try:
         costs = np.asarray(criterion.cost(m))
@@ -57,7 +61,7 @@ def _checked_costs(criterion: Criterion, m: Motions | History, size: int, kind: 
         if class_of(criterion).__module__.startswith("hpop."):
             raise
         failure = CriterionError(own_failure(f"criterion {criterion.name!r}", error))
-        failure.add_note(f"`{check_command(criterion)}` tests it")
+        failure.add_note(f"to test the criterion, run `{check_command(criterion)}`")
         raise failure from error
     if costs.shape != (size,):
         raise CriterionError(
@@ -79,7 +83,7 @@ def _checked_costs(criterion: Criterion, m: Motions | History, size: int, kind: 
 
 @checked_arguments
 def trajectory_cost(criterion: Criterion, trajectory: Trajectory, world: World) -> float:
-    """Return the cost of one trajectory by a criterion; see :func:`trajectory_costs`."""
+    """Return the cost of one trajectory by one criterion; see :func:`trajectory_costs`."""
     return float(trajectory_costs([criterion], [trajectory], world)[0, 0])
 
 
@@ -91,16 +95,17 @@ def trajectory_costs(
     table: MotionTable | None = None,
     say: Callable[[str], None] | None = None,
 ) -> FloatArray:
-    """Return costs (n, k) of whole trajectories of one model by criteria; 0 where nothing moves.
+    """Return the costs (n, k) of n whole trajectories of one model by k criteria.
 
-    The motions of all trajectories are evaluated together, grouped by law. A motion that several share is evaluated
-    once, unless its cost depends on its time or, along curves, on its neighbours. A time-mean is the integral over the
-    duration. With ``aggregate="trajectory"`` each trajectory is evaluated by itself, and the last running value counts.
+    The motions of all trajectories are evaluated together, one batch for each motion law. A motion that several
+    trajectories share is evaluated once, unless its cost depends on the time or, along curves, on the motions before
+    and after it. A time-mean is the time integral divided by the duration. Criteria with ``aggregate="trajectory"``
+    are evaluated for each trajectory by itself. A trajectory without motions costs 0.
 
     Parameters
     ----------
-    table : the motions of the trajectories, if already at hand
-    say : called now and then with progress in words
+    table : the distinct motions of the trajectories, if the caller has them already
+    say : called from time to time with a sentence on the progress
     """
     values = np.full((len(trajectories), len(criteria)), np.nan)
     with_memory = [j for j, criterion in enumerate(criteria) if criterion.aggregate == "trajectory"]
@@ -108,7 +113,7 @@ def trajectory_costs(
         if say is not None and i % PROGRESS_EVERY == 0:
             named = ", ".join(criteria[j].name for j in with_memory)
             say(f"{named} of {i:,} of {len(trajectories):,} trajectories")
-        history = History(world, trajectory)  # shares among the criteria what each derives from it
+        history = History(world, trajectory)  # caches intermediate results that several criteria use
         for j in with_memory:
             running = running_values(criteria[j], history)
             values[i, j] = running[-1] if running.size else 0.0
@@ -129,9 +134,9 @@ def trajectory_costs(
 def _shared_costs(
     criteria: Sequence[Criterion], table: MotionTable, world: World, say: Callable[[str], None] | None
 ) -> FloatArray:
-    """Return costs (n, k) by criteria without memory, each distinct motion evaluated once.
+    """Return the costs (n, k) of trajectories by criteria that add up over motions; evaluate each distinct motion once.
 
-    Trajectories with curves get NaN, and so do criteria that depend on the time at which a motion begins.
+    The cost is NaN, to be computed otherwise, for trajectories with curves and for criteria that depend on the time.
     """
     of_motions, lengths = np.zeros((len(criteria), len(table))), np.zeros(len(table))  # (k, M), (M,) s
     done = 0
@@ -142,7 +147,7 @@ def _shared_costs(
                 say(f"{criterion.name} of {done:,} of {len(table):,} motions")
             try:
                 of_motions[j, index] = motion_costs(criterion, motions)
-            except (CriterionError, UnsupportedCriterion):  # _own_costs evaluates it with times, and raises
+            except (CriterionError, UnsupportedCriterion):  # _own_costs evaluates it with times, or raises the error
                 of_motions[j] = np.nan
         done += index.size
     of_motions[:, table.curved] = np.nan
@@ -157,7 +162,10 @@ def _shared_costs(
 
 
 def _own_costs(criteria: Sequence[Criterion], trajectories: Sequence[Trajectory], world: World) -> FloatArray:
-    """Return costs (n, k) by criteria without memory, each motion evaluated at its time and with its neighbours."""
+    """Return the costs (n, k) of trajectories by criteria that add up over motions.
+
+    Each motion is evaluated at its time in the trajectory, and knows the motions before and after it.
+    """
     values = np.zeros((len(trajectories), len(criteria)))
     durations = np.array([trajectory.duration for trajectory in trajectories])
     for owner, motions in batches(trajectories, world):
@@ -173,9 +181,9 @@ def _own_costs(criteria: Sequence[Criterion], trajectories: Sequence[Trajectory]
 
 
 def _parts(counts: Sequence[int]) -> Iterator[slice]:
-    """Yield slices of trajectories with about `BLOCK` motions each.
+    """Yield slices that divide trajectories into blocks of about ``BLOCK`` motions.
 
-    ``counts`` has each trajectory's number of motions.
+    counts  number of motions of each trajectory
     """
     begin = motions = 0
     for i, number in enumerate(counts):
@@ -186,17 +194,22 @@ def _parts(counts: Sequence[int]) -> Iterator[slice]:
 
 
 def running_costs(criterion: Criterion, trajectory: Trajectory, world: World) -> FloatArray:
-    """Return running values (M,) of a criterion with memory, checked as by :func:`motion_costs`."""
+    """Return the cost (M,), by a criterion of whole trajectories, up to the end of each motion of a trajectory."""
     return running_values(criterion, History(world, trajectory))
 
 
 def running_values(criterion: Criterion, history: History) -> FloatArray:
-    """Return the running values (M,) of a criterion with memory along a history."""
+    """Return the cost (M,) of a trajectory, given as a history, up to the end of each of its motions.
+
+    The criterion must have ``aggregate="trajectory"``.
+    """
     return _checked_costs(criterion, history, len(history), "trajectory") if len(history) else np.zeros(0)
 
 
 def with_quanta(criteria: Sequence[C], quanta: Mapping[str, Any] | None) -> tuple[C, ...]:
-    """Return copies of the criteria with the given quanta, by the name of a criterion or of a mean's integral.
+    """Return copies of criteria with the quanta (smallest differences that count) that a user has set.
+
+    quanta  by name of a criterion, or of the sum that searches minimise in place of a time-mean
 
     Raises CriterionError for an unknown name, a quantum that is not positive, and a quantum other than 1 for a count.
 
@@ -215,25 +228,27 @@ def with_quanta(criteria: Sequence[C], quanta: Mapping[str, Any] | None) -> tupl
     for name, quantum in quanta.items():
         if name not in by_name:
             raise CriterionError(
-                f"quanta has {shown(name)}, which is no cost here.{did_you_mean(name, by_name)} "
-                f"These are {', '.join(by_name)}"
+                f"quanta must name criteria of this problem, got {shown(name)}.{did_you_mean(name, by_name)} "
+                f"They are {', '.join(by_name)}"
             )
         unit = by_name[name].unit
         real(f"the quantum of {name}", quantum, FINEST, MOST, f"a number, in {unit!r}", error=CriterionError)
         if by_name[name].quantum == 1.0 != quantum and not by_name[name].smooth:
-            raise CriterionError(f"{name} is a count: its quantum is 1, got {shown(quantum)}; leave it out")
+            raise CriterionError(
+                f"the quantum of {name} must be 1, because it is a count, got {shown(quantum)}; leave it out"
+            )
     return tuple(_with_quantum(criterion, quanta) for criterion in criteria)
 
 
 def stand_in_of(mean: Criterion) -> Criterion | None:
-    """Return the sum that searches minimise in place of a time-mean, with the quantum that the user set for it."""
+    """Return the sum that searches minimise in place of a time-mean, with the quantum that the user has set for it."""
     if mean.integral is None or mean.stand_in_quantum is None:
         return mean.integral
     return _set(mean.integral, "quantum", mean.stand_in_quantum)
 
 
 def quanta_statement(criteria: Sequence[Criterion], quanta: Mapping[str, float]) -> str:
-    """Return the quanta that the user set, as the last part of a certificate.
+    """Return a text on the quanta that the user has set, to be appended to a front's certificate; "" if none.
 
     >>> from hpop.criteria.comfort.length import Length
     >>> quanta_statement(with_quanta([Length()], {"length": 0.001}), {"length": 0.001})
@@ -244,6 +259,7 @@ def quanta_statement(criteria: Sequence[Criterion], quanta: Mapping[str, float])
 
 
 def _with_quantum(criterion: C, quanta: Mapping[str, float]) -> C:
+    """Return a copy of one criterion with the user's quanta for it and for its stand-in."""
     stand_in = criterion.integral
     if stand_in is not None and stand_in.name in quanta:
         criterion = _set(criterion, "stand_in_quantum", quanta[stand_in.name])
@@ -251,13 +267,16 @@ def _with_quantum(criterion: C, quanta: Mapping[str, float]) -> C:
 
 
 def _set(criterion: C, name: str, quantum: float) -> C:
-    """Return a copy of a criterion with another quantum, in an attribute of the copy that hides that of its class."""
+    """Return a copy of a criterion with another quantum, as an instance attribute that hides the class attribute.
+
+    name  the attribute: "quantum" or "stand_in_quantum"
+    """
     changed = copy(criterion)
     try:
         object.__setattr__(changed, name, float(quantum))
     except AttributeError:
         raise CriterionError(
-            f"the quantum of {criterion.name} cannot be set, because its class {type(criterion).__name__} has slots; "
-            "declare the class without slots"
+            f"to set the quantum of {criterion.name}, its class {type(criterion).__name__} must not have slots, but it "
+            "has; declare it without slots"
         ) from None
     return changed

@@ -1,7 +1,7 @@
-"""A criterion learnt from ratings of trajectories: a sum of other criteria, with weights from a file.
+"""Criterion "learnt": a weighted sum of other criteria, with weights that were learnt from ratings of trajectories.
 
-The file is ``hpop-learnt`` version 1, strict JSON: the criteria with their parameters and weights, and the source of
-the weights. :func:`hpop.study.fit_criterion` writes it.
+The weights are in a file, ``hpop-learnt`` version 1. It is strict JSON: criteria with their parameters and weights, and
+the source of the weights. :func:`hpop.study.fit_criterion` writes it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SIZE_LIMIT = 1024**2
 """Largest size of the file, in bytes."""
 MOST_PARTS = 50
 MOST_LETTERS = 2_000
-"""Largest length of the question and of the source's description."""
+"""Largest number of characters of the question, and of the description of the source."""
 LEAST_WEIGHT = 1e-9
 _TOP: Kinds = {"schema": str, "version": int, "parts": list, "learnt": dict}
 _PART: Kinds = {"criterion": dict, "weight": (int, float)}
@@ -40,13 +40,14 @@ _LEARNT: Kinds = {
 class Source(NamedTuple):
     """Ratings from which the weights were learnt.
 
-    question       that was rated
+    question       question that the participants answered
     source         participants, time and place, in the words of the study's author
-    ratings        count
-    people         count
-    trajectories   count, distinct
-    error          cross-validated: root of the mean square, in the unit of the ratings, on trajectories left out
-    error_of_mean  likewise, of each person's mean
+    ratings        number of ratings
+    people         number of participants
+    trajectories   number of distinct trajectories
+    error          cross-validation error, in the unit of the ratings: root mean square on trajectories that were left
+                   out of the fit
+    error_of_mean  error, computed likewise, of predicting each participant's mean rating
     """
 
     question: str
@@ -58,7 +59,7 @@ class Source(NamedTuple):
     error_of_mean: float
 
     def __str__(self) -> str:
-        """Return the source in words."""
+        """Return a sentence that describes the ratings."""
         people = "1 person" if self.people == 1 else f"{self.people} people"
         asked = f"{self.ratings} ratings ({self.question}) of {self.trajectories} trajectories by {people}"
         off = f"{self.error:.3g}, of each person's mean {self.error_of_mean:.3g}"
@@ -66,7 +67,7 @@ class Source(NamedTuple):
 
 
 class LearntFile(dict[str, Any]):
-    """File of a learnt criterion as a saved front names it: its path and SHA-256."""
+    """Reference to the file of a learnt criterion, as in a saved front: path and SHA-256, hashable."""
 
     def __hash__(self) -> int:  # type: ignore[override]
         return hash((self["path"], *self["sha256"]))
@@ -77,14 +78,15 @@ class LearntFile(dict[str, Any]):
 class Learnt:
     """Weighted sum of other criteria, Σ w_j J_j, with weights w_j >= 0 learnt from ratings of trajectories.
 
-    file  written by :meth:`hpop.study.Fitted.save`; relative to the scenario
+    file  path of a file written by :meth:`hpop.study.Fitted.save`; relative to the scenario
 
-    The unit is that of the ratings (more is worse), up to a constant. All parts are sums, so the criterion adds up over
-    motions and every planner of sums takes it; weighted-sum-corridor needs convex parts. It requires what its parts
-    require, and has a gradient if all parts have one. Weights are never negative, since every part is a cost.
+    The unit is that of the ratings (higher is worse), up to a constant. All parts are sums over motions, so the
+    criterion is one too, and every planner that minimises sums can minimise it; weighted-sum-corridor also needs convex
+    parts. It requires all that its parts require, and has a gradient if all parts have one. Weights are never negative,
+    since every part is a cost.
 
-    ``source`` has the study behind the weights, and the error on trajectories from which they were not learnt. A saved
-    front names the file by its SHA-256.
+    ``source`` describes the study behind the weights, and the error on trajectories that were not used to learn them. A
+    saved front identifies the file by its SHA-256.
     """
 
     file: Annotated[Any, BesideScenario]
@@ -104,8 +106,8 @@ class Learnt:
         record = files.record(path, hashlib.sha256(data).hexdigest())
         if files.is_record(file) and list(file["sha256"]) != record["sha256"]:
             raise CriterionError(
-                f"learnt: {shown(str(path), 400)} has changed since this was saved: its SHA-256 differs. Restore the "
-                "file, or plan again"
+                f"learnt: {shown(str(path), 400)} has changed since the front was saved: its SHA-256 differs. Restore "
+                "the file, or plan again"
             )
         weighted, source = _read(data, path)
         parts = [criterion for _, criterion in weighted]
@@ -122,30 +124,36 @@ class Learnt:
             object.__setattr__(self, name, value)
 
     def cost(self, m: Motions) -> Column:
-        """Return the weighted sum (M,) of the parts' costs."""
+        """Return the weighted sum (M,) of the costs of all parts."""
         costs = [weight * part.cost(m) for weight, part in self.parts]
         return sum(costs[1:], costs[0])
 
     def __str__(self) -> str:
-        """Return the sum and its source in words."""
+        """Return the weighted sum as a formula, and a sentence on its source."""
         terms = " + ".join(f"{weight:.4g} {part.name}" for weight, part in self.parts)
         return f"{terms}, {self.source}"
 
 
 def checked_parts(weighted: Any) -> tuple[tuple[float, Criterion], ...]:
-    """Return pairs (weight, criterion); raise CriterionError for criteria that are no sums or occur twice."""
+    """Check the parts of a learnt criterion, pairs of weight and criterion, and return them.
+
+    Raises CriterionError for criteria that are not sums over motions, that occur twice or are learnt themselves.
+    """
     checked: list[tuple[float, Criterion]] = []
     for weight, spec in weighted:
         if isinstance(spec, Learnt) or spec == "learnt" or (isinstance(spec, Mapping) and "learnt" in spec):
             raise CriterionError(
-                "learnt: a part of a learnt criterion may not be learnt itself; list its parts instead"
+                "learnt: a part of a learnt criterion must not be learnt itself; list its parts instead"
             )
         part = make_criterion(spec)
         if part.aggregate != "sum":
-            hint = "leave it out" if part.integral is None else f"take {part.integral.name!r}, which does"
-            raise CriterionError(f"learnt: {part.name!r} ({part.aggregate}) does not add up along a trajectory; {hint}")
+            hint = "leave it out" if part.integral is None else f"use {part.integral.name!r}, which is one"
+            raise CriterionError(
+                f"learnt: each part must be a sum over motions, but {part.name!r} has the aggregate "
+                f"{part.aggregate!r}; {hint}"
+            )
         if part.name in [earlier.name for _, earlier in checked]:
-            raise CriterionError(f"learnt: each criterion may be part of it once, got {part.name!r} twice")
+            raise CriterionError(f"learnt: each criterion must occur once, got {part.name!r} twice; remove one")
         checked.append((float(real(f"the weight of {part.name}", weight, 0, MOST, error=CriterionError)), part))
     if not 0 < len(checked) <= MOST_PARTS:
         raise CriterionError(f"learnt: expected 1 to {MOST_PARTS} criteria, got {len(checked)}")
@@ -153,7 +161,7 @@ def checked_parts(weighted: Any) -> tuple[tuple[float, Criterion], ...]:
 
 
 def _path(file: Any) -> Any:
-    """Return the path of a file that is named by its path or by the record of a saved front."""
+    """Check the option ``file``, a path or the record of a file in a saved front, and return the path."""
     if files.is_record(file):
         try:
             return files.path_of(file, "file of the learnt criterion")
@@ -165,11 +173,11 @@ def _path(file: Any) -> Any:
 
 
 def _read(data: bytes, path: Any) -> tuple[tuple[tuple[float, Criterion], ...], Source]:
-    """Return the parts and the source in a file's bytes."""
+    """Read the parts and the source from the bytes of a learnt criterion's file; CriterionError if it is invalid."""
     try:
         schema, version, pieces, learnt = parts(parse(data), "the file", _TOP)
         if (schema, version) != (SCHEMA, VERSION):
-            raise ValueError(f"the schema {shown(schema)} of version {version}, not {SCHEMA} {VERSION}")
+            raise ValueError(f"schema {shown(schema)}, version {version}, instead of {SCHEMA}, version {VERSION}")
         entries = [parts(entry, "a part", _PART) for entry in pieces[: MOST_PARTS + 1]]
         weighted = checked_parts([(weight, spec) for spec, weight in entries])
         if not any(weight >= LEAST_WEIGHT for weight, _ in weighted):
@@ -182,9 +190,10 @@ def _read(data: bytes, path: Any) -> tuple[tuple[tuple[float, Criterion], ...], 
 
 
 def _source(values: list[Any]) -> Source:
+    """Check the values of the entry "learnt" of a file and return them as a source."""
     question, source, *numbers = values
     if max(len(question), len(source)) > MOST_LETTERS:
-        raise ValueError(f"words about the source of more than {MOST_LETTERS} letters")
+        raise ValueError(f"a question or source of more than {MOST_LETTERS} characters")
     *counts, error, of_mean = numbers
     whole_counts = [whole("a count", count, 0, 10**9, error=CriterionError) for count in counts]
     errors = [float(real("an error", value, 0, MOST, error=CriterionError)) for value in (error, of_mean)]
@@ -192,6 +201,7 @@ def _source(values: list[Any]) -> Source:
 
 
 def _refuse(path: Any, fault: str) -> NoReturn:
+    """Raise CriterionError for an invalid file of a learnt criterion."""
     raise CriterionError(
         f"learnt: {shown(str(path), 400)}: expected a file from hpop.study.fit_criterion(...).save(file); found: "
         f"{fault:.600}; learn it again"
@@ -199,7 +209,10 @@ def _refuse(path: Any, fault: str) -> NoReturn:
 
 
 def document(pieces: tuple[tuple[float, Mapping[str, Any]], ...], source: Source) -> dict[str, Any]:
-    """Return the content of a file, ready for JSON, from weights, described criteria, and the source."""
+    """Return the content of a learnt criterion's file, ready for JSON.
+
+    pieces  pairs of weight and criterion, as described by :func:`describe_criterion`
+    """
     return {
         "schema": SCHEMA,
         "version": VERSION,

@@ -1,6 +1,6 @@
-"""Visits of stops: which states are in the set of a stop, and which stops a trajectory visits, in what order and when.
+"""Visits of a tour's stops: which of them a trajectory visits, in what order and when.
 
-All of this is computed from the trajectory alone, whatever the planner.
+They are computed from the trajectory alone, in one way for all planners.
 """
 
 from __future__ import annotations
@@ -27,21 +27,23 @@ if TYPE_CHECKING:
     from hpop.world import World
     from hpop.world.content.content import Landmark
 
-TARGET_RADIUS = 0.05  # m: radius of the ball about a target, part of which should be visible
-RAYS = 37
-SAME = 1e-6  # m or s by which a position or a dwell may fall short
+TARGET_RADIUS = 0.05  # m: a target is visible if a part of the ball of this radius about it is visible
+RAYS = 37  # number of rays to this ball
+SAME = 1e-6  # m or s: tolerance of distances and of dwell times
 Weights = Mapping[str, float]
-"""Weights of optional stops, by name; 1 for those left out."""
+"""Weights of optional stops, by name; an optional stop without an entry has weight 1."""
 
 
 def landmark_seen(
     world: World, model: Model, camera: Pose, size: int, landmark: Landmark, *, far: float, fov: float | None = None
 ) -> BoolArray:
-    """Return whether the camera sees a landmark in each of its poses (N,): in view, in front, near and unobstructed.
+    """Return whether the camera sees a landmark from each of its poses (N,).
+
+    It does if the landmark is in the field of view, not hidden and near enough, and the camera is in front of it.
 
     size  number N of poses
-    far   m    range of sight in three dimensions
-    fov   rad  horizontal angle of view that replaces that of the model
+    far   m    largest distance, in three dimensions
+    fov   rad  horizontal angle of view instead of the model's; None for the model's
     """
     view = field_of_view(model, fov)
     if height_varies(model):
@@ -53,7 +55,7 @@ def landmark_seen(
 
 
 def hidden_targets(world: World, model: Model, states: States, target: tuple[float, float, float]) -> BoolArray:
-    """Return whether solids hide all of a ball about a target from cameras in states (N,)."""
+    """Return whether solids of the world hide a target (a small ball about it) from the camera in states (N,)."""
     pose = model.pose("camera", states)
     camera = rows((pose.x, pose.y, pose.z), states.size)
     share = surfaces_of(world).blocked(
@@ -63,9 +65,11 @@ def hidden_targets(world: World, model: Model, states: States, target: tuple[flo
 
 
 def in_stop(stop: TourStop, world: World, model: Model, states: States) -> BoolArray:
-    """Return which states (N,) are in the set of a stop of a tour that was checked by :meth:`hpop.goals.Tour.on`.
+    """Return a mask (N,) of the states that count as being at a stop of a tour.
 
-    A state with a free coordinate (NaN) is in the set if its position suffices.
+    At such a state the robot is near enough to the stop's position, sees its landmark, or reaches its target. The tour
+    must have been checked by :meth:`hpop.goals.Tour.on`. A state with an open coordinate (NaN) counts only for stops
+    that are given by a position.
     """
     if stop.at is not None:
         x, y = stop.at
@@ -82,7 +86,7 @@ def in_stop(stop: TourStop, world: World, model: Model, states: States) -> BoolA
 
 
 def _reached_and_seen(target: Goal, world: World, model: Model, states: States) -> BoolArray:
-    """Return which states (N,) reach a goal from which its target, if it has one, is visible."""
+    """Return a mask (N,) of the states that reach a goal and see the position it looks at, if it has one."""
     found = np.zeros(states.size, dtype=bool)
     for goal in target.alternatives():
         there = np.flatnonzero(goal.reached(model, states) & ~found)
@@ -94,10 +98,10 @@ def _reached_and_seen(target: Goal, world: World, model: Model, states: States) 
 
 @dataclass(frozen=True)
 class Visit:
-    """Visit of a stop.
+    """Visit of one stop of a tour.
 
     stop        index of the stop in its tour
-    begin, end  s  the robot stands in the stop's set from begin to end; a visit without dwell has begin = end
+    begin, end  s  the robot stands at the stop from begin to end; equal for a stop without dwell time
     """
 
     stop: int
@@ -107,10 +111,10 @@ class Visit:
 
 @dataclass(frozen=True)
 class Visits:
-    """Visits of a trajectory in order of time, with the least weight of missed optional stops that it allows.
+    """Visits of a tour's stops by one trajectory, in order of time.
 
-    missed    weight of the optional stops that are not visited
-    complete  whether all stops that are not optional are visited
+    missed    sum of the weights of the optional stops that are not visited; visits are assigned so that it is smallest
+    complete  True if all stops that are not optional are visited
     """
 
     visits: tuple[Visit, ...] = ()
@@ -118,13 +122,18 @@ class Visits:
     complete: bool = True
 
     def described(self, tour: Tour) -> list[dict[str, Any]]:
-        """Return the visits as JSON: name of the stop, begin and end in s."""
+        """Return the visits for JSON: for each, the name of the stop, begin and end in s."""
         return [{"stop": tour.names[v.stop], "begin": v.begin, "end": v.end} for v in self.visits]
 
 
 @dataclass(frozen=True)
 class _Progress:
-    """Progress along a trajectory: visits so far, weight of skipped stops, and time used of the current stand, s."""
+    """Partial assignment of visits to a trajectory.
+
+    missed  weight of the optional stops that were skipped so far
+    used    s, time of the current standstill that is already used for visits
+    visits  visits so far
+    """
 
     missed: float = 0.0
     used: float = 0.0
@@ -132,14 +141,15 @@ class _Progress:
 
 
 def visits_of(tour: Tour, trajectory: Trajectory, inside: BoolArray, weights: Weights) -> Visits:
-    """Return the visits of a trajectory, as early as possible among those with the least weight of missed stops.
+    """Return the visits of a trajectory: those that miss the smallest weight of optional stops, as early as possible.
 
-    Stops are visited one after another, in the order of the tour: each takes its dwell of the time for which the robot
-    stands in its set. A stop without dwell is visited where a motion begins or ends.
+    Stops are visited one after another, in the order of the tour. A visit takes the stop's dwell time, for which the
+    robot must stand at the stop. A stop without dwell time can be visited at any state where a motion begins or ends.
 
-    inside  (s, n+1)  whether each state of the trajectory is in the set of each stop
+    inside   (s, n+1)  whether each of the n+1 states of the trajectory counts as being at each of s stops
+    weights            weights of optional stops
     """
-    best = {0: _Progress()}  # by layer
+    best = {0: _Progress()}  # by layer of the tour, which stands for the set of stops that have been visited
     for state, begin, lasts in _stands(trajectory):
         here = set(np.flatnonzero(inside[:, state]).tolist())
         if not here:
@@ -172,12 +182,15 @@ def visits_of(tour: Tour, trajectory: Trajectory, inside: BoolArray, weights: We
 
 
 def weight_of(tour: Tour, stops: Sequence[int], weights: Weights) -> float:
-    """Return the sum of the weights of some optional stops, given by index."""
+    """Return the sum of the weights of some optional stops, given by their indices in the tour."""
     return sum(weights.get(tour.names[i], 1.0) for i in stops)
 
 
 def _stands(trajectory: Trajectory) -> Iterator[tuple[int, float, float]]:
-    """Yield the states at which motions begin or end, with the time, s, and for how long the robot stands there, s."""
+    """Yield index and time, s, of each state at which a motion begins or ends, and how long the robot stands there, s.
+
+    A hold counts as standing at its first state.
+    """
     times, kinds = trajectory.times.tolist(), trajectory.kinds
     first = 0
     for state in range(len(kinds) + 1):
@@ -189,7 +202,7 @@ def _stands(trajectory: Trajectory) -> Iterator[tuple[int, float, float]]:
 def all_visits(
     tour: Tour, world: World, trajectories: Sequence[Trajectory], weights: Weights | None = None
 ) -> list[Visits]:
-    """Return the visits of trajectories of one model."""
+    """Return the visits of a tour's stops by each of some trajectories of one model."""
     if not trajectories:
         return []
     model = trajectories[0].model

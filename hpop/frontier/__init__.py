@@ -1,7 +1,8 @@
 """Pareto fronts of any objects: keep non-dominated points, choose from them, measure and save them.
 
-The package works on cost arrays and opaque items; it knows nothing of robots. All costs are minimised. Functions take
-arrays (n, k); :class:`Front` holds costs together with the items that have these costs.
+The package works on arrays of costs and on items of any type, and knows nothing of robots. All costs are minimised.
+Functions take arrays (n, k) of n points and k criteria. A :class:`Front` holds costs together with the items that have
+these costs.
 
 >>> import hpop.frontier
 >>> Y = [[1.0, 9.0], [3.0, 3.0], [9.0, 1.0], [9.0, 9.0]]

@@ -17,17 +17,20 @@ T = TypeVar("T")
 
 @runtime_checkable
 class Preferring(Protocol):
-    """Preference of a person over the rows of a front, such as :class:`hpop.study.Preference`."""
+    """Model of which points of a front a person prefers, such as :class:`hpop.study.Preference`."""
 
     def row(self, front: Any, /) -> int:
         """Return the row of a front that the person prefers."""
 
     def expected(self, front: Any, costs: FloatArray, /) -> FloatArray:
-        """Return the expected dislike (m,), at least 0, of costs (m, k) in the columns of a front; less is better."""
+        """Return how much the person is expected to dislike costs (m, k), as numbers (m,) >= 0; less is better.
+
+        The k columns are those of the front.
+        """
 
 
 class Choices(Generic[T]):
-    """Base class of fronts, with a method for each way to choose a point.
+    """Base class of fronts: one method for each way to choose a point, such as the knee.
 
     All methods raise FrontError for a front without points.
     """
@@ -42,7 +45,7 @@ class Choices(Generic[T]):
     certificate: str
 
     def _point(self, row: int) -> Point[T]:
-        """Return the point of a row."""
+        """Return the point in a row of the front."""
         raise NotImplementedError
 
     def ideal(self) -> FloatArray:
@@ -56,14 +59,14 @@ class Choices(Generic[T]):
         return cast(FloatArray, self.costs.max(axis=0))
 
     def knee(self) -> Point[T]:
-        """Return the best compromise: the point deepest below all mixtures of the extreme points.
+        """Return the knee, the best compromise: the point that bulges most towards the ideal.
 
-        The definition is that of :func:`hpop.frontier.choosing.knee`.
+        :func:`hpop.frontier.choosing.knee` has the definition.
         """
         return self._point(choosing.knee(self._counts()))
 
     def best(self, name: str) -> Point[T]:
-        """Return the point with the least value of one criterion; ties go to the other criteria in their order."""
+        """Return the point with the smallest cost in one criterion; the other criteria break ties, in their order."""
         return self.lexicographic([name])
 
     def lexicographic(self, order: Sequence[str]) -> Point[T]:
@@ -73,24 +76,29 @@ class Choices(Generic[T]):
         """
         named = isinstance(order, Sequence) and bool(order) and all(isinstance(name, str) for name in order)
         if isinstance(order, str) or not named or len(set(order)) != len(order):
-            raise FrontError(f"expected a list of distinct criteria, got {shown(order)}")
+            raise FrontError(
+                f"order must be a list of distinct criteria, such as ['turns', 'length'], got {shown(order)}"
+            )
         columns = self._columns(order)
         return self._point(choosing.lexicographic(self._counts(), columns))
 
     def select(self, weights: Mapping[str, float] | None = None, *, preference: Preferring | None = None) -> Point[T]:
-        """Return the point with the least weighted sum of normalised costs, or the point that a person prefers.
+        """Return the point with the smallest weighted sum of normalised costs, or the point that a person prefers.
 
-        Weights are finite, not negative, and not all zero; criteria without a weight do not count:
-        ``front.select(weights={"turns": 2, "length": 1})``. The weights of a preference are per unit of a cost, so that
-        they mean the same on each front: ``front.select(preference=person)``, see :class:`hpop.study.Preference`.
+        Weights are finite, not negative, and not all zero; criteria without a weight do not count. An example is
+        ``front.select(weights={"turns": 2, "length": 1})``. A preference (:class:`hpop.study.Preference`) has weights
+        per unit of cost, which do not depend on the front: ``front.select(preference=person)``.
         """
         if (weights is None) == (preference is None):
             raise FrontError(
-                "select takes weights, such as {'turns': 2, 'length': 1}, or a preference: give one of the two"
+                "select needs either weights, such as {'turns': 2, 'length': 1}, or a preference, but got "
+                f"{'neither' if weights is None else 'both'}; give exactly one"
             )
         if preference is not None:
             if not isinstance(preference, Preferring):
-                raise FrontError(f"expected a preference, such as Preference.load(file), got {shown(preference)}")
+                raise FrontError(
+                    f"preference must be a preference, such as Preference.load(file), got {shown(preference)}"
+                )
             self._require_points()
             return self._point(preference.row(self))
         assert weights is not None
@@ -99,10 +107,10 @@ class Choices(Generic[T]):
         return self._point(choosing.weighted_sum(self._counts(), vector))
 
     def nearest(self, wishes: Mapping[str, float]) -> Point[T]:
-        """Return the point nearest to wished values of criteria or of reported values.
+        """Return the point nearest to the values that a user wishes for, in criteria or reported values.
 
-        Only named values count, each scaled by its range over the front. Ties go to the point with the least sum of the
-        other criteria. Example: ``front.nearest({"turns": 3})``.
+        Only the named columns count, each scaled by its range over the front. Ties go to the point with the smallest
+        sum of the other criteria. Example: ``front.nearest({"turns": 3})``.
         """
         values = choosing.named_numbers("wishes", wishes)
         columns = [choosing.column_index(name, self.names + self.reported_names) for name in wishes]
@@ -113,9 +121,9 @@ class Choices(Generic[T]):
         return self._point(choosing.nearest(table[:, columns], values / steps[columns], counts[:, unnamed]))
 
     def reference_point(self, aspirations: Mapping[str, float]) -> Point[T]:
-        """Return the point that is best with respect to aspiration levels; it exceeds them where it can.
+        """Return the point that meets aspiration levels (desired costs) best, or exceeds them most if it can.
 
-        Augmented Chebyshev achievement function (Wierzbicki 1980), as in :func:`hpop.frontier.choosing.achievement`.
+        It minimises the augmented Chebyshev achievement function (:func:`hpop.frontier.choosing.achievement`).
         Example: ``front.reference_point({"turns": 3, "length": 20.0})``.
         """
         values = choosing.named_numbers("aspirations", aspirations)
@@ -127,7 +135,7 @@ class Choices(Generic[T]):
         return [choosing.column_index(name, self.names, self.reported_names) for name in names]
 
     def _counts(self) -> FloatArray:
-        """Return the costs (n, k) in quanta, as float64."""
+        """Return the costs (n, k) as whole numbers of quanta, in float64."""
         self._require_points()
         return self.integers.astype(np.float64)
 
@@ -135,6 +143,6 @@ class Choices(Generic[T]):
         """Raise FrontError if the front is empty."""
         if not len(self.costs):
             raise FrontError(
-                f"the front has no points to choose from; its status is {self.status!r}, its certificate: "
-                f"{self.certificate:.400}"
+                f"a point can only be chosen from a front with points, but this one has none; its status is "
+                f"{self.status!r}, and its certificate says why: {self.certificate:.400}"
             )

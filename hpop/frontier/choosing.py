@@ -1,9 +1,9 @@
-"""Choice of one point of a front, such as the knee: functions of cost arrays that return a row index.
+"""Choice of one point of a front, such as the knee: functions that take arrays of costs and return a row number.
 
-Each criterion is scaled by its range over the front, from the ideal (the best of each column) to the nadir (the worst
-of each column over the non-dominated rows), so units do not matter. A column that is constant over the front cannot
-distinguish points and is left out. Scaled values that differ only by rounding are ties; every function states how it
-breaks ties, and finally the first row is taken.
+Each criterion is scaled by its range over the front, so that units do not matter. The range goes from the ideal (the
+best value of each column) to the nadir (the worst value of each column over the non-dominated rows). A column that is
+constant over the front cannot distinguish points and is left out. Scaled values that differ only by rounding are ties.
+Every function states how it breaks ties; of rows that are still tied, the first is taken.
 
 Methods of :class:`hpop.frontier.Front` with the same names call these functions with costs in whole quanta.
 """
@@ -23,47 +23,47 @@ from hpop.base.text import shown
 from hpop.frontier.dominance import BoolArray, FloatArray, finite_costs, is_nondominated
 from hpop.frontier.points import FrontError, UnknownColumnError
 
-# Scaled values are of order one; differences below this are rounding.
+# Scaled values are of order one; differences below this are rounding errors.
 TIE = 1e-12
-# A range below this part of the values' size is rounding: the column is constant.
+# A column whose range is below this share of its values counts as constant.
 ROUNDING = 64 * float(np.finfo(np.float64).eps)
 # Weight of the sum in the augmented Chebyshev function: small beside the maximum, enough to break its ties.
 AUGMENTATION = 1e-4
-MOST_LETTERS = 100  # of a name for which near names are suggested
-# Depths are of order one; differences below this are noise of the linear programs.
+MOST_LETTERS = 100  # number of characters of a name that are compared with known names
+# Depths (see `knee`) are of order one; differences below this are errors of the linear programs.
 NOISE = 1e-9
-ZERO = 1e-12  # in a tableau with entries of order one
+ZERO = 1e-12  # entries of a simplex tableau below this count as 0
 
 
 def column_index(name: str, names: Sequence[str], reported: Sequence[str] = ()) -> int:
-    """Return the column of a name; UnknownColumnError for an unknown name, with all names and the nearest one.
+    """Return the column index of a criterion; UnknownColumnError, with all names and the nearest one, if unknown.
 
-    Names in ``reported`` are values that a front reports, but by which no point can be chosen; the error says so.
+    reported  names of values that a front reports but that cannot choose a point; the error for them says so
 
     >>> column_index("length", ["turns", "length"])
     1
     """
     if not isinstance(name, str):
-        raise UnknownColumnError(f"a criterion is given by its name, one of {', '.join(names)}, got {shown(name)}")
+        raise UnknownColumnError(f"a criterion must be given by its name, one of {', '.join(names)}, got {shown(name)}")
     if name in names:
         return list(names).index(name)
     if name in reported:
         raise UnknownColumnError(
-            f"{shown(name)} is only reported; points are the best in {', '.join(names)}. Choose by these, or by "
-            f"nearest({{{shown(name)}: ...}}), or make a front with a search that minimises it"
+            f"points can be chosen by the criteria that were minimised, {', '.join(names)}, but {shown(name)} is only "
+            f"reported; choose by those, or by nearest({{{shown(name)}: ...}}), or plan a front that minimises it"
         )
     near = difflib.get_close_matches(name[:MOST_LETTERS], names, n=1)
     hint = f" Did you mean {near[0]!r}?" if near else ""
-    raise UnknownColumnError(f"the front has no {shown(name)}.{hint} Known: {', '.join(names)}")
+    raise UnknownColumnError(f"the front has no column {shown(name)}.{hint} Its columns: {', '.join(names)}")
 
 
 def named_numbers(what: str, values: Mapping[str, float]) -> FloatArray:
-    """Return the values of a mapping; FrontError if it is empty or has a value that is no finite number.
+    """Check an argument that maps criteria to finite numbers, and return the numbers (m,).
 
-    ``what`` names the argument in the error.
+    what  name of the argument in the message of a FrontError
     """
     if not isinstance(values, Mapping) or not values:
-        raise FrontError(f"expected {what} by criterion, such as {{'length': 1.0}}, got {shown(values)}")
+        raise FrontError(f"{what} must map criteria to numbers, such as {{'length': 1.0}}, got {shown(values)}")
     for name, value in values.items():
         if not is_number(value) or not math.isfinite(value):
             raise FrontError(f"{what} must be finite numbers, got {shown(value)} for {shown(name)}")
@@ -71,14 +71,14 @@ def named_numbers(what: str, values: Mapping[str, float]) -> FloatArray:
 
 
 def normalised(Y: FloatArray, ideal: FloatArray, nadir: FloatArray) -> FloatArray:
-    """Scale costs so that the ideal becomes 0 and the nadir 1; columns in which both are equal become 0.
+    """Scale the costs so that the ideal becomes 0 and the nadir 1; columns in which these are equal become 0.
 
     Parameters
     ----------
     Y : (n, k) array
         Costs.
     ideal, nadir : (k,) array
-        Costs that become 0 and 1; to compare two fronts use equal ones for both.
+        Costs that become 0 and 1. To compare two fronts, use one ideal and one nadir for both.
 
     Examples
     --------
@@ -92,7 +92,7 @@ def normalised(Y: FloatArray, ideal: FloatArray, nadir: FloatArray) -> FloatArra
 
 
 def weighted_sum(Y: FloatArray, weights: FloatArray) -> int:
-    """Return the row with the least weighted sum of normalised costs; ties go to the least plain sum.
+    """Return the row with the smallest weighted sum of normalised costs; ties go to the smallest sum without weights.
 
     The result is a supported point: a point on the convex hull of the front.
 
@@ -110,9 +110,9 @@ def weighted_sum(Y: FloatArray, weights: FloatArray) -> int:
 
 
 def lexicographic(Y: FloatArray, order: Sequence[int]) -> int:
-    """Return the best row in the first column of ``order``; the second column breaks ties, and so on.
+    """Return the row with the smallest value in the first column of ``order``; the second column breaks ties, etc.
 
-    Columns that ``order`` leaves out follow in their own order. Values are compared exactly.
+    Columns that are not in ``order`` come after it, from left to right. Values are compared exactly.
 
     Parameters
     ----------
@@ -131,19 +131,19 @@ def lexicographic(Y: FloatArray, order: Sequence[int]) -> int:
 
 
 def nearest(named: FloatArray, wishes: FloatArray, rest: FloatArray) -> int:
-    """Return the row nearest to the wishes: least Euclidean distance, each column scaled by its range over the front.
+    """Return the row nearest to wished values, by Euclidean distance with each column scaled by its range.
 
-    A value better than its wish counts as distance too; :func:`achievement` rewards it instead. Ties go to the
-    least sum of the other normalised costs.
+    A value better than wished counts as distance too, while :func:`achievement` rewards it. Ties go to the row with the
+    smallest sum of the other normalised costs.
 
     Parameters
     ----------
     named : (n, m) array
-        The columns that a wish names.
+        Columns for which there is a wish.
     wishes : (m,) array
-        The values wished for, in the units of ``named``.
+        Wished values, in the units of ``named``.
     rest : (n, k) array
-        The costs that no wish names.
+        Costs for which there is no wish.
     """
     distance = np.linalg.norm(_scaled_differences(named, wishes), axis=1)  # (n,)
     return least(distance, scaled(rest).sum(axis=1))
@@ -152,19 +152,19 @@ def nearest(named: FloatArray, wishes: FloatArray, rest: FloatArray) -> int:
 def achievement(Y: FloatArray, columns: Sequence[int], aspirations: FloatArray) -> int:
     """Return the best row with respect to a reference point, by the augmented Chebyshev achievement function.
 
-    Minimises ``max_j (y_j - r_j) / range_j + rho * sum_i z_i`` with ``rho = 1e-4``, the maximum over the
-    columns that have an aspiration, the sum over all normalised costs (Wierzbicki 1980, "The use of reference
-    objectives in multiobjective optimization"). Unlike a distance it also improves on a reference point that
-    can be beaten, and unlike a weighted sum it reaches points that are not supported.
+    The row minimises ``max_j (y_j - r_j) / range_j + rho * sum_i z_i`` with ``rho = 1e-4``. The maximum is over the
+    columns that have an aspiration level r_j, the sum over all normalised costs z_i (Wierzbicki 1980, "The use of
+    reference objectives in multiobjective optimization"). Unlike a distance, it goes beyond a reference point that can
+    be beaten. Unlike a weighted sum, it can reach points that are not on the convex hull.
 
     Parameters
     ----------
     Y : (n, k) array
         Mutually non-dominated costs, at least one row.
     columns : sequence of int
-        The columns that have an aspiration.
+        Columns that have an aspiration level.
     aspirations : (m,) array
-        The reference point, one value for each of ``columns``, in the units of ``Y``.
+        Reference point: an aspiration level for each of ``columns``, in the units of ``Y``.
     """
     gaps = _scaled_differences(Y[:, list(columns)], aspirations)  # (n, columns that vary)
     worst = gaps.max(axis=1) if gaps.shape[1] else np.zeros(len(Y))
@@ -172,16 +172,16 @@ def achievement(Y: FloatArray, columns: Sequence[int], aspirations: FloatArray) 
 
 
 def differing(Y: FloatArray, count: int, *, always: Sequence[int] = ()) -> list[int]:
-    """Return the rows that differ most in their costs, scaled by their ranges: farthest-point selection.
+    """Return some rows whose costs, scaled by their ranges, differ as much as possible, by farthest-point selection.
 
     Parameters
     ----------
     Y : (n, k) array
         Costs, at least one row.
     count : int
-        Number of rows; all rows if there are no more. Rows of ``always`` are returned even if they are more.
+        Number of rows to return, at most all. All rows of ``always`` are returned even if they are more.
     always : sequence of int
-        Rows that are chosen first; without any, the first row of ``Y`` is.
+        Rows that are chosen first; by default the first row of ``Y``.
 
     Examples
     --------
@@ -193,10 +193,11 @@ def differing(Y: FloatArray, count: int, *, always: Sequence[int] = ()) -> list[
 
 
 def farthest(distances: Callable[[int], FloatArray], size: int, count: int, *, always: Sequence[int] = ()) -> list[int]:
-    """Return indices of points, each the farthest from all points chosen before; ties go to the first.
+    """Choose points one by one, each as far as possible from those already chosen, and return their indices.
 
-    Gonzalez 1985, "Clustering to minimize the maximum intercluster distance": no choice of equally many points leaves
-    the remaining ones less than half as far from their nearest chosen one.
+    Ties go to the first point. With this choice, the largest distance of any point to the nearest chosen one is at most
+    twice the smallest that any choice of equally many points can give (Gonzalez 1985, "Clustering to minimize the
+    maximum intercluster distance").
 
     Parameters
     ----------
@@ -216,12 +217,12 @@ def farthest(distances: Callable[[int], FloatArray], size: int, count: int, *, a
 
 
 def scaled(Y: FloatArray) -> FloatArray:
-    """Return costs (n, k), normalised by their own ideal and nadir."""
+    """Return costs (n, k) scaled by their own ideal and nadir to the range from 0 to 1."""
     return normalised(Y, Y.min(axis=0), Y.max(axis=0))
 
 
 def _scaled_differences(Y: FloatArray, wishes: FloatArray) -> FloatArray:
-    """Return the differences of costs and wishes, scaled by ranges, without columns that do not vary."""
+    """Return costs minus wishes, each column scaled by its range; constant columns are left out."""
     low, high = Y.min(axis=0), Y.max(axis=0)
     varies = normalised(Y, low, high).any(axis=0)
     gaps: FloatArray = (Y[:, varies] - wishes[varies]) / (high - low)[varies]
@@ -229,7 +230,11 @@ def _scaled_differences(Y: FloatArray, wishes: FloatArray) -> FloatArray:
 
 
 def least(*keys: FloatArray, tie: float = TIE) -> int:
-    """Return the first row with the least first key; the second key breaks ties, which are values within ``tie``."""
+    """Return the row with the smallest first key; the second key breaks ties, and so on, finally the row number.
+
+    keys  (n,) each
+    tie   relative difference within which two values are tied
+    """
     rows = np.arange(len(keys[0]))
     for key in keys:
         lowest = key[rows].min()
@@ -239,23 +244,24 @@ def least(*keys: FloatArray, tie: float = TIE) -> int:
 
 @checked_arguments
 def knee(Y: ArrayLike) -> int:
-    """Return the row that lies deepest below the extreme points' convex hull, towards the ideal.
+    """Return the row of the knee: the one that lies deepest below the convex hull of the extreme points.
 
-    Costs are normalised. The extreme points ``E`` are the best row of each criterion, and for each axis the row nearest
-    to it, which has the least ``max(z_i, i != j)``. The depth of a row ``z`` is the largest number that can be added to
-    all its costs before a mixture of extreme points is no worse in any of them::
+    "Below" means towards the ideal. Costs are normalised. The extreme points ``E`` are the best row of each criterion,
+    and for each axis j the row nearest to it, which has the smallest ``max(z_i, i != j)``. The depth of a row ``z`` is
+    the largest number that can be added to all its costs before some mixture of extreme points is as good in all of
+    them::
 
         depth(z) = max t  such that  z + t (1, ..., 1) <= E' b,  b >= 0,  sum(b) = 1
 
     For two criteria this is, up to a factor, the distance below the straight line between the ends of the front (Das
-    1999, "On characterizing the knee of the Pareto curve based on normal-boundary intersection"). Deviations from Das:
-    "<=" stands for "=", as in goal attainment, so that every row has a depth; and the hull is not of the best rows
-    alone, several of them coinciding with three and more criteria, but also of the rows nearest to the axes (Deb
-    and Jain 2014).
+    1999, "On characterizing the knee of the Pareto curve based on normal-boundary intersection"). There are two
+    deviations from Das. First, "<=" takes the place of "=", as in goal attainment, so that every row has a depth.
+    Second, the hull contains not only the best rows of the criteria, several of which coincide if there are three or
+    more criteria, but also the rows nearest to the axes (Deb and Jain 2014).
 
-    The best row of a criterion is no compromise: it is the knee only if all other rows have depths below zero, in
-    fronts that nowhere bulge towards the ideal. Ties go to the least worst scaled cost, so a straight front gives its
-    middle. A single row is its own knee.
+    The best row of a criterion is no compromise. It is the knee only if all other rows have negative depths, in fronts
+    that nowhere bulge towards the ideal. Ties go to the row whose worst scaled cost is smallest, so the knee of a
+    straight front is its middle. A single row is its own knee.
 
     Parameters
     ----------
@@ -271,14 +277,14 @@ def knee(Y: ArrayLike) -> int:
     """
     matrix = finite_costs(Y)
     if not len(matrix):
-        raise FrontError("no rows to choose a knee from")
+        raise FrontError("Y must have at least one row to choose a knee from, got none; plan or filter again")
     rows = np.flatnonzero(is_nondominated(matrix))
     rows = rows[np.lexsort(matrix[rows].T[::-1])]  # so that ties do not depend on the order of the rows
     return int(rows[_knee(matrix[rows])])
 
 
 def _knee(Y: FloatArray) -> int:
-    """Return the knee of mutually non-dominated costs."""
+    """Return the row of the knee among mutually non-dominated costs (n, k)."""
     z = scaled(Y)
     z = z[:, z.max(axis=0) > 0]  # (n, m): the columns that vary
     if z.shape[1] == 0:
@@ -297,11 +303,11 @@ def _knee(Y: FloatArray) -> int:
 
 
 def _deepest(z: FloatArray, candidates: BoolArray, extremes: FloatArray) -> tuple[int, float]:
-    """Return the candidate row with the greatest depth, and this depth.
+    """Return the candidate row with the largest depth (see :func:`knee`), and this depth.
 
     The dual solution ``w`` of the linear program of one row bounds the depth of every row: ``depth(z) <= max(E w) - w
-    z``. So the row with the greatest bound is solved repeatedly, until its bound is its depth; a few programs suffice
-    for thousands of rows.
+    z``. So the program of the row with the largest bound is solved, the bounds are updated, and this is repeated until
+    a bound equals its depth. A few programs suffice for thousands of rows.
     """
     rows = np.flatnonzero(candidates)
     bound = extremes.mean(axis=1).max() - z[rows].mean(axis=1)
@@ -311,17 +317,17 @@ def _deepest(z: FloatArray, candidates: BoolArray, extremes: FloatArray) -> tupl
         if depth >= bound[first] - NOISE:
             return int(rows[first]), depth
         bound = np.minimum(bound, (extremes @ weights).max() - z[rows] @ weights)
-        bound[first] = depth  # exactly, without the noise of the program
+        bound[first] = depth  # exactly, without the error of the program
 
 
 def _depth(point: FloatArray, extremes: FloatArray) -> tuple[float, FloatArray]:
-    """Return the depth of a point, and weights (m,) of the criteria that prove it; they are not negative and sum to 1.
+    """Return the depth of a point (see :func:`knee`), and weights (m,) >= 0 of the criteria, with sum 1, that prove it.
 
-    The depth is the value of a game: one player mixes extreme points, the other weighs criteria. With all payoffs above
-    zero its linear program is max sum(u) such that payoffs u <= 1, u >= 0; the optimum has the weights u / sum(u) and
-    the value 1 / sum(u) (Dantzig 1951, "A proof of the equivalence of the programming problem and the game problem").
-    Its first tableau is feasible; pivots follow Bland (1977), so they never cycle. The solver of SciPy would do as
-    well, but its import takes longer than a search.
+    The depth is the value of a matrix game: one player mixes extreme points, the other chooses weights of criteria. If
+    all payoffs are positive, its linear program is max sum(u) such that payoffs u <= 1, u >= 0. The optimum has the
+    weights u / sum(u) and the value 1 / sum(u) (Dantzig 1951, "A proof of the equivalence of the programming problem
+    and the game problem"). It is solved by the simplex method, from a first tableau that is feasible, with the pivot
+    rule of Bland (1977), which never cycles. SciPy has a solver too, but importing it takes longer than a search.
     """
     payoffs = extremes - point
     shift = 1.0 - payoffs.min()

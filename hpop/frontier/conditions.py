@@ -1,7 +1,8 @@
 """Selection of points of a front by conditions such as turns <= 5, by slices, and by masks.
 
-Costs are compared in whole quanta, so a length of 30.000000000000004 m is not longer than 30 m. Reported values have no
-quanta and count as equal if they differ only by rounding. If no point meets the conditions, the nearest one is named.
+Costs are compared in whole quanta (smallest differences that count), so a length of 30.000000000000004 m is not longer
+than 30 m. Reported values have no quanta and count as equal if they differ only by rounding. If no point meets the
+conditions, the nearest one is named.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
     "!=": operator.ne,
 }
 FORM = re.compile(r"\s*([<>=!~]*)(.*)", re.DOTALL)
-ALIKE = 8 * float(np.finfo(np.float64).eps)  # relative rounding error of a bound counted in quanta
+ALIKE = 8 * float(np.finfo(np.float64).eps)  # relative rounding error of a bound divided by a quantum
 INDEX_FORMS = "index a front by a row, a slice such as [:5], or a boolean mask (n,) such as front.costs[:, 0] <= 5"
 
 
@@ -45,7 +46,7 @@ class ColumnCondition(NamedTuple):
 
     @classmethod
     def of(cls, name: str, given: Any) -> ColumnCondition:
-        """Parse a condition on a column from text, such as "<=5", or from a number that the value must equal.
+        """Parse a condition on a column from a text such as "<=5", or from a number, which means equality.
 
         >>> print(ColumnCondition.of("turns", "<=5"), ColumnCondition.of("length", "> 2.5e1"), sep=", ")
         turns <= 5, length > 25
@@ -68,7 +69,7 @@ class ColumnCondition(NamedTuple):
         return f"{self.name} {self.comparison} {self.bound:.12g}"
 
     def met(self, values: FloatArray, quantum: float) -> BoolArray:
-        """Mark the values (n,) that meet the condition, compared in whole quanta; quantum 0 compares them exactly."""
+        """Mark the values (n,) that meet the condition; they are compared in whole quanta, or exactly for quantum 0."""
         bound, slack = self.bound, choosing.ROUNDING * abs(self.bound)
         if quantum:
             values, bound = np.rint(values / quantum), self.bound / quantum
@@ -78,18 +79,19 @@ class ColumnCondition(NamedTuple):
 
 
 def conditions(given: Mapping[str, Any] | None, named: Mapping[str, Any]) -> tuple[ColumnCondition, ...]:
-    """Parse conditions from a dict, needed for names that are no Python names, and from keywords.
+    """Parse the conditions that a user gives as a dict (``given``), as keyword arguments (``named``), or both.
 
     Raises FrontError for an invalid condition, or if there is none.
     """
     if given is not None and not isinstance(given, Mapping):
-        raise FrontError(f"expected conditions such as turns='<=5', or a dict of them, got {shown(given)}")
+        raise FrontError(f"conditions must be keywords such as turns='<=5', or a dict, got {shown(given)}")
     wanted = [*(given or {}).items(), *named.items()]
     if not wanted:
-        raise FrontError("expected a condition at least, such as turns='<=5'")
+        raise FrontError("at least one condition must be given, such as turns='<=5', got none")
     if len({name for name, _ in wanted}) < len(wanted):
         raise FrontError(
-            f"each name may have one condition, got two for {shown(sorted(set(given or {}) & set(named)))}"
+            f"each name must have one condition, got two for {shown(sorted(set(given or {}) & set(named)))}; "
+            "give one of them"
         )
     return tuple(ColumnCondition.of(name, bound) for name, bound in wanted)
 
@@ -103,7 +105,7 @@ def met(front: Front[Any], wanted: Sequence[ColumnCondition]) -> BoolArray:
 
 
 def nearest(front: Front[Any], wanted: Sequence[ColumnCondition]) -> int:
-    """Return the row nearest to the conditions: least Euclidean distance, with columns scaled by their ranges."""
+    """Return the row that misses the conditions least, by Euclidean distance with columns scaled by their ranges."""
     gaps = []
     for condition in wanted:
         values, quantum = _column(front, condition.name)
@@ -113,37 +115,40 @@ def nearest(front: Front[Any], wanted: Sequence[ColumnCondition]) -> int:
 
 
 def in_words(front: Front[Any], wanted: Sequence[ColumnCondition]) -> str:
-    """Return the conditions as text for a certificate; if no point meets them, the text names the nearest point."""
+    """Return the conditions as a text for a certificate; if no point meets them, the text names the nearest point."""
     words = " and ".join(map(str, wanted))
     if not len(front) or met(front, wanted).any():
         return words
     row = nearest(front, wanted)
     values = (f"{c.name} {_column(front, c.name)[0][row]:.6g}" for c in wanted)
-    return f"{words}, which none has: the nearest, point {row}, has {', '.join(dict.fromkeys(values))}"
+    return f"{words}, which no point meets: the nearest, point {row}, has {', '.join(dict.fromkeys(values))}"
 
 
 def _read(name: str, text: str) -> tuple[str, float]:
+    """Split the text of a condition on a column into its comparison and its number; FrontError if it is invalid."""
     comparison, number = FORM.fullmatch(text).groups()  # type: ignore[union-attr]  # it takes any text
     if comparison not in OPERATORS:
         given = f"{comparison!r} in {shown(text)}" if comparison else shown(text)
         raise FrontError(
-            f"a condition on {shown(name)} begins with one of {', '.join(OPERATORS)}, as in '<=5', got {given}"
+            f"a condition on {shown(name)} must begin with one of {', '.join(OPERATORS)}, as in '<=5', got {given}"
         )
     try:
         return comparison, float(number)
     except ValueError:
-        raise FrontError(f"a condition on {shown(name)} ends with a number, as in '<=5', got {shown(text)}") from None
+        raise FrontError(
+            f"a condition on {shown(name)} must end with a number, as in '<=5', got {shown(text)}"
+        ) from None
 
 
 def _column(front: Front[Any], name: str) -> tuple[FloatArray, float]:
-    """Return the values (n,) of a criterion or reported value, and its quantum; 0 for a reported value."""
+    """Return the values (n,) of a criterion and its quantum; for a reported value the quantum is 0."""
     column = choosing.column_index(name, front.names + front.reported_names)
     k = len(front.names)
     return (front.costs[:, column], float(front.quanta[column])) if column < k else (front.reported[:, column - k], 0.0)
 
 
 def kept(index: Any, size: int) -> tuple[BoolArray, str]:
-    """Return a mask (n,) of the rows that an index (slice or mask) selects, and the selection as text.
+    """Return a mask (n,) of the rows that a user's index (a slice or a mask) selects, and a text for the certificate.
 
     Raises TypeError for an invalid index, IndexError for a mask of another length or a slice that goes backwards.
 
@@ -152,7 +157,10 @@ def kept(index: Any, size: int) -> tuple[BoolArray, str]:
     """
     if isinstance(index, slice):
         if index.step is not None and index.step < 0:
-            raise IndexError("the points of a front keep their order; use reversed(list(front)) for the reverse")
+            raise IndexError(
+                "the step of a slice must be positive, because points of a front keep their order, got "
+                f"{index.step}; use reversed(list(front))"
+            )
         mask = np.zeros(size, dtype=np.bool_)
         mask[index] = True
         ends = ["" if end is None else str(end) for end in (index.start, index.stop, index.step)]
@@ -164,5 +172,5 @@ def kept(index: Any, size: int) -> tuple[BoolArray, str]:
     if mask.dtype != np.bool_ or mask.ndim != 1:
         raise TypeError(f"{INDEX_FORMS}; got {shown(index)}")
     if mask.size != size:
-        raise IndexError(f"a mask needs True or False for each of {size:,} points, got one of length {mask.size:,}")
+        raise IndexError(f"a mask must have True or False for each of {size:,} points, got length {mask.size:,}")
     return mask, "a mask"

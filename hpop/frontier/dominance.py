@@ -4,8 +4,8 @@
 vectors do not dominate each other; a front keeps one of them.
 
 Floating-point sums make equal costs unequal (0.1 + 0.2 and 0.3). A tolerance does not help, because "equal within a
-tolerance" is not transitive. So fronts compare integers: every cost is rounded once to a multiple of its quantum
-(:func:`quantised`), and from then on comparison is exact.
+tolerance" is not transitive. So fronts compare integers: every cost is rounded once to a whole multiple of its quantum,
+the smallest difference that counts (:func:`quantised`). From then on, comparisons are exact.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ BoolArray = NDArray[np.bool_]
 
 # Beyond this number of quanta, neighbouring float64 numbers are more than one quantum apart.
 MAX_QUANTA = 2.0**53
-DIGITS = 9  # of a column's largest value that the default quantum resolves
+DIGITS = 9  # number of digits of a column's largest value that the default quantum resolves
 
 
 @checked_arguments
@@ -40,19 +40,19 @@ def dominates(a: ArrayLike, b: ArrayLike) -> bool:
     """
     first, second = np.asarray(a), np.asarray(b)
     if first.ndim != 1 or first.shape != second.shape:
-        raise ValueError(f"expected two cost vectors of equal length, got shapes {first.shape}, {second.shape}")
+        raise ValueError(f"a and b must be vectors of equal length, got shapes {first.shape} and {second.shape}")
     matrix = cost_matrix(np.stack([first, second]))
     return bool((matrix[0] <= matrix[1]).all() and (matrix[0] < matrix[1]).any())
 
 
 @checked_arguments
 def is_nondominated(Y: ArrayLike) -> BoolArray:
-    """Mark the rows of ``Y`` that no other row dominates; of equal rows the first.
+    """Mark the rows of ``Y`` that no other row dominates; of equal rows, mark the first.
 
-    Every row that is not marked is equal to a marked row or dominated by one. Only the order of the numbers matters, so
-    each column is replaced by its dense ranks before the sweep of moocore (Kung, Luccio and Preparata 1975). Thus int64
-    costs above 2**53 stay exact, and infinite costs are legal: moocore itself misjudges +inf, crashes on -inf, and lets
-    a NaN row dominate all others.
+    Every row that is not marked is equal to a marked row or dominated by one. Only the order of the numbers matters. So
+    each number is replaced by its rank in its column before the sweep of moocore (Kung, Luccio and Preparata 1975).
+    Therefore int64 costs above 2**53 stay exact, and infinite costs are allowed. moocore itself misjudges +inf, crashes
+    on -inf, and lets a row of NaN dominate all others.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def is_nondominated(Y: ArrayLike) -> BoolArray:
     Raises
     ------
     ValueError
-        If ``Y`` is not a real matrix with at least one column, or holds a NaN.
+        If ``Y`` is not a real matrix with at least one column, or contains NaN.
 
     Examples
     --------
@@ -80,13 +80,16 @@ def is_nondominated(Y: ArrayLike) -> BoolArray:
     ranks = np.column_stack(columns).astype(np.float64)  # (n, k)
     try:
         import moocore  # slow to import
-    except ImportError:  # the wheel hpop-search needs numpy and numba only
+    except ImportError:  # the package hpop-search depends on numpy and numba only
         return _swept(ranks)
     return np.asarray(moocore.is_nondominated(ranks), dtype=np.bool_)
 
 
 def _swept(ranks: FloatArray) -> BoolArray:
-    """Mark the non-dominated rows of a finite matrix, of equal ones the first, with one pass per marked row."""
+    """Mark the non-dominated rows of a finite matrix, and the first of equal rows, without the package moocore.
+
+    It takes one pass over the rows for each marked row.
+    """
     is_marked = np.zeros(len(ranks), np.bool_)
     waiting = np.lexsort(ranks.T[::-1])  # no row is dominated by a later one
     while len(waiting):
@@ -97,9 +100,9 @@ def _swept(ranks: FloatArray) -> BoolArray:
 
 @checked_arguments
 def filter(Y: ArrayLike) -> NDArray[np.float64] | NDArray[np.int64]:
-    """Return the rows of ``Y`` that no other row dominates, one of each group of equal rows, in the order of ``Y``.
+    """Return the rows of ``Y`` that no other row dominates, without repeated rows, in the order of ``Y``.
 
-    ``Y[is_nondominated(Y)]``; raises as :func:`is_nondominated`.
+    This is ``Y[is_nondominated(Y)]``, and raises the errors of :func:`is_nondominated`.
 
     Examples
     --------
@@ -113,10 +116,10 @@ def filter(Y: ArrayLike) -> NDArray[np.float64] | NDArray[np.int64]:
 
 @checked_arguments
 def default_quanta(Y: ArrayLike) -> FloatArray:
-    """Return quanta (k,) derived from the values of costs (n, k).
+    """Return a quantum (smallest difference that counts) for each of k columns of costs (n, k).
 
-    A column of whole numbers gets 1. Others get a billionth of their largest absolute value, as a power of ten: fine
-    enough to distinguish measured values, coarse enough that sums in another order are equal.
+    A column of whole numbers gets 1. Others get a billionth of their largest absolute value, as a power of ten. That is
+    fine enough to distinguish measured values, and coarse enough that sums in a different order are equal.
 
     Examples
     --------
@@ -134,18 +137,18 @@ def default_quanta(Y: ArrayLike) -> FloatArray:
 
 @checked_arguments
 def quantised(Y: ArrayLike, quanta: ArrayLike) -> IntArray:
-    """Round costs to whole numbers of their quanta: ``Z[i, j] = round(Y[i, j] / quanta[j])``.
+    """Return costs as whole numbers of quanta: ``Z[i, j] = round(Y[i, j] / quanta[j])``.
 
-    A half is rounded to the even neighbour; choose quanta that keep costs away from halves, where rounding
-    noise decides. The quotient is the float64 one, so a quantum must be coarse enough for float64 to resolve
-    it: a cost beyond 2**53 quanta is refused, not rounded.
+    A half is rounded to the even neighbour. Choose quanta that keep costs away from halves, because rounding errors
+    decide there. The quotient is computed in float64, so a quantum must be coarse enough for float64 to resolve it: a
+    cost beyond 2**53 quanta raises an error.
 
     Parameters
     ----------
     Y : (n, k) array
         Finite costs.
     quanta : (k,) array
-        Positive size of one step, in the unit of each column.
+        Positive quantum of each column, in its unit.
 
     Returns
     -------
@@ -165,7 +168,7 @@ def quantised(Y: ArrayLike, quanta: ArrayLike) -> IntArray:
     matrix = finite_costs(Y)
     steps = np.asarray(quanta, dtype=np.float64)
     if steps.shape != matrix.shape[1:]:
-        raise ValueError(f"expected one quantum for each of the {matrix.shape[1]} columns, got shape {steps.shape}")
+        raise ValueError(f"quanta must have one entry for each of {matrix.shape[1]} columns, got shape {steps.shape}")
     if not (np.isfinite(steps).all() and (steps > 0).all()):
         raise ValueError(f"quanta must be positive and finite, got {steps.tolist()}")
     with np.errstate(over="ignore"):  # an infinite quotient is refused below
@@ -174,14 +177,14 @@ def quantised(Y: ArrayLike, quanta: ArrayLike) -> IntArray:
         row, column = np.argwhere(beyond)[0]
         cost = matrix[row, column]
         raise ValueError(
-            f"cost {cost:.6g} in row {row}, column {column} is beyond 2**53 quanta of {steps[column]:.3g}, "
-            f"finer than float64 resolves; use a quantum above {abs(cost) / MAX_QUANTA:.3g}"
+            f"costs must be below 2**53 quanta, which float64 resolves, but row {row}, column {column} has a cost of "
+            f"{cost:.6g} with a quantum of {steps[column]:.3g}; use a quantum above {abs(cost) / MAX_QUANTA:.3g}"
         )
     return np.rint(quotients).astype(np.int64)
 
 
 def finite_costs(Y: ArrayLike) -> FloatArray:
-    """Return ``Y`` as a matrix of finite float64 numbers; ValueError if this is impossible."""
+    """Return costs as a matrix of float64; ValueError if ``Y`` is not a matrix of finite numbers."""
     matrix = cost_matrix(Y).astype(np.float64)
     if not np.isfinite(matrix).all():
         row, column = np.argwhere(~np.isfinite(matrix))[0]
@@ -192,13 +195,13 @@ def finite_costs(Y: ArrayLike) -> FloatArray:
 
 
 def cost_matrix(Y: ArrayLike) -> NDArray[np.float64] | NDArray[np.int64]:
-    """Return ``Y`` as a matrix of real numbers; ValueError if this is impossible."""
+    """Return costs as a NumPy matrix; ValueError if ``Y`` is not a matrix of real numbers without NaN."""
     matrix = np.asarray(Y)
     if matrix.ndim != 2 or matrix.shape[1] == 0:
-        raise ValueError(f"expected a cost matrix of shape (n, k) with k >= 1, got shape {matrix.shape}")
+        raise ValueError(f"costs must be a matrix of shape (n, k) with k >= 1, got shape {matrix.shape}")
     if matrix.dtype.kind not in "iuf":
-        raise ValueError(f"expected real costs, got an array of {matrix.dtype}")
+        raise ValueError(f"costs must be real numbers, got an array of {matrix.dtype}")
     if np.isnan(matrix).any():
         row, column = np.argwhere(np.isnan(matrix))[0]
-        raise ValueError(f"costs must be numbers, got NaN in row {row}, column {column}")
+        raise ValueError(f"costs must be numbers, got NaN in row {row}, column {column}; leave such rows out")
     return matrix

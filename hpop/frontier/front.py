@@ -1,4 +1,4 @@
-"""Front: non-dominated points, one for each cost vector, with a status and a certificate."""
+"""Pareto front: non-dominated points, one for each cost vector, with a status and a certificate."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     import xarray
 
 T = TypeVar("T")
-MOST_CLAIMED = 200  # characters of a certificate in a repr
+MOST_CLAIMED = 200  # largest number of characters of a certificate in a repr
 
 
 @checked_arguments
@@ -41,26 +41,26 @@ MOST_CLAIMED = 200  # characters of a certificate in a repr
 class Front(Choices[T], Generic[T]):
     """Mutually non-dominated cost vectors, each with the item that has these costs. All costs are minimised.
 
-    Costs are compared as whole numbers of a quantum per criterion (:func:`hpop.frontier.quantised`), so equal
-    costs are equal whatever the order of the sums from which they came; the front stores the exact costs. Rows are
-    in the lexicographic order of those integers. Build a front with :meth:`of`, which filters and sorts; the
-    constructor takes rows that already are a front, and checks this. A front without points is legal.
+    Costs are compared after rounding to whole multiples of a quantum per criterion (:func:`hpop.frontier.quantised`).
+    So costs that differ by rounding errors only are equal. The front stores the exact costs. Its rows are in the
+    lexicographic order of the rounded costs. Build a front with :meth:`of`, which filters and sorts. The constructor
+    takes rows that already are a front, and checks this. A front may have no points.
 
     costs           (n, k)    read-only, one row for each point
-    items           n         objects that have the costs
-    names           k         criteria; no name twice, none shared with a reported value
-    units           k         "m", "rad", "1", ...
-    quanta          (k,)      step of each criterion, in its unit
-    groups          k         class of each criterion ("P", "C", "R", "O"), may be ""
-    reported        (n, r)    further values of each point, not optimised
-    reported_names  r
-    reported_units  r
-    status                    outcome of the search, a value of hpop.Status; "complete" if it ran to its end
-    certificate               claim about the points, and the search space it holds for
-    provenance      n         origin of each point, as JSON
+    items           n         objects that have these costs, such as trajectories
+    names           k         names of the criteria; all different, and different from reported_names
+    units           k         their units: "m", "rad", "1", ...
+    quanta          (k,)      smallest difference of each criterion that counts, in its unit
+    groups          k         group of each criterion ("P", "C", "R", "O"), or ""
+    reported        (n, r)    further values of each point, which were not optimised
+    reported_names  r         their names
+    reported_units  r         their units
+    status                    how the search ended, a value of hpop.Status; "complete" if it ran to its end
+    certificate               sentence that says what is proved about the points, and for which search space
+    provenance      n         how each point was found, as JSON
     problem                   description of the problem, as JSON, or None
-    runs                      reports of the searches behind the front (notes, counts, seconds), as JSON
-    integers        (n, k)    the costs as whole quanta, int64
+    runs                      reports of the searches that made the front (notes, counts, seconds), as JSON
+    integers        (n, k)    costs as whole numbers of quanta, int64
 
     Examples
     --------
@@ -97,26 +97,33 @@ class Front(Choices[T], Generic[T]):
         n, k, r = len(self.items), len(self.names), len(self.reported_names)
         columns = self.names + self.reported_names
         if k == 0 or len(set(columns)) != k + r:
-            raise ValueError(f"names must be one name or more, and no name twice, got {columns}")
+            raise ValueError(
+                f"names (with reported_names) must be one or more names, all different, got {columns}; rename columns"
+            )
         object.__setattr__(self, "status", str(self.status))
         if not self.status or not self.certificate:
-            raise ValueError("a front needs a status (how its search ended) and a certificate (what it claims)")
-        if not set(self.status.split(union.JOINT)) <= set(Status):  # a union has those of both
+            raise ValueError(
+                "status (how the search ended) and certificate (what is proved) must not be empty, got "
+                f"{self.status!r} and {self.certificate!r}; give both"
+            )
+        if not set(self.status.split(union.JOINT)) <= set(Status):  # a union of fronts has the statuses of both
             known = ", ".join(Status)
             raise FrontError(f"status must be one of {known} (a member of hpop.Status), got {shown(self.status)}")
         for name, expected in (("units", k), ("groups", k), ("reported_units", r), ("provenance", n)):
             if len(getattr(self, name)) != expected:
-                raise ValueError(f"expected {expected} {name}, got {len(getattr(self, name))}")
+                raise ValueError(f"{name} must have {expected} entries, got {len(getattr(self, name))}")
         for name, shape in (("costs", (n, k)), ("quanta", (k,)), ("reported", (n, r))):
             array = floats(getattr(self, name), shape)
             if array.shape != shape or not np.isfinite(array).all():
-                raise ValueError(f"expected {name} of shape {shape}, all finite, got {shown(array)}")
+                raise ValueError(f"{name} must be finite numbers of shape {shape}, got {shown(array)}")
             array.setflags(write=False)
             object.__setattr__(self, name, array)
         integers = quantised(self.costs, self.quanta)
         in_order = np.array_equal(np.lexsort(integers.T[::-1]), np.arange(n))
         if not (in_order and is_nondominated(integers).all()):
-            raise ValueError("the rows are not a sorted front without duplicates; build it with Front.of")
+            raise ValueError(
+                "costs must be sorted and without dominated or equal rows, but are not; build the front by Front.of"
+            )
         integers.setflags(write=False)
         object.__setattr__(self, "integers", integers)
         object.__setattr__(self, "provenance", tuple(origins(self.provenance)[0]))
@@ -148,7 +155,7 @@ class Front(Choices[T], Generic[T]):
 
         Of candidates with equal costs in whole quanta, the one with the lexicographically smallest exact costs is kept,
         then the smallest reported values (in the order of their names), then the smallest provenance text. So the front
-        does not depend on the order of the candidates, unless they are equal in all of these.
+        does not depend on the order of the candidates, unless some are equal in all of these.
 
         Parameters
         ----------
@@ -157,18 +164,18 @@ class Front(Choices[T], Generic[T]):
         items : sequence of n, optional
             The candidates, or labels of them; default: their row numbers.
         names : sequence of k, optional
-            Default: the columns of a pandas table, or "f1", "f2", ...
+            Names of the criteria. Default: the columns of a pandas table, or "f1", "f2", ...
         units : sequence of k, optional
             Default: "1".
         quanta : (k,) array, optional
             Default: 1 for a column of whole numbers, else a billionth of its largest value, as a power of ten.
         certificate : str, optional
-            Default: a text saying that these are the non-dominated ones of n candidates.
+            Default: a sentence saying that these are the non-dominated ones of n candidates.
         maximise : names, or k bools, optional
-            Columns in which more is better. A front minimises, so it has the negative values, under "-name".
+            Columns in which more is better. A front minimises, so it gets the negative values, named "-name".
         status, groups, reported, reported_names, reported_units, provenance, problem, runs
-            As the fields of the front, with a row or an entry per candidate. Defaults: groups "", no reported values,
-            their names from a pandas table or "r1", "r2", ..., their units "1", provenance {}.
+            As the fields of the front, with a row or an entry for each candidate. Defaults: groups "", no reported
+            values, their names from a pandas table or "r1", "r2", ..., their units "1", provenance {}.
 
         >>> Front.of([[3, 0.5], [1, 0.2], [4, 0.1]], "abc", names=["cost", "yield"], maximise=["yield"])
         <Front: 2 points of cost [1], -yield [1]; complete; the non-dominated ones of 3 candidates>
@@ -190,8 +197,8 @@ class Front(Choices[T], Generic[T]):
         plain_origins, texts = origins(entries)
         if matrix.shape != (n, k) or table.shape != (n, len(reported_names)) or len(plain_origins) != n:
             raise ValueError(
-                f"expected costs {(n, k)}, reported values {(n, len(reported_names))} and provenance ({n},) "
-                f"for {n} items and {k} names, got {matrix.shape}, {table.shape} and ({len(plain_origins)},)"
+                f"costs must have shape {(n, k)}, reported {(n, len(reported_names))} and provenance ({n},), for {n} "
+                f"items and {k} names, got {matrix.shape}, {table.shape} and ({len(plain_origins)},)"
             )
         integers = quantised(matrix, quanta)
         rank = {text: position for position, text in enumerate(sorted(set(texts)))}
@@ -218,7 +225,7 @@ class Front(Choices[T], Generic[T]):
 
     @classmethod
     def _numbers(cls, n: int) -> Sequence[T]:
-        """Return the items of candidates without items: the numbers of their rows."""
+        """Return default items for n candidates that come without items: their row numbers."""
         return cast(Sequence[T], range(n))
 
     def __len__(self) -> int:
@@ -231,20 +238,20 @@ class Front(Choices[T], Generic[T]):
     def __getitem__(self, index: slice | BoolArray | Sequence[bool], /) -> Self: ...
 
     def __getitem__(self, index: Any, /) -> Point[T] | Self:
-        """Return the point of a row; for a slice or a boolean mask (n,) the front of these points, in their order."""
+        """Return the point in a row; for a slice or a boolean mask (n,), return the front of these points, in order."""
         try:
             row = as_index(index)
         except TypeError:
             return self._selected(*conditions.kept(index, len(self)))
         if not -len(self) <= row < len(self):
-            raise IndexError(f"the front has {len(self)} points, got index {row}")
+            raise IndexError(f"an index must be below {len(self)} in a front of {len(self)} points, got {row}")
         return self._point(row % len(self))
 
     def _point(self, row: int) -> Point[T]:
         return Point(**self._fields_of(row))
 
     def _fields_of(self, row: int) -> dict[str, Any]:
-        """Return the fields of the point of a row."""
+        """Return the fields of the point in a row."""
         return {
             "index": row,
             "costs": dict(zip(self.names, self.costs[row].tolist(), strict=True)),
@@ -266,10 +273,10 @@ class Front(Choices[T], Generic[T]):
     def where(self, conditions_by_name: Mapping[str, Any] | None = None, /, **named: Any) -> Self:
         """Return the front of the points that meet all conditions on criteria and reported values.
 
-        ``front.where(turns="<=5", length="<= 30")``, or a dict for names that are no Python names. A condition is one
-        of <=, <, >=, >, ==, != followed by a number in the unit of the column; a number alone means equality. Costs are
-        compared in whole quanta. If no point meets the conditions, the new front is empty, and its certificate names
-        the nearest point of this one.
+        Example: ``front.where(turns="<=5", length="<= 30")``; give a dict if a name is no Python name. A condition is
+        one of <=, <, >=, >, ==, != followed by a number in the unit of the column; a number alone means equality. Costs
+        are compared in whole quanta. If no point meets the conditions, the new front is empty, and its certificate
+        names the nearest point of this front.
 
         Raises UnknownColumnError for a name that the front does not have, FrontError for an invalid condition.
         """
@@ -292,7 +299,7 @@ class Front(Choices[T], Generic[T]):
         return self._selected(kept, f"greedy hypervolume (at least {SHARE} of that of the best {len(rows):,} points)")
 
     def _selected(self, kept: BoolArray, by: str) -> Self:
-        """Return the front of the points in a mask (n,), with a certificate that says how they were selected."""
+        """Return the front of the points in a mask (n,); its certificate says that they were selected ``by`` a text."""
         rows = np.flatnonzero(kept)
         return replace(
             self,
@@ -304,9 +311,9 @@ class Front(Choices[T], Generic[T]):
         )
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Return the front as a pandas table with a row per point: costs, reported values, provenance.
+        """Return the front as a pandas table with one row for each point: costs, reported values, provenance.
 
-        Its ``attrs`` hold the units by column, the status and the certificate. Needs the extra ``tables``.
+        Its ``attrs`` have the units by column, the status and the certificate. Needs the extra ``tables``.
         """
         return storage.dataframe(self)
 
@@ -316,11 +323,11 @@ class Front(Choices[T], Generic[T]):
 
     @property
     def question(self) -> dict[str, Any] | None:
-        """The part of the problem that must be equal in two fronts so that they can be joined."""
+        """Part of the problem's description that must be equal in two fronts for a union of both."""
         return self.problem
 
     def __or__(self, other: Self) -> Self:
-        """Join two fronts of the same problem: the non-dominated points of both, see :func:`hpop.frontier.union.join`.
+        """Return the union of two fronts of one problem: their non-dominated points (:func:`hpop.frontier.union.join`).
 
         Raises FrontError if their criteria, units, groups, quanta, reported values or problems differ.
         """
@@ -333,14 +340,14 @@ class Front(Choices[T], Generic[T]):
         encode: Callable[[T], Any] | None = None,
         problem: Mapping[str, Any] | None = None,
     ) -> None:
-        """Write the front to a JSON file, complete or not at all; floats read back exactly.
+        """Write the front to a JSON file, completely or not at all; floats are equal after loading.
 
         Parameters
         ----------
         path : path
             The file; an existing one is replaced.
         encode : callable, optional
-            Turns an item into JSON values (lists, dicts, strings, finite numbers); by default it is one.
+            Turns an item into JSON values (lists, dicts, strings, finite numbers); by default items are such values.
         problem : mapping, optional
             Description of the problem, as JSON; by default the front's own ``problem``.
         """
@@ -349,7 +356,7 @@ class Front(Choices[T], Generic[T]):
     def _save(
         self, path: str | os.PathLike[str], items: list[Any] | dict[str, Any], problem: Mapping[str, Any] | None
     ) -> None:
-        """Write the front with its encoded items, as a list or as an object that holds all of them together."""
+        """Write the front to a file, with its items encoded one by one (a list) or all together (a JSON object)."""
         fields: dict[str, Any] = {name: getattr(self, name) for name in storage.StoredFront.__annotations__}
         question = self.problem if problem is None else as_json("problem", problem)
         storage.write(path, cast(storage.StoredFront, fields | {"items": items, "problem": question}))
@@ -368,14 +375,14 @@ class Front(Choices[T], Generic[T]):
         Raises
         ------
         FrontFileError
-            If the file does not hold a front; the message says what was expected, what was found, what to do.
+            If the file is no front; the message says what was expected, what was found, and what to do.
         """
         stored = storage.read(path)
         items = stored["items"]
         if isinstance(items, dict):
             raise FrontFileError(
-                f"{path}: its items are stored together, in a form that only the front's own class reads; "
-                "load it with that class, such as hpop.Front"
+                f"{path}: expected one entry for each item, found all items in one object, which only the class that "
+                "saved the front can read; load it by that class, such as hpop.Front"
             )
         return cls._of_stored(path, stored, items, decode)
 
@@ -387,7 +394,7 @@ class Front(Choices[T], Generic[T]):
         items: Sequence[Any],
         decode: Callable[[Any], T] | None,
     ) -> Self:
-        """Return the front of a file, after decoding its items one by one."""
+        """Return the front from the contents of a file; its items are decoded one by one."""
         decoded: list[Any] = []
         for row, item in enumerate(items):
             try:
@@ -395,9 +402,9 @@ class Front(Choices[T], Generic[T]):
             except Exception as error:
                 raise FrontFileError(
                     f"{path}: the item of points[{row}] cannot be decoded ({type(error).__name__}: {error!s:.400}); "
-                    "pass the decode= that belongs to the encode= it was saved with"
+                    "pass the function decode= that reverses the encode= with which the front was saved"
                 ) from error
         try:
             return cls(**{**cast(dict[str, Any], stored), "items": tuple(decoded)})
         except ValueError as error:
-            raise FrontFileError(f"{path}: expected a front, found that {error!s:.600}") from error
+            raise FrontFileError(f"{path}: expected a front, but {error!s:.600}") from error

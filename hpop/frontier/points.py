@@ -1,4 +1,4 @@
-"""Points of a front, checks of values, names and provenance, and the errors of the package."""
+"""Points of a front, checks of a front's values, names and provenance, and the errors of this package."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ T = TypeVar("T")
 
 
 class FrontError(ValueError):
-    """Error for fronts that cannot be joined, and for choices without meaning."""
+    """Error for fronts that cannot be joined, and for invalid choices of a point."""
 
 
 class UnknownColumnError(FrontError, LookupError):
-    """Error for a name that is no criterion or reported value of the front."""
+    """Error for a name that is neither a criterion nor a reported value of the front."""
 
 
 class FrontFileError(FrontError):
-    """Error for a front that cannot be written as JSON, and for a file that does not hold a front."""
+    """Error for a front that cannot be written as JSON, and for a file that is not a saved front."""
 
 
 def names_of(costs: ArrayLike, names: Sequence[str] | None, *, letter: str = "f") -> tuple[str, ...]:
-    """Return the names of the columns: the given ones, those of a pandas table, or "f1", "f2", ...
+    """Return the names of columns of costs: the given names, those of a pandas table, or "f1", "f2", ...
 
     >>> names_of([[1.0, 2.0]], None)
     ('f1', 'f2')
@@ -47,7 +47,9 @@ def names_of(costs: ArrayLike, names: Sequence[str] | None, *, letter: str = "f"
 def minimised(
     matrix: FloatArray, names: tuple[str, ...], maximise: Sequence[str] | Sequence[bool]
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return costs and names in which columns to maximise are negated, and named "-name".
+    """Return costs and names in which columns that are to be maximised are negated and named "-name".
+
+    maximise  names of these columns, or a bool for each column
 
     >>> minimised(np.array([[1.0, 2.0]]), ("length", "view"), ["view"])
     (array([[ 1., -2.]]), ('length', '-view'))
@@ -66,7 +68,7 @@ def minimised(
             )
         flags = [name in choices for name in names]
     if flags and len(flags) != len(names):
-        raise FrontError(f"maximise needs one bool for each of {', '.join(names)}, got {len(flags)} bools")
+        raise FrontError(f"maximise must have one bool for each of {', '.join(names)}, got {len(flags)} bools")
     if not any(flags):
         return matrix, names
     sign = np.where(flags, -1.0, 1.0)
@@ -75,13 +77,16 @@ def minimised(
 
 
 def floats(values: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
-    """Return a copy as float64, with 0.0 for -0.0; an empty array gets the expected shape."""
+    """Return a copy of an array as float64, with 0.0 for -0.0; an empty array gets the expected shape."""
     array = np.array(values, dtype=np.float64) + 0.0
     return array.reshape(shape) if array.size == 0 and 0 in shape else array
 
 
 def origins(provenance: Sequence[Mapping[str, Any]]) -> tuple[list[dict[str, Any]], list[str]]:
-    """Return provenance entries as plain JSON values, with their texts; equal entries become the same object."""
+    """Return provenance entries (how each point was found) as plain JSON values, and as texts of JSON.
+
+    Equal entries become one object, which saves memory.
+    """
     copies: dict[str, dict[str, Any]] = {}
     texts: list[str] = []
     text_of: dict[int, str] = {}
@@ -96,22 +101,25 @@ def origins(provenance: Sequence[Mapping[str, Any]]) -> tuple[list[dict[str, Any
 
 
 def as_json(name: str, value: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a copy of a mapping as plain JSON values, equal after saving and loading."""
+    """Return a copy of a mapping as plain JSON values, which are equal after saving and loading.
+
+    Raises ValueError, which calls the mapping ``name``, for anything that JSON cannot hold.
+    """
     try:
         return cast(dict[str, Any], plain(dict(value)))
     except (TypeError, ValueError, RecursionError) as error:
-        raise ValueError(f"{name} must be a dict of JSON values, got {shown(value)} ({error})") from error
+        raise ValueError(f"{name} must be a dict of JSON values, got {shown(value)} ({error}); convert it") from error
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Point(Generic[T]):
-    """Point of a front, with all its values.
+    """Point of a front: its costs, and the item that has them.
 
     index       row in the front
-    costs       value by criterion, in the units of the front
-    reported    further values by name, not optimised
-    item        the object that has these costs
-    provenance  origin of the point
+    costs       cost by the name of each criterion, in the units of the front
+    reported    further values by name, which were not optimised
+    item        object that has these costs, such as a trajectory
+    provenance  how the point was found, as JSON
     """
 
     index: int

@@ -1,9 +1,9 @@
 """Saved fronts and tables: strict JSON files, pandas tables, and xarray datasets.
 
-A file holds the name and version of its schema, the criteria, and tables with named columns, so that people and
-programs in any language can read it: costs and reported values, the origin of each point, and the encoded items, one by
-one or all together. Writing is atomic: the file is complete or absent. Reading runs no code, checks every key, type and
-shape, and refuses unknown keys.
+A file has the name and version of its schema, the criteria, and tables with named columns, so that people and programs
+in any language can read it. The tables have costs, reported values, the origin of each point, and the encoded items,
+one by one or all together. Writing is atomic: the file is complete or absent. Reading runs no code, checks every key,
+type and shape, and raises an error for unknown keys.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ ORIGIN = "provenance."
 
 
 class StoredFront(TypedDict):
-    """Contents of a file, named as the fields of a front. Items are encoded, one by one or all together."""
+    """Contents of a front's file, named as the fields of a front. Items are encoded, one by one or all together."""
 
     costs: FloatArray
     items: list[Any] | dict[str, Any]
@@ -85,7 +85,7 @@ def write(path: str | os.PathLike[str], stored: StoredFront) -> None:
     target = checked_path(path)
     if not target.parent.exists():
         raise FileNotFoundError(
-            errno.ENOENT, "the folder for the front does not exist; make it first", str(target.parent)
+            errno.ENOENT, "the folder for the front's file does not exist; make it first", str(target.parent)
         )
     size = 0
     try:
@@ -95,8 +95,8 @@ def write(path: str | os.PathLike[str], stored: StoredFront) -> None:
                 size += file.write(piece.encode(errors="backslashreplace"))
                 if size > SIZE_LIMIT:
                     raise FrontFileError(
-                        f"{target}: the file would be above the limit of {SIZE_LIMIT} bytes; let encode= write less "
-                        "of each item, or save fewer points"
+                        f"{target}: the file must be at most {SIZE_LIMIT} bytes, but would be larger; let encode= "
+                        "write less of each item, or save fewer points"
                     )
     except FrontFileError:
         raise
@@ -108,7 +108,7 @@ def write(path: str | os.PathLike[str], stored: StoredFront) -> None:
 
 
 def read(path: str | os.PathLike[str]) -> StoredFront:
-    """Return the front that :func:`write` wrote, checked key by key.
+    """Read a front's file that :func:`write` wrote, and check all its keys.
 
     Raises
     ------
@@ -146,14 +146,14 @@ def read(path: str | os.PathLike[str]) -> StoredFront:
 
 
 def checked_path(path: object) -> Path:
-    """Return a path as a Path; FrontFileError for anything else."""
+    """Check that a value is a path and return it as a Path; FrontFileError for anything else."""
     if not isinstance(path, str | os.PathLike):
-        raise FrontFileError(f"expected the path of a front's file, such as 'front.json', got {shown(path)}")
+        raise FrontFileError(f"path must be that of a front's file, such as 'front.json', got {shown(path)}")
     return Path(path)
 
 
 def _document(stored: StoredFront) -> dict[str, Any]:
-    """Return the JSON object that a file of the front holds."""
+    """Return the JSON object to be written to a front's file."""
     rows: dict[str, int] = {}
     origins = [rows.setdefault(text, len(rows)) for text in _texts(stored["provenance"])]
     criteria = zip(stored["names"], stored["units"], stored["groups"], stored["quanta"].tolist(), strict=True)
@@ -179,7 +179,7 @@ def _document(stored: StoredFront) -> dict[str, Any]:
 
 
 def _texts(provenance: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Yield the JSON text of each provenance entry; equal objects are encoded once."""
+    """Yield the JSON text of each provenance entry; an object that occurs several times is encoded once."""
     text_of: dict[int, str] = {}
     for origin in provenance:
         text = text_of.get(id(origin))
@@ -189,7 +189,7 @@ def _texts(provenance: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 
 def _stored(top: dict[str, Any]) -> StoredFront:
-    """Return the checked contents of the JSON object of a file; ValueError if they are invalid."""
+    """Return the contents of a front's file from its JSON object; ValueError if they are invalid."""
     parts(top, "the file", _TOP)
     criteria = [parts(entry, f"criteria[{i}]", _CRITERION) for i, entry in enumerate(top["criteria"])]
     reported = [parts(entry, f"reported[{i}]", _REPORTED) for i, entry in enumerate(top["reported"])]
@@ -215,7 +215,7 @@ def _stored(top: dict[str, Any]) -> StoredFront:
 
 
 def _points(top: dict[str, Any], names: list[str], reported_names: list[str]) -> dict[str, Any]:
-    """Return the costs, reported values, provenance and items of all points in the JSON object of a file."""
+    """Return costs, reported values, provenance and items of all points from the JSON object of a front's file."""
     count, *tables, origins, origin = parts(top["points"], "points", _POINTS)
     for key, column in (("origin", origin), ("items", top["items"])):
         if isinstance(column, list) and len(column) != count:
@@ -238,12 +238,15 @@ def _points(top: dict[str, Any], names: list[str], reported_names: list[str]) ->
 
 
 def _refuse(source: Path, expected: str, found: str, advice: str) -> NoReturn:
-    """Raise FrontFileError with the expected content, the actual one, and advice."""
+    """Raise FrontFileError for the file ``source``: what was expected, what was found, and what to do."""
     raise FrontFileError(f"{source}: expected {expected}, found {found:.200}; {advice}") from None
 
 
 def dataframe(front: Front[Any]) -> pandas.DataFrame:
-    """Return a pandas table with a row per point: costs, reported values, and a column per key of the provenance."""
+    """Return a front as a pandas table with one row for each point.
+
+    Its columns are the costs, the reported values, and the keys of the provenance.
+    """
     frame = library("pandas", "to_dataframe()").DataFrame(_columns(front), index=_index(front))
     frame.index.name = "point"
     frame.attrs.update(units=_units(front), **_claims(front))
@@ -251,7 +254,7 @@ def dataframe(front: Front[Any]) -> pandas.DataFrame:
 
 
 def dataset(front: Front[Any]) -> xarray.Dataset:
-    """Return an xarray dataset with a variable per column along "point", and units where columns have them."""
+    """Return a front as an xarray dataset: a variable for each column, along the dimension "point", with its unit."""
     units = _units(front)
     variables = {
         name: ("point", values, {"units": units[name]} if name in units else {})
@@ -261,6 +264,7 @@ def dataset(front: Front[Any]) -> xarray.Dataset:
 
 
 def _columns(front: Front[Any]) -> dict[str, Any]:
+    """Return the columns (n,) of a front by name: costs, reported values, and one for each key of the provenance."""
     columns: dict[str, Any] = dict(zip(front.names, front.costs.T, strict=True))
     columns |= zip(front.reported_names, front.reported.T, strict=True)
     for key in dict.fromkeys(key for origin in front.provenance for key in origin):

@@ -1,8 +1,8 @@
-"""Strict JSON, which is read without running code, checked column by column, and written readably.
+"""Reading and writing of strict JSON: UTF-8, no key twice in an object, no NaN and no infinity.
 
-UTF-8, no key twice in an object, no NaN, no infinity. Numbers are written in the shortest decimal form that reads back
-as an equal float64. A list or object without nested ones is one line, so a table has one line per column. An invalid
-table raises a ValueError that states the expected and the actual content.
+Reading runs no code and checks tables column by column. Numbers are written in the shortest decimal form from which an
+equal float64 is read. A list or object without nested ones is written on one line, so a table has one line per column.
+An invalid table raises a ValueError that says what was expected and what was found.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ import numpy as np
 from hpop.base.scalars import python_value
 from hpop.frontier.dominance import FloatArray, IntArray
 
-SLICE = 2**16  # values of a long list that are written in one piece
-SLICE_OF_ROWS = 2**9  # lists of whole numbers that are written in one piece
+SLICE = 2**16  # number of values of a long list that are written in one piece
+SLICE_OF_ROWS = 2**9  # number of lists of whole numbers that are written in one piece
 Kinds = dict[str, type | tuple[type, ...]]
-"""Type for the keys of an object, each with the types that its value may have."""
+"""Keys that an object must have, each with the type or types that its value may have."""
 
 
 def of_numpy(value: Any) -> Any:
     """Return the Python value of a NumPy scalar, for JSON encoders; TypeError for anything else."""
     number = python_value(value)
     if number is value:
-        raise TypeError(f"a {type(value).__name__} is not a JSON value")
+        raise TypeError(f"values must be JSON (lists, dicts, strings, numbers), got a {type(value).__name__}")
     return number
 
 
@@ -56,7 +56,7 @@ def pieces(value: Any, indent: int = 0) -> Iterator[str]:
     keys = list(value) if isinstance(value, dict) else None
     entries = value.values() if isinstance(value, dict) else value
     if not all(isinstance(key, str) for key in keys or ()):
-        raise TypeError(f"the keys of an object are words, got {keys!r:.80}")
+        raise TypeError(f"the keys of an object must be strings, got {keys!r:.80}")
     if not any(issubclass(kind, dict | list | tuple) for kind in set(map(type, entries))):
         yield from [_encoded(value)] if keys is not None else _line(value)
         return
@@ -74,12 +74,12 @@ def pieces(value: Any, indent: int = 0) -> Iterator[str]:
 
 
 def _is_table(rows: Any) -> bool:
-    """Return whether all entries are lists of whole numbers, as the trajectories of a front are."""
+    """Return whether all entries of a list are lists of whole numbers, as the table of a front's trajectories is."""
     return set(map(type, rows)) == {list} and set(map(type, chain.from_iterable(rows))) <= {int}
 
 
 def _rows(rows: Any, indent: int) -> Iterator[str]:
-    """Yield the text of a list of lists of whole numbers, many lines in one piece, without the last bracket."""
+    """Yield the JSON text of a list of lists of whole numbers, many lines in one piece, without the last bracket."""
     line = f"\n{' ' * indent}"
     for begin in range(0, len(rows), SLICE_OF_ROWS):
         lines = _dense(rows[begin : begin + SLICE_OF_ROWS])[1:-1].replace("],[", f"],{line}[")
@@ -87,7 +87,7 @@ def _rows(rows: Any, indent: int) -> Iterator[str]:
 
 
 def _line(values: Any) -> Iterator[str]:
-    """Yield the text of a list without nested lists or objects, on one line."""
+    """Yield the JSON text of a list without nested lists or objects, on one line."""
     yield "["
     for begin in range(0, len(values), SLICE):
         yield ("," if begin else "") + _dense(values[begin : begin + SLICE])[1:-1]
@@ -105,13 +105,16 @@ def parse(data: bytes) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """Return a copy of a value as plain JSON values, equal after saving; ValueError or TypeError if impossible."""
+    """Return a copy of a value as plain JSON values, which are equal after saving and loading.
+
+    Raises ValueError or TypeError for anything that JSON cannot hold.
+    """
     text = json.dumps(value, allow_nan=False, sort_keys=True, default=of_numpy)
     return json.loads(text, parse_int=_bounded_int)  # all floats of this text are finite
 
 
 def _object_without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return a dict of key-value pairs; raise ValueError for a key that occurs twice."""
+    """Return key-value pairs of a JSON object as a dict; ValueError if a key occurs twice."""
     result = dict(pairs)
     if len(result) != len(pairs):
         seen: set[str] = set()
@@ -121,7 +124,7 @@ def _object_without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _finite_float(text: str) -> float:
-    """Return a number; raise ValueError if it is too large for float64."""
+    """Parse a number; ValueError if it is too large for float64."""
     value = float(text)
     if not math.isfinite(value):
         raise ValueError(f"the number {text:.40}, too large for float64")
@@ -129,18 +132,20 @@ def _finite_float(text: str) -> float:
 
 
 def _bounded_int(text: str) -> int:
-    """Return a whole number; raise ValueError if it is too large for float64."""
+    """Parse a whole number; ValueError if it is too large for float64."""
     _finite_float(text)
     return int(text)
 
 
 def _no_constant(text: str) -> NoReturn:
-    """Raise ValueError for NaN and Infinity, which JSON does not have."""
+    """Raise ValueError for the constants NaN and Infinity, which JSON does not have."""
     raise ValueError(f"the constant {text}, which is not JSON")
 
 
 def parts(table: Any, name: str, kinds: Kinds) -> list[Any]:
-    """Return the values of an object that must have exactly the given keys, each of a given type.
+    """Check that an object has exactly the keys of ``kinds``, with values of these types, and return the values.
+
+    They are in the order of ``kinds``. ``name`` says in a ValueError which object of the file it is.
 
     >>> parts({"a": [1], "b": {}}, "the file", {"a": list, "b": dict})
     [[1], {}]
@@ -160,7 +165,7 @@ def parts(table: Any, name: str, kinds: Kinds) -> list[Any]:
 
 
 def numbers(values: list[Any], name: str, size: int, *, gaps: bool = False) -> FloatArray:
-    """Return a column (size,) of finite numbers; with ``gaps`` null is allowed and becomes NaN.
+    """Check that a list has ``size`` finite numbers and return them as an array; with ``gaps``, null becomes NaN.
 
     >>> numbers([1, 0.5, None], "clock", 3, gaps=True)
     array([1. , 0.5, nan])
@@ -171,23 +176,24 @@ def numbers(values: list[Any], name: str, size: int, *, gaps: bool = False) -> F
     except OverflowError:
         column = np.array([np.inf])
     if np.isinf(column).any():
-        raise ValueError(f"expected float64 numbers in {name}, found a larger one")
+        raise ValueError(f"expected numbers within the range of float64 in {name}, found a larger one")
     return column
 
 
 def row_numbers(values: list[Any], name: str, size: int, rows: int) -> IntArray:
-    """Return a column (size,) of row numbers, counted from 0, of a table with ``rows`` rows."""
+    """Check that a list has ``size`` row numbers, 0 to ``rows`` - 1, of a table and return them as an array."""
     _check(values, name, size, {int}, "whole numbers")
     try:
         column = np.array(values, dtype=np.int64)
     except OverflowError:
         column = np.array([-1])
     if ((column < 0) | (column >= rows)).any():
-        raise ValueError(f"expected rows of a table of {rows} rows in {name}, found one outside of it")
+        raise ValueError(f"expected row numbers from 0 to {rows - 1} in {name}, found one outside of this range")
     return column
 
 
 def _check(values: list[Any], name: str, size: int, kinds: set[type], words: str) -> None:
+    """Raise ValueError unless a list has ``size`` values of some types; ``words`` names them in the message."""
     found = set(map(type, values))
     if len(values) != size or not found <= kinds:
         types = ", ".join(sorted(kind.__name__ for kind in found)) or "nothing"

@@ -1,7 +1,7 @@
-"""Union of two fronts of the same problem, and indicators that compare fronts.
+"""Union of two fronts of one problem, and indicators that compare fronts (hypervolume, additive epsilon).
 
-The indicators are in the units of the costs. So criteria of different units should be scaled first, with the same ideal
-and nadir for both fronts (:func:`hpop.frontier.choosing.normalised`).
+The indicators are in the units of the costs. So scale criteria of different units first, with one ideal and one nadir
+for both fronts (:func:`hpop.frontier.choosing.normalised`).
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ F = TypeVar("F", bound="Front[Any]")
 
 # Separator between the statuses and certificates of the fronts in a union.
 JOINT = " | "
-BEYOND = 0.1  # share of the range by which the default reference lies beyond the nadir
+BEYOND = 0.1  # share of the range: the default reference is that far beyond the nadir
 
 
 def join(first: F, second: F) -> F:
-    """Join two fronts of the same problem: the non-dominated points of both together.
+    """Return the union of two fronts of one problem: the points that no point of either front dominates.
 
-    In costs the union is commutative, associative and idempotent. The status is "complete" if both are, else it lists
-    the distinct ones. The certificate lists the distinct certificates of both fronts, joined by " | ". Each still holds
-    for the search space that it names, because every cost vector of its front is matched or dominated by a point of the
-    union; none says anything about the points of the other front.
+    In costs the union is commutative, associative and idempotent. The status is "complete" if both are; otherwise it
+    lists the different ones. The certificate lists the different certificates of both fronts, joined by " | ". Each
+    still holds for the search space that it names, because each cost vector of its front is matched or dominated by a
+    point of the union. It says nothing about the points of the other front.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def join(first: F, second: F) -> F:
 
 
 def each_claim(certificate: str, words: str) -> str:
-    """Return a certificate with ``words`` around each of its statements, which replaces the braces in ``words``.
+    """Return a certificate in which each statement is put into ``words``, in place of the braces.
 
     >>> each_claim("exact | supported", "of 9 points: {}")
     'of 9 points: exact | of 9 points: supported'
@@ -79,13 +79,16 @@ def each_claim(certificate: str, words: str) -> str:
 
 
 def _require_same(name: str, mine: object, theirs: object) -> None:
-    """Raise FrontError if the fronts of a union differ in a property."""
+    """Raise FrontError if two fronts that are to be joined differ in a property, called ``name``."""
     if mine != theirs:
-        raise FrontError(f"a union needs the same {name} on both sides, got {mine!s:.400} and {theirs!s:.400}")
+        raise FrontError(
+            f"the {name} of two fronts must be equal for a union, got {mine!s:.400} and {theirs!s:.400}; plan both "
+            "fronts with equal ones"
+        )
 
 
 def _joined(first: str, second: str) -> str:
-    """Return the distinct statements of two certificates or statuses, in alphabetical order, joined by " | "."""
+    """Return the different statements of two certificates (or statuses), in alphabetical order, joined by " | "."""
     return JOINT.join(sorted({*first.split(JOINT), *second.split(JOINT)}))
 
 
@@ -93,16 +96,16 @@ def _joined(first: str, second: str) -> str:
 def hypervolume(Y: ArrayLike, reference: ArrayLike | None = None) -> float:
     """Return the volume of the cost space between the front and a reference point: larger is better.
 
-    The measure of ``{z <= reference : some row of Y is <= z}`` (Zitzler and Thiele 1998), computed exactly.
+    It is the volume of ``{z <= reference : some row of Y is <= z}`` (Zitzler and Thiele 1998), computed exactly.
     Rows that are not below the reference in every criterion add nothing.
 
     Parameters
     ----------
     Y : (n, k) array
-        Finite costs; dominated rows are harmless.
+        Finite costs; dominated rows do not matter.
     reference : (k,) array, optional
-        A cost vector worse than all that should count. Default: :func:`default_reference` of ``Y``, which is enough to
-        watch one front; to compare two fronts, give the same reference for both.
+        A cost vector worse than all that should count. Default: :func:`default_reference` of ``Y``, which suits the
+        observation of one front. To compare two fronts, give one reference for both.
 
     Examples
     --------
@@ -123,10 +126,10 @@ def hypervolume(Y: ArrayLike, reference: ArrayLike | None = None) -> float:
 
 @checked_arguments
 def default_reference(Y: ArrayLike) -> FloatArray:
-    """Return a reference point (k,) for hypervolumes: a tenth of the range beyond the nadir of the front.
+    """Return a reference point (k,) for hypervolumes: beyond the nadir of the front by a tenth of its range.
 
-    So the end points of the front count as well. In a constant column it is 1 beyond, so that the column is a factor of
-    1. Without rows the reference is zero.
+    So the end points of the front count too. In a constant column it is beyond by 1, so that the column contributes a
+    factor of 1. Without rows the reference is zero.
 
     Examples
     --------
@@ -144,17 +147,18 @@ def default_reference(Y: ArrayLike) -> FloatArray:
 
 @checked_arguments
 def additive_epsilon(Y: ArrayLike, reference: ArrayLike) -> float:
-    """Return the least shift with which one front covers another: smaller is better; at most 0 is never worse.
+    """Return the additive epsilon indicator: how much a reference must be shifted so that a front is nowhere worse.
 
-    The smallest ``e`` such that every row ``r`` of ``reference`` has a row ``y`` of ``Y`` with
-    ``y <= r + e`` in every criterion (Zitzler et al. 2003). An empty ``Y`` covers nothing: infinity.
+    Smaller is better; if it is at most 0, the front is nowhere worse than the reference. It is the smallest ``e`` such
+    that every row ``r`` of ``reference`` has a row ``y`` of ``Y`` with ``y <= r + e`` in every criterion (Zitzler et
+    al. 2003). For an empty ``Y`` it is infinity.
 
     Parameters
     ----------
     Y : (n, k) array
-        Finite costs of the front that is judged.
+        Finite costs of the front that is assessed.
     reference : (m, k) array
-        Finite costs of the front that it is judged against, at least one row.
+        Finite costs of the front with which it is compared, at least one row.
 
     Examples
     --------
@@ -164,7 +168,7 @@ def additive_epsilon(Y: ArrayLike, reference: ArrayLike) -> float:
     matrix, target = finite_costs(Y), finite_costs(reference)
     _same_columns(matrix, target)
     if len(target) == 0:
-        raise ValueError("the reference front is empty; additive_epsilon needs something to cover")
+        raise ValueError("reference must have at least one row, got none; give the front to compare with")
     if len(matrix) == 0:
         return float("inf")
     import moocore  # slow to import
@@ -175,4 +179,6 @@ def additive_epsilon(Y: ArrayLike, reference: ArrayLike) -> float:
 def _same_columns(matrix: FloatArray, other: FloatArray) -> None:
     """Raise ValueError if two cost spaces have different dimensions."""
     if matrix.shape[1] != other.shape[1]:
-        raise ValueError(f"expected the same criteria on both sides, got {matrix.shape[1]} and {other.shape[1]}")
+        raise ValueError(
+            f"both cost arrays must have equally many criteria (columns), got {matrix.shape[1]} and {other.shape[1]}"
+        )

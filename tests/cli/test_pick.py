@@ -99,7 +99,7 @@ def test_it_says_why_and_what_it_costs(run: Run, folder: Path, front: Front) -> 
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (["--at-most", "turns=-1"], 10, "no trajectory to pick with turns <= -1, which none has: the nearest, "),
+        (["--at-most", "turns=-1"], 10, "no trajectory to pick with turns <= -1, which no point meets: the nearest, "),
         (["--at-most", "turnz=5"], 7, "Did you mean 'turns'?"),
         (["--at-most", "turns=nan"], 10, "must be a finite number"),
         (["--wish", "turns=inf"], 10, "finite"),
@@ -107,7 +107,7 @@ def test_it_says_why_and_what_it_costs(run: Run, folder: Path, front: Front) -> 
         (["--least", "lenght"], 7, "Did you mean 'length'?"),
         (["--least", "obstruction"], 7, "on the command line --wish NAME=NUMBER does that"),
         (["--least", "turns,turns"], 10, "distinct"),
-        (["--row", "9999"], 10, "points, got index 9999"),
+        (["--row", "9999"], 10, "points, got 9999"),
     ],
 )
 def test_what_cannot_be_picked_ends_in_one_message(

@@ -44,7 +44,7 @@ def test_costs_are_compared_in_the_steps_asked_for_and_the_saved_front_is_verifi
     assert again.quanta == {"length": 0.5}
     assert verify(again, loaded) == []
     assert any("quantum" in fault for fault in verify(problem(["length", "exposure"]), loaded))
-    with pytest.raises(FrontError, match="a union needs the same quanta on both sides"):
+    with pytest.raises(FrontError, match="the quanta of two fronts must be equal for a union"):
         fine | coarse
 
 
@@ -60,12 +60,12 @@ def test_what_stands_in_for_a_mean_has_the_step_of_its_own_name() -> None:
 @pytest.mark.parametrize(
     ("quanta", "said"),
     [
-        ({"lenght": 0.1}, "no cost here. Did you mean 'length'? These are length, turns, obstruction, exposure"),
+        ({"lenght": 0.1}, "got 'lenght'. Did you mean 'length'? They are length, turns, obstruction, exposure"),
         ({"length": 0}, "the quantum of length must be a number, in 'm' from 1e-12 to 1,000,000, got 0"),
         ({"length": float("nan")}, "the quantum of length must be"),
         ({"length": "fine"}, "the quantum of length must be"),
         ({"length": True}, "the quantum of length must be"),
-        ({"turns": 0.5}, "turns is a count: its quantum is 1, got 0.5; leave it out"),
+        ({"turns": 0.5}, "the quantum of turns must be 1, because it is a count, got 0.5; leave it out"),
         ([0.1], "quanta must map names of costs to numbers"),
     ],
 )
@@ -84,9 +84,7 @@ def test_a_class_that_cannot_take_another_one_is_told(monkeypatch: pytest.Monkey
         def cost(self, m: Any) -> Any:
             return m.camera.length
 
-    with pytest.raises(
-        CriterionError, match="the quantum of slotted cannot be set, because its class Slotted has slots"
-    ):
+    with pytest.raises(CriterionError, match="the quantum of slotted, its class Slotted must not have slots"):
         with_quanta([Slotted()], {"slotted": 0.1})
 
 
@@ -101,7 +99,11 @@ quanta: QUANTA
 
 @pytest.mark.parametrize(
     ("quanta", "said"),
-    [("{length: 0.001, exposure: 0.01}", ""), ("{turns: 2}", "no cost here"), ("{length: fine}", "quanta")],
+    [
+        ("{length: 0.001, exposure: 0.01}", ""),
+        ("{turns: 2}", "quanta must name criteria of this problem"),
+        ("{length: fine}", "quanta"),
+    ],
 )
 def test_a_scenario_says_them(tmp_path: Path, quanta: str, said: str) -> None:
     file = tmp_path / "room.yaml"

@@ -106,7 +106,7 @@ def test_who_walks_by_with_a_friend_is_met_where_they_are_then():
 def test_on_a_graph_without_time_people_who_talk_must_stand():
     states = [States(x=np.array([x]), y=np.zeros(1), yaw=np.zeros(1)) for x in (-1.0, 1.0)]
     walking = [Person(0, 1, velocity=(0.1, 0.0)), Person(0, -1)]
-    with pytest.raises(CriterionError, match="give them no velocity"):
+    with pytest.raises(CriterionError, match="give the people no velocity"):
         motion_costs(
             CuttingBetween(),
             Motions(

@@ -196,13 +196,15 @@ def test_crossings_are_counted_along_tracks_with_many_waypoints():
 
 @pytest.mark.parametrize("criterion", [OSpace(), CuttingBetween()], ids=lambda c: c.name)
 def test_who_talks_has_one_future(criterion):
-    with pytest.raises(CriterionError, match="needs one future of each person in a group; person 'Ann' has 2"):
+    with pytest.raises(
+        CriterionError, match="needs one predicted future of each person in a group, but person 'Ann' has 2"
+    ):
         cost(criterion, replace(PERSON, name="Ann"), Person(0, 1), groups=[(0, 1)])
 
 
 @pytest.mark.parametrize("uncertain", [{"spread": 0.1}, {"growth": 0.1}])
 def test_crossings_between_uncertain_places_are_refused(uncertain):
-    with pytest.raises(CriterionError, match="no spread and no growth, or take 'o_space'"):
+    with pytest.raises(CriterionError, match="no spread and no growth, or use 'o_space'"):
         cost(CuttingBetween(), Person(0, 2, **uncertain), Person(0, 1), groups=[(0, 1)])
 
 

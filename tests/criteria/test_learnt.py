@@ -126,7 +126,7 @@ def test_a_file_that_has_changed_is_refused(scenario: Path) -> None:
     described = describe_criterion(make_criterion({"learnt": {"file": str(scenario.with_name("comfort.json"))}}))
     text = scenario.with_name("comfort.json").read_text()
     scenario.with_name("comfort.json").write_text(text.replace("0.5", "0.6"))
-    with pytest.raises(CriterionError, match="has changed since this was saved"):
+    with pytest.raises(CriterionError, match="has changed since the front was saved"):
         make_criterion(described)
     scenario.with_name("comfort.json").unlink()
     with pytest.raises(CriterionError, match="cannot read"):
@@ -148,16 +148,16 @@ PART = {"criterion": {"rotation": {}}, "weight": 1.0}
     [
         ("[", "expected a file from hpop.study.fit_criterion"),
         ("[" * 100_000, "nested too deeply"),
-        (changed(schema="hpop-front"), "not hpop-learnt 1"),
+        (changed(schema="hpop-front"), "instead of hpop-learnt, version 1"),
         (changed(more=1), "unknown keys"),
         (changed(parts=[]), "expected 1 to 50 criteria, got 0"),
         (changed(parts=[PART] * 60), "'rotation' twice"),
         (changed(parts=[PART | {"weight": -1.0}]), "the weight of rotation must be a number from 0"),
         (changed(parts=[PART | {"weight": 0.0}]), "no weight above 0"),
         (changed(parts=[{"criterion": {"rotat": {}}, "weight": 1.0}]), "Did you mean 'rotation'"),
-        (changed(parts=[{"criterion": {"obstruction": {}}, "weight": 1.0}]), "take 'exposure'"),
-        (changed(parts=[{"criterion": {"jerk": {}}, "weight": 1.0}]), "does not add up"),
-        (changed(parts=[{"criterion": {"learnt": {"file": str(LEARNT)}}, "weight": 1.0}]), "may not be learnt itself"),
+        (changed(parts=[{"criterion": {"obstruction": {}}, "weight": 1.0}]), "use 'exposure'"),
+        (changed(parts=[{"criterion": {"jerk": {}}, "weight": 1.0}]), "each part must be a sum over motions"),
+        (changed(parts=[{"criterion": {"learnt": {"file": str(LEARNT)}}, "weight": 1.0}]), "must not be learnt itself"),
         (changed(learnt={}), "missing keys"),
     ],
 )  # fmt: skip
@@ -176,7 +176,7 @@ def test_a_file_that_is_made_of_itself_is_refused_for_that(tmp_path: Path) -> No
         of = {"criterion": {"learnt": {"file": str(tmp_path / part)}}, "weight": 1.0}
         (tmp_path / file).write_text(changed(parts=[of]))
     for file in ("a.json", "c.json"):
-        with pytest.raises(CriterionError, match="a part of a learnt criterion may not be learnt itself"):
+        with pytest.raises(CriterionError, match="a part of a learnt criterion must not be learnt itself"):
             Learnt(str(tmp_path / file))
 
 

@@ -101,7 +101,7 @@ def test_motion_about_all_axes_agrees_with_an_independent_integration(vection):
 
 
 def test_signals_must_be_given_and_of_one_shape():
-    with pytest.raises(ValueError, match="at least one signal"):
+    with pytest.raises(ValueError, match="must be at least one array"):
         sicken()
-    with pytest.raises(ValueError, match="of one shape"):
+    with pytest.raises(ValueError, match="all of equal shape"):
         sicken(felt=np.zeros((5, 3)), seen=np.zeros((6, 3)))

@@ -33,5 +33,5 @@ def test_it_adds_up_on_edges_trajectories_and_symbols_as_sampled():
 
 def test_what_it_declares():
     assert (ViewDistance.group, ViewDistance.unit, ViewDistance.aggregate) == ("P", "m s", "sum")
-    with pytest.raises(CriterionError, match="near <= far"):
+    with pytest.raises(CriterionError, match="near must not exceed far"):
         ViewDistance(TARGET, near=1.0, far=0.5)

@@ -184,5 +184,5 @@ def test_clearance_is_of_the_whole_robot_where_its_collision_measures_it():
 
 
 def test_a_robot_that_nobody_measures_has_no_clearance():
-    with pytest.raises(UnsupportedCriterion, match="'clearance' cannot be used here: it needs a base, or"):
+    with pytest.raises(UnsupportedCriterion, match="'clearance' cannot be used here: the criterion needs a model"):
         trajectory_cost(Clearance(), tour(ARM), WORLD)

@@ -64,12 +64,12 @@ def test_what_is_no_table_of_costs_is_refused(ask):
         ask([1.0, 2.0])
     with pytest.raises(ValueError, match="NaN in row 1, column 0"):
         ask([[1.0, 2.0], [np.nan, 1.0]])
-    with pytest.raises(ValueError, match="real costs"):
+    with pytest.raises(ValueError, match="costs must be real"):
         ask([["a", "b"]])
 
 
 def test_a_knee_needs_a_row_of_finite_costs():
-    with pytest.raises(FrontError, match="no rows"):
+    with pytest.raises(FrontError, match="must have at least one row"):
         frontier.knee(np.zeros((0, 2)))
     with pytest.raises(ValueError, match="finite, got inf in row 0, column 1"):
         frontier.knee([[1.0, np.inf]])

@@ -87,7 +87,7 @@ def test_a_not_a_number_is_refused_by_place():
 
 @pytest.mark.parametrize("Y", [[1.0, 2.0], np.zeros((3, 0)), [["a"]], [[1j]], [[True]], [[[1.0]]]])
 def test_what_is_not_a_cost_matrix_is_refused(Y):
-    with pytest.raises(ValueError, match="expected"):
+    with pytest.raises(ValueError, match="costs must be"):
         is_nondominated(Y)
 
 
@@ -113,9 +113,9 @@ def test_whole_quanta_are_recovered(Z, exponent):
 
 def test_a_quantum_finer_than_float64_resolves_is_refused():
     assert quantised([[2.0**53]], [1.0]).tolist() == [[2**53]]
-    with pytest.raises(ValueError, match=r"row 1, column 0 is beyond 2\*\*53 quanta.*quantum above 2"):
+    with pytest.raises(ValueError, match=r"below 2\*\*53 quanta.*row 1, column 0.*quantum above 2"):
         quantised([[1.0], [2.0**54]], [1.0])
-    with pytest.raises(ValueError, match="beyond"):
+    with pytest.raises(ValueError, match="must be below"):
         quantised([[1e300]], [1e-300])
 
 

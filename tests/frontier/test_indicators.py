@@ -61,7 +61,7 @@ def test_epsilon_of_a_front_against_itself_is_zero():
 
 def test_an_empty_front_covers_nothing():
     assert additive_epsilon(np.zeros((0, 2)), [[1.0, 1.0]]) == np.inf
-    with pytest.raises(ValueError, match="empty"):
+    with pytest.raises(ValueError, match="at least one row"):
         additive_epsilon([[1.0, 1.0]], np.zeros((0, 2)))
 
 

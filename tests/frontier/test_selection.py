@@ -95,10 +95,10 @@ def test_where_nothing_is_left_the_certificate_names_the_nearest_point(line: Fro
     none = line.where(turns="<0", length="<=2")  # 2 of 9 turns are less than 4 of 9 m, and 6 turns too many
     assert len(none) == 0
     assert none.certificate == (
-        "selected from 5 points by turns < 0 and length <= 2, which none has: the nearest, point 2, has turns 3, "
+        "selected from 5 points by turns < 0 and length <= 2, which no point meets: the nearest, point 2, has turns 3, "
         "length 4: exact"
     )
-    with pytest.raises(FrontError, match=r"no points to choose from.*the nearest, point 2, has turns 3"):
+    with pytest.raises(FrontError, match=r"with points, but this one has none.*the nearest, point 2, has turns 3"):
         none.knee()
     assert none.where(turns="<=1").certificate.startswith("selected from 0 points by turns <= 1: selected from 5")
 
@@ -106,21 +106,24 @@ def test_where_nothing_is_left_the_certificate_names_the_nearest_point(line: Fro
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"turnz": "<=5"}, "the front has no 'turnz'. Did you mean 'turns'? Known: turns, length, open space"),
+        (
+            {"turnz": "<=5"},
+            "the front has no column 'turnz'. Did you mean 'turns'? Its columns: turns, length, open space",
+        ),
         ({"open spaces": "<=5"}, "Did you mean 'open space'?"),
-        ({"turns": "=<5"}, "begins with one of <=, >=, <, >, ==, !=, as in '<=5', got '=<' in '=<5'"),
-        ({"turns": "5"}, "begins with one of <=, >=, <, >, ==, !=, as in '<=5', got '5'"),
-        ({"turns": ""}, "begins with one of"),
-        ({"turns": "<="}, "ends with a number, as in '<=5', got '<='"),
-        ({"turns": "<= five"}, "ends with a number"),
+        ({"turns": "=<5"}, "begin with one of <=, >=, <, >, ==, !=, as in '<=5', got '=<' in '=<5'"),
+        ({"turns": "5"}, "begin with one of <=, >=, <, >, ==, !=, as in '<=5', got '5'"),
+        ({"turns": ""}, "begin with one of"),
+        ({"turns": "<="}, "end with a number, as in '<=5', got '<='"),
+        ({"turns": "<= five"}, "end with a number"),
         ({"turns": "<=nan"}, "must be a finite number, got '<=nan' for 'turns'"),
         ({"turns": float("nan")}, "must be a finite number, got nan"),
         ({"turns": "<inf"}, "must be a finite number"),
         ({"turns": None}, "must be text such as '<=5', or a number, got None"),
         ({"turns": True}, "or a number, got True"),
         ({"turns": "<=" + "9" * 1000}, "must be text such as"),
-        ({}, "expected a condition at least"),
-        ("turns<=5", "expected conditions such as turns='<=5', or a dict"),
+        ({}, "at least one condition must be given"),
+        ("turns<=5", "conditions must be keywords such as turns='<=5', or a dict"),
     ],
 )
 def test_what_is_no_condition_is_refused(line: Front, given: object, said: str) -> None:
@@ -139,7 +142,7 @@ def test_what_is_no_index_is_refused(line: Front) -> None:
     for index in ("turns", None, 1.5, [0, 2], [[True]], [[1], [1, 2]], np.zeros((5, 1), bool)):
         with pytest.raises(TypeError, match="index a front by a row, a slice such as"):
             line[index]
-    with pytest.raises(IndexError, match="each of 5 points, got one of length 2"):
+    with pytest.raises(IndexError, match="each of 5 points, got length 2"):
         line[[True, False]]
     with pytest.raises(IndexError, match="keep their order"):
         line[::-1]

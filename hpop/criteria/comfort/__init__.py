@@ -1,4 +1,4 @@
-"""Criteria of comfort, and the visual motion that several of them read."""
+"""Criteria of comfort of the immersed user, and the sampled camera motion (visual motion) that several of them use."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ from hpop.trajectories.history import History
 
 
 class VisualMotion(NamedTuple):
-    """Executed motion of the camera at regular times, in the camera's own frame: ahead, left, up.
+    """Motion of the camera that the user sees: sampled at regular times, in the camera's own frame (ahead, left, up).
 
-    times         (N,)    s, from 0 to the end
-    step          s, between times
+    times         (N,)    s, from 0 to the end of the trajectory
+    step                  s, between two samples
     acceleration  (N, 3)  m/s²
-    rotation      (N, 3)  rad/s
+    rotation      (N, 3)  rad/s, angular velocity
+
+    It is computed from the executed motion, in which the robot speeds up and slows down.
     """
 
     times: FloatArray
@@ -27,17 +29,21 @@ class VisualMotion(NamedTuple):
 
 
 def camera_at(m: History, times: FloatArray) -> tuple[Pose, FloatArray]:
-    """Return executed poses (N,) and positions (N, 3), m, of the camera, which stands still outside the drive."""
+    """Return the camera's poses (N,) and positions (N, 3), m, in the executed motion at times (N,), s.
+
+    Before the start and after the end of the trajectory the camera stands still.
+    """
     pose = m.model.pose("camera", m.executed.at(times))
     return pose, np.stack([pose.x, pose.y, pose.z], axis=1)
 
 
 def visual_motion(m: History, longest: float) -> VisualMotion:
-    """Return the visual motion sampled every ``longest`` seconds or more often.
+    """Return the visual motion of a trajectory, sampled every ``longest`` seconds or more often.
 
-    Derivatives are central differences of the camera's positions and axes. Executed ramps are parabolas, for which
-    these are exact; where a ramp begins or ends the sample is the mean over a step. The rotation is the one that takes
-    the axes one step before to those one step after, about any axis.
+    The acceleration is a central difference of the camera's positions. While the robot speeds up or slows down, its
+    path is a parabola in time, for which this is exact. Where that begins or ends, the sample is the mean over a step.
+    The angular velocity follows from the rotation that turns the camera's axes one step before into those one step
+    after.
     """
     return m.once(("visual motion", longest), lambda: _visual_motion(m, longest))
 
@@ -58,14 +64,18 @@ def _visual_motion(m: History, longest: float) -> VisualMotion:
 
 
 def _in_frame(axes: list[FloatArray], vectors: FloatArray) -> FloatArray:
-    """Return the components (N, 3) of vectors along three axes; axes (N + 2, 3) have a further sample at both ends."""
+    """Return the components (N, 3) of vectors (N, 3) along three axes.
+
+    Each axis (N + 2, 3) has one more sample at each end, which is not used.
+    """
     return np.stack([np.sum(vectors * axis[1:-1], axis=1) for axis in axes], axis=1)
 
 
 def _rotations(before: list[FloatArray], after: list[FloatArray]) -> FloatArray:
-    """Return rotation vectors (N, 3), rad, less than half a turn long, between two sets of axes.
+    """Return the rotation vectors (N, 3), rad, that turn three axes ``before`` into three axes ``after``.
 
-    Half the sum of the axes' cross products has the length of the sine; the sum of their dot products is 1 + 2 cosines.
+    Rotations must be less than half a turn. For a rotation by the angle γ, half the sum of the cross products of the
+    axes has the length sin γ, and the sum of their dot products is 1 + 2 cos γ.
     """
     pairs = list(zip(before, after, strict=True))
     normal = 0.5 * sum(np.cross(a, b) for a, b in pairs)

@@ -15,8 +15,8 @@ class CameraLength:
     """Length of the camera's path in space: ∫ |v| dt.
 
     Unit m; a sum over motions. It is for the camera what ``length`` is for the base: a short path shortens the exposure
-    to virtual reality (Becerra et al. 2020, arXiv 2002.10696). The two differ where the camera is in a hand, or off the
-    axis of its base, where turns in place move it as well.
+    to virtual reality (Becerra et al. 2020, arXiv 2002.10696). The two differ if the camera is on an arm, or away from
+    the axis of its base, so that turns in place move it too.
     """
 
     def cost(self, m: Motions) -> Column:

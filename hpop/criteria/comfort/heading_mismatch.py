@@ -1,4 +1,7 @@
-"""Heading mismatch: the angle between the camera's view and its motion, as an integral and as a mean over time."""
+"""Heading mismatch: the angle between the direction in which the camera looks and the one in which it moves.
+
+There are two criteria: its integral over time and its mean over time.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +16,12 @@ from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.motions import Instants, Motions
 
-PANELS = 16  # of each phase in place, where the speed passes ``slow`` within a few degrees
+PANELS = 16  # quadrature intervals in each phase of a turn in place; within a few degrees its speed passes ``slow``
 
 
 @dataclass(frozen=True)
 class _Mismatch:
-    """Angle between view and motion of the camera; below ``slow`` m/s it counts in proportion to the speed."""
+    """Angle between the camera's view and its motion; below ``slow`` m/s it counts in proportion to the speed."""
 
     slow: float = 0.1  # m/s, below which the angle counts in proportion to the speed
 
@@ -28,7 +31,7 @@ class _Mismatch:
     def cost(self, m: Motions) -> Column:
         """Return the time integral of the angle (M,), rad s."""
         if m.camera.stays:
-            return 0.0 * m.duration  # a camera that does not translate has no direction of motion
+            return 0.0 * m.duration  # a camera whose position does not change has no direction of motion
 
         def mismatch(s: Instants) -> Column:
             velocity = s.twist("camera").velocity
@@ -39,7 +42,7 @@ class _Mismatch:
 
 
 def _fine(m: Motions) -> Motions:
-    """Return motions with more quadrature panels if they turn in place, where the camera's speed has steep ramps."""
+    """Return motions with more quadrature intervals if they turn in place, where the camera's speed changes fast."""
     if not m.whole or m.panels is not None or m.law.quadrature == "adaptive" or {"x", "y"} & m.law.varies:
         return m
     if any(is_symbolic(getattr(m.start, name)) for name in m.start.names):
@@ -56,13 +59,13 @@ class HeadingMismatch(_Mismatch):
                motion
 
     γ is the angle in space between the camera's axis ahead and the velocity v of the camera. Unit rad s; a sum over
-    motions. A head that looks down at the floor while driving has a cost, and so has a camera that a lift raises while
-    it looks ahead (a right angle). Standing, turning about the camera, panning and tilting cost nothing. A turn moves a
-    camera that is off the axis sideways, which counts. The integral is within .2 %, ramps included.
+    motions. A camera that looks down at the floor while driving has a cost. So has a camera that a lift raises while it
+    looks ahead (γ is then a right angle). Standing, turning about the camera, panning and tilting cost nothing. A turn
+    of the base moves a camera that is not on the axis sideways, which has a cost. The integral is accurate to 0.2 %.
 
-    Source: a user who looks in the direction of motion sees what comes, and unexpected vection is what best predicts
-    sickness (studies of vection in virtual reality, read as abstracts). A view that is turned back while the base turns
-    saves rotation (Suomalainen et al., HRI 2022) at the price of this angle. The definition is this project's own.
+    Source: a user who looks in the direction of motion sees what comes, and unexpected vection best predicts sickness
+    (studies of vection in virtual reality, of which only abstracts were read). A view that is turned back while the
+    base turns saves rotation (Suomalainen et al., HRI 2022) but has this angle. The definition is this project's own.
     """
 
 
@@ -71,11 +74,11 @@ class HeadingMismatch(_Mismatch):
 class MeanHeadingMismatch(_Mismatch):
     """Angle between the camera's view and its direction of motion, as a mean: (1/T) ∫ γ min(|v|/slow, 1) dt.
 
-    It is :class:`HeadingMismatch`, which defines γ, divided by the whole duration T, with pauses. Unit rad; a mean over
-    time.
+    It is the integral of :class:`HeadingMismatch`, which defines γ, divided by the whole duration T, pauses included.
+    Unit rad; a mean over time.
     """
 
     @property
     def integral(self) -> HeadingMismatch:
-        """Time integral, which searches minimise in place of the mean."""
+        """The criterion that searches minimise in place of the mean: its time integral."""
         return HeadingMismatch(self.slow)

@@ -1,4 +1,4 @@
-"""Length of the path: the paper's D."""
+"""Length of the path of the base: the cost D of Becerra et al. 2020."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ class Length:
         return m.base.length
 
     def bound(self, start: States, goal: States) -> Column:
-        """Return the length (M,), m, of the straight line between two states: no trajectory is shorter."""
+        """Return a lower bound (M,), m, on the length of any trajectory between two states: their distance."""
         return hypot(goal.x - start.x, goal.y - start.y)
 
     def convex(self, path: ConvexPath) -> ConvexCost:
-        """Return the length of the polyline, a sum of norms."""
+        """Return the length of a polyline as a convex expression of cvxpy."""
         return ConvexCost(path.length, exact=True)

@@ -1,4 +1,4 @@
-"""Motion sickness dose value of the visual motion."""
+"""Motion sickness dose value (MSDV, ISO 2631-1) of the camera motion that the user sees."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hpop.criteria.base import criterion
 from hpop.criteria.comfort import visual_motion
 from hpop.trajectories.history import History
 
-STEP = 0.02  # s: 50 Hz, 80 times the upper corner of Wf, so the bilinear transform bends nothing
+STEP = 0.02  # s: 50 Hz is 80 times the upper corner frequency of Wf, so the bilinear transform distorts nothing
 
 # Corner frequencies (Hz) and quality factors of Wf, ISO 2631-1:1997, annex A.
 HIGH_PASS = 0.08
@@ -22,9 +22,10 @@ STEP_UP = ((0.0625, 0.80), (0.1, 0.80))
 
 
 def sections() -> tuple[tuple[FloatArray, FloatArray], ...]:
-    """Return the factors (numerator, denominator) of Wf(s): band limits, transition, upward step.
+    """Return the factors of the transfer function Wf(s), each as coefficients of numerator and denominator.
 
-    Coefficients begin with the highest power.
+    They are the high-pass, the low-pass, the transition from acceleration to velocity, and the upward step.
+    Coefficients begin with the highest power of s.
     """
     butterworth = 2**-0.5
     high, low = _quadratic(HIGH_PASS, butterworth), _quadratic(LOW_PASS, butterworth)
@@ -34,7 +35,7 @@ def sections() -> tuple[tuple[FloatArray, FloatArray], ...]:
 
 
 def weighting(frequency: float) -> float:
-    """Return |Wf| at a frequency, Hz.
+    """Return the gain |Wf| of the weighting filter at a frequency, Hz.
 
     >>> round(weighting(0.16), 3)
     1.006
@@ -44,15 +45,15 @@ def weighting(frequency: float) -> float:
 
 
 def _quadratic(frequency: float, quality: float) -> FloatArray:
-    """Return the coefficients of s² + s w/Q + w², with w the angular frequency."""
+    """Return the coefficients of s² + s w/Q + w², where w is the angular frequency, rad/s, and Q the quality factor."""
     w = 2 * np.pi * frequency
     return np.array([1.0, w / quality, w * w])
 
 
 def apply_wf_filter(acceleration: FloatArray, step: float) -> FloatArray:
-    """Return accelerations (N, k), m/s², after the filter Wf, from rest; each column by itself.
+    """Return accelerations (N, k), m/s², filtered by Wf, which starts at rest; each of the k columns by itself.
 
-    step  s between samples
+    step  s, between two samples
     """
     from scipy.signal import sosfilt
 
@@ -62,7 +63,10 @@ def apply_wf_filter(acceleration: FloatArray, step: float) -> FloatArray:
 
 @lru_cache(maxsize=16)
 def _digital(step: float) -> tuple[FloatArray, ...]:
-    """Return the digital filter by factors; coefficients of their product would lose nearly all digits at this rate."""
+    """Return the digital filter for a sampling step, s, as second-order sections.
+
+    The coefficients of their product would lose nearly all digits at this sampling rate.
+    """
     from scipy.signal import bilinear
 
     return tuple(np.concatenate(bilinear(b, a, fs=1.0 / step)) for b, a in sections())
@@ -74,13 +78,13 @@ class MSDV:
     """Motion sickness dose value of the camera's visual motion: sqrt(∫ a_w² dt).
 
     a_w is the acceleration of the executed camera motion, weighted by the filter Wf, which passes about 0.1 to 0.3 Hz.
-    All components in the camera's frame (ahead, left, up) are weighted and their squares added, until the robot
-    arrives. Unit m/s^1.5; a criterion of the whole trajectory. Samples of 50 Hz are within half a percent of the analog
-    filter.
+    Each component in the camera's frame (ahead, left, up) is filtered, and their squares are added and integrated until
+    the robot arrives. Unit m/s^1.5; a criterion of the whole trajectory. Sampling at 50 Hz changes the result by less
+    than half a percent.
 
-    Source: ISO 2631-1:1997. Deviation: the standard is about vertical motion that is felt (MSDV/3 % of people vomit). A
-    seated user feels nothing and sees the robot's motion, most of it horizontal. So this is a number to compare
-    trajectories by, not a prediction.
+    Source: ISO 2631-1:1997. Deviation: the standard is about vertical motion that people feel (MSDV/3 % of them vomit).
+    A seated user feels nothing and only sees the robot's motion, most of which is horizontal. So use this number to
+    compare trajectories, not as a prediction.
     """
 
     def cost(self, m: History) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Net winding: the angle by which the user is twisted at the end."""
+"""Net winding: the angle by which a user who turns with the camera is twisted at the end."""
 
 from __future__ import annotations
 
@@ -22,17 +22,18 @@ from hpop.trajectories.history import History
 )
 @dataclass(frozen=True)
 class NetWinding:
-    """Angle by which the user is twisted at the end: |Σ Δθ|, the signed turns of the camera added up.
+    """Angle by which the user is twisted at the end: |Σ Δθ|, the absolute sum of the camera's signed turns.
 
     Unit rad; a criterion of the whole trajectory. A user who follows the camera's turns with the body is twisted by
-    this angle when the robot arrives. Left and right cancel; four left turns by 90 degrees are a whole turn, though the
-    heading is as before. The headings at start and goal determine the winding up to whole turns, so the criterion
-    compares paths that pass obstacles on different sides. The winding at the end counts, not the largest on the way.
+    this angle when the robot arrives. Left and right turns cancel. Four left turns by 90 degrees are a whole turn,
+    although the heading is as before. The headings at start and goal determine the winding up to whole turns, so the
+    criterion distinguishes paths that pass obstacles on different sides. Only the winding at the end counts, not the
+    largest one on the way.
 
     Source: Suomalainen et al. (HRI 2022) found that users prefer unwinding turns and find them more comfortable.
     """
 
     def cost(self, m: History) -> FloatArray:
-        """Return the winding (M,), rad, after each motion."""
+        """Return the absolute winding (M,), rad, after each motion."""
         winding: FloatArray = np.abs(np.cumsum(m.of_motions(lambda motions: motions.camera.rotation)))
         return winding

@@ -1,4 +1,4 @@
-"""Optic flow: how fast the surroundings stream past the user, as an integral and at its fastest."""
+"""Optic flow: how fast the surroundings move past the user, as an integral over time and at its fastest moment."""
 
 from __future__ import annotations
 
@@ -18,14 +18,22 @@ from hpop.world.sight.bearings import ALL_ROUND, REACH, ViewAngles, bearings
 
 
 def rays_of_view(view: FieldOfView, bearings: int) -> FloatArray:
-    """Return unit vectors (K, 3), ahead, left and up, spread evenly over the field of view."""
+    """Return directions spread evenly over a field of view, as unit vectors (K, 3) in the camera's frame.
+
+    bearings  number of directions along the whole horizon that would be as dense
+    """
     width, height = view
     spacing = 2.0 * math.pi / bearings
     return over_sphere(max(bearings, round(width * 2.0 * math.sin(0.5 * height) / spacing**2)), width, height)
 
 
 def flow_in_space(surfaces: Surfaces, view: FloatArray, nearest: float, *, largest: bool) -> Rate:
-    """Return a function of instants: the mean or the largest flow, rad/s, along rays (K, 3) in the camera's frame."""
+    """Return a rate: a function of moments within motions that returns the optic flow, rad/s, found by rays in space.
+
+    view     (K, 3)  directions in the camera's frame
+    nearest  m, surfaces that are nearer count as this near
+    largest  True for the largest flow of all directions, False for the mean
+    """
 
     def rate(s: Instants) -> FloatArray:
         pose, twist, size = s.camera, s.twist("camera"), s.state.size
@@ -42,7 +50,7 @@ def flow_in_space(surfaces: Surfaces, view: FloatArray, nearest: float, *, large
 
 @dataclass(frozen=True)
 class _Flow:
-    """Flow round the camera along horizontal bearings, or all directions in view where the camera's height changes."""
+    """Optic flow round the camera: in horizontal directions, or in space if the height of the camera changes."""
 
     nearest: float = 0.3  # m, surfaces that are nearer count as this near
     bearings: int = 16  # number of horizontal directions
@@ -52,7 +60,7 @@ class _Flow:
         set_wholes(self, "bearings", least=4, most=360, kind="a number of directions", error=CriterionError)
 
     def _rate(self, m: Motions, *, largest: bool) -> Rate:
-        """Return a function of instants: the mean or the largest flow, rad/s, as the camera moves and turns."""
+        """Return a rate: a function of moments within motions that returns the mean or the largest flow, rad/s."""
         if height_varies(m.model):
             view = rays_of_view(field_of_view(m.model), self.bearings)
             return flow_in_space(surfaces_of(m.world), view, self.nearest, largest=largest)
@@ -70,39 +78,40 @@ class _Flow:
 
     @staticmethod
     def _turns_alone(m: Motions) -> bool:
-        """Return whether the camera only turns in place about the vertical, so that its turn rate is the flow."""
+        """Return whether the camera only turns in place about the vertical; the flow is then equal to its turn rate."""
         return m.camera.stays and m.camera.upright and not height_varies(m.model)
 
 
 @criterion("optic_flow", group="C", unit="rad", aggregate="sum", requires=("camera",))
 @dataclass(frozen=True)
 class OpticFlow(_Flow):
-    """Optic flow past the user, the mean over directions: ∫ mean over bearings β of |flow(β)| dt.
+    """Optic flow past the user, as a mean over directions: ∫ mean over bearings β of |flow(β)| dt.
 
     nearest   m  surfaces that are nearer count as this near; otherwise the flow would be infinite at a wall
     bearings  number of horizontal directions, evenly spaced in the world
 
-    Unit rad; a sum over motions. A turn about the camera costs its angle, a tilt 2/π of it. A move costs the same at
-    any speed, since slow flow lasts longer: in the middle of a corridor of half-width w, 1/(2 w) rad a metre.
+    Unit rad; a sum over motions. A turn about the camera costs its angle, a tilt 2/π of it. A straight move has one
+    cost at all speeds, since slower flow lasts longer. In the middle of a corridor of half-width w it is 1/(2 w) rad a
+    metre.
 
     A camera that moves with velocity v and turns at the rate ω has the flow v sin β / d(β) - ω along the horizon. β is
-    the bearing from the direction of motion. d is the distance to the nearest obstacle at the camera's height, 20 m
-    where there is none; floor and ceiling are left out. A camera that tilts or rises also has a flow across the
-    horizon, ω_t sin β' + v_z / d, with β' the bearing from the axis of the tilt; |flow| is then the length of both
-    components. Among obstacles a move is within 3 % of exact rays, and .3 to .6 % too large on average
-    (`hpop.world.sight.bearings`).
+    the bearing from the direction of motion. d is the distance to the nearest obstacle at the camera's height, or 20 m
+    if there is none; floor and ceiling are left out. A camera that tilts or rises also has a flow across the horizon,
+    ω_t sin β' + v_z / d, where ω_t is the tilt rate, v_z the velocity upwards, and β' the bearing from the axis of the
+    tilt. |flow| is the length of both components. Among obstacles the cost of a move is within 3 % of that of exact
+    rays, and 0.3 to 0.6 % too large on average (`hpop.world.sight.bearings`).
 
     The mean is over the bearings within the model's ``field_of_view`` (h/2 to either side of the camera's yaw), each
-    weighted by the part of its sector that is in view; it is over all bearings if the model has no field of view.
+    weighted by the part of its sector that is in view. It is over all bearings if the model has no field of view.
 
-    Where the camera's height changes (in the hand of an arm, on a lift), the mean is over all unit vectors d in view,
-    in the camera's frame, as far apart as two bearings: |ω × d + (v - (v·d) d) / r(d)|, with the distance r found by
-    rays in space against all solids, without floor and ceiling. A rotation then costs π/4 of its angle if the camera
-    sees all round, because directions near the axis hardly move. No symbolic form exists then.
+    If the camera's height changes (on an arm or a lift), the mean is over directions d in the camera's field of view,
+    as far apart as two bearings. The flow is |ω × d + (v - (v·d) d) / r(d)|, where r is the distance to the nearest
+    solid in direction d, without floor and ceiling. A rotation then costs π/4 of its angle if the camera sees all
+    round, because directions near the axis of the rotation hardly move. Programs on CasADi symbols cannot use it then.
     """
 
     def cost(self, m: Motions) -> Column:
-        """Return the flow (M,), rad."""
+        """Return the time integral of the flow (M,), rad."""
         if self._turns_alone(m):
             return m.camera.turned
         return m.integrate(self._rate(m, largest=False))
@@ -113,13 +122,13 @@ class OpticFlow(_Flow):
 class PeakOpticFlow(_Flow):
     """Fastest optic flow: max over time and over the bearings β in view of |flow(β)|, as in :class:`OpticFlow`.
 
-    Unit rad/s; the worst moment. In the middle of a corridor of half-width w it is v / w, at a right angle to the
-    motion.
+    Unit rad/s; the worst moment. In the middle of a corridor of half-width w it is v / w, in the direction at a right
+    angle to the motion.
 
-    Accuracy: two of 16 bearings are 22.5 degrees apart, so the flow of a wall in another direction is up to 4 % too
-    small. Where a bearing leaves one surface for another, the change is blurred over four cells of the field. A peak as
-    short as that is too small by 5 % on average among boxes, and by 30 % in the worst of 60 moves. Where the camera's
-    height changes, the maximum is over the directions that :class:`OpticFlow` uses there.
+    Accuracy: neighbours among 16 bearings are 22.5 degrees apart, so a flow between two of them is found up to 4 % too
+    small. Where a bearing moves from one surface to another, the change is blurred over four cells of the distance
+    grid. Such a short peak is found 5 % too small on average among boxes, and 30 % in the worst of 60 moves. If the
+    camera's height changes, the maximum is over the directions that :class:`OpticFlow` then uses.
     """
 
     def cost(self, m: Motions) -> Column:
@@ -130,7 +139,10 @@ class PeakOpticFlow(_Flow):
 
 
 def fastest_turn(m: Motions) -> Column:
-    """Return the largest turn rate (M,), rad/s, about the vertical, which every phase reaches at one of its ends."""
+    """Return the largest turn rate (M,) of the camera, rad/s, in turns in place about the vertical.
+
+    Each phase of the timing reaches its largest rate at one of its ends.
+    """
     fastest: Column = 0.0
     for phase in m.phases:
         for u in (0.0, 1.0):

@@ -19,14 +19,14 @@ from hpop.world.sight.bearings import MARGIN, as_seen
 @criterion("passing_distance", group="C", unit="m", aggregate="max", requires=("camera",), quantum=1e-3)
 @dataclass(frozen=True)
 class PassingDistance:
-    """Distance by which the moving camera passes objects too near: max over time of (enough - d(camera))₊.
+    """Shortfall of the distance at which the moving camera passes objects: max over time of (enough - d(camera))₊.
 
-    enough  m  distance beyond which passing feels natural, at most 5
-    band    m  obstacles that overlap the heights [camera - band, camera + band] count
+    enough  m  distance from which on passing feels natural, at most 5
+    band    m  obstacles count if they overlap the heights from camera - band to camera + band
 
     d is the distance from the camera to the nearest visible obstacle. Unit m; the worst moment. Unlike ``clearance`` it
-    is measured from the camera, not from the base. Obstacles away from eye level (a kerb, a lintel), keep-out zones,
-    which are invisible, and turns in place do not count. It is not weighted by speed; see ``peak_optic_flow`` for that.
+    is measured from the camera, not from the base. Obstacles away from eye level (a kerb, a lintel) do not count, nor
+    do keep-out zones, which are invisible, nor turns in place. Speed does not matter; it does in ``peak_optic_flow``.
 
     Source: the naturalness of a ride depends on the distance at which walls and objects pass (user studies of immersive
     telepresence, 2020-2022).
@@ -40,7 +40,7 @@ class PassingDistance:
         set_reals(self, "band", least=0, most=MOST, kind="a height in m", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
-        """Return the worst shortfall (M,), m."""
+        """Return the largest shortfall of the distance (M,), m."""
         z = camera_height(m)
         heights = (z - self.band, z + self.band)
         seen = as_seen(m.world, heights)
@@ -48,7 +48,10 @@ class PassingDistance:
         return np.where(m.camera.length > 0.0, worst, 0.0)
 
     def convex(self, path: ConvexPath) -> ConvexCost:
-        """Return a convex upper bound of the cost, by the distance to half-planes that contain the seen obstacles."""
+        """Return a convex upper bound on the cost of a polyline.
+
+        Distances are measured to half-planes that contain the visible obstacles.
+        """
         z = float(np.round(path.model.pose("camera", path.start).z[0], 6))
         heights = (z - self.band, z + self.band)
         seen = as_seen(path.world, heights).free_space(heights)

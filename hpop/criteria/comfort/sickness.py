@@ -1,4 +1,4 @@
-"""Predicted motion sickness incidence."""
+"""Predicted incidence of motion sickness: the share of people who would have vomited."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from hpop.trajectories.history import History
 @criterion("sickness", group="C", unit="%", aggregate="trajectory", requires=("camera",), smooth=False)
 @dataclass(frozen=True)
 class Sickness:
-    """Share of people expected to have vomited at the end, by the subjective-vertical-conflict model.
+    """Share of people expected to have vomited by the end, by the subjective-vertical-conflict model.
 
-    vection  share of the seen motion that users take for their own, in [0, 1]; 1 is complete vection, the worst case
+    vection  share of the seen motion that users take for their own motion, in [0, 1]; 1 is the worst case
 
-    Unit %; a criterion of the whole trajectory. A seated user sees the executed motion of the camera, with its rotation
-    about any axis, in the camera's frame, and keeps the head upright. Accelerations of the robot tilt the vertical that
+    Unit %; a criterion of the whole trajectory. The model's user is seated, keeps the head upright, and sees the
+    executed motion of the camera, including rotations about any axis. Accelerations of the robot tilt the vertical that
     the user expects, most at about 0.2 Hz. A turn about the vertical does not tilt it, and costs nothing unless the
-    camera is off the axis or still accelerating. Sickness builds up over tau_I = 12 minutes, so short drives give small
-    numbers: compare them, and combine the criterion with ``rotation``.
+    camera is away from the axis or still accelerating. Sickness builds up over tau_I = 12 minutes, so short drives give
+    small numbers: use them for comparison, and combine the criterion with ``rotation``.
 
     Source: :mod:`hpop.criteria.comfort.svc` has the model (Wada and others), its constants, and this project's reading
-    of it. Euler's steps of 0.01 s, as in the published simulations, make the value too large, usually by 3 %, and by at
+    of it. Euler steps of 0.01 s, as in the published simulations, make the value too large: usually by 3 %, and by at
     most 7 % among random drives with turns and holds.
     """
 
@@ -38,7 +38,7 @@ class Sickness:
         set_reals(self, "vection", least=0, most=1, kind="a share", error=CriterionError)
 
     def cost(self, m: History) -> FloatArray:
-        """Return the incidence (M,), %, at the end of each motion."""
+        """Return the share of people (M,), %, who would have vomited by the end of each motion."""
         from hpop.criteria.comfort.svc import STEP, sicken  # importing numba takes half a second
 
         visual = visual_motion(m, STEP)

@@ -1,4 +1,4 @@
-"""The subjective-vertical-conflict model of motion sickness with six degrees of freedom, felt and seen.
+"""Subjective-vertical-conflict model of motion sickness, with six degrees of freedom of felt and seen motion.
 
 Motion sickness comes from the conflict between the vertical that the senses report, v, and the one that the brain
 expects, v_hat (Bles and Bos 1998). The form is that of Kamiji, Kurata, Wada and Doi (2007) as revised by Inoue, Liu
@@ -13,10 +13,10 @@ Expected:  w_hat = K_w w + K_wc (w_s - w_hat_s),   w_hat_s = T_d s / (T_d s + 1)
            g_hat' = K_vc (v - v_hat)
 Sickness:  u = (|v - v_hat|/b)²,  H = u/(1 + u),  tau_I² M'' + 2 tau_I M' + M = P H    M in % of people who vomit
 
-**Seen motion.** The terms K_a a and K_w w are the brain's knowledge of the motion apart from the vestibular organs. A
-seated user feels nothing (a = w = 0, so without vision there is no conflict and M is 0) but sees motion: a share
-``vection`` of the seen acceleration and angular velocity is added to these terms. That is this project's reading of
-"visually driven". Published visual versions add feedback gains of their own, fitted to other experiments.
+**Seen motion.** The terms K_a a and K_w w stand for what the brain knows of the motion from other sources than the
+vestibular organs. A seated user feels no motion (a = w = 0, so without vision there is no conflict and M is 0) but sees
+it. So a share ``vection`` of the seen acceleration and angular velocity is added to these terms. That is this project's
+reading of "visually driven". Published visual versions add feedback gains of their own, fitted to other experiments.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from hpop.base.arrays import FloatArray
 from hpop.runtime.compiled import kernel
 
 GRAVITY = 9.81  # m/s²
-STEP = 0.01  # s, of Euler's method, as in the published simulations; makes responses to a jolt 3 to 7 % too large
+STEP = 0.01  # s, of Euler's method, as in the published simulations; it makes responses to a jolt 3 to 7 % too large
 
 
 @dataclass(frozen=True)
 class Constants:
-    """Constants of form IN1 (Inoue, Liu, Wada 2023); the module's equations use them."""
+    """Constants of the model, form IN1 (Inoue, Liu, Wada 2023), named as in the equations at the top of this file."""
 
     k_a: float = 0.1
     k_w: float = 0.1
@@ -51,10 +51,10 @@ class Constants:
 
 @dataclass(frozen=True, eq=False)
 class Sickened:
-    """Predictions of the model.
+    """Predictions of the motion sickness model at N steps of time.
 
-    incidence  (N,)  %     people who would have vomited, after each step
-    conflict   (N,)  m/s²  |v - v_hat| at the beginning of each step
+    incidence  (N,)  %     share of people who would have vomited by the end of each step
+    conflict   (N,)  m/s²  |v - v_hat|, sensed minus expected vertical, at the beginning of each step
     """
 
     incidence: FloatArray
@@ -71,19 +71,25 @@ def sicken(
     step: float = STEP,
     constants: Constants | None = None,
 ) -> Sickened:
-    """Run the model over samples (N, 3) every ``step`` seconds, from a head that has long been upright and at rest.
+    """Run the motion sickness model on samples (N, 3) of motion, one every ``step`` seconds.
 
-    felt           m/s²   acceleration of the head (ahead, left, up) without gravity; None: the head stays still
-    felt_rotation  rad/s  angular velocity of the head
-    seen           m/s²   acceleration that the eyes report; None: no visible motion
-    seen_rotation  rad/s  angular velocity that the eyes report
+    felt           m/s²   acceleration of the head (ahead, left, up) without gravity; None if the head stays still
+    felt_rotation  rad/s  angular velocity of the head; None for zero
+    seen           m/s²   acceleration that the eyes see; None for no visible motion
+    seen_rotation  rad/s  angular velocity that the eyes see; None for zero
+    vection               share of the seen motion that the user takes for his or her own
+
+    Before the first sample the head has long been upright and at rest.
 
     For a head that turns out of the upright, ``felt`` is in its own frame and includes the change of gravity: felt = f
     - (0, 0, g).
     """
     signals = [signal for signal in (felt, felt_rotation, seen, seen_rotation) if signal is not None]
     if not signals or any(signal.shape != (len(signals[0]), 3) for signal in signals):
-        raise ValueError(f"give at least one signal, all of one shape (N, 3); got {[s.shape for s in signals]}")
+        raise ValueError(
+            "felt, felt_rotation, seen and seen_rotation must be at least one array, all of equal shape (N, 3), got "
+            f"{[s.shape for s in signals]}"
+        )
 
     def filled(signal: FloatArray | None) -> FloatArray:
         return np.zeros(signals[0].shape) if signal is None else np.ascontiguousarray(signal, dtype=np.float64)
@@ -116,12 +122,13 @@ def _integrate(
     incidence: FloatArray,
     conflict: FloatArray,
 ) -> None:
-    """Take Euler steps of the model; rows are vectors in the head's frame.
+    """Integrate the model by Euler steps; write ``incidence`` and ``conflict``. Vectors are in the head's frame.
 
-    force, rotation        (N, 3)  m/s², rad/s  what the head feels
-    seen, seen_rotation    (N, 3)  m/s², rad/s  the eyes' report
-    gravity                (3,)    m/s²         at the start, after a long rest
-    incidence, conflict    (N,)    %, m/s²      written: after each step; |v - v_hat| before it
+    force, rotation        (N, 3)  m/s², rad/s  felt specific force and angular velocity
+    seen, seen_rotation    (N, 3)  m/s², rad/s  seen acceleration and angular velocity, times vection
+    gravity                (3,)    m/s²         at the start, where the head is at rest
+    constants                                   fields of :class:`Constants` in order
+    incidence, conflict    (N,)    %, m/s²      results, as in :class:`Sickened`
     """
     ka, kw, kwc, kvc, kac, tau_d, tau_a, tau, b, percent, tau_i = constants
     g, v, v_hat, g_hat = gravity.copy(), gravity.copy(), gravity.copy(), gravity.copy()

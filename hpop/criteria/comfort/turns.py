@@ -1,4 +1,4 @@
-"""Number of turns: the paper's N."""
+"""Number of turns of the camera: the cost N of Becerra et al. 2020."""
 
 from __future__ import annotations
 
@@ -25,16 +25,17 @@ LEAST_TURN = np.deg2rad(1.0)  # rad: smaller changes of heading are not counted
 )
 @dataclass(frozen=True)
 class Turns:
-    """Number of turns of more than one degree, whatever their angle: the paper's N.
+    """Number of turns of more than one degree, whatever their angle.
 
     A turn is a rotation of the camera about the vertical, by its base or by a head that pans. Tilts do not count; turns
-    at start and goal do. Unit 1; a sum over motions. Source: Becerra et al. 2020 (arXiv 2002.10696): few and fast
-    rotations spare the semicircular canals.
+    at start and goal do. Unit 1; a sum over motions. Source: the cost N of Becerra et al. 2020 (arXiv 2002.10696): few
+    and fast rotations spare the semicircular canals.
 
-    A turn in place is one motion and one turn, so two turns in place in succession count twice; planners here make each
-    turn in one go, as the paper does. Along curves a turn is a maximal stretch in which the heading changes with one
-    sign, however the curve is cut into motions. A change of sign begins another turn, and so does a straight stretch.
-    The cost of a curve by itself, for example as an edge of a graph, assumes a constant heading before and after it.
+    Each motion in place counts as one turn, so two turns in place in succession count twice. Planners of hpop make each
+    turn in one motion, as the paper does. Along curves a turn is the longest stretch in which the heading changes with
+    one sign, however the curve is cut into motions. A change of sign begins another turn, and so does a straight
+    stretch. The cost of a curve by itself, for example as an edge of a graph, assumes a constant heading before and
+    after it.
     """
 
     def cost(self, m: Motions) -> Column:

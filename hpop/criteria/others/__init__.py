@@ -1,4 +1,4 @@
-"""Criteria of other people, and functions that several of them use: robot radius and velocity, time, and zones."""
+"""Criteria of other people near the robot, and functions that several of them use: radius, velocity, time, zones."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ ROWS = 1 << 16  # samples per block
 SAMPLE = 8  # bytes of a sample
 POINT = 200  # bytes of a sample's nearest point on a path
 ZONES = "zones were sampled"
-SAME_PLACE = 1e-9  # share of a path's length within which its nearest point counts as a corner
+SAME_PLACE = 1e-9  # share of a path's length: a nearest point within this of a corner counts as the corner
 
 
 def reach(model: Model, radius: float | None) -> float:
-    """Return the radius, m, of the robot about its axis: the given one, or as far as its upright parts reach."""
+    """Return the robot's radius about its axis, m: the given one, or for None the largest reach of its parts."""
     if radius is not None:
         return radius
     return max((float(part.reach) for part in model.platform), default=0.0)
 
 
 def checked_radius(radius: float | None) -> float | None:
-    """Return a robot's radius; raise CriterionError unless it is None or a length."""
+    """Check a criterion's option ``robot_radius``, m or None, and return it; CriterionError for anything else."""
     if radius is None:
         return None
     return real("robot_radius", radius, 0, MOST, "None for the model's, or a length in m", error=CriterionError)
 
 
 def base_velocity(m: Motions, s: Instants) -> tuple[Column, Column]:
-    """Return the velocity (x, y) of the base, m/s, world frame, without computing it where the base stays."""
+    """Return the velocity (x, y) of the base, m/s, in the world frame; zeros, not computed, if it does not move."""
     if m.base.stays:
         still = 0.0 * s.base.x
         return still, still
@@ -51,23 +51,29 @@ def base_velocity(m: Motions, s: Instants) -> tuple[Column, Column]:
 
 
 def clock(s: Instants, people: Iterable[Person]) -> Column | None:
-    """Return the times of the instants, s; None if all people stand, so that graphs without time can be costed."""
+    """Return the times of moments within motions, s, or None if no person moves.
+
+    A cost that does not read the time can be computed for graphs without time.
+    """
     return s.t if any_moves(people) else None
 
 
 def check_one_future(name: str, people: Iterable[Person]) -> None:
-    """Raise CriterionError where a person in a group has several hypotheses."""
+    """Raise CriterionError if a person in a group has several predicted futures; ``name`` is the criterion."""
     for person in people:
         if person.futures:
             raise CriterionError(
-                f"{name!r} needs one future of each person in a group; {named_as('person', person.name)} has "
-                f"{len(person.futures)}, and which of them the group would follow is unknown. Give people "
-                "in groups one prediction each, or leave the group out"
+                f"{name!r} needs one predicted future of each person in a group, but {named_as('person', person.name)} "
+                f"has {len(person.futures)}, and it is unknown which of them the group follows. Give people in groups "
+                "one prediction each, or leave the group out"
             )
 
 
 def speed_limits(world: World) -> tuple[tuple[float, Field], ...]:
-    """Return each limit, m/s, with a field of the area where it holds; where speed zones overlap, the lowest holds."""
+    """Return pairs of a speed limit, m/s, and a field that is 1 where this limit holds and 0 elsewhere.
+
+    Where speed zones overlap, the lowest limit holds.
+    """
     zones = tuple((float(zone.limit), zone.area) for zone in world.content.zones if zone.limit is not None)
 
     def make() -> tuple[tuple[float, Field], ...]:
@@ -86,10 +92,10 @@ def speed_limits(world: World) -> tuple[tuple[float, Field], ...]:
 
 
 def one_way_flows(world: World) -> tuple[tuple[Field, Field], ...]:
-    """Return the allowed direction (x, y) of each one-way zone as fields, of length 1 inside and 0 outside.
+    """Return the allowed direction of each one-way zone, as two fields: its x and y components.
 
     The direction is that of the nearest segment of the zone's path. Beyond a corner, where two segments are equally
-    near, it is half way between theirs.
+    near, it is halfway between theirs. Its length is 1 inside the zone and 0 outside.
     """
     zones = [zone for zone in world.content.zones if zone.kind == "one-way"]
     key = ("one-way flows", *((zone.area, zone.path) for zone in zones))
@@ -97,6 +103,7 @@ def one_way_flows(world: World) -> tuple[tuple[Field, Field], ...]:
 
 
 def _flow(world: World, zone: Zone) -> tuple[Field, Field]:
+    """Return the allowed direction in one zone, as fields of its x and y components."""
     xs, ys = _grid(world, zone.area)
     shares = _shares(zone.area, xs, ys)
     limits.hold(ZONES, xs.size * ys.size * SAMPLE, xs.size * ys.size * POINT)
@@ -114,24 +121,28 @@ def _flow(world: World, zone: Zone) -> tuple[Field, Field]:
     )
     mean = ahead[before] + ahead[after]  # (H, W, 2)
     norm = np.hypot(mean[..., 0], mean[..., 1])[..., None]
-    # At a corner where a path turns back on itself no direction is half way: then the next segment counts.
+    # At a corner where a path turns back on itself, no direction is halfway between both: use the next segment's.
     direction = np.where(norm > SAME_PLACE, mean / np.maximum(norm, SAME_PLACE), ahead[after])
     return _field(xs, ys, shares * direction[..., 0]), _field(xs, ys, shares * direction[..., 1])
 
 
 def _grid(world: World, area: BaseGeometry) -> tuple[FloatArray, FloatArray]:
-    """Return the x and y of samples a field cell apart, or farther apart if a zone would need over four million."""
+    """Return the x and the y coordinates of a grid of samples over an area, m.
+
+    Samples are a cell of the world's distance grid apart, or farther if they would be more than four million.
+    """
     x0, y0, x1, y1 = shapely.bounds(area)
     spacing = max(world.cell, math.sqrt((x1 - x0) * (y1 - y0) / MAX_SAMPLES))
     return grid_points((x0, y0, x1, y1), spacing)
 
 
 def _field(xs: FloatArray, ys: FloatArray, values: FloatArray) -> Field:
+    """Return the field with given values (H, W) at the samples of a grid."""
     return Field(values, float(xs[1] - xs[0]), (float(xs[0]), float(ys[0]), 0.0))
 
 
 def _shares(area: BaseGeometry, xs: FloatArray, ys: FloatArray) -> FloatArray:
-    """Return the share (H, W) of the square about each sample that lies in an area."""
+    """Return which share (H, W), 0 to 1, of the grid square about each sample lies in an area."""
     half = 0.5 * float(xs[1] - xs[0])
     limits.hold(ZONES, xs.size * ys.size * SAMPLE)
     shapely.prepare(area)

@@ -18,15 +18,15 @@ class AgainstFlow:
     """Metres moved against the direction of one-way zones: ∫ (-v · direction)₊ dt.
 
     v is the velocity of the base's axis. The direction at a point is that of the nearest segment of the zone's path;
-    beyond a corner, half way between two. Moving across it costs nothing. Where zones overlap, each counts. Unit m; a
-    sum over motions. The rule is this library's own, not a published measure.
+    beyond a corner, it is halfway between those of two segments. Moving across the direction costs nothing. Where zones
+    overlap, each counts. Unit m; a sum over motions. The definition is this library's own, not a published measure.
 
-    A zone's border, and the line where the direction changes, are blurred over about two field cells on either side
-    (see :class:`hpop.world.fields.field.Field`), so that the cost has a gradient.
+    The border of a zone, and the line where the direction changes, are blurred over about two cells of the distance
+    grid on either side (see :class:`hpop.world.fields.field.Field`), so that the cost has a gradient.
     """
 
     def cost(self, m: Motions) -> Column:
-        """Return the metres (M,) moved against the direction."""
+        """Return the distance (M,), m, moved against the direction of one-way zones."""
         if m.base.stays:
             return 0.0 * m.base.start.x  # a turn in place moves in no direction
         flows = one_way_flows(m.world)

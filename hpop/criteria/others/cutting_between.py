@@ -1,4 +1,4 @@
-"""Cutting between people who talk with one another."""
+"""Crossing between people who talk with each other."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from hpop.world.content.content import Person
 from hpop.world.content.futures import named_as
 from hpop.world.content.proxemics import any_moves, position
 
-CHORDS = 8  # straight pieces that stand for a curve
-STEP = 0.25  # m: farthest that people on tracks, or walking apart, go within a piece
+CHORDS = 8  # number of straight pieces that approximate a curve
+STEP = 0.25  # m: in a piece, people on tracks, or at different velocities, walk at most this far
 MOST_CHORDS = 512
 
 
@@ -27,20 +27,19 @@ MOST_CHORDS = 512
 )
 @dataclass(frozen=True)
 class CuttingBetween:
-    """Number of times that the path crosses the segment p_i p_j between two people of one conversation, over all pairs.
+    """Number of times that the path crosses between two people who talk, summed over all pairs of each conversation.
 
-    Unit 1; a sum over motions. A conversation of two lasts while both are present. A point exactly on the line through
-    the two counts as left of the direction from p_i to p_j. So a path may be split anywhere, even on the segment, and
-    each crossing counts once. A path that comes from the right, touches the segment and turns back counts twice; one
-    that comes from the left, not at all.
+    A crossing is one of the segment between the positions p_i and p_j of the two people. Unit 1; a sum over motions. A
+    pair counts while both people are present. A point exactly on the line through the two counts as left of the
+    direction from p_i to p_j. So a path can be cut anywhere, even on the segment, and each crossing still counts once.
+    A path that comes from the right, touches the segment and turns back counts twice; one from the left not at all.
 
-    Each motion is taken as straight from start to end, a curve as straight between eight moments, and likewise the
-    paths of people who walk meanwhile. That is exact for straight moves and for people who walk side by side. Where
-    people follow tracks or walk apart, so that the segment turns, pieces are as short as a quarter of a metre of a
-    person's path, or a 512th of the motion.
+    A motion is approximated by straight pieces: one for a straight move, eight for a curve, and the paths of people
+    likewise. That is exact for straight moves and for people who walk side by side. If people follow tracks or walk at
+    different velocities, so that the segment turns, a person walks at most 0.25 m in a piece, with at most 512 pieces.
 
-    The expected number of crossings does not follow from the distribution of people's positions at each moment. So
-    uncertain positions and several hypotheses raise CriterionError.
+    If positions are uncertain or a person has several predicted futures, the expected number of crossings cannot be
+    computed from the distribution of positions at each moment, and CriterionError is raised.
     """
 
     def cost(self, m: Motions) -> Column:
@@ -53,8 +52,8 @@ class CuttingBetween:
         walks = any_moves(talking)
         if walks and m.t0 is None:
             raise CriterionError(
-                "'cutting_between' needs the time at which each motion begins, because people in a group walk; on a "
-                "graph without time, give them no velocity"
+                "'cutting_between' needs the time at which each motion begins, because people in a group walk, but "
+                "this planner plans without time; give the people no velocity, or plan by 'lattice' or 'roadmap'"
             )
         within = m.moments(_pieces(m, talking))
         poses = [m.base.start, *(s.base for s in within), m.base.end]
@@ -68,9 +67,10 @@ class CuttingBetween:
 
 
 def _relative_to(pair: tuple[Person, Person], x: Column, y: Column, t: Column | None) -> tuple[Column, Column]:
-    """Return a position in coordinates (N,) of the segment between two people: along it, 0 to 1, and to its left.
+    """Return a position (x, y) relative to the segment between two people, at times t, as two columns.
 
-    Both coordinates have the length of the segment as their unit.
+    The first is the coordinate along the segment, from 0 at the first person to 1 at the second. The other is the
+    distance to its left, also in lengths of the segment.
     """
     ax, ay = position(pair[0], t)
     bx, by = position(pair[1], t)
@@ -81,7 +81,7 @@ def _relative_to(pair: tuple[Person, Person], x: Column, y: Column, t: Column | 
 
 
 def _pieces(m: Motions, people: list[Person]) -> int:
-    """Return the number of straight pieces for each phase of the motions and the paths of people meanwhile."""
+    """Return into how many straight pieces each phase of the motions is cut, and the paths of people with them."""
     chords = CHORDS if isinstance(m.law, Curve) else 1
     if not any(person.track for person in people) and len({person.velocity for person in people}) < 2:
         return chords  # all stand, or walk side by side: straight motions are straight relative to them
@@ -96,9 +96,9 @@ def _crosses_pair(
     t_end: Column | None,
     pair: tuple[Person, Person],
 ) -> Column:
-    """Return 1 (M,) where a straight move from begin to end crosses the segment between two present people, else 0.
+    """Return whether (1 or 0, (M,)) straight moves cross the segment between two people while both are present.
 
-    begin, end      position in coordinates of the segment, as from ``_relative_to``
+    begin, end      positions relative to the segment, from :func:`_relative_to`
     t_begin, t_end  s, times at both ends, or None for people who stand
     """
     (along, left), (to_along, to_left) = begin, end
@@ -112,9 +112,10 @@ def _crosses_pair(
 
 
 def _check_sure(people: list[Person]) -> None:
+    """Raise CriterionError if the position of a person is uncertain."""
     for person in people:
         if person.spread or person.growth:
             raise CriterionError(
-                f"'cutting_between' needs certain positions, since no mean number of crossings follows from uncertain "
-                f"ones; give {named_as('person', person.name)} no spread and no growth, or take 'o_space'"
+                f"'cutting_between' needs certain positions, but that of {named_as('person', person.name)} is "
+                "uncertain; give this person no spread and no growth, or use 'o_space' instead"
             )

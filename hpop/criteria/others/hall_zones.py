@@ -22,25 +22,25 @@ from hpop.world.content.proxemics import HALL, Blurred, expected, offset
 @criterion("hall_zones", group="O", unit="s", aggregate="sum", requires=("base", "people"))
 @dataclass(frozen=True)
 class HallZones:
-    """Time in people's zones, each zone with its weight: ∫ Σ_people E[w(gap)] dt; two people disturbed count twice.
+    """Time in people's zones, weighted by zone: ∫ Σ_people E[w(gap)] dt, summed over all people.
 
-    The zones end at .45 m (intimate), 1.2 m (personal) and 3.6 m (social); beyond, the weight w is 0. The gap is the
-    distance from the person's body to the robot, which is taken as a disc about its axis. The radius of the disc is
-    ``robot_radius``, by default the reach of the model. Unit s; a sum over motions.
+    The gap is the distance from the person's body to the robot, which counts as a disc about its axis. The radius of
+    the disc is ``robot_radius``, by default the reach of the model. The weight w depends on the zone: up to 0.45 m
+    (intimate), 1.2 m (personal) and 3.6 m (social); beyond, it is 0. Unit s; a sum over motions.
 
-    Source: the zones of Hall 1966 (The Hidden Dimension). The weights are this library's choice. Deviation: at a zone's
-    border the weight changes over ``softness`` metres (a polynomial of degree 5, half the change at the border itself),
-    so that the cost has a gradient. :func:`hpop.criteria.others.metrics.zone_fractions` has sharp zones.
+    Source: the zones of Hall 1966 (The Hidden Dimension). The weights are this library's choice. Deviation: at the
+    border of a zone the weight changes gradually over ``softness`` metres (a polynomial of degree 5), so that the cost
+    has a gradient. :func:`hpop.criteria.others.metrics.zone_fractions` has sharp zones.
 
     E is the mean over the person's hypotheses (by weight) and over the uncertain position. It is read from tables,
-    which are off by at most 1e-4 with the default softness, 3e-3 with .05 m, .01 with .01 m. The mean of the cost is
-    right whether or not a person's deviations at different times are correlated.
+    whose error is at most 1e-4 with the default softness, 3e-3 with 0.05 m, and 0.01 with 0.01 m. The mean of the cost
+    is right whether or not a person's deviations at different times are correlated.
     """
 
     intimate: float = 1.0  # weight up to .45 m from a person
     personal: float = 0.5  # weight from .45 m to 1.2 m
     social: float = 0.1  # weight from 1.2 m to 3.6 m
-    softness: float = 0.3  # m across a border over which the weight changes
+    softness: float = 0.3  # m, width of the border over which the weight changes
     robot_radius: float | None = None  # m, None for the model's
 
     def __post_init__(self) -> None:
@@ -48,8 +48,8 @@ class HallZones:
         set_reals(self, *zones, least=0, most=MOST, kind="a weight", error=CriterionError)
         if not (self.intimate >= self.personal >= self.social and self.intimate > 0):
             raise CriterionError(
-                "weights of zones must satisfy intimate >= personal >= social and intimate > 0; "
-                f"got intimate={self.intimate!r}, personal={self.personal!r}, social={self.social!r}"
+                "the weights must satisfy intimate >= personal >= social and intimate > 0, got "
+                f"intimate={self.intimate!r}, personal={self.personal!r}, social={self.social!r}"
             )
         set_reals(self, "softness", least=LEAST, most=2 * HALL["intimate"], kind="a length in m", error=CriterionError)
         object.__setattr__(self, "robot_radius", checked_radius(self.robot_radius))
@@ -67,14 +67,17 @@ class HallZones:
         return m.integrate(lambda s: expected(people, intrusion, s.base.x, s.base.y, clock(s, people)))
 
     def weight(self, gap: Column) -> Column:
-        """Return the weight (N,) of gaps, m, between surfaces."""
+        """Return the weight (N,) of gaps, m, between the surfaces of robot and person."""
         weights = (self.intimate, self.personal, self.social, 0.0)
         steps = [(limit, w - beyond) for limit, (w, beyond) in zip(HALL.values(), pairwise(weights), strict=True)]
         return sum(step * within(limit - gap, self.softness) for limit, step in steps if step > 0)
 
 
 def within(depth: Column, softness: float) -> Column:
-    """Return a smooth step (N,) of the depth behind a border, m: 0 outside, 1 inside; ``softness`` is its width, m.
+    """Return a smooth step (N,) from 0 outside of a border to 1 inside.
+
+    depth     m, distance inside the border, negative outside
+    softness  m, width of the step
 
     It is a polynomial of degree 5, 1/2 at the border, and twice differentiable.
     """
@@ -84,9 +87,10 @@ def within(depth: Column, softness: float) -> Column:
 
 @lru_cache(maxsize=128)  # 0.6 MB each; one per radius of a person
 def _mean_zone_weight(zones: HallZones, radii: float) -> Blurred:
-    """Return the function for the mean weight of an uncertain distance, m, between the axes of robot and person.
+    """Return a function for the mean weight when the position of a person is uncertain.
 
-    radii  m, sum of both radii
+    It takes the predicted distance between the axes of robot and person, m, and the deviation, m. ``radii`` is the sum
+    of both radii, m.
     """
     end = HALL["social"] + 0.5 * zones.softness + radii
     return Blurred(lambda distance: zones.weight(distance - radii), end, detail=zones.softness)

@@ -1,4 +1,4 @@
-"""Social metrics, as studies of robots among people report them: measured on a trajectory, not minimised."""
+"""Social metrics that studies of robots among people report; they measure a trajectory and are not minimised."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ if TYPE_CHECKING:
     from hpop.world import World
     from hpop.world.content.people import Person
 
-STEP = 0.01  # s
-COMPLIANT = 0.5  # m
+STEP = 0.01  # s, default time between samples
+COMPLIANT = 0.5  # m, smallest gap that respects people's space
 
 
 @dataclass(frozen=True)
 class SocialMetrics:
     """Metrics of Francis et al. 2023 (Principles and guidelines for evaluating social robot navigation algorithms).
 
-    People are where they are predicted, while they are present. If a person has several futures, each value is that of
-    the worst one.
+    People are at their predicted positions while they are present. If a person has several predicted futures, each
+    metric is that of the worst one.
 
-    min_human_distance       m  least gap between the surfaces of robot and people; ∞ without people, negative in a
+    min_human_distance       m  smallest gap between the surfaces of robot and people; ∞ without people, negative in a
                                 collision
-    space_compliance         1  share of the time in which all people are at least ``COMPLIANT`` = .5 m away
-    least_time_to_collision  s  ∞ when robot and people never are on a collision course
-    path_efficiency          1  shortest length / max(length, shortest length), as SPL has it for one success; None when
-                                no shortest length is given
+    space_compliance         1  share of the time in which all people are at least ``COMPLIANT`` = 0.5 m away
+    least_time_to_collision  s  smallest time to collision; ∞ if robot and people are never on a collision course
+    path_efficiency          1  shortest length / max(length, shortest length), as in SPL for one success; None if no
+                                shortest length is given
     """
 
     min_human_distance: float
@@ -55,10 +55,10 @@ def social_metrics(
     robot_radius: float | None = None,
     step: float = STEP,
 ) -> SocialMetrics:
-    """Measure a trajectory among people; pass its ``execution()`` to measure the robot's real motion.
+    """Measure the social metrics of a trajectory; pass its ``execution()`` to measure the robot's real motion.
 
-    shortest_length  m  of the shortest path from start to goal, for the path efficiency
-    robot_radius     m  of the robot, round about its axis; by default as far as the model reaches
+    shortest_length  m  length of the shortest path from start to goal, for the path efficiency
+    robot_radius     m  radius of the robot about its axis; by default the largest reach of its parts
     step             s  between samples; the ends of motions, and moments at which people turn, come or leave, are added
 
     Raises CriterionError if the step or the shortest length is not positive.
@@ -91,9 +91,10 @@ def social_metrics(
 def zone_fractions(
     trajectory: Trajectory, world: World, *, robot_radius: float | None = None, step: float = STEP
 ) -> dict[str, float]:
-    """Return the share of time in each zone of the nearest person: "intimate", "personal", "social", "public".
+    """Return which share of the time the robot is in the "intimate", "personal", "social" and "public" zone.
 
-    Zones are sharp here and measured between surfaces; samples are ``step`` seconds apart.
+    The zone is that of the nearest person. Zones have sharp borders here, and gaps are measured between surfaces of
+    robot and person. Samples are ``step`` seconds apart.
     """
     robot_radius = checked_radius(robot_radius)
     gaps = _gaps(trajectory, world, _middles(trajectory, step), reach(trajectory.model, robot_radius))
@@ -103,14 +104,14 @@ def zone_fractions(
 
 
 def _middles(trajectory: Trajectory, step: float) -> FloatArray:
-    """Return the middles of equal intervals of time, no longer than a step; 0 where nothing moves."""
+    """Return the middles, s, of equal intervals of at most ``step`` s that divide a trajectory's duration."""
     step = real("step", step, LEAST, MOST, "a positive time in s", error=CriterionError)
     count = max(1, int(np.ceil(trajectory.duration / step)))
     return np.asarray((np.arange(count) + 0.5) * (trajectory.duration / count))
 
 
 def _gaps(trajectory: Trajectory, world: World, times: FloatArray, radius: float) -> FloatArray:
-    """Return the gap (N,), m, between the surfaces of the robot and the nearest person at times (N,)."""
+    """Return the gap (N,), m, between the surfaces of the robot and of the nearest person, at times (N,), s."""
     base = trajectory.model.pose("base", trajectory.at(times))
     nearest = np.full(times.shape, np.inf)
     for person in _one_per_future(world):
@@ -120,5 +121,5 @@ def _gaps(trajectory: Trajectory, world: World, times: FloatArray, radius: float
 
 
 def _one_per_future(world: World) -> Iterator[Person]:
-    """Return people with one future each: a copy for each future of a person."""
+    """Yield each predicted future of each person as a person of its own."""
     return (hypothesis for person in world.content.people for _, hypothesis in person.hypotheses)

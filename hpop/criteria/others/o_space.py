@@ -1,4 +1,4 @@
-"""O-space: the middle of a conversation, which others should not cross."""
+"""O-space: the middle of a group of people who talk, which others should not cross."""
 
 from __future__ import annotations
 
@@ -23,26 +23,27 @@ from hpop.world.content.proxemics import over, position
 class OSpace:
     """Time in the middle of conversations, weighted by nearness to the centre c: ∫ Σ_groups E[exp(-|p - c|²/2σ²)] dt.
 
-    c = mean(p_i + ``stride`` · heading_i) over the people of the group. heading_i is the yaw of the body, also of
-    people who walk while they talk. p is the axis of the base; a second at the centre costs 1 s. A conversation lasts
-    while all its people are present. Unit s; a sum over motions.
+    p is the position of the base's axis. The centre is c = mean(p_i + ``stride`` · heading_i) over the people of the
+    group, where p_i is a position and heading_i the direction of the body, also of people who walk while they talk. A
+    second at the centre costs 1 s. A conversation lasts while all its people are present. Unit s; a sum over motions.
 
-    Source: the centre of an F-formation, to which each person votes with a point ahead (Kendon 1990; a stride of 1.5
-    m). The width σ = ``sigma``, half a stride, is this library's choice.
+    Source: the centre of an F-formation is found by votes: each person votes for a point ahead (Kendon 1990; a stride
+    of 1.5 m). The width σ = ``sigma``, half a stride, is this library's choice.
 
-    E is the mean over the positions of the people, with deviations taken as independent, in closed form. People in
-    groups may have one hypothesis only, because their separate hypotheses do not say how the conversation continues.
+    E is the mean over the uncertain positions of the people, whose deviations are taken as independent, in closed form.
+    People in groups must have one predicted future each, because separate futures of each person do not tell how the
+    conversation continues.
     """
 
     stride: float = 1.5  # m from each person ahead to the centre
-    sigma: float = 0.75  # m, width of the middle
+    sigma: float = 0.75  # m, width σ of the middle
 
     def __post_init__(self) -> None:
         set_reals(self, "stride", least=0, most=MOST, kind="a length in m", error=CriterionError)
         set_reals(self, "sigma", least=LEAST, most=MOST, kind="a positive length in m", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
-        """Return the time integral (M,) of the intrusion, s."""
+        """Return the weighted time (M,) in the middle of conversations, s."""
         content = m.world.content
         groups = [tuple(content.people[i] for i in group) for group in content.groups]
         talking = [person for group in groups for person in group]
@@ -59,7 +60,7 @@ class OSpace:
         return m.integrate(lambda s: over(groups, intrusion, np.add, s.base.x, s.base.y, clock(s, talking)))
 
     def centre(self, group: tuple[Person, ...], t: Column | None = None) -> tuple[Column, Column]:
-        """Return the centre (x, y), m, of a conversation at times t (N,), s; t is needed only if people walk."""
+        """Return the centre (x, y), m, of a group's conversation at times t (N,), s; t may be None if all stand."""
         positions = [position(person, t) for person in group]
         ahead = self.stride / len(group)
         x = sum(px for px, _ in positions) / len(group) + ahead * sum(math.cos(person.yaw) for person in group)

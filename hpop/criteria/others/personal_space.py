@@ -24,9 +24,9 @@ TINY = 1e-6  # m: smallest deviation, where deviations grow with time
 
 
 def spreads(person: Person, t: Column | None = None) -> tuple[Column, Column, Column]:
-    """Return the standard deviations ahead, aside and behind, m, of a person's space at times t (N,).
+    """Return the widths, m, of a person's personal space ahead, to the side and behind, at times t (N,), s.
 
-    They are σ_h = max(2v, 1/2), 2/3 σ_h and 1/2 σ_h at the person's speed v, m/s.
+    They are the standard deviations of the Gaussian: σ_h = max(2v, 1/2), 2/3 σ_h and 1/2 σ_h at the speed v, m/s.
     """
     vx, vy = person.velocity_at(t)
     steady = isinstance(vx, float)
@@ -39,32 +39,34 @@ def spreads(person: Person, t: Column | None = None) -> tuple[Column, Column, Co
 class PersonalSpace:
     """Time in people's personal space, weighted by nearness: ∫ Σ_people E[exp(-x²/2σ² - y²/2σ_s²)] dt.
 
-    x is the distance of the base's axis ahead of the person, y that beside. Ahead is where a person walks or, standing,
-    faces. σ = σ_h = max(2v, ½) ahead and σ = σ_r = ½ σ_h behind, σ_s = ⅔ σ_h, with v the person's speed in m/s. A
-    second at the person's position costs 1 s. Unit s; a sum over motions.
+    x is the distance of the base's axis ahead of the person, y its distance to the side. Ahead is the direction in
+    which the person walks, or faces while standing. The widths are σ = σ_h = max(2v, ½) ahead, σ = ½ σ_h behind, and
+    σ_s = ⅔ σ_h to the side, where v is the person's speed in m/s. A second at the person's position costs 1 s. Unit s;
+    a sum over motions.
 
     Source: the asymmetric Gaussian of Kirby, Social Robot Navigation, 2010.
 
     E is the mean over the person's hypotheses (by weight) and over the uncertain position, in closed form. The mean of
     the cost is right whether or not a person's deviations at different times are correlated.
 
-    ``people="sum"`` adds up the people. "max" takes the person who is disturbed most, as costmaps do, and of several
-    hypotheses the worst, however small its weight.
+    With ``people="sum"`` the intrusions of all people are added. With "max" only the person who is disturbed most
+    counts, as in costmaps, and of several hypotheses the worst one, however small its weight is.
     """
 
-    people: Combination = "sum"  # over all people, or "max", the person who is disturbed most
+    people: Combination = "sum"  # over all people, or "max": only the person who is disturbed most
 
     def __post_init__(self) -> None:
         one_of("people", self.people, get_args(Combination), error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
-        """Return the time integral (M,) of the intrusion, s."""
+        """Return the weighted time (M,) in people's personal space, s."""
         people = m.world.content.people
         combined = expected if self.people == "sum" else worst
         return m.integrate(lambda s: combined(people, _intrusion, s.base.x, s.base.y, clock(s, people)))
 
 
 def _intrusion(person: Person, x: Column, y: Column, t: Column | None) -> Column:
+    """Return the intrusion (N,), 0 to 1, of a robot at positions (x, y) into a person's space at times t, s."""
     ahead, left = in_frame(person, x, y, t)
     front, side, rear = spreads(person, t)
     deviation = person.deviation(t)
@@ -76,10 +78,14 @@ def _intrusion(person: Person, x: Column, y: Column, t: Column | None) -> Column
 
 
 def _mean_intrusion(ahead: Column, left: Column, widths: tuple[Column, Column, Column], deviation: Column) -> Column:
-    """Return the mean (N,) of the intrusion if the person's position has a deviation (N,), m, along each axis.
+    """Return the mean (N,) of the intrusion if a person's position is uncertain.
 
-    A blurred Gaussian is a Gaussian with the sum of variances. Each half, ahead and behind, contributes with the share
-    of positions for which the robot is in that half.
+    ahead, left  m, predicted position of the robot relative to the person
+    widths       m, of the personal space ahead, to the side and behind
+    deviation    (N,)  m, standard deviation of the position along each axis
+
+    The mean of a Gaussian over a normal distribution is a Gaussian whose variance is the sum of both. Each half of the
+    space, ahead and behind, contributes in proportion to the probability that the robot is in this half.
     """
     front, side, rear = widths
     deviation = np.maximum(deviation, TINY)

@@ -1,4 +1,4 @@
-"""Social force: how hard the robot pushes people to evade it."""
+"""Social force: how strongly the robot makes people evade it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hpop.motions import Motions
 from hpop.world.content.content import Person
 from hpop.world.content.proxemics import expected, offset
 
-STANDSTILL = 1e-9  # |D| below which the force is 0, since its range γ|D| is
+STANDSTILL = 1e-9  # for |D| below this the force is 0, because its range γ|D| is
 TINY = 1e-6  # m: smallest deviation, where deviations grow with time
 ROOT_PI = float(np.sqrt(np.pi))
 
@@ -27,25 +27,26 @@ ROOT_PI = float(np.sqrt(np.pi))
 class SocialForce:
     """Social force that the robot exerts on people, per unit of mass, over time: ∫ Σ_people E[|f|] dt.
 
-    f = -A exp(-d/B) [exp(-(n′Bθ)²) t + K exp(-(nBθ)²) n]. Unit m/s; a sum over motions.
+    f = -A exp(-d/B) [exp(-(n′Bθ)²) t + K exp(-(nBθ)²) n], where n is a constant in (nBθ) and a vector at the end. Unit
+    m/s; a sum over motions.
 
     e    unit vector from the person to the robot, d their distance (centres)
-    D    λΔv + e, with Δv the velocity of the person less that of the robot
-    t    D/|D|, with left normal n
-    θ    angle from t to e, with sign K
+    D    λΔv + e, where Δv is the person's velocity minus the robot's
+    t    D/|D|; the vector n is its left normal
+    θ    angle from t to e; K is its sign
     B    γ|D|
 
-    Source: Moussaïd et al. 2009 (Proc. R. Soc. B 276), who measured on people A = 4.5 m/s², γ = .35, λ = 2, n = 2, n′ =
-    3.
+    Source: Moussaïd et al. 2009 (Proc. R. Soc. B 276), who measured A = 4.5 m/s², γ = 0.35, λ = 2, n = 2 and n′ = 3 on
+    people.
 
-    Choices: the integral is over time, not along the path, so that a robot that stands beside people costs as well. The
-    "social work" of human-aware navigation sums the force over time steps in the same way. At θ = 0, K counts as ±1,
-    not as 0 as in the paper: on a straight path to a person θ is 0 up to rounding.
+    Choices: the integral is over time, not along the path, so that a robot that stands beside people has a cost too.
+    The "social work" of human-aware navigation also sums the force over time. At θ = 0, K counts as ±1, and not as 0 as
+    in the paper, because on a straight path to a person θ is 0 only up to rounding.
 
-    E is the mean over the person's hypotheses (by weight) and over the uncertain position at the predicted velocity.
-    That mean is an integral over directions of e, with the integral over distances in closed form: within 1e-4 m/s²
-    with the default constants and velocities that differ by up to 4 m/s, whatever the deviation. The mean of the cost
-    is right whether or not a person's deviations at different times are correlated.
+    E is the mean over the person's hypotheses (by weight) and over the uncertain position, at the predicted velocity.
+    It is an integral over directions of e, with the integral over distances in closed form. Its error is at most 1e-4
+    m/s² for the default constants, velocities that differ by up to 4 m/s, and any deviation. The mean of the cost is
+    right whether or not a person's deviations at different times are correlated.
     """
 
     strength: float = 4.5  # A, m/s²
@@ -67,7 +68,7 @@ class SocialForce:
         )
 
     def _force(self, person: Person, x: Column, y: Column, vx: Column, vy: Column, t: Column | None) -> Column:
-        """Return the mean of |f| (N,), m/s²."""
+        """Return the mean (N,) of |f|, m/s², on a person at times t; the robot is at (x, y) with velocity (vx, vy)."""
         dx, dy = offset(person, x, y, t)
         walks_x, walks_y = person.velocity_at(t)
         distance, deviation = hypot(dx, dy), person.deviation(t)
@@ -82,10 +83,10 @@ class SocialForce:
         return strongest * np.exp(-distance / reach)
 
     def _range_and_strength(self, ex: Column, ey: Column, wx: Column, wy: Column) -> tuple[Column, Column]:
-        """Return the force's range B (N,), m, and its strength |f| (N,) at distance 0, m/s².
+        """Return the range B (N,) of the force, m, and its strength |f| (N,) at distance 0, m/s².
 
-        ex, ey  unit direction to the person
-        wx, wy  relative velocity, m/s
+        ex, ey  unit vector e from the person to the robot
+        wx, wy  velocity of the person minus that of the robot, m/s
         """
         Dx, Dy = self.anticipation * wx + ex, self.anticipation * wy + ey
         length = hypot(Dx, Dy)
@@ -111,10 +112,15 @@ class SocialForce:
     ) -> Column:
         """Return the contribution (N,), m/s², of one direction to the mean of |f| over a person's uncertain position.
 
-        In polar coordinates r, φ about the robot, φ = 0 towards the prediction, a position has the density exp(-(r² - 2
-        r d cos φ + d²)/2σ²)/2πσ², and |f| is exp(-r/B) times a function of φ. With a = d cos φ - σ²/B the integral over
-        r is exp(-d²/2σ²) (1 + a/σ sqrt(π/2) exp(a²/2σ²) (1 + erf(a/σ sqrt 2)))/2π. Directions are those of tan(φ/2) = k
-        tan(ψ/2), ψ even, k = 2σ/sqrt(d² + 4σ²): dense where the person is likely.
+        tangent, share  node of the quadrature over directions, from ``_directions``
+        distance        d, m, to the predicted position; ex, ey is the unit vector and wx, wy the relative velocity
+        deviation       σ, m
+
+        Let r, φ be polar coordinates about the robot, with φ = 0 towards the predicted position. A position has the
+        density exp(-(r² - 2 r d cos φ + d²)/2σ²)/2πσ², and |f| is exp(-r/B) times a function of φ. With
+        a = d cos φ - σ²/B the integral over r is exp(-d²/2σ²) (1 + a/σ sqrt(π/2) exp(a²/2σ²) (1 + erf(a/σ sqrt 2)))/2π.
+        The directions φ follow from tan(φ/2) = k tan(ψ/2), with evenly spaced ψ and k = 2σ/sqrt(d² + 4σ²). They are
+        dense where the person is likely to be.
         """
         narrow = 2.0 * deviation / np.sqrt(distance * distance + 4.0 * deviation * deviation) * tangent
         scale = 1.0 + narrow * narrow
@@ -129,13 +135,16 @@ class SocialForce:
         towards = np.exp(np.minimum(-0.5 * shortening * (distance + nearest) / (deviation * deviation), 0.0))
         beyond = behind * (1.0 - ROOT_PI * np.maximum(-z, 0.0) * erfcx(np.maximum(-z, 0.0)))
         before = behind + ROOT_PI * z * towards * (1.0 + erf(np.maximum(z, 0.0)))
-        # dφ/dψ; the share has the part that depends on the node alone
+        # dφ/dψ; its factor that depends on the node alone is in ``share``
         weight = share * narrow / tangent / scale
         return weight * strongest * np.where(z > 0, before, np.maximum(beyond, 0.0))
 
 
 def _directions(count: int) -> tuple[tuple[float, float], ...]:
-    """Return nodes for the integral over directions ψ, evenly spaced: pairs of tan(ψ/2) and (1 + tan²(ψ/2)) / count."""
+    """Return the nodes of the quadrature over ``count`` evenly spaced directions ψ.
+
+    Each is a pair of tan(ψ/2) and (1 + tan²(ψ/2)) / count.
+    """
     tangents = np.tan(np.pi * ((np.arange(count) + 0.5) / count - 0.5))
     return tuple(zip(tangents.tolist(), ((1.0 + tangents**2) / count).tolist(), strict=True))
 

@@ -1,4 +1,4 @@
-"""Speeding in speed zones."""
+"""Speeding: driving faster than the limit of a speed zone."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ from hpop.motions import Instants, Motions
 @criterion("speeding", group="O", unit="m", aggregate="sum", requires=("base", "speed zones"))
 @dataclass(frozen=True)
 class Speeding:
-    """Metres covered beyond the limits of speed zones: ∫ (v - limit)₊ dt in speed zones.
+    """Distance that the base covers in excess of the limits in speed zones: ∫ (v - limit)₊ dt in speed zones.
 
-    v is the speed of the base; a zone applies where the base's axis is in it. Where zones overlap, the lowest limit
-    holds. Unit m; a sum over motions. The rule is this library's own, not a published measure.
+    v is the speed of the base; a zone applies while the base's axis is in it. Where zones overlap, the lowest limit
+    holds. Unit m; a sum over motions. The definition is this library's own, not a published measure.
 
-    A zone's border is blurred over about two field cells on either side (see :class:`hpop.world.fields.field.Field`),
-    so that the cost has a gradient. The cost of a path straight across a border is not changed by it.
+    The border of a zone is blurred over about two cells of the distance grid on either side (see
+    :class:`hpop.world.fields.field.Field`), so that the cost has a gradient. This does not change the cost of a path
+    straight across the border.
     """
 
     def cost(self, m: Motions) -> Column:
-        """Return the metres (M,) covered in excess."""
+        """Return the distance (M,), m, covered in excess of speed limits."""
         if m.base.stays:
             return 0.0 * m.base.start.x  # a turn in place covers no metres
         limits = speed_limits(m.world)

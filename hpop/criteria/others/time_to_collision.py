@@ -1,4 +1,4 @@
-"""Time to collision with people."""
+"""Time to collision with people, as a cost: how soon robot and person would touch."""
 
 from __future__ import annotations
 
@@ -19,20 +19,19 @@ from hpop.world.content.proxemics import offset, worst
 @criterion("time_to_collision", group="O", unit="1", aggregate="max", requires=("base", "people"), smooth=False)
 @dataclass(frozen=True)
 class TimeToCollision:
-    """Urgency of the nearest collision with a person: max over t and people of max(0, 1 - TTC/τ), τ the ``horizon``.
+    """Urgency of the most imminent collision with a person: max over t and people of max(0, 1 - TTC/τ).
 
-    TTC = [-p·v - sqrt((p·v)² - |v|²(|p|² - R²))]/|v|² is the time until the two touch at constant velocities: p and v
-    are the position and velocity of the robot relative to a person, R is the sum of their radii. It is ∞ if the two
-    move apart or will miss each other, and 0 if they touch. So the cost is 1 at contact, and 0 if no collision will
-    happen within τ. Standing people count as well. The robot counts as a circle around its axis, and turning in place
-    has no speed. Unit 1; the worst moment.
+    τ is the ``horizon``. TTC = [-p·v - sqrt((p·v)² - |v|²(|p|² - R²))]/|v|² is the time until robot and person touch if
+    both keep their velocities. p and v are the position and velocity of the robot relative to the person, and R is the
+    sum of their radii. TTC is ∞ if the two move apart or will miss each other, and 0 if they touch. So the cost is 1 at
+    contact, and 0 if no collision is due within τ. Standing people count too. The robot counts as a circle around its
+    axis, so turning in place does not matter. Unit 1; the worst moment.
 
     Source: Karamouzas et al. 2014.
 
-    Of several hypotheses of a person the most urgent one counts, however small its weight. Positions and velocities are
-    the predicted ones, without their deviation; ``worst_intrusion`` takes the deviation into account. The cost has no
-    gradient, since it jumps where the robot would just graze a person. A person who leaves counts until that very
-    moment.
+    Of several hypotheses of a person, the most urgent one counts, however small its weight is. Positions and velocities
+    are the predicted ones, and their deviation is ignored; ``worst_intrusion`` takes it into account. The cost has no
+    gradient, because it jumps where the robot would just graze a person. A person who leaves counts up to that moment.
     """
 
     horizon: float = 3.0  # s, beyond which collisions cost nothing
@@ -56,11 +55,12 @@ class TimeToCollision:
 
 
 def time_to_collision(px: Column, py: Column, vx: Column, vy: Column, reach: float, *, never: float = np.inf) -> Column:
-    """Return the time (N,), s, until two round bodies touch; 0 if they do already, ``never`` if they graze or pass.
+    """Return the time (N,), s, until two round bodies touch; 0 if they already do, ``never`` if they will not.
 
     p and v are the position and the constant velocity of one body relative to the other, m and m/s; ``reach`` is the
-    sum of the radii, m. It is computed as (|p|² - R²)/(-p·v + sqrt(...)), which equals the formula of
-    :class:`TimeToCollision` without differences of nearly equal numbers.
+    sum of the radii, m. Bodies that would only graze each other count as never touching. The time is computed as
+    (|p|² - R²)/(-p·v + sqrt(...)), which equals the formula in :class:`TimeToCollision` but has no difference of nearly
+    equal numbers.
 
     >>> time_to_collision(np.array([3.0, 3.0]), np.zeros(2), np.array([-1.0, 1.0]), np.zeros(2), 0.5)
     array([2.5, inf])

@@ -1,4 +1,4 @@
-"""Visibility to people: whether people see the robot without turning round."""
+"""Visibility to people: whether people can see the robot without turning round."""
 
 from __future__ import annotations
 
@@ -23,30 +23,32 @@ from hpop.world.content.proxemics import HALL, Blurred, expected, in_frame
 class VisibilityToPeople:
     """Time near people who would have to turn to see the robot: ∫ Σ_people E[½(1 - cos α) (1 - d/range)₊²] dt.
 
-    α is the angle between a person's gaze and the direction to the robot's axis, d its distance. A person who walks
-    looks ahead, one who stands looks where the body faces. The first factor is 0 ahead of the person, ½ at the side and
-    1 behind; the second falls to 0 at ``range``. Unit s; a sum over motions.
+    α is the angle between a person's gaze and the direction to the robot's axis, and d its distance. A walking person
+    looks in the direction of motion, a standing person where the body faces. The first factor is 0 if the robot is
+    ahead of the person, ½ at the side and 1 behind. The second falls to 0 at the distance ``range``. Unit s; a sum over
+    motions.
 
     Source: the visibility criterion of Sisbot et al. 2007 (IEEE T-RO 23:874), in which the cost grows with the angle
     and near people. Deviations: ½(1 - cos α) in place of α and a quadratic decrease, so that the cost has a gradient.
-    Walls between robot and person are ignored; hidden places are a criterion of their own in that paper.
+    Walls between robot and person are ignored; that paper has another criterion for hidden positions.
 
-    E is the mean over the person's hypotheses (by weight) and over the uncertain position, from two tables within 1e-4
-    of the integrals. The gaze is that of the predicted path. The mean of the cost is right whether or not a person's
-    deviations at different times are correlated.
+    E is the mean over the person's hypotheses (by weight) and over the uncertain position. It is read from two tables,
+    with an error of at most 1e-4. The gaze is that on the predicted path. The mean of the cost is right whether or not
+    a person's deviations at different times are correlated.
     """
 
-    range: float = HALL["social"]  # m, beyond which the robot's position does not matter
+    range: float = HALL["social"]  # m, distance beyond which the robot does not matter
 
     def __post_init__(self) -> None:
         set_reals(self, "range", least=LEAST, most=MOST, kind="a positive distance in m", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
-        """Return the time integral (M,), s."""
+        """Return the weighted time (M,), s, in which people do not see the robot."""
         people = m.world.content.people
         return m.integrate(lambda s: expected(people, self._unseen, s.base.x, s.base.y, clock(s, people)))
 
     def _unseen(self, person: Person, x: Column, y: Column, t: Column | None) -> Column:
+        """Return the mean weight (N,), 0 to 1, with which a person does not see a robot at (x, y) at times t, s."""
         ahead, left = in_frame(person, x, y, t)
         distance, deviation = hypot(ahead, left), person.deviation(t)
         apart = distance > 0
@@ -60,7 +62,11 @@ class VisibilityToPeople:
 
 @lru_cache(maxsize=16)
 def _mean_visibility(range_: float) -> tuple[Blurred, Blurred]:
-    """Return two functions of an uncertain distance: mean nearness, and mean nearness times cosine to the gaze."""
+    """Return two functions for a person in an uncertain position: mean nearness, and mean nearness times cosine.
+
+    Nearness is (1 - d/range)₊², and the cosine is that of the angle between both directions to the robot: from the
+    uncertain and from the predicted position.
+    """
 
     def near(distance: FloatArray) -> FloatArray:
         return np.asarray(np.maximum(0.0, 1.0 - distance / range_) ** 2)

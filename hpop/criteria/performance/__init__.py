@@ -1,4 +1,4 @@
-"""Criteria of performance, and a base class for those that look at a target."""
+"""Criteria of performance (does the camera do its work?), and a base class for those with a target to look at."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hpop.motions import Pose, Vector
 
 @dataclass(frozen=True)
 class Targeted:
-    """Criterion of how the camera views a target (x, y, z), m, in the world frame."""
+    """Base class for criteria on how the camera views a target, a position (x, y, z), m, in the world frame."""
 
     target: tuple[float, float, float]
 
@@ -22,7 +22,7 @@ class Targeted:
 
     @property
     def places(self) -> tuple[tuple[float, float, float], ...]:
-        """The target, for pictures to mark."""
+        """Positions that pictures mark: the target."""
         return (self.target,)
 
     def offset(self, pose: Pose) -> Vector:
@@ -32,7 +32,7 @@ class Targeted:
 
 
 def checked_target(target: Any) -> tuple[float, float, float]:
-    """Return a target as three coordinates; raise CriterionError for anything else."""
+    """Check a target and return it as three floats, m; CriterionError for anything but (x, y, z)."""
     try:
         x, y, z = target
     except (TypeError, ValueError):

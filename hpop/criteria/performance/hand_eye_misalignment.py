@@ -1,4 +1,4 @@
-"""Hand-eye misalignment: the rotation between the operator's hand and the camera's view."""
+"""Hand-eye misalignment: the rotation between the frame of an operator's commands and the camera's view."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from hpop.motions import Instants, Motions, Vector
 class HandEyeMisalignment:
     """Rotation between the operator's commands and the camera's view, over time: ∫ |log(R_handᵀ R_eye)| dt.
 
-    yaw  rad  direction in the world that the operator's hand takes for ahead; commands are given in a level frame of
+    yaw  rad  direction in the world that the operator's hand regards as ahead; commands are given in a level frame with
               this yaw
 
-    R_eye is the orientation of the camera, R_hand that of the commands, and the integrand the angle of the rotation
-    between them, rad in [0, π]. It is 0 where the camera is level, upright and looks along ``yaw``. Unit rad s; a sum
-    over motions.
+    R_eye is the orientation of the camera and R_hand that of the frame of the commands. The integrand is the angle of
+    the rotation between them, rad in [0, π]. It is 0 if the camera is level and upright and looks along ``yaw``. Unit
+    rad s; a sum over motions.
 
-    Source: Wu, Yu, Do and Wang (arXiv 2105.08466) used a camera on the hand of the robot. An operator who moves a hand
-    ahead and sees the picture go sideways has to rotate one into the other mentally. At a right angle people took twice
-    as long as upside down, and in both cases far longer than aligned.
+    Source: Wu, Yu, Do and Wang (arXiv 2105.08466) used a camera on the robot's hand. An operator who moves a hand ahead
+    and sees the picture go sideways has to rotate one into the other mentally. With a camera at a right angle people
+    took twice as long as with one upside down, and in both cases far longer than with an aligned one.
 
-    Deviation: the cost grows with the angle up to π, although people manage half a turn better than a right angle. A
-    cost that fell beyond a right angle would lead the camera to half a turn. If commands are given in the camera's own
-    frame, this criterion does not apply.
+    Deviation: the cost grows with the angle up to π, although people manage half a turn better than a right angle. If
+    the cost fell beyond a right angle, it would draw the camera towards half a turn. If commands are given in the
+    camera's own frame, this criterion does not apply.
     """
 
     yaw: Angle = 0.0
@@ -54,9 +54,9 @@ class HandEyeMisalignment:
 
 
 def rotation_angle(before: tuple[Vector, Vector, Vector], after: tuple[Vector, Vector, Vector]) -> Column:
-    """Return the angle, rad in [0, pi], of the rotation that takes three axes to three others.
+    """Return the angle γ, rad in [0, pi], of the rotation that turns three axes ``before`` into three axes ``after``.
 
-    Half the sum of the axes' cross products has the length of the sine; the sum of their dot products is 1 + 2 cosines.
+    Half the sum of the cross products of the axes has the length sin γ; the sum of their dot products is 1 + 2 cos γ.
     """
     products = [cross(a, b) for a, b in zip(before, after, strict=True)]
     normal = [_half_of(components) for components in zip(*products, strict=True)]
@@ -65,5 +65,5 @@ def rotation_angle(before: tuple[Vector, Vector, Vector], after: tuple[Vector, V
 
 
 def _half_of(components: Sequence[Column]) -> Column:
-    """Return half the sum of columns; the number 0.0 where all are known to be zero."""
+    """Return half the sum of columns; the number 0.0 if all of them are the number 0."""
     return 0.0 if all(map(is_zero, components)) else 0.5 * sum(components)

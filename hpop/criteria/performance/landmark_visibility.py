@@ -1,4 +1,4 @@
-"""Landmark visibility: the share of the world's landmarks that the viewer sees."""
+"""Landmark visibility: which share of the world's landmarks the viewer sees, as a mean over time and as an integral."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ from hpop.world.sight.visibility import landmarks_unseen
 class _Unseen:
     """Share of landmarks that the camera does not see.
 
-    near, far  m    a landmark counts fully up to ``near`` from the camera, falling linearly to nothing at ``far``
-    fov        rad  angle of view, centred on the camera's yaw, at all elevations; 2 pi is all round, None the model's
+    near, far  m    a landmark up to ``near`` from the camera counts fully; this falls linearly to nothing at ``far``
+    fov        rad  angle of view, centred on the camera's yaw, at all elevations; 2 pi for all round, None for the
+                    model's
     """
 
     near: float = 3.0
@@ -29,9 +30,7 @@ class _Unseen:
     def __post_init__(self) -> None:
         set_reals(self, "near", "far", least=0, most=MOST, kind="a distance in m", error=CriterionError)
         if not self.near < self.far:
-            raise CriterionError(
-                f"distances must satisfy 0 <= near < far, in m; got near={self.near!r}, far={self.far!r}"
-            )
+            raise CriterionError(f"near must be less than far, in m, got near={self.near!r}, far={self.far!r}")
         object.__setattr__(self, "fov", checked_fov(self.fov))
 
     def cost(self, m: Motions) -> Column:
@@ -49,18 +48,19 @@ class _Unseen:
 class LandmarkBlindness(_Unseen):
     """Time for which landmarks are unseen: ∫ (1 - visibility(t)) dt.
 
-    Seeing no landmark for a second costs 1 s, seeing half of them (by weight) 0.5 s. Unit s; a sum over motions.
-    Searches minimise it in place of :class:`LandmarkVisibility`, the mean, which defines the visibility.
+    A second in which no landmark is seen costs 1 s; one in which half of them (by weight) are seen costs 0.5 s. Unit s;
+    a sum over motions. Searches minimise it in place of the mean, :class:`LandmarkVisibility`, which defines the
+    visibility.
     """
 
 
 @criterion("landmark_visibility", group="P", unit="1", aggregate="time-mean", requires=("camera", "landmarks"))
 @dataclass(frozen=True)
 class LandmarkVisibility(_Unseen):
-    """Share of landmarks that the viewer does not see, as a mean over time; by weight, distance and angle.
+    """Share of landmarks that the viewer does not see, as a mean over time; weighted by importance, distance and angle.
 
-    1 - (1/T) ∫ Σ_i w_i s_i [|β_i| <= h/2] [|ε_i| <= v/2] cos(ν_i)₊ g(d_i) dt / Σ_i w_i, over the landmarks i. Unit 1; a
-    mean over time. 0 means that all landmarks are seen from the front and near by, all the time.
+    It is 1 - (1/T) ∫ Σ_i w_i s_i [|β_i| <= h/2] [|ε_i| <= v/2] cos(ν_i)₊ g(d_i) dt / Σ_i w_i, summed over the landmarks
+    i. Unit 1; a mean over time. 0 means that all landmarks are seen all the time, from the front and near by.
 
     w_i  weight of the landmark
     s_i  1 where the line of sight in three dimensions is free, 0 where it is blocked
@@ -72,15 +72,16 @@ class LandmarkVisibility(_Unseen):
     The angles of view (h, v) are the model's ``field_of_view``, or all round if it has none. ``fov`` replaces them by
     one horizontal angle at all elevations, for a viewer of a 360-degree camera who looks in one direction.
 
-    Accuracy: all factors except the two angles of view are one smooth field of the plane, in which the border of a
-    shadow is about two cells wide. The edges of the view are sharp (on symbols smoothed), so the moment at which a
-    landmark comes into view is right to half a quadrature node (2.5 degrees, a quarter of a cell).
+    Accuracy: all factors except the two angles of view are stored as one smooth field over the plane, in which the
+    border of a shadow is about two grid cells wide. The edges of the view are sharp (on CasADi symbols smoothed). So
+    the moment at which a landmark comes into view is accurate to half the distance of quadrature nodes (2.5 degrees, or
+    a quarter of a cell).
 
-    Where the camera's height changes (in the hand of an arm, on a lift), lines of sight are rays against solids in
-    space, and β_i and ε_i are measured from the camera's own axes, roll included. No symbolic form exists then.
+    If the camera's height changes (on an arm or a lift), lines of sight are rays against solids in space, and β_i and
+    ε_i are measured from the camera's own axes, roll included. Programs on CasADi symbols cannot use it then.
     """
 
     @property
     def integral(self) -> LandmarkBlindness:
-        """Time integral, which searches minimise in place of the mean."""
+        """The criterion that searches minimise in place of the mean: its time integral."""
         return LandmarkBlindness(self.near, self.far, self.fov)

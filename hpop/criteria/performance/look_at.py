@@ -1,4 +1,4 @@
-"""Looking at a target: the angle by which it is off the camera's axis."""
+"""Looking at a target: the angle between the camera's axis and the direction to the target."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hpop.motions import Motions
 @criterion("look_at", group="P", unit="rad s", aggregate="sum", requires=("camera",), world_frame=True)
 @dataclass(frozen=True)
 class LookAt(Targeted):
-    """Angle by which the target is off the middle of the view, over time: ∫ γ dt.
+    """Angle between the middle of the view and the target, over time: ∫ γ dt.
 
     target  (x, y, z)  m, world frame
 

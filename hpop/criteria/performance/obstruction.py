@@ -1,4 +1,7 @@
-"""Obstruction of the camera: a mean over time (the paper's V), its integral (exposure), and the worst moment."""
+"""Obstruction of the camera: how much of its surroundings obstacles fill.
+
+There are three criteria: the mean over time (V of Becerra et al. 2020), its integral (exposure), and the worst moment.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +16,12 @@ from hpop.motions import Motions, Rate
 from hpop.world.fields.obstruction import filled
 from hpop.world.geometry.rays_in_space import rows
 
-SMALLEST = 0.1  # m: a radius is sampled four times, on a map of any size
+SMALLEST = 0.1  # m: smallest radius; there are always four samples in a radius, on a map of any size
 
 
 @dataclass(frozen=True)
 class _Obstructed:
-    """Fraction of the ball of ``radius`` metres round the camera that obstacles fill."""
+    """Fraction of a ball round the camera, with a radius of ``radius`` m, that obstacles fill."""
 
     radius: float = 2.0  # m, of the ball round the camera
 
@@ -30,7 +33,7 @@ class _Obstructed:
         return m.integrate(self._fraction(m))
 
     def _fraction(self, m: Motions) -> Rate:
-        """Return a function of instants, the obstructed fraction (N,); in space if the camera's height varies."""
+        """Return a rate: a function of moments within motions that returns the obstructed fraction (N,), 0 to 1."""
         if not height_varies(m.model):
             return lambda s: m.world.obstruction(s.camera, self.radius)
         share = filled(m.world, self.radius)
@@ -40,10 +43,10 @@ class _Obstructed:
 @criterion("exposure", group="P", unit="s", aggregate="sum", requires=("camera",))
 @dataclass(frozen=True)
 class Exposure(_Obstructed):
-    """Time spent with obstacles round the camera: S = ∫ phi(p(t)) dt, phi the obstructed fraction of a ball round it.
+    """Time spent with obstacles round the camera: S = ∫ phi(p(t)) dt, where phi is the obstructed fraction of a ball.
 
     Two seconds in a ball half filled by obstacles cost 1 s. Unit s; a sum over motions. Searches minimise it in place
-    of :class:`Obstruction`, the paper's mean V = S/T, which defines phi.
+    of the mean V = S/T, :class:`Obstruction`, which defines phi.
     """
 
 
@@ -58,15 +61,15 @@ class Obstruction(_Obstructed):
 
     Source: Becerra et al. 2020 (arXiv 2002.10696).
 
-    Where the camera's height changes (in the hand of an arm, on a lift), phi is the mean, over 1,000 rays, of the share
-    of each ray that solids in space fill. It is computed at the nodes of a grid a tenth of r apart and interpolated by
-    cubics: within .004 beside walls and boxes, .0002 in the mean on a shelf. The space beyond the extent then counts as
-    free, and no symbolic form exists.
+    If the camera's height changes (on an arm or a lift), phi is the mean, over 1,000 rays, of the share of each ray
+    that lies in solids. It is computed at the nodes of a grid a tenth of r apart and interpolated by cubics. Its error
+    is at most 0.004 beside walls and boxes, and 0.0002 on average on a shelf. The space beyond the border of the map
+    then counts as free, and programs on CasADi symbols cannot use the criterion.
     """
 
     @property
     def integral(self) -> Exposure:
-        """Time integral, which searches minimise in place of the mean."""
+        """The criterion that searches minimise in place of the mean: its time integral."""
         return Exposure(self.radius)
 
 
@@ -78,9 +81,9 @@ class WorstObstruction(_Obstructed):
     A mean over a long path hides a short narrow passage; the maximum does not. Unit 1; the worst moment. The definition
     is this project's own.
 
-    Accuracy: the maximum is taken over the ends and middles of pieces no longer than a cell c of the field. phi changes
-    by at most 3/(4 r) per metre (the volume swept by a moving disc, divided by that of the ball), so the true maximum
-    is larger by at most 3 c / (16 r).
+    Accuracy: the maximum is taken over the ends and middles of pieces no longer than c, a cell of the distance grid.
+    phi changes by at most 3/(4 r) per metre (the volume swept by a moving disc, divided by that of the ball), so the
+    true maximum is larger by at most 3 c / (16 r).
     """
 
     def cost(self, m: Motions) -> Column:

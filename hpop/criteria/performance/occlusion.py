@@ -1,4 +1,4 @@
-"""Occlusion: the share of a target that is hidden from the camera."""
+"""Occlusion: which share of a target is hidden from the camera."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ BLOCK = 1 << 14  # rays in one call: they fit into the processor's cache
 @criterion("occlusion", group="P", unit="s", aggregate="sum", requires=("camera",), smooth=False, world_frame=True)
 @dataclass(frozen=True)
 class Occlusion(Targeted):
-    """Time for which the target is hidden: ∫ (share of rays from the camera to the target that are blocked) dt.
+    """Time for which the target is hidden: ∫ (share of the rays from the camera to the target that are blocked) dt.
 
     target  (x, y, z)  m, world frame
-    radius  m          of a ball that holds the target
+    radius  m          of a ball that contains the target
     rays               number of rays, spread evenly over the ball as the camera sees it
 
-    A ray is blocked where it enters a solid of the world, or a body of the robot (from the model's :meth:`bodies`),
-    before it reaches the ball. Solids within the ball do not block, nor do solids that contain or touch the camera,
-    such as the hand that carries it. Unit s; a sum over motions. Whether the camera looks at the target is measured by
-    ``look_at``.
+    A ray is blocked if it enters a solid of the world, or a body of the robot (the model's ``bodies``), before it
+    reaches the ball. Solids within the ball do not block rays, nor do solids that contain or touch the camera, such as
+    the hand that carries it. Unit s; a sum over motions. It does not matter whether the camera looks at the target;
+    ``look_at`` measures that.
 
     Source: the occlusion objective of Rakita, Mutlu and Gleicher (RSS 2019).
 
-    Accuracy: the share jumps from ray to ray, and each jump is timed to about a hundredth of the motion. For 2,000 long
-    reaches of an arm the cost was off by .2 % in the mean and by at most .02 s. No symbolic form exists, so splines do
-    not optimise this cost.
+    Accuracy: the share jumps from ray to ray, and the time of each jump is found to about a hundredth of the motion. In
+    2,000 long reaches of an arm, the error of the cost was 0.2 % on average and at most 0.02 s. Programs on CasADi
+    symbols, such as those of splines, cannot use this criterion.
     """
 
     radius: float = 0.1

@@ -1,4 +1,4 @@
-"""Orientation retention: whether a viewer who remembers turns in round numbers still knows the heading."""
+"""Orientation retention: how well a viewer who remembers each turn as a round angle still knows the heading."""
 
 from __future__ import annotations
 
@@ -14,12 +14,15 @@ from hpop.errors import CriterionError
 from hpop.motions import Motions
 from hpop.trajectories.history import History
 
-TIE = 1e-9  # share of a multiple; a turn within it of halfway counts as halfway
+TIE = 1e-9  # share of a multiple: a turn this near to halfway between two multiples counts as halfway
 
 
 @dataclass(frozen=True)
 class _RoundTurns:
-    """Error of a viewer who remembers each turn as the nearest ``multiple``, rad (halfway: the smaller one)."""
+    """Error of a viewer who remembers each turn as the nearest multiple of ``multiple``, rad.
+
+    Of two equally near multiples, the smaller one is remembered.
+    """
 
     multiple: float = np.pi / 2  # rad, turns by multiples of it are remembered exactly
 
@@ -28,7 +31,7 @@ class _RoundTurns:
         set_reals(self, "multiple", least=LEAST, most=np.pi, kind=kind, error=CriterionError)
 
     def _angle_to_multiple(self, turn: Column) -> Column:
-        """Return the signed angle (M,), rad, from the nearest multiple to a turn; at most half a multiple."""
+        """Return the signed difference (M,), rad, between a turn and the nearest multiple: at most half a multiple."""
         count = np.ceil(np.abs(turn) / self.multiple - 0.5 - TIE)
         return np.sign(turn) * (np.abs(turn) - self.multiple * count)
 
@@ -44,19 +47,19 @@ class _RoundTurns:
 )
 @dataclass(frozen=True)
 class OrientationRetention(_RoundTurns):
-    """Rotation that a viewer loses track of: Σ_k |e_k|, e_k = θ_k - the nearest multiple of ``multiple`` to θ_k.
+    """Rotation that a viewer loses track of: Σ_k |e_k|, where e_k is the error in remembering the camera's turn θ_k.
 
-    θ_k are the camera's turns. Turns by 90 degrees (or 45) are easy to remember; any other turn is remembered as the
-    nearest one, so each turn makes the viewer's idea of the heading wrong by e_k. Unit rad; a sum over motions, so
-    exact searches can minimise it. It is an upper bound of the final error |Σ e_k| (:class:`NetMisalignment`), in which
+    Turns by multiples of 90 degrees (or 45; the option ``multiple``) are easy to remember. Any other turn is remembered
+    as the nearest multiple, and e_k is the difference between θ_k and this multiple. Unit rad; a sum over motions, so
+    exact searches can minimise it. It is an upper bound on the final error |Σ e_k| (:class:`NetMisalignment`), in which
     errors may cancel. The definition is this project's own.
 
-    Each turn in place is one turn; a turn that is planned in two pieces counts as two. Along curves a turn is a stretch
-    in which the heading changes with one sign, as in ``turns``.
+    Each motion in place is one turn, so a turn that is planned in two motions counts as two. Along curves a turn is a
+    stretch in which the heading changes with one sign, as in ``turns``.
     """
 
     def cost(self, m: Motions) -> Column:
-        """Return the angles (M,), rad, that turns ending in each motion are off the nearest multiple."""
+        """Return the errors (M,), rad, of the turns that end in each motion: their distance to the nearest multiple."""
         return sum(np.abs(self._angle_to_multiple(turn)) for turn in m.camera.turns)
 
 
@@ -71,15 +74,15 @@ class OrientationRetention(_RoundTurns):
 )
 @dataclass(frozen=True)
 class NetMisalignment(_RoundTurns):
-    """Error of the viewer's idea of the heading at the end: |wrap(Σ_k e_k)|.
+    """Error of the viewer's idea of the heading at the end of the trajectory: |wrap(Σ_k e_k)|.
 
     e_k is as in :class:`OrientationRetention`, except that consecutive motions that turn the camera, to either side,
-    are one turn. A move without rotation ends the turn. Errors of opposite sign cancel. Unit rad; a criterion of the
-    whole trajectory, so graph searches report it and do not minimise it.
+    count as one turn, which a motion without rotation ends. Errors of opposite sign cancel. Unit rad; a criterion of
+    the whole trajectory, so graph searches report it but cannot minimise it.
     """
 
     def cost(self, m: History) -> Column:
-        """Return the misalignment (M,), rad, at the end of each motion."""
+        """Return the error of the viewer's idea of the heading (M,), rad, at the end of each motion."""
         turned = m.of_motions(lambda batch: batch.camera.rotation)
         turning = np.abs(turned) > TIE
         so_far = self._angle_to_multiple(_since_last(turning, turned)) * turning
@@ -88,7 +91,11 @@ class NetMisalignment(_RoundTurns):
 
 
 def _since_last(turning: BoolArray, turned: FloatArray) -> FloatArray:
-    """Return the rotation (M,), rad, since the last motion that did not turn."""
+    """Return, for each motion, the rotation (M,), rad, since the last motion before it that did not turn the camera.
+
+    turning  (M,)  whether each motion turns the camera
+    turned   (M,)  rad, rotation in each motion
+    """
     total = np.concatenate([[0.0], np.cumsum(turned)])
     still = np.where(turning, 0, np.arange(1, turning.size + 1))
     since: FloatArray = total[1:] - total[np.maximum.accumulate(still)]

@@ -27,10 +27,10 @@ MOST_WEIGHT = 1000
 class StopsMissed:
     """Number of optional stops of the problem's tour that the trajectory does not visit, or the sum of their weights.
 
-    weights  weights of optional stops by name, whole numbers from 1; 1 for those left out
+    weights  weights of optional stops by name, whole numbers from 1; a stop without an entry has weight 1
 
-    Unit 1, a count; a criterion of the whole trajectory. A search on a graph minimises it exactly all the same: its
-    layers know which stops were visited, and skipping one costs its weight.
+    Unit 1, a count; a criterion of the whole trajectory. Searches on graphs can minimise it exactly nevertheless: each
+    state of the graph is combined with the set of stops visited so far, and skipping a stop costs its weight.
     """
 
     tour: ClassVar[Tour | None] = None
@@ -42,7 +42,7 @@ class StopsMissed:
             return
         if not isinstance(self.weights, Mapping):
             raise CriterionError(
-                f"weights must map names of optional stops to numbers, such as {{'the vase': 2}}, got "
+                f"weights must map names of optional stops to whole numbers, such as {{'the vase': 2}}, got "
                 f"{shown(self.weights)}"
             )
         checked = {
@@ -52,26 +52,30 @@ class StopsMissed:
         object.__setattr__(self, "weights", checked)
 
     def of_tour(self, tour: Tour | None) -> Self:
-        """Return the criterion for a tour; raise CriterionError if it has no optional stops, or not those weighed."""
+        """Return a copy of the criterion for the tour of a problem.
+
+        Raises CriterionError if the tour has no optional stops, or if ``weights`` names a stop that is not among them.
+        """
         names = [] if tour is None else [tour.names[i] for i in tour.optional]
         if not names:
+            lack = "the problem has no tour" if tour is None else "no stop of this tour is optional"
             raise CriterionError(
-                f"stops_missed counts optional stops, but the problem has {'no tour' if tour is None else 'none'}; set "
-                "optional: true for a stop, or leave the criterion out"
+                f"stops_missed needs a tour with optional stops, but {lack}; set optional: true for a stop, or leave "
+                "the criterion out"
             )
         for name in self.weights or {}:
             if name not in names:
                 raise CriterionError(
-                    f"weights of stops_missed has {shown(name)}, which is no optional stop.{did_you_mean(name, names)} "
-                    f"These are {', '.join(names)}"
+                    f"weights of stops_missed must name optional stops, got {shown(name)}.{did_you_mean(name, names)} "
+                    f"The optional stops are {', '.join(names)}"
                 )
         made = copy(self)
         object.__setattr__(made, "tour", tour)
         return made
 
     def cost(self, m: History) -> Column:
-        """Return the weight (M,) of the optional stops that are not visited by the end of each motion."""
-        if self.tour is None or isinstance(m, Motions):  # a motion by itself misses nothing
+        """Return the sum of the weights (M,) of the optional stops that are not visited by the end of each motion."""
+        if self.tour is None or isinstance(m, Motions):  # a motion by itself has no cost: searches add the weights
             return np.zeros(len(m))
         weights = self.weights or {}
         (found,) = all_visits(self.tour, m.world, [m.trajectory], weights)

@@ -1,4 +1,4 @@
-"""Unseen landmarks: the share of landmarks that the viewer never saw."""
+"""Unseen landmarks: which share of the world's landmarks the viewer never saw."""
 
 from __future__ import annotations
 
@@ -24,18 +24,19 @@ STEP = 0.05  # s between samples of the view
 class UnseenLandmarks:
     """Share of landmarks that were never seen, by weight: Σ_i w_i [landmark i was never seen] / Σ_i w_i.
 
-    A landmark is seen while the line of sight to it is free, the camera is in front of it and at most ``far`` away, and
-    it is in view: its bearing within half the angle of view of the camera's yaw, its elevation within that of the
-    pitch. It counts as seen once that has lasted ``least`` seconds in all; with least 0 one moment is enough.
+    A landmark is in view while nothing hides it, the camera is in front of it and at most ``far`` away, and it is in
+    the field of view: its bearing is within half the horizontal angle of view from the camera's yaw, its elevation
+    within half the vertical angle from the pitch. It counts as seen once it has been in view for ``least`` seconds in
+    all; with least 0 one moment is enough.
 
     least  s    time in view, summed over all glances
-    far    m    range of sight in three dimensions
-    fov    rad  angle of view, centred on the camera's yaw, at all elevations; 2 pi is all round, None the model's
+    far    m    largest distance, in three dimensions
+    fov    rad  angle of view, centred on the camera's yaw, at all elevations; 2 pi for all round, None for the model's
 
-    Unit 1; a criterion of the whole trajectory. Two paths to one state with equal shares may have seen different
-    landmarks, so the share does not add up: a search would need the set of seen landmarks in its labels. The executed
-    motion is sampled every 0.05 s, so shorter glances may be missed. Where the camera's height changes, sight and view
-    are computed in space, as in :class:`~hpop.criteria.performance.landmark_visibility.LandmarkVisibility`.
+    Unit 1; a criterion of the whole trajectory. Two paths to one state with equal costs may have seen different
+    landmarks, so the cost does not add up, and a search would have to remember which landmarks were seen. The executed
+    motion is sampled every 0.05 s, so shorter glances may be missed. If the camera's height changes, lines of sight and
+    angles are computed in space, as in :class:`~hpop.criteria.performance.landmark_visibility.LandmarkVisibility`.
     """
 
     least: float = 0.0
@@ -62,7 +63,11 @@ class UnseenLandmarks:
         return unseen / total
 
     def _seen_at(self, track: SampledTrajectory, seen: BoolArray) -> float:
-        """Return the time, s, by which a landmark has been in view for long enough; inf if it never is."""
+        """Return the time, s, at which a landmark has been in view for ``least`` s in all; inf if it never is.
+
+        track  sampled trajectory
+        seen   whether the landmark is in view at each sample
+        """
         share = 0.5 * (1.0 * seen[1:] + seen[:-1])  # of each step
         lasted = np.concatenate([[0.0], np.cumsum(share * np.diff(track.times))])
         enough = np.flatnonzero((np.cumsum(seen) > 0) & (lasted >= self.least - 1e-9))

@@ -18,16 +18,16 @@ from hpop.motions import Instants, Motions
 @criterion("view_distance", group="P", unit="m s", aggregate="sum", requires=("camera",), world_frame=True)
 @dataclass(frozen=True)
 class ViewDistance(Targeted):
-    """Distance by which the camera is too near to the target or too far from it: ∫ (near - d)₊ + (d - far)₊ dt.
+    """Distance by which the camera is too near to a target or too far away, over time: ∫ (near - d)₊ + (d - far)₊ dt.
 
     target     (x, y, z)  m, world frame
     near, far  m          band of good distances
 
     d is the distance from the camera to the target. Unit m s; a sum over motions.
 
-    Source: the distance objective of Rakita, Mutlu and Gleicher (HRI 2018; RSS 2019). Deviation: it has one best
-    distance. A band says from where the target is sharp and large enough, and leaves the choice within it to the other
-    costs.
+    Source: the distance objective of Rakita, Mutlu and Gleicher (HRI 2018; RSS 2019). Deviation: theirs has one best
+    distance, this one a band. From all distances in the band the target is sharp and large enough, and the other costs
+    decide among them.
     """
 
     near: float = 0.2
@@ -37,7 +37,7 @@ class ViewDistance(Targeted):
         super().__post_init__()
         set_reals(self, "near", "far", least=0, most=MOST, kind="a distance in m", error=CriterionError)
         if not self.near <= self.far:
-            raise CriterionError(f"distances must satisfy near <= far, in m; got near={self.near!r}, far={self.far!r}")
+            raise CriterionError(f"near must not exceed far, in m, got near={self.near!r}, far={self.far!r}")
 
     def cost(self, m: Motions) -> Column:
         """Return the time integral of the distance outside the band (M,), m s."""

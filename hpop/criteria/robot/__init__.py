@@ -1,4 +1,4 @@
-"""Criteria of the robot, and the joint speeds that several of them read."""
+"""Criteria of the robot (time, energy, clearance, joints), and the joint speeds that several of them use."""
 
 from __future__ import annotations
 
@@ -7,5 +7,5 @@ from hpop.motions import Instants, Motions
 
 
 def joint_rates(m: Motions, s: Instants) -> list[Column]:
-    """Return the speed of each joint, rad/s or m/s."""
+    """Return the speed of each joint at the moments ``s``, rad/s or m/s, as a list of columns."""
     return [getattr(s.rates, name) for name in m.model.joints]

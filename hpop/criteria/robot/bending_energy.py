@@ -23,16 +23,17 @@ from hpop.motions import Curve, Motions
 )
 @dataclass(frozen=True)
 class BendingEnergy:
-    """Bending energy of the base's path: ∫ κ² ds, κ its curvature, with corners rounded to arcs of radius ``rounding``.
+    """Bending energy of the base's path: ∫ κ² ds, where κ is its curvature and corners are rounded to arcs.
 
-    Unit 1/m; a sum over motions. The base looks where it drives, so the curvature is its rotation per metre. Along
-    curves the cost is the integral of ω²/max(|v|, rounding |ω|) over time; in straight moves, turns in place and arcs
-    the curvature is constant.
+    Unit 1/m; a sum over motions. The base drives in the direction of its heading, so the curvature is its rotation per
+    metre. Along curves with speed v and yaw rate ω the cost is the integral of ω²/max(|v|, rounding |ω|) over time. In
+    straight moves, turns in place and arcs the curvature is constant.
 
-    A corner would cost infinitely much. So a turn in place by Δθ costs |Δθ|/rounding, as much as the arc that rounds
-    it. This holds at start and goal too, and where the segments beside it are too short for the arc. A motion that
-    bends more sharply than ``rounding`` costs as much as that arc: a motion of length L costs Δθ²/max(L, rounding
-    |Δθ|). Polylines are therefore ranked by their total rotation, so add the criterion ``turns``.
+    A sharp corner would have an infinite cost. So a turn in place by Δθ costs |Δθ|/rounding, as much as an arc with the
+    radius ``rounding``. This also holds at start and goal, and if the segments beside the turn are too short for the
+    arc. A motion that bends more sharply than the radius ``rounding`` costs as much as that arc: a motion of length L
+    costs Δθ²/max(L, rounding |Δθ|). Polylines are therefore ranked by their total rotation, so also use the criterion
+    ``turns``.
 
     Source: the energy of a thin rod along the path (Euler's elastica; Horn, "The curve of least energy", ACM TOMS 9(4),
     1983).
@@ -50,9 +51,10 @@ class BendingEnergy:
         return self._bent(m.base.turned, m.base.length)
 
     def _bent(self, turned: Column, length: Column) -> Column:
-        """Return the squared rotation divided by the length (but at least by ``rounding`` times the rotation).
+        """Return turned²/max(length, rounding turned): the cost of whole motions, or the cost per second.
 
-        Both arguments are those of whole motions, rad and m, or rates, rad/s and m/s.
+        turned  absolute rotation, rad, or yaw rate, rad/s
+        length  m, or speed, m/s
         """
         stretch = np.maximum(length, self.rounding * turned)
         bends = stretch > 0

@@ -1,4 +1,4 @@
-"""Curvature sign changes: how often the path bends to the other side."""
+"""Curvature sign changes: how often the path changes from bending to one side to bending to the other."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from hpop.trajectories.history import History
 )
 @dataclass(frozen=True)
 class CurvatureSignChanges:
-    """Number of times that the path stops bending to one side and bends to the other: sign changes of the curvature κ.
+    """Number of times that the path changes its bending side: the number of sign changes of the curvature κ.
 
-    Unit 1; a criterion of the whole trajectory. Source: Becerra et al. 2020 (arXiv 2002.10696) chose by it: of 1000 RRT
-    trajectories, the one with the fewest.
+    Unit 1; a criterion of the whole trajectory. Source: Becerra et al. 2020 (arXiv 2002.10696), who chose the one of
+    1000 RRT trajectories with the fewest sign changes.
 
-    κ is the change of the base's heading per metre. Each stretch between turns in place is cut evenly into pieces of at
-    most ``spacing`` metres. A piece with |κ| < ``least`` counts as straight and changes nothing: left, straight, left
-    is no sign change. A turn in place of more than one degree counts as a bend to its side, whatever its angle. The
-    heading changes evenly within a motion.
+    κ is the change of the base's heading per metre. Each stretch between turns in place is cut into equal pieces of at
+    most ``spacing`` metres. A piece with |κ| < ``least`` counts as straight and is ignored: left, straight, left is no
+    sign change. A turn in place of more than one degree counts as a bend to its side, whatever its angle. The heading
+    is taken to change evenly within each motion.
     """
 
     spacing: float = 0.25  # m, largest length of a piece
@@ -66,7 +66,10 @@ class CurvatureSignChanges:
         return np.cumsum(np.bincount(flips, minlength=len(m)))
 
     def _bends(self, length: FloatArray, rotation: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Cut a stretch into P pieces; return the motion in which each ends, and the sign of its curvature."""
+        """Cut a stretch into P pieces; return for each the motion in which it ends, and the sign of its curvature.
+
+        length, rotation  m and rad, of the motions of the stretch
+        """
         arc_length = np.concatenate([[0.0], np.cumsum(length)])
         heading = np.concatenate([[0.0], np.cumsum(rotation)])
         cuts = np.linspace(0.0, arc_length[-1], int(np.ceil(arc_length[-1] / self.spacing - 1e-9)) + 1)

@@ -14,7 +14,7 @@ from hpop.motions import Motions
 class Duration:
     """Duration of the trajectory: T = ∫ dt.
 
-    Unit s; a sum over motions, each timed by its law of motion (on a graph, the planning law).
+    Unit s; a sum over motions. Each is timed by its motion law, which on a graph is that of planned motions.
     """
 
     def cost(self, m: Motions) -> Column:

@@ -18,21 +18,21 @@ from hpop.motions import Instants, Motions, Wheeled
 @criterion("energy", group="R", unit="J", aggregate="sum", requires=("wheels",), instead=("joint_energy",))
 @dataclass(frozen=True)
 class Energy:
-    """Energy of both drive motors: ∫ P dt, P = (c1 a² + c2 v² + c3 v + c4 + c5 a + c6 v a)₊ for each wheel.
+    """Energy of both drive motors: ∫ P dt with P = (c1 a² + c2 v² + c3 v + c4 + c5 a + c6 v a)₊ for each wheel.
 
-    v and a are the speed and acceleration of a wheel. With the base's speed v, acceleration a, turn rate ω, angular
-    acceleration α and wheel base b they are v ± ω b/2 and a ± α b/2. Unit J; a sum over motions.
+    v and a are the speed and acceleration of a wheel. For a base with speed V, acceleration A, turn rate ω, angular
+    acceleration α and wheel base b they are V ± ω b/2 and A ± α b/2. Unit J; a sum over motions.
 
     Source: the power of a direct-current motor, from Tokekar, Karnad and Isler, "Energy-optimal trajectory planning for
     car-like robots", Autonomous Robots 37, 2014.
 
-    The constants must be calibrated on each robot. The defaults are placeholders, not measurements, of a plausible size
-    for 30 kg on two wheels (c6 is the mass on a wheel over an efficiency of 0.75). They serve to compare trajectories,
-    not to predict how long a battery lasts.
+    The constants must be calibrated on each robot. The defaults were not measured; they are placeholders of a plausible
+    size for 30 kg on two wheels (c6 is the mass on a wheel divided by an efficiency of 0.75). Use them to compare
+    trajectories, not to predict how long a battery lasts.
 
-    Deviations: a wheel that turns backwards takes what it takes forwards, c3 |v| and c5 a sign(v). Energy from braking
-    is lost, so P counts only where it is positive. Planned moves have cruise speed throughout; speeding up and braking
-    appear only in the executed cost, which is reported beside the planned one.
+    Deviations: a wheel that turns backwards takes as much power as forwards, with c3 |v| and c5 a sign(v). Energy from
+    braking is lost, so P counts only where it is positive. Planned moves are at cruise speed throughout. Speeding up
+    and braking appear only in the cost of the executed motion, which is reported beside the planned one.
     """
 
     c1: float = 1.0  # W s⁴/m²
@@ -40,7 +40,7 @@ class Energy:
     c3: float = 5.0  # W s/m
     c4: float = 2.0  # W, at rest
     c5: float = 1.0  # W s²/m
-    c6: float = 20.0  # W s³/m², or kg
+    c6: float = 20.0  # W s³/m², which is kg
 
     def __post_init__(self) -> None:
         names = (field.name for field in fields(self))
@@ -56,7 +56,7 @@ class Energy:
 
         if not m.whole or m.law.varies != {"yaw"} or is_symbolic(m.base.rotation):
             return m.integrate(power)
-        # Turns in place differ only in their angles, and the many turns of a graph have few angles.
+        # Turns in place differ only in their angles, and a graph has many turns but few different angles.
         _, first, inverse = np.unique(m.base.turned, return_index=True, return_inverse=True)
         different = replace(m, start=m.start.take(first), end=m.end.take(first), t0=None)
         return different.integrate(power)[inverse]

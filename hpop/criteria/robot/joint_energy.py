@@ -1,4 +1,4 @@
-"""Joint energy: the squared speed of the joints."""
+"""Joint energy: the squared speeds of the joints, over time."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from hpop.motions import Motions
 class JointEnergy:
     """Effort of the joints: Σ ∫ q'² dt over the joints q.
 
-    Unit rad²/s; a sum over motions. One fast joint costs more than several slow ones, and a hurried motion more than a
-    calm one: a joint that moves by the angle θ from rest to rest in the time T costs at least θ²/T. It is not an energy
-    in joules, since it knows neither masses nor gravity. A metre of a sliding joint counts as a radian.
+    Unit rad²/s; a sum over motions. One fast joint costs more than several slow ones, and a fast motion more than a
+    slow one: a joint that moves by the angle θ from rest to rest in the time T costs at least θ²/T. This is not an
+    energy in joules, since it ignores masses and gravity. A metre of a sliding joint counts as a radian.
 
     Source: the usual quadratic effort of trajectories (the velocity term of RelaxedIK, Rakita, Mutlu and Gleicher, RSS
     2018; of CHOMP, Zucker et al., IJRR 2013).

@@ -16,10 +16,10 @@ from hpop.motions import Motions
 class JointLength:
     """Length of the path in the space of the joints q: ∫ |q'| dt.
 
-    Unit rad; a sum over motions. All joints count alike; a metre of a sliding joint counts as a radian. Of a robot that
-    also drives, only the joints of the arm or head count; ``length`` measures the path of the base.
+    Unit rad; a sum over motions. All joints have equal weight; a metre of a sliding joint counts as a radian. For a
+    robot that also drives, only the joints of its arm or head count; ``length`` measures the path of the base.
 
-    Source: planners of arms minimise it by default, and paths of arms are compared by it (path length in
+    Source: planners for arms minimise it by default, and studies compare paths of arms by it (path length in
     MotionBenchMaker and OMPL, Chamzas et al., RA-L 2022).
     """
 

@@ -1,4 +1,4 @@
-"""Joint limits: how near the joints are to their stops."""
+"""Joint limits: how near the joints are to their end stops."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from hpop.motions import Instants, Motions
 @criterion("joint_limits", group="R", unit="s", aggregate="sum", requires=("joints",))
 @dataclass(frozen=True)
 class JointLimits:
-    """Nearness of the joints to their stops, over time: ∫ mean over joints of ((q - middle) / (half the range))² dt.
+    """Nearness of the joints to their end stops, over time: ∫ mean over joints of ((q - middle) / (half range))² dt.
 
-    The integrand is 0 where all joints are in the middle of their ranges and 1 where every joint is at a stop. Unit s;
-    a sum over motions. Joints that turn without end and fixed joints have no stops and do not count; a robot that has
-    only such joints pays nothing.
+    The integrand is 0 if all joints are in the middle of their ranges, and 1 if every joint is at a stop. Unit s; a sum
+    over motions. Joints that turn without end and fixed joints have no stops and do not count. For a robot with such
+    joints only, the cost is 0.
 
     Source: Liégeois, "Automatic supervisory control of the configuration and behavior of multibody mechanisms", IEEE
-    Trans. SMC 7(12), 1977. The square acts on all joints, and most on those near their stops.
+    Trans. SMC 7(12), 1977. The square involves all joints, but most of all those near their stops.
     """
 
     def cost(self, m: Motions) -> Column:
-        """Return the time integral (M,), s."""
+        """Return the time integral (M,), s, of the nearness to stops, which is 0 to 1."""
         space = m.model.space
         stops = [(name, space.low[i], space.high[i]) for i, name in enumerate(space.names) if name not in space.turning]
         ranges = [

@@ -1,4 +1,4 @@
-"""Proximity: the length of path near obstacles."""
+"""Proximity: the length of the path, weighted by the nearness of obstacles."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from hpop.motions import Instants, Motions
 @criterion("proximity", group="R", unit="1", aggregate="sum", requires=("base",), instead=("clearance",))
 @dataclass(frozen=True)
 class Proximity:
-    """Path of the base, each metre divided by its clearance in metres: ∫ ds / max(d, least).
+    """Length of the base's path, each metre divided by the clearance there, in metres: ∫ ds / max(d, least).
 
     d is the clearance of the base. Unit 1; a sum over motions. The integral is over the path, not over time, so
     standing and turning in place cost nothing.
 
-    Source: the path integral of the reciprocal clearance is the usual additive partner of the least clearance, for
+    Source: the path integral of the reciprocal clearance is the usual additive cost beside the smallest clearance, for
     example in OMPL's tutorial on optimal planning (Sucan, Moll, Kavraki, "The Open Motion Planning Library", IEEE RAM
     2012).
 
-    Deviations: d is at least ``least``, so that the cost stays finite. On numbers and on symbols d is read from the
-    world's clearance field, which is within 0.82 of a field cell of the exact distance (see ``clearance``): among boxes
-    the cost is within 1 % of that of exact distances. Quadrature panels are no longer than half of ``least`` (but no
-    shorter than an eighth of a field cell); where a path runs into an obstacle, at the edge of the cap, they add at
+    Deviations: d counts as at least ``least``, so that the cost is finite. It is read from the world's distance grid,
+    also in nonlinear programs, and differs from the exact distance by at most 0.82 of a cell (see ``clearance``). Among
+    boxes the cost is within 1 % of that of exact distances. Quadrature intervals are at most half of ``least`` long,
+    but at least an eighth of a cell. If a path runs into an obstacle, where d falls below ``least``, their error is at
     most 1e-3.
     """
 
@@ -41,7 +41,7 @@ class Proximity:
     def cost(self, m: Motions) -> Column:
         """Return the integral of the reciprocal clearance along each motion (M,)."""
         if m.base.stays:
-            return 0.0 * m.duration  # in place: no path
+            return 0.0 * m.duration  # a turn in place has no path
         clearance = m.world.clearance_field()
 
         def rate(s: Instants) -> Column:

@@ -1,4 +1,4 @@
-"""Singularity: how little the joints can move the tool in some direction."""
+"""Singularity: how near the arm is to states in which its joints cannot move the tool in some direction."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.motions import Model, Motions, States
 
-FLAT = 1e-12  # share of a diagonal entry below which a pivot is a rounding error
+FLAT = 1e-12  # a pivot below this share of its diagonal entry counts as a rounding error
 
 
 @criterion("singularity", group="R", unit="s", aggregate="sum", requires=("joints",))
 @dataclass(frozen=True)
 class Singularity:
-    """Time near singular postures: ∫ 1 / (1 + μ/μ0) dt, μ = sqrt(det(J Jᵀ)) the manipulability.
+    """Time near singular states of the arm: ∫ 1 / (1 + μ/μ0) dt, where μ = sqrt(det(J Jᵀ)) is the manipulability.
 
     half  μ0, the manipulability at which a second costs half a second
 
-    A second costs 1 s in a singular posture, and falls to 0 far from any. Unit s; a sum over motions.
+    A second in a singular state costs 1 s; far from any, it costs almost nothing. Unit s; a sum over motions.
 
     Source: Yoshikawa, "Manipulability of robotic mechanisms", IJRR 4(2), 1985. J (6, n) is the Jacobian of the tool, or
-    of the camera where there is no tool: velocity above rotation, in m and rad without scaling. So μ has a unit that
-    depends on the robot, and ``half`` belongs to one robot; 0.05 suits arms of about a metre with six joints. With
-    fewer than six joints, μ = sqrt(det(Jᵀ J)): how well the joints move the tool in those directions in which they can
-    move it.
+    of the camera if there is no tool: velocity above angular velocity, in m and rad without scaling. So the unit of μ
+    depends on the robot, and ``half`` must be chosen for each robot; 0.05 suits arms of about a metre with six joints.
+    With fewer than six joints, μ = sqrt(det(Jᵀ J)), which tells how well the joints move the tool in the directions in
+    which they can move it.
     """
 
     half: float = 0.05
@@ -38,14 +38,17 @@ class Singularity:
         set_reals(self, "half", least=LEAST, most=MOST, kind="a manipulability", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
-        """Return the time integral (M,), s."""
+        """Return the weighted time (M,), s, near singular states."""
         return m.integrate(lambda s: 1.0 / (1.0 + manipulability(m.model, s.state) / self.half))
 
 
 def manipulability(model: Model, states: States) -> Column:
-    """Return sqrt(det(J Jᵀ)) (N,) of the tool, or else of the camera; of Jᵀ J with fewer than six joints."""
+    """Return the manipulability (N,), sqrt(det(J Jᵀ)), of the tool, or of the camera if the model has no tool.
+
+    With fewer than six joints it is sqrt(det(Jᵀ J)).
+    """
     body = "tool" if "tool" in model.provides else "camera"
-    rows = []  # of Jᵀ: the twist caused by each joint at unit speed
+    rows = []  # rows of Jᵀ: velocity and angular velocity when one joint moves at unit speed
     for joint in model.joints:
         rates = States(**{name: np.full(states.size, float(name == joint)) for name in model.space.names})
         twist = model.twist(body, states, rates)
@@ -59,9 +62,9 @@ def manipulability(model: Model, states: States) -> Column:
 
 
 def _determinant(gram: list[list[Column]]) -> Column:
-    """Return the determinant (N,) of positive semidefinite matrices, by elimination without pivoting.
+    """Return the determinants (N,) of positive semidefinite matrices by elimination without pivoting.
 
-    A zero pivot makes the determinant zero, so divisions by it do not matter.
+    If a pivot is zero, so is the determinant, and what would be divided by the pivot does not matter.
     """
     rows = [list(row) for row in gram]
     product: Column = 1.0

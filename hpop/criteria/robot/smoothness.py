@@ -28,15 +28,15 @@ class Smoothness:
 
     p is the position of the base, T the duration and D the length of its path. Unit 1; a criterion of the whole
     trajectory. The value depends neither on the speed nor on the size of the path. The smoothest movement from rest to
-    rest along a line costs 720 in the limit of a ``ramp`` of 0, and 1800 ramp/T less in general: 685 if it takes 5 s,
-    at the default. A trajectory that goes nowhere costs 0.
+    rest along a line costs 720 in the limit of a ``ramp`` of 0, and 1800 ramp/T less in general: 685 for 5 s and the
+    default ramp. A trajectory in which the base does not move costs 0.
 
     Source: Hogan and Sternad, "Sensitivity of smoothness measures to movement duration, amplitude, and arrests", J.
-    Motor Behavior 41(6), 2009. Deviation: their D is the distance of the ends, which would be 0 on a round trip.
+    Motor Behavior 41(6), 2009. Deviation: their D is the distance between the ends, which would be 0 on a round trip.
 
-    The acceleration of an executed move jumps, and a jump has infinite jerk. So the acceleration, 0 before start and
-    after end, is sampled at the middles of intervals of ``ramp`` seconds and taken to change linearly between samples.
-    A jump then costs |Δp''|²/ramp. Compare only values with equal ``ramp``.
+    The acceleration of an executed move jumps, and a jump has infinite jerk. So the acceleration, which is 0 before the
+    start and after the end, is sampled at the middles of intervals of ``ramp`` seconds and interpolated linearly. A
+    jump then contributes |Δp''|²/ramp to the integral. Compare only values with equal ``ramp``.
     """
 
     ramp: float = 0.1  # s, time over which a jump of the acceleration is spread
@@ -45,7 +45,7 @@ class Smoothness:
         set_reals(self, "ramp", least=LEAST, most=MOST, kind="a positive time in s", error=CriterionError)
 
     def cost(self, m: History) -> Column:
-        """Return the dimensionless jerk (M,) of the motion up to the end of each part."""
+        """Return the dimensionless squared jerk (M,) of the trajectory up to the end of each motion."""
         executed = m.executed
         samples = int(np.ceil(executed.duration / self.ramp))
         middles = self.ramp * (np.arange(samples, dtype=np.float64) + 0.5)
