@@ -18,10 +18,11 @@ from hpop.search.machinery.turn_costs import (
     SLOTS,
     TURNS,
     no_dearer_than_two,
-    with_zero,
     write_turn_costs,
 )
 from hpop.search.machinery.turns import Groups, number_groups, separate_turns
+
+MOST_UNUSED = 2  # size of a table of turns relative to what its groups need, above which it is made anew
 
 
 def take_over_groups(before: Graph, graph: Graph, nodes: IntArray) -> None:
@@ -127,16 +128,19 @@ def _written_turns(
 
     tables  first arguments of :func:`write_turn_costs`, with the rows of the new groups
     """
-    offsets, first, which = np.unique(groups.rows[whole, TURNS], return_index=True, return_inverse=True)
+    new, before, begins = tables[-1], groups.turns[:, :-1], groups.rows[whole, TURNS]
+    offsets, first, which = np.unique(begins, return_index=True, return_inverse=True)
     pairs = groups.rows[whole[first], SIZE] ** 2
-    table, pair = numbered(pairs)
-    new = tables[-1]
-    turns = np.zeros((len(groups.turns), table.size + int((new[:, SIZE] ** 2).sum())), np.int64)
-    turns[:, : table.size] = groups.turns[:, offsets[table] + pair]
-    slots = np.zeros((SLOTS, 3), np.int64)
-    _, used = clock.call(write_turn_costs, *tables, 0, table.size, turns, slots)
-    rows[~is_new, TURNS], rows[is_new] = (np.cumsum(pairs) - pairs)[which], new
-    return with_zero(turns[:, :used])
+    if before.shape[1] > MOST_UNUSED * pairs.sum():  # without the turns of groups that are gone
+        table, pair = numbered(pairs)
+        before, begins = before[:, offsets[table] + pair], (np.cumsum(pairs) - pairs)[which]
+    used = before.shape[1]
+    turns = np.empty((len(before), used + int((new[:, SIZE] ** 2).sum()) + 1), np.int64)
+    turns[:, :used] = before
+    _, used = clock.call(write_turn_costs, *tables, 0, used, turns, np.zeros((SLOTS, 3), np.int64))
+    rows[~is_new, TURNS], rows[is_new] = begins, new
+    turns[:, used] = 0
+    return np.ascontiguousarray(turns[:, : used + 1])
 
 
 @lean

@@ -49,12 +49,7 @@ def shared_turns(criteria: int, tables: tuple[Any, ...], memory: int, clock: Clo
         larger = np.zeros((criteria, columns), np.int64)
         larger[:, :used] = turns[:, :used]
         turns = larger
-    return with_zero(turns[:, :used])
-
-
-def with_zero(turns: IntArray) -> IntArray:
-    """Return a table of turns with the column of 0 that ends it."""
-    return np.concatenate([turns, np.zeros((len(turns), 1), np.int64)], axis=1)
+    return np.concatenate([turns[:, :used], np.zeros((criteria, 1), np.int64)], axis=1)  # single nodes do not turn
 
 
 @kernel
