@@ -1,8 +1,8 @@
-"""Answers of a person, and their probability: choices between two trajectories, or ratings.
+"""Answers of a person (choices between two trajectories, or ratings), and their probability in a model of the person.
 
-A person pays ``w . z`` for a trajectory. Here z holds its costs as shares of the front's range, and w >= 0 the person's
-weights; so a trajectory that costs more of everything is never preferred. Of two trajectories the person chooses the
-cheaper one by a Bradley-Terry model; with a small probability, a lapse of attention, the choice is random::
+A person feels a trajectory's total cost ``w . z``. Here z holds its costs as shares of the front's range, and w >= 0
+the person's weights, so a trajectory that costs more of everything is never preferred. Of two trajectories the person
+chooses the cheaper one by a Bradley-Terry model; with a small probability, a lapse of attention, the choice is random::
 
     P(a over b) = lapse / 2 + (1 - lapse) logistic(w . (z_b - z_a)),    w = sharpness x shares,   shares add up to 1
 
@@ -27,21 +27,22 @@ from hpop.errors import StudyError
 from hpop.preference.scale import CostScale
 
 LAPSE = 0.02
-"""Share of random answers."""
+"""Share of answers that are random, by a lapse of attention."""
 BLOCK = 2**14
-"""Probabilities in a block: they fit the processor's cache, which is three times as fast."""
+"""Number of probabilities in a block: they fit the processor's cache, which is three times as fast."""
 MOST_GAIN = 700.0
 """Largest extra cost in exponentials: beyond it an answer can only be a lapse, and exponentials would overflow."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Answers in the form that the model needs, without the order in which two points were shown.
+    """Answers of a person as arrays, in the form that the model needs.
 
-    gains    (n, f)  extra cost of the point that was not chosen, by cost, as a share of its range; for a tie either
-    sign tied     (n,)    True where the answer was "no difference"
-    offered  (n,)    True where "no difference" was a possible answer
-    weight   (n,)    number of answers that each row counts for
+    The order in which two points were shown does not matter.
+
+    gains (n, f) extra cost of the point that was not chosen, by cost, as a share of its range; either sign for a tie
+    tied (n,) True where the answer was "no difference" offered (n,) True where "no difference" was a possible answer
+    weight (n,) number of answers that each row counts for
     """
 
     gains: FloatArray
@@ -53,10 +54,9 @@ class Evidence:
         return len(self.gains)
 
     def log_probability(self, weights: FloatArray, ties: FloatArray) -> FloatArray:
-        """Return the log probability (N,) of all answers, for N draws.
+        """Return the log probability (N,) of all answers together, for each of N draws of a person's weights.
 
-        weights  (N, f)  of the draws
-        ties     (N,)    Davidson's nu of the draws
+        weights (N, f) of the draws ties (N,) Davidson's nu of the draws
         """
         logs = np.empty(len(weights))
         size = max(1, BLOCK // max(1, len(self)))
@@ -71,12 +71,10 @@ class Evidence:
 
 
 def log_answer_probability(gain: FloatArray, tied: BoolArray, offered: BoolArray, ties: FloatArray) -> FloatArray:
-    """Return the log probability of answers; all arguments are arrays that broadcast.
+    """Return the log probability of single answers; all arguments are arrays that broadcast.
 
-    gain     extra cost of the point that was not chosen, w . (z_other - z_chosen)
-    tied     True where the answer was "no difference"
-    offered  True where "no difference" was a possible answer
-    ties     Davidson's nu
+    gain extra cost of the point that was not chosen, w . (z_other - z_chosen) tied True where the answer was "no
+    difference" offered True where "no difference" was a possible answer ties Davidson's nu
     """
     gain = np.where(tied, np.abs(gain), np.maximum(gain, -MOST_GAIN))  # a tie is symmetric to the last digit
     half = np.exp(-0.5 * gain)  # square root of the odds against the chosen point
@@ -87,10 +85,9 @@ def log_answer_probability(gain: FloatArray, tied: BoolArray, offered: BoolArray
 
 
 def answer_probabilities(gain: FloatArray, ties: FloatArray | None) -> tuple[FloatArray, ...]:
-    """Return the probabilities of choosing the first point, the second point and, if possible, "no difference".
+    """Return the probabilities of the possible answers: the first point, the second, and "no difference" if possible.
 
-    gain  extra cost of the second point over the first
-    ties  Davidson's nu; None if "no difference" is not possible
+    gain extra cost of the second point over the first ties Davidson's nu; None if "no difference" is not possible
     """
     size = np.exp(-np.abs(gain))
     nu = 0.0 if ties is None else ties * np.sqrt(size)
@@ -124,14 +121,14 @@ class PairAnswer(NamedTuple):
 
 
 def answer_of(first: Any, second: Any, chosen: Any, costs: FloatArray, weight: float = 1.0) -> PairAnswer:
-    """Return a checked answer about two rows of a front with costs (n, k)."""
+    """Return an answer about two rows of a front with costs (n, k); StudyError for invalid rows."""
     a, b = (whole(what, row, 0, len(costs) - 1, "a row of the front", error=StudyError)
             for what, row in (("the first", first), ("the second", second)))  # fmt: skip
     chosen = python_value(chosen)
     if a == b:
-        raise StudyError(f"a choice is between two rows, got {a} twice")
+        raise StudyError(f"a choice must be between two different rows, got {a} twice")
     if chosen is not None and chosen not in (a, b):
-        raise StudyError(f"chosen of rows {a} and {b} is one of them, or None for no difference, got {shown(chosen)}")
+        raise StudyError(f"chosen must be row {a} or {b}, or None for no difference, got {shown(chosen)}")
     pair = tuple(costs[a].tolist()), tuple(costs[b].tolist())
     return PairAnswer(a, b, None if chosen is None else int(chosen), pair, weight)
 
@@ -144,9 +141,9 @@ def checked_question(question: Any) -> str:
 
 
 def answers_of_choices(choices: Iterable[Any], costs: FloatArray) -> list[PairAnswer]:
-    """Return answers from choices.
+    """Convert choices between rows to answers.
 
-    Pairs (chosen row, other row), or objects with ``first_row``, ``chosen_row`` and so on.
+    Choices are pairs (chosen row, other row), or objects with ``first_row``, ``second_row`` and ``chosen_row``.
     """
     answers = []
     for choice in choices:
@@ -156,22 +153,20 @@ def answers_of_choices(choices: Iterable[Any], costs: FloatArray) -> list[PairAn
             answers.append(answer_of(choice[0], choice[1], choice[0], costs))
         else:
             raise StudyError(
-                "a choice is the row that was chosen and the other one, such as (3, 12), or a choice of "
+                "a choice must be the chosen row and the other one, such as (3, 12), or a result of "
                 f"answers.choices(...), got {shown(choice)}"
             )
     return answers
 
 
 def answers_of_ratings(ratings: Mapping[int, float], costs: FloatArray) -> list[PairAnswer]:
-    """Return answers from ratings by row, a higher rating being better.
-
-    For each pair of rows, the better one is chosen.
+    """Convert ratings by row, where a higher rating is better, to answers: in each pair the better row is chosen.
 
     Rows with equal ratings count as "no difference". m ratings hold no more information than m - 1 comparisons, so each
     of the m (m - 1) / 2 pairs has the weight 2 / m.
     """
     if not isinstance(ratings, Mapping) or len(ratings) < 2:
-        raise StudyError(f"ratings are given by row, at least two, such as {{3: 7, 12: 4.5}}, got {shown(ratings)}")
+        raise StudyError(f"ratings must be a dict of at least two, such as {{3: 7, 12: 4.5}}, got {shown(ratings)}")
     if len(ratings) ** 2 > 2 * MOST_ANSWERS:
         raise StudyError(f"expected ratings of at most {int((2 * MOST_ANSWERS) ** 0.5)} rows, got {len(ratings):,}")
     rated = [
@@ -186,9 +181,9 @@ def answers_of_ratings(ratings: Mapping[int, float], costs: FloatArray) -> list[
 
 
 def evidence(answers: Sequence[PairAnswer], scale: CostScale, *, ties: bool) -> Evidence:
-    """Return answers in the form that the model needs.
+    """Convert answers to the arrays that the model needs.
 
-    ties  True if "no difference" was a possible answer
+    ties True if "no difference" was a possible answer
 
     Raises StudyError for more answers than a file holds.
     """

@@ -1,11 +1,11 @@
-"""Prior of the next participant, learnt from the answers of earlier participants and from their profiles.
+"""Prior belief about the next participant, learnt from the answers and the profiles of earlier participants.
 
 Method: empirical Bayes. The shares of people are taken as draws of one Dirichlet distribution. Its concentrations
-maximise the probability of all answers; they are shrunk towards the default prior, so that a few people change little.
-Each person enters through the draws of their own posterior, which carry their uncertainty. Shares refer to the mean
-ranges of all people: a person who answered about a front with other ranges is rescaled by units. From ``LEAST_PEOPLE``
-people on, the concentrations also depend log-linearly on a profile (sickness in cars, experience of virtual reality,
-age).
+maximise the probability of all answers; they are shrunk towards the default prior, so that a few people change
+little. Each person enters through the draws of their own posterior, which carry their uncertainty. Shares refer to
+the mean ranges of all people: a person who answered about a front with other ranges is rescaled by units. From
+``LEAST_PEOPLE`` people on, the concentrations also depend log-linearly on a profile (sickness in cars, experience of
+virtual reality, age).
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from hpop.preference.prior import SELECTIVE, Prior, log_dirichlet, range_ratio, 
 from hpop.preference.scale import Measure
 
 LEAST_PEOPLE = 20
-"""Least number of people for which a profile is used; for fewer, associations are only reported."""
+"""Least number of people for a prior that uses profiles; with fewer, associations are only reported."""
 DRAWS = 200
-"""Number of draws of each person's shares."""
+"""Number of draws of each person's shares that are used."""
 OF_COSTS, OF_PROFILE = 0.5, 0.5
 """Prior standard deviations of the logarithms of concentrations, and of the effects of a profile on them."""
 LOGS = -4.0, 6.0
@@ -37,12 +37,10 @@ Profile = Mapping[str, float]
 
 
 class Association(NamedTuple):
-    """Rank correlation, over people, of a number of the profile with the expected share of a cost.
+    """Rank correlation, over people, between a number of their profiles and their expected share of a cost.
 
-    profile      name of the number in the profile
-    cost         name of the cost
-    correlation  Spearman's rank correlation; NaN for fewer than three people, or if one of the two is constant
-    people       number of people whose profile has that number
+    profile name of the number in the profile cost name of the cost correlation Spearman's rank correlation; NaN for
+    fewer than three people, or if one of the two is constant people number of people whose profile has that number
     """
 
     profile: str
@@ -76,11 +74,13 @@ class People:
         if len(about) > 1:
             said = "; ".join(sorted(f"{question}: {', '.join(columns)}" for question, columns in about))
             raise StudyError(
-                f"people are pooled who answered one question about the same costs, got {said}; pool each alone"
+                f"expected people who answered one question about the same costs, got {said}; pool each group alone"
             )
         object.__setattr__(self, "measures", self._common_measures())
         if self.profiles and len(self.profiles) != len(self.preferences):
-            raise StudyError(f"expected {len(self.preferences)} profiles, one a person, got {len(self.profiles)}")
+            raise StudyError(
+                f"expected {len(self.preferences)} profiles, one for each person, got {len(self.profiles)}"
+            )
         names = tuple(sorted({name for profile in self.profiles for name in profile}))
         object.__setattr__(self, "names", names)
         table = [self._profile_values(profile) for profile in self.profiles or [{}] * len(self)]
@@ -115,7 +115,7 @@ class People:
         )
 
     def associations(self) -> list[Association]:
-        """Return the association of each number of the profile with the expected share of each cost."""
+        """Return how each number of the profiles correlates with the expected share of each cost."""
         from scipy.stats import spearmanr
 
         found = []
@@ -131,7 +131,7 @@ class People:
         return found
 
     def _common_measures(self) -> tuple[Measure, ...]:
-        """Return the ranges that pooled shares refer to: for each cost, the geometric mean of the people's ranges.
+        """Return the ranges to which pooled shares refer: for each cost, the geometric mean of the people's ranges.
 
         Raises StudyError for differing units, and for logarithmic costs with differing ranges, which no unit relates.
         """
@@ -145,13 +145,14 @@ class People:
         return tuple(one._replace(size=size) for one, size in zip(first, means.tolist(), strict=True))
 
     def _range_factors(self) -> FloatArray:
-        """Return the ratio of the common range to the range of each person (people, f)."""
+        """Return the ratios (people, f) of the common range of each cost to each person's range."""
         return np.array([
             [range_ratio(*two) for two in zip(person.scale.measures, self.measures, strict=True)]
             for person in self.preferences
         ])  # fmt: skip
 
     def _profile_values(self, profile: Profile) -> FloatArray:
+        """Return the numbers of a profile in the order of ``names``; NaN if missing."""
         numbers = {
             name: real(f"{shown(name)} of a profile", value, -MOST, MOST, error=StudyError)
             for name, value in profile.items()
@@ -159,9 +160,9 @@ class People:
         return np.array([numbers.get(name, np.nan) for name in self.names])
 
     def _design(self, table: FloatArray) -> FloatArray:
-        """Return the design matrix of the concentrations.
+        """Return the design matrix of the concentrations, for a table of profiles.
 
-        One row per person, 1 followed by the scaled profile if it is used.
+        Each person has a row: 1, followed by the scaled profile if profiles are used.
         """
         one = np.ones((len(table), 1))
         if not self.uses_profile:

@@ -1,11 +1,11 @@
-"""Posterior of a person's weights as weighted draws; the best point for the person; the next question.
+"""Posterior of a person's weights as weighted random draws; the best point for the person; the next question to ask.
 
-Draws of the prior are weighted by the probability of the answers. This is exact up to the number of draws, whereas a
-normal approximation would fail where a share may be 0. With more answers, fewer draws carry the weight. Once the
-effective sample size is less than ``LEAST_EFFECTIVE``, draws are resampled, and each is moved by a random walk that
-leaves the posterior invariant (Metropolis; Chopin 2002, "A sequential particle filter method for static models"). The
-walk keeps shares of 0, so the fraction of draws with such shares is the probability that the person cares for some
-costs only.
+Draws of the prior are weighted by the probability of the answers. This is exact up to the number of draws, whereas
+a normal approximation would fail where a share may be 0. With more answers, fewer draws carry the weight. Once the
+effective sample size is less than ``LEAST_EFFECTIVE``, draws are resampled, and each is moved by a random walk
+that leaves the posterior invariant (Metropolis; Chopin 2002, "A sequential particle filter method for static
+models"). The walk keeps shares of 0, so the fraction of draws with such shares is the probability that the person
+cares for some costs only.
 
 Questions are chosen by Bayesian active learning by disagreement (Houlsby et al. 2011, arXiv 1112.5745): the answer to
 the best question is uncertain overall, although it would be certain if the person's weights were known. Candidates are
@@ -33,19 +33,17 @@ LEAST_EFFECTIVE = 500
 RENEWED = 5_000
 """Number of resampled draws: ten times the effective sample size."""
 LEAST_ALIKE = 40
-"""Least effective sample size of draws that care for the same costs, for using their covariance."""
+"""Least effective sample size at which the covariance of draws that care for the same costs is used."""
 STEPS = 12
-"""Steps of the random walk, which separates duplicate draws."""
+"""Number of steps of the random walk, which separates duplicate draws."""
 
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Weighted draws of a person's weights.
+    """Random draws of one person's weights, each with an importance weight.
 
-    shares     (N, f)  share of each cost, each row adds up to 1
-    sharpness  (N,)    factor from shares to weights; 0 for a person who answers at random
-    ties       (N,)    Davidson's nu
-    logs       (N,)    logarithms of the importance weights of the draws
+    shares (N, f) share of each cost, each row adds up to 1 sharpness (N,) factor from shares to weights; 0 for a person
+    who answers at random ties (N,) Davidson's nu logs (N,) logarithms of the importance weights of the draws
     """
 
     shares: FloatArray
@@ -55,7 +53,7 @@ class Draws:
 
     @classmethod
     def of(cls, prior: Prior, f: int, count: int, rng: np.random.Generator) -> Draws:
-        """Return draws of the prior, with equal weights."""
+        """Return draws of the prior for f costs, with equal importance weights."""
         return cls(*prior.draw(f, count, rng), np.zeros(count))
 
     def __len__(self) -> int:
@@ -77,10 +75,9 @@ class Draws:
         return float(1.0 / (self.probability() ** 2).sum())
 
     def with_answers(self, new: Evidence, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
-        """Return the draws after further answers.
+        """Update the draws by further answers: reweight them, and resample them if too few carry the weight.
 
-        new    the further answers
-        known  all answers, including the further ones
+        new the further answers known all answers, including the further ones
         """
         draws = replace(self, logs=self.logs + new.log_probability(self.weights, self.ties))
         return draws.resampled(known, prior, rng) if draws.effective < LEAST_EFFECTIVE else draws
@@ -100,9 +97,9 @@ class Draws:
         return of_random._concatenated(moved)
 
     def _random_walk(self, before: Draws, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
-        """Return the draws after a random walk that leaves the posterior invariant.
+        """Move each draw by a random walk that leaves the posterior invariant; return the moved draws.
 
-        ``before`` are the weighted draws, which scale the steps.
+        ``before`` are the weighted draws; their spread sets the length of the steps.
         """
         place, cared_for = _unbounded_coordinates(self), self.shares > 0
         groups = _covariance_groups(before, cared_for)
@@ -119,32 +116,34 @@ class Draws:
         return _from_unbounded(place, cared_for)
 
     def _subset(self, kept: BoolArray) -> Draws:
+        """Return the draws that a mask keeps."""
         return Draws(self.shares[kept], self.sharpness[kept], self.ties[kept], self.logs[kept])
 
     def _concatenated(self, other: Draws) -> Draws:
+        """Return these draws followed by others."""
         columns = ((mine, its) for mine, its in zip(vars(self).values(), vars(other).values(), strict=True))
         return Draws(*(np.concatenate(pair) for pair in columns))
 
     def equally_weighted(self, count: int, rng: np.random.Generator) -> Draws:
-        """Return ``count`` draws of equal weight, one for each equal part of probability (systematic resampling)."""
+        """Return ``count`` draws of equal weight that represent the weighted draws (systematic resampling)."""
         rows = self._systematic_rows(count, rng)
         return Draws(self.shares[rows], self.sharpness[rows], self.ties[rows], np.zeros(count))
 
     def _systematic_rows(self, count: int, rng: np.random.Generator) -> IntArray:
+        """Return the rows of the draws that systematic resampling selects."""
         ends = np.cumsum(self.probability())
         parts = (np.arange(count) + rng.random()) / count * ends[-1]
         return np.asarray(np.minimum(np.searchsorted(ends, parts, side="right"), len(self) - 1))
 
 
 def _covariance_groups(before: Draws, cared_for: BoolArray) -> list[tuple[IntArray, FloatArray]]:
-    """Return groups of draws that care for the same costs.
+    """Group the draws that care for the same costs, and return how a random step is scaled in each group.
 
-    The rows of each group, and a root of its weighted covariance.
+    A group is the rows of its draws, and a root of its weighted covariance. If a group is too small for a covariance,
+    the root is the diagonal of standard deviations of all draws.
 
-    Where a group is too small for a covariance, the root is the diagonal of standard deviations of all draws.
-
-    before     draws of N rows
-    cared_for  (N, f)  True where a draw cares for a cost
+    before weighted draws, from which covariances are computed cared_for (N, f) True where a draw to be
+    moved cares for a cost
     """
     place, probability = _unbounded_coordinates(before), before.probability()
     middle = probability @ place
@@ -172,7 +171,10 @@ def _covariance_groups(before: Draws, cared_for: BoolArray) -> list[tuple[IntArr
 
 
 def _best_step_length(dimensions: int) -> float:
-    """Return the best length of a Metropolis step, in standard deviations (Roberts and Rosenthal 2001)."""
+    """Return the best length of a Metropolis step in several dimensions, in standard deviations.
+
+    Roberts and Rosenthal 2001.
+    """
     return float(2.38 / np.sqrt(dimensions))
 
 
@@ -188,32 +190,31 @@ def _unbounded_coordinates(draws: Draws) -> FloatArray:
 
 
 def _from_unbounded(place: FloatArray, cared_for: BoolArray) -> Draws:
+    """Convert unbounded coordinates (N, f + 2) back to draws; shares outside the mask ``cared_for`` are 0."""
     shares = shares_of(place[:, :-2], cared_for)
     return Draws(shares, np.exp(place[:, -2]), np.exp(place[:, -1]), np.zeros(len(place)))
 
 
 def _log_density(draws: Draws, known: Evidence, prior: Prior) -> FloatArray:
-    """Return the logarithm (N,) of the posterior's density in unbounded coordinates, up to a constant."""
+    """Return the logarithm (N,) of the posterior density of draws, in unbounded coordinates, up to a constant."""
     of_prior = prior.log_density(draws.shares, draws.sharpness, draws.ties)
     return np.asarray(of_prior + known.log_probability(draws.weights, draws.ties))
 
 
 NEAR = 0.02
-"""Expected regret below which a point counts as good as the best, as a share of the range of the person's costs."""
+"""Expected regret below which a point counts as good as the best: a share of the range of the person's costs."""
 CELLS = 4_000_000
-"""Number of costs (points times draws) that are computed in one block."""
+"""Largest number of costs (points times draws) that are computed in one block."""
 
 
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Best:
-    """Best point of a front for a person: the point of least expected cost.
+    """Best point of a front for a person: the point with the least expected total cost.
 
-    row          row of the point in the front
-    point        the point itself
-    probability  (n,)  probability of each row to be the best
-    regrets      (n,)  expected extra cost of each row over the best row, as a share of the range of the person's costs
-    near         rows whose expected regret is within 2 % of the best row's, in ascending order of regret
+    row row of the point in the front point the point itself probability (n,) probability of each row to be the best
+    regrets (n,) expected extra cost of each row over the best row, as a share of the range of the person's costs near
+    rows whose expected regret is within 2 % of the best row's, in ascending order of regret
     """
 
     row: int
@@ -224,7 +225,7 @@ class Best:
 
     @property
     def regret(self) -> float:
-        """Expected regret of the best row, a share."""
+        """Expected regret of the best row: what the person loses on average, as a share of the range of total costs."""
         return float(self.regrets[self.row])
 
     def __repr__(self) -> str:
@@ -235,9 +236,9 @@ class Best:
 
 
 def least_cost_row(rows: FloatArray, shares: FloatArray) -> int:
-    """Return the row of the scaled costs (n, f) with the least expected cost for mean shares (f,).
+    """Return the row of scaled costs (n, f) whose expected total cost, for mean shares (f,), is least.
 
-    A tie goes to a row that no other row dominates.
+    If several are equal, it is a row that no other row dominates.
     """
     return least(rows @ shares, rows.sum(axis=1))
 
@@ -245,8 +246,8 @@ def least_cost_row(rows: FloatArray, shares: FloatArray) -> int:
 def best_probability_and_regret(rows: FloatArray, draws: Draws) -> tuple[FloatArray, FloatArray]:
     """Return each row's probability to be the best, and its expected regret, over equally weighted draws.
 
-    Among rows (n, f) of equal cost for a draw that cares for some costs only, the row with the least sum of costs is
-    the best.
+    A draw that cares for some costs only may give rows (n, f) an equal cost. Then the row with the least sum of all
+    costs is the best.
     """
     order = np.argsort(rows.sum(axis=1), kind="stable")
     rows = rows[order]
@@ -265,7 +266,7 @@ def best_probability_and_regret(rows: FloatArray, draws: Draws) -> tuple[FloatAr
 
 
 def row_probability_and_regret(rows: FloatArray, draws: Draws, row: int) -> tuple[float, float]:
-    """Return the probability to be the best and the expected regret of one row, in less than half the time."""
+    """Return the probability to be the best, and the expected regret, of one row; twice as fast as for all rows."""
     order = np.argsort(rows.sum(axis=1), kind="stable")
     rows, row = rows[order], int(np.flatnonzero(order == row)[0])
     costs = draws.shares @ rows.T  # (draws, n)
@@ -277,11 +278,11 @@ def row_probability_and_regret(rows: FloatArray, draws: Draws, row: int) -> tupl
 
 
 PAIRS = 400
-"""Pairs that are drawn at random."""
+"""Number of pairs that are drawn at random as candidates for a question."""
 FAVOURITES = 8
-"""Number of rows that are most often the best; all pairs of them are candidates."""
+"""Number of rows that are most often the best; all pairs of these are candidates for a question."""
 NOTICEABLE = 0.05
-"""Least difference of a pair in some cost, a share of its range."""
+"""Least difference that a pair must have in some cost, as a share of its range."""
 
 
 def most_informative_pair(
@@ -292,9 +293,7 @@ def most_informative_pair(
     *,
     ties: bool,
 ) -> tuple[int, int] | None:
-    """Return the pair of rows to ask about, the row shown on the left first.
-
-    None if no pair remains whose costs differ.
+    """Return the pair of rows about which to ask next, the left one first; None if all remaining pairs are too similar.
 
     Parameters
     ----------
@@ -323,10 +322,10 @@ def most_informative_pair(
 
 
 def expected_information(gains: FloatArray, ties: FloatArray | None) -> FloatArray:
-    """Return the expected information (pairs,) of an answer about each pair, in nats.
+    """Return how much information (pairs,), in nats, an answer about each pair is expected to give about the weights.
 
-    gains  (pairs, draws)  extra cost of the second row over the first
-    ties   Davidson's nu of the draws; None if "no difference" is not a possible answer
+    gains (pairs, draws) extra cost of the second row over the first ties Davidson's nu of the draws; None if "no
+    difference" is not a possible answer
     """
     told = np.zeros(len(gains))
     size = max(1, BLOCK // gains.shape[1])
@@ -339,9 +338,9 @@ def expected_information(gains: FloatArray, ties: FloatArray | None) -> FloatArr
 
 
 def _candidate_pairs(rows: FloatArray, draws: Draws, rng: np.random.Generator) -> IntArray:
-    """Return pairs of rows (m, 2) that differ noticeably.
+    """Return pairs of rows (m, 2) that differ noticeably, as candidates for the next question.
 
-    All pairs of few rows, else random pairs and pairs of favourites.
+    If there are few rows, these are all pairs; otherwise random pairs, and pairs of favourites.
     """
     n = len(rows)
     if n * (n - 1) // 2 <= PAIRS:

@@ -43,7 +43,7 @@ QUESTIONS = 12
 SURE = 0.8
 """Probability of the best row above which no more questions are needed."""
 NOT_RANDOM = 0.1
-"""Probability of random answers below which the two stopping rules above apply."""
+"""Probability of random answers above which asking goes on, whatever the two stopping rules above say."""
 ASKING = 1_000
 """Number of draws for choosing the next question, and for deciding whether to ask one."""
 JUDGING = 2_000
@@ -54,24 +54,20 @@ PREFER, COMFORT = "prefer", "comfort"
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Preference:
-    """Weights of a front's costs for one person and one question, as a posterior; :meth:`fit` makes one.
+    """Preference of one person in one question: weights of a front's costs, as a posterior; :meth:`fit` makes one.
 
     The preferred trajectory need not be the most comfortable one (Becerra et al. 2020), so ask about preference and
     comfort in two questions.
 
-    scale     names and units of the costs, and the values that are 0 and 1 on the scale
-    question  "prefer", "comfort", or other words
-    answers   answers of the person
-    draws     weighted draws of the posterior
-    prior     the belief before any answer
-    ties      True if "no difference" was a possible answer
-    seed      seed of all random draws: equal answers give an equal preference
-    front     SHA-256 of the front's costs
-    points    the front itself; None for a preference read from a file (see :meth:`on`)
+    scale names and units of the costs, and the values that are 0 and 1 on the scale question "prefer", "comfort", or
+    other words answers answers of the person draws weighted draws of the posterior prior the belief before any
+    answer ties True if "no difference" was a possible answer seed seed of all random draws: equal answers give an
+    equal preference front SHA-256 of the front's costs points the front itself; None for a preference read from a
+    file (see :meth:`on`)
 
     Guarantees: no weight is negative, so a dominated point is never best; the order in which two points were shown, and
-    a change of units, change nothing. For people as the prior has them, including those who care for some of the costs
-    only, intervals hold at least as often as they say.
+    a change of units, change nothing. For people who follow the prior, including those who care for some of the costs
+    only, intervals contain the true share at least as often as they claim.
 
     Cost: some 10 ms for each question, 30 to 55 ms if draws are renewed, 2 ms for the best row, of some hundred points.
     """
@@ -100,7 +96,7 @@ class Preference:
         seed: int = 0,
         count: int = COUNT,
     ) -> Self:
-        """Return the preference learnt from choices between points of a front; without any, the prior belief.
+        """Learn a preference from choices between points of a front, or from ratings; with neither it is the prior.
 
         Parameters
         ----------
@@ -121,7 +117,7 @@ class Preference:
         scale = CostScale.of(front, features)
         costs = np.asarray(front.costs)
         answers = answers_of_choices(choices, costs) + ([] if ratings is None else answers_of_ratings(ratings, costs))
-        # In any order: sorted ones would drive the draws where the posterior is not, and back.
+        # In random order: sorted answers would drive the draws away from the posterior, and back.
         answers = [answers[i] for i in np.random.default_rng([seed, 4]).permutation(len(answers))]
         may_tie = any(answer.chosen is None for answer in answers) if ties is None else bool(ties)
         prior = (Prior() if prior is None else prior).on(scale.measures)
@@ -138,6 +134,7 @@ class Preference:
         return self._with_answers([answer_of(first, second, chosen, self.scale.costs_on(self._points()))])
 
     def _with_answers(self, more: Iterable[PairAnswer]) -> Self:
+        """Return the preference after further answers."""
         answers, draws = list(self.answers), self.draws
         new = list(more)
         if not self.ties and any(answer.chosen is None for answer in new):
@@ -151,25 +148,29 @@ class Preference:
         return replace(self, answers=tuple(answers), draws=draws)
 
     def on(self, front: Front[Any]) -> Self:
-        """Return the preference for another front. The scale keeps its units. StudyError if the front lacks a cost."""
+        """Return the preference with another front, on which a unit of each cost keeps its weight.
+
+        Raises StudyError if the front lacks a cost.
+        """
         self.scale.costs_on(front)
         return replace(self, points=front)
 
-    # What is known
+    # Results
 
     @property
     def weights(self) -> dict[str, float]:
-        """Expected share of each cost, of its range over the front; they add up to 1.
+        """Expected share of each cost, scaled to its range over the front; the shares add up to 1.
 
-        The shares assume that there is a preference at all; :attr:`random` says how probable it is that there is none,
+        The shares assume that there is a preference at all. :attr:`random` says how probable it is that there is none,
         and intervals include that.
         """
         return dict(zip(self.scale.columns, self._shares.tolist(), strict=True))
 
     def interval(self, level: float = 0.9) -> dict[str, tuple[float, float]]:
-        """Return a credible interval of probability ``level`` for each cost's share, with equal tails.
+        """Return, for each cost, an interval that contains its share with probability ``level``, with equal tails.
 
-        The lower end is 0 if the person may well not care for this cost; the upper end is 1 if for no other cost.
+        The lower end is 0 if the person may well not care for this cost; the upper end is 1 if
+        perhaps for no other cost.
         """
         level = real("level", level, 0.01, 0.999, "a probability", error=StudyError)
         probability, found = self.draws.probability(), {}
@@ -192,7 +193,7 @@ class Preference:
         return bool(self.answers) and self.random < 0.5
 
     def best(self, front: Front[Any] | None = None) -> Best:
-        """Return the point of least expected cost, on the front of the questions or on another front.
+        """Return the best point for the person (least expected total cost), by default on the front of the questions.
 
         Raises StudyError for a front without one of the costs.
         """
@@ -205,23 +206,23 @@ class Preference:
         return Best(row, front[row], probability, regrets, (row, *rest))
 
     def row(self, front: Front[Any]) -> int:
-        """Return the row of least expected cost, for ``front.select(preference=...)``."""
+        """Return the row of the best point of a front, for ``front.select(preference=...)``."""
         if not len(front):
-            raise StudyError("the front has no points to choose from")
+            raise StudyError("expected a front with at least one point to choose from, got none")
         return least_cost_row(self.scale.rows_on(front), self._shares)
 
     def expected(self, front: Front[Any], costs: FloatArray) -> FloatArray:
-        """Return the expected cost (m,) of costs (m, k) for this person, relative to a point with costs of 0.
+        """Return the expected total cost (m,) for this person of costs (m, k), relative to a point with costs of 0.
 
-        StudyError where the front lacks a cost.
+        Raises StudyError if the front lacks a cost of the preference.
         """
         of = np.asarray(costs)[:, self.scale.column_indices(front)]
         return np.asarray((self.scale.scaled(of) - self.scale.scaled(np.zeros((1, of.shape[1])))) @ self._shares)
 
-    # What to ask
+    # Questions
 
     def next_pair(self) -> tuple[int, int] | None:
-        """Return the two rows to ask about next, the first on the left; None where no rows differ noticeably."""
+        """Return the two rows to ask about next, the left one first; None if no remaining rows differ noticeably."""
         front = self._points()
         costs = self.scale.costs_on(front)
         asked = [(a.first, a.second) for a in self.answers if self._is_about(a, costs)]
@@ -229,7 +230,7 @@ class Preference:
         return most_informative_pair(self.scale.scaled(costs), self._equal_draws(ASKING), asked, rng, ties=self.ties)
 
     def why_stop(self, most: int = QUESTIONS) -> str:
-        """Return why no more questions are needed, in words; "" if one is worth asking."""
+        """Return the reason why no more questions are needed, as text; "" if another question is worth asking."""
         if len(self.answers) >= most:
             return f"{counted(most, 'question')} asked"
         if not self.answers or self.random >= NOT_RANDOM:
@@ -239,22 +240,22 @@ class Preference:
             self.scale.rows_on(front), self._equal_draws(ASKING), self.row(front)
         )
         if probability > SURE:
-            return f"the best one is found with a probability of {probability:.2f}"
+            return f"the best one is known with a probability of {probability:.2f}"
         if regret < NEAR:
-            return f"another one is expected to be better by {100 * regret:.1f} % of the range only"
+            return f"another one is expected to be better by only {100 * regret:.1f} % of the range"
         return ""
 
     # Files
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the preference to a JSON file ``hpop-preference``, complete or not at all; OSError if that fails."""
+        """Write the preference to a JSON file ``hpop-preference``, completely or not at all; OSError if that fails."""
         storage.write(path, self._stored())
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read a file from :meth:`save`; StudyError if it is something else, OSError if it cannot be read.
+        """Read a file from :meth:`save`; StudyError for another kind of file, OSError if it cannot be read.
 
-        It has no front: see :meth:`on`, or give one to :meth:`best`.
+        The preference has no front: see :meth:`on`, or give one to :meth:`best`.
         """
         stored = storage.read(path)
         draws = Draws(stored.shares, stored.sharpness, stored.ties_nu, np.zeros(len(stored.ties_nu)))
@@ -271,6 +272,7 @@ class Preference:
         )
 
     def _stored(self) -> storage.Stored:
+        """Return the content of the preference's file."""
         draws = self._equal_draws(storage.DRAWS)
         return storage.Stored(
             self.scale, self.question, self.answers, self.prior, self.ties, self.seed, self.front,
@@ -290,15 +292,17 @@ class Preference:
         return np.asarray(probability @ self.draws.shares / probability.sum())
 
     def _equal_draws(self, count: int) -> Draws:
+        """Return equally weighted draws of the posterior."""
         return self.draws.equally_weighted(count, np.random.default_rng([self.seed, 3, len(self.answers), count]))
 
     def _points(self) -> Front[Any]:
+        """Return the front of the preference; StudyError if it was read from a file and has none."""
         if self.points is None:
             raise StudyError("this preference was read from a file and has no front; attach one: preference.on(front)")
         return self.points
 
     def _is_about(self, answer: PairAnswer, costs: FloatArray) -> bool:
-        """Return whether an answer is about rows of these costs (n, k), and not about rows of another front."""
+        """Return whether an answer is about rows of these costs (n, k), rather than rows of another front."""
         rows = (answer.first, answer.second)
         return max(rows) < len(costs) and all(
             tuple(costs[row].tolist()) == known for row, known in zip(rows, answer.costs, strict=True)

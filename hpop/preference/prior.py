@@ -1,4 +1,4 @@
-"""Prior belief about a person, before any answer."""
+"""Prior belief about the weights of a person, before any answer."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from hpop.errors import StudyError
 from hpop.preference.scale import LOG, Measure
 
 SELECTIVE = 0.3
-"""Share of people who care for some of the costs only."""
+"""Share of people who care for only some of the costs."""
 SHARPNESS = 15.0
 """Median of the sharpness: a person errs once in 3 million choices across the whole range of the only cost."""
 
 MOST_APART = 1.1
-"""Ratio of ranges up to which shares of a logarithmic cost are kept, since they cannot be rescaled by units."""
+"""Largest ratio of two ranges of a logarithmic cost at which its shares are kept; they cannot be rescaled by units."""
 MOST_SPREAD = 10.0
 """Largest spread of a logarithm; beyond, draws would overflow."""
 MOST_STRETCH = 1e6
@@ -39,17 +39,16 @@ LEAST_LOG = -600.0
 @checked_arguments
 @dataclass(frozen=True)
 class Prior:
-    """Prior of a person's weights: Dirichlet for the shares, log-normal for sharpness and ties, all independent.
+    """Prior belief about a person's weights: Dirichlet for the shares, log-normal for sharpness and ties, independent.
 
     Some people answer at random: their sharpness is 0. Without them, the answer to the most informative question would
     always be uncertain, and a person without a preference could not be distinguished from a fastidious person.
 
     Some people care for some of the costs only: the shares of the other costs are 0. Without them no credible interval
     would include 0 or 1, because a Dirichlet distribution has no probability there (George and McCulloch 1993,
-    "Variable selection
-    via Gibbs sampling", Journal of the American Statistical Association 88, 881-889). For f costs, each number from 1
-    to f - 1 of cared-for costs is equally probable, and so is each subset of that size. Their shares are Dirichlet with
-    the same concentrations.
+    "Variable selection via Gibbs sampling", Journal of the American Statistical Association 88, 881-889). For f costs,
+    each number from 1 to f - 1 of cared-for costs is equally probable, and so is each subset of that size. Their shares
+    are Dirichlet with the same concentrations.
 
     concentration    concentration of each share; empty: 1 for all, so that all shares are equally probable
     sharpness        median of the sharpness
@@ -59,8 +58,7 @@ class Prior:
     ties_spread      standard deviation of the logarithm of nu
     selective        share of people who care for some of the costs only
     about            name, unit and range of each cost on the front that earlier people answered about; empty: any
-    front.
-                     :meth:`on` rescales the prior to another front
+                     front. :meth:`on` rescales the prior to another front
     """
 
     concentration: tuple[float, ...] = ()
@@ -84,7 +82,7 @@ class Prior:
             real("a concentration of the prior", value, 1e-2, 1e4, "a positive number", error=StudyError)
 
     def on(self, measures: Sequence[Measure]) -> Prior:
-        """Return the prior for a front with other ranges, rescaled such that the weight of a unit of each cost stays.
+        """Return the prior for a front with other ranges of costs; a unit of each cost keeps its weight.
 
         A cost that is constant on one of the two fronts keeps its share. StudyError if costs or units differ, or if a
         logarithmic cost has another range.
@@ -98,8 +96,8 @@ class Prior:
         names = [one.name for one in measures]
         if {*known} != {*names}:
             raise StudyError(
-                f"the prior is of people who were asked about {', '.join(known)}, and here the costs are "
-                f"{', '.join(names)}; take one learnt from people who were asked about the same costs"
+                f"the prior was learnt from people who were asked about {', '.join(known)}, but here the costs are "
+                f"{', '.join(names)}; use one learnt from people who were asked about the same costs"
             )
         stretch = [range_ratio(known[one.name][0], one) for one in measures]
         return replace(
@@ -110,23 +108,22 @@ class Prior:
         )
 
     def concentrations(self, f: int) -> FloatArray:
-        """Return the concentration (f,) of each share."""
+        """Return the Dirichlet concentration (f,) of each share; StudyError if the prior has another number of them."""
         f = whole("f", f, 1, MOST_COSTS, "a number of costs", error=StudyError)
         if not self.concentration:
             return np.ones(f)
         if len(self.concentration) != f:
             raise StudyError(
-                f"the prior has concentrations of {len(self.concentration)} costs, and there are {f}: take one learnt "
+                f"the prior has concentrations of {len(self.concentration)} costs, but there are {f}: use one learnt "
                 "from people who were asked about the same costs"
             )
         return np.array(self.concentration)
 
     def draw(self, f: int, count: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return ``count`` draws of shares (N, f), sharpness (N,) and ties (N,) for f costs.
+        """Draw ``count`` random people with f costs: shares (N, f), sharpness (N,) and ties (N,).
 
-        People who answer at random come first.
-
-        The share of a cost that a person does not care for is 0; other shares are above 0.
+        People who answer at random come first. The share of a cost that a person does not care for is 0; other shares
+        are above 0.
         """
         # By gamma variables in logarithms, so that small shares do not become 0.
         shape = self.concentrations(f)
@@ -148,10 +145,10 @@ class Prior:
         return cared_for
 
     def log_density(self, shares: FloatArray, sharpness: FloatArray, ties: FloatArray) -> FloatArray:
-        """Return the log density (N,) of draws, over logarithms of ratios of shares, of sharpness and of ties.
+        """Return the prior's log density (N,) of draws, over logarithms of ratios of shares, of sharpness and of ties.
 
-        The density omits a constant and the probability of the subset of cared-for costs. Ratios are between shares
-        above 0.
+        The density omits a constant and the probability of the subset of cared-for costs. Ratios are
+        between shares above 0.
         """
         of_shares, of_others = self.log_densities(shares, sharpness, ties)
         return np.asarray(of_shares + of_others)
@@ -159,7 +156,7 @@ class Prior:
     def log_densities(
         self, shares: FloatArray, sharpness: FloatArray, ties: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the log densities of shares (N,), and of sharpness and ties (N,), separately.
+        """Return two log densities of draws (N,) each: that of the shares, and that of sharpness and ties.
 
         Over log ratios, the Dirichlet exponent of each share is one larger: that is the Jacobian. Rescaling to other
         ranges has Jacobian 1. StudyError if sharpness or ties are not positive.
@@ -174,14 +171,14 @@ class Prior:
         return np.asarray(of_shares), np.asarray(-0.5 * (of_sharpness + of_ties))
 
     def _range_factors(self, f: int) -> FloatArray:
-        """Return the ratio (f,) of the front's range to the range that the shares refer to."""
+        """Return the ratio (f,) of the range of each cost on the front to the range to which the shares refer."""
         return np.array(self._stretch) if self._stretch else np.ones(f)
 
 
 def shares_of(logs: FloatArray, cared_for: BoolArray) -> FloatArray:
-    """Return shares (N, f) from their logarithms, given up to a constant per row.
+    """Return shares (N, f) that add up to 1 in each row, from their logarithms, which may lack a constant per row.
 
-    0 where ``cared_for`` (N, f) is False.
+    Shares are 0 where ``cared_for`` (N, f) is False.
     """
     logs = np.where(cared_for, logs, -np.inf)
     logs -= logs.max(axis=1, keepdims=True)
@@ -190,9 +187,11 @@ def shares_of(logs: FloatArray, cared_for: BoolArray) -> FloatArray:
 
 
 def log_dirichlet(shares: FloatArray, concentrations: FloatArray) -> FloatArray:
-    """Return the log density (...) of Dirichlet shares (..., f) above 0, over logarithms of ratios.
+    """Return the Dirichlet log density (...) of shares (..., f), over logarithms of their ratios.
 
-    concentrations  (..., f); those of shares of 0 are ignored
+    Shares of 0 are ignored.
+
+    concentrations (..., f)
     """
     cared_for = shares > 0
     logs = np.log(np.where(cared_for, shares, 1.0))
@@ -204,7 +203,7 @@ def log_dirichlet(shares: FloatArray, concentrations: FloatArray) -> FloatArray:
 def rescale_shares(shares: FloatArray, sharpness: FloatArray, factors: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return shares (N, f) and sharpness (N,) after the ranges of the costs are multiplied by factors, (f,) or (N, f).
 
-    The weight of a unit of each cost stays.
+    A unit of each cost keeps its weight.
     """
     if (factors == 1.0).all():
         return shares, sharpness
@@ -214,11 +213,11 @@ def rescale_shares(shares: FloatArray, sharpness: FloatArray, factors: FloatArra
 
 
 def range_ratio(known: Measure, other: Measure) -> float:
-    """Return the ratio of the other range to the known range; 1 if one of them is 0. StudyError if the units differ."""
+    """Return the ratio of a cost's range ``other`` to ``known``; 1 if one of them is 0. StudyError if units differ."""
     if known.unit != other.unit:
         raise StudyError(
-            f"people were asked about {shown(known.name)} in {shown(known.unit)}, here it is in {shown(other.unit)}; "
-            "take people who were asked in the same unit"
+            f"people were asked about {shown(known.name)} in {shown(known.unit)}, but here it is in "
+            f"{shown(other.unit)}; use people who were asked in the same unit"
         )
     if not (known.size > 0 and other.size > 0):
         return 1.0
@@ -226,7 +225,7 @@ def range_ratio(known: Measure, other: Measure) -> float:
     most = MOST_APART if known.unit.startswith(f"{LOG} ") else MOST_STRETCH
     if not 1.0 / most <= factor <= most:
         raise StudyError(
-            f"people were asked about a range of {shown(known.name)} of {known.size:g} {known.unit}, here it is "
-            f"{other.size:g}: shares of the one say nothing of the other; take people who were asked about the same"
+            f"people were asked about a range of {shown(known.name)} of {known.size:g} {known.unit}, but here it is "
+            f"{other.size:g}, so their shares say nothing here; use people who were asked about a similar range"
         )
     return factor

@@ -1,7 +1,7 @@
 """Scale of costs for a preference: costs as shares of a front's range, with an extra column for each threshold.
 
-The scale is that of the front of the questions, and is kept by units: on another front a metre weighs as much as on
-that front, however wide the other front is.
+The scale is that of the front about which a person was asked, and is kept by units: on another front a metre has the
+weight that it had there, however wide the other front is.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Feature = str | float
 
 
 class Measure(NamedTuple):
-    """Column of the scale: the name of a cost, its unit, and its range in that unit (0 for a constant cost)."""
+    """Column of a scale: the name of a cost, its unit, and its range on the front in that unit (0 if constant)."""
 
     name: str
     unit: str
@@ -61,23 +61,25 @@ class CostScale:
 
     @classmethod
     def of(cls, front: Front[Any], features: Mapping[str, Feature] | None = None) -> CostScale:
-        """Return the scale of a front; StudyError for fewer than two points, or an invalid feature."""
+        """Return the scale of a front's costs; StudyError for fewer than two points, or an invalid feature."""
         if not isinstance(front, Front):
             raise StudyError(f"a preference needs a front, such as problem.solve() returns, got {shown(front)}")
         if len(front) < 2:
             raise StudyError(
-                f"of {counted(len(front), 'point')} there is nothing to prefer; take a front of at least two, "
-                "planned with other criteria or planners"
+                f"a preference needs a front of at least two points, got {counted(len(front), 'point')}; plan one with "
+                "other criteria or planners"
             )
         low, high = front.ideal(), front.nadir()
         varies = high - low > ROUNDING * np.maximum(np.abs(low), np.abs(high))
         if features is not None and not isinstance(features, Mapping):
-            raise StudyError(f"features are given by the name of a cost, such as {{'turns': 6}}, got {shown(features)}")
+            raise StudyError(
+                f"features must be a dict by name of a cost, such as {{'turns': 6}}, got {shown(features)}"
+            )
         return cls(front.names, front.units, low, np.where(varies, high - low, 0.0), dict(features or {}))
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of the columns with a share of their own: a cost, or its excess above a threshold."""
+        """Names of the columns that have shares of their own: the costs, and their excesses above thresholds."""
         above = [f"{name} above {bound:g}" for name, bound in self._thresholds]
         return (*self.names, *above)
 
@@ -94,7 +96,7 @@ class CostScale:
         return tuple(found)
 
     def scaled(self, costs: FloatArray) -> FloatArray:
-        """Return costs (n, k), in their units, on the scale: (n, f), one column for each of :attr:`columns`."""
+        """Scale costs (n, k), given in their units; return (n, f), one column for each of :attr:`columns`."""
         plain = self._range_shares(costs)
         columns = [
             self._log_scaled(plain[:, j]) if self.features.get(n) == LOG else plain[:, j]
@@ -108,7 +110,7 @@ class CostScale:
         return np.column_stack(columns)
 
     def column_indices(self, front: Front[Any]) -> list[int]:
-        """Return the columns of a front that hold the costs of this scale; StudyError that names a missing cost."""
+        """Return the indices of this scale's costs among the costs of a front; StudyError that names a missing cost."""
         places = []
         for name, unit in zip(self.names, self.units, strict=True):
             if name not in front.names:
@@ -132,18 +134,21 @@ class CostScale:
         return np.asarray(front.costs[:, self.column_indices(front)])
 
     def rows_on(self, front: Front[Any]) -> FloatArray:
-        """Return the points of a front on the scale, (n, f)."""
+        """Return the scaled costs (n, f) of the points of a front."""
         return self.scaled(self.costs_on(front))
 
     @property
     def _thresholds(self) -> list[tuple[str, float]]:
+        """Names of costs that have a threshold, with the threshold."""
         return [(name, bound) for name, bound in self.features.items() if not isinstance(bound, str)]
 
     @cached_property
     def _column_sources(self) -> list[tuple[int, str]]:
+        """Index and name of each cost."""
         return list(enumerate(self.names))
 
     def _range_shares(self, costs: FloatArray) -> FloatArray:
+        """Return costs (n, k) as shares of their ranges; 0 for constant costs."""
         varies = self.span > 0
         shares = (costs - self.ideal) / np.where(varies, self.span, 1.0)
         return np.asarray(np.where(varies, shares, 0.0))
@@ -155,6 +160,7 @@ class CostScale:
         return np.asarray((BENT * below + np.log1p(BENT * np.maximum(share, 0.0))) / np.log1p(BENT))
 
     def _check_feature(self, name: str, feature: Any) -> None:
+        """Raise StudyError for a feature of an unknown cost, or a threshold outside the range of the cost."""
         if name not in self.names:
             raise StudyError(f"no cost is called {shown(name)}.{did_you_mean(name, self.names)} There are: "
                              f"{', '.join(self.names)}")  # fmt: skip
@@ -164,7 +170,7 @@ class CostScale:
         j = self.names.index(name)
         if not self.ideal[j] < bound < self.ideal[j] + self.span[j]:
             raise StudyError(
-                f"the feature of {name} is a number between the least and the most of the front, "
+                f"the feature of {name} must be a number between its least and greatest value on the front, "
                 f"{self.ideal[j]:g} to {self.ideal[j] + self.span[j]:g} {self.units[j]}, got {bound:g}"
             )
 

@@ -1,7 +1,7 @@
 """Preference file: strict JSON, read without running code.
 
 The file is written completely or not at all. It holds the costs by name and unit with their scale, equally weighted
-draws of the posterior, and the answers, so that asking can go on. The reader checks every key, type and number.
+draws of the posterior, and the answers, so that asking can continue. The reader checks every key, type and number.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _DRAWS: Kinds = {"shares": dict, "sharpness": list, "ties": list}
 
 
 class Stored(NamedTuple):
-    """Contents of a preference file.
+    """Content of a preference file.
 
     Its D draws of shares (D, f), sharpness (D,) and Davidson's nu (D,) have equal weight.
     """
@@ -67,17 +67,17 @@ class Stored(NamedTuple):
 
 
 def write(path: str | os.PathLike[str], stored: Stored) -> None:
-    """Write a preference, replacing an existing file. OSError if it cannot be written."""
+    """Write a preference to a file, replacing an existing one; OSError if it cannot be written."""
     target = Path(path)
     if not target.parent.exists():
-        raise FileNotFoundError(errno.ENOENT, "the folder for the preference is not there; make it first", str(path))
+        raise FileNotFoundError(errno.ENOENT, "the folder for the preference does not exist; create it", str(path))
     with replacing(target) as file:
         for piece in pieces(_document(stored)):
             file.write(piece.encode())
 
 
 def read(path: str | os.PathLike[str]) -> Stored:
-    """Return a checked preference; StudyError for another kind of file, OSError for one that cannot be opened."""
+    """Read and check a preference file; StudyError for another kind of file, OSError for one that cannot be opened."""
     try:
         data = read_regular(path, SIZE_LIMIT)
     except OSError as error:
@@ -93,12 +93,14 @@ def read(path: str | os.PathLike[str]) -> Stored:
 
 
 def _refuse(path: str | os.PathLike[str], expected: str, found: str) -> NoReturn:
+    """Raise StudyError for a file: what was expected, and what was found."""
     raise StudyError(
         f"{os.fspath(path)}: expected {expected}; found: {found:.600}; ask again with `hpop prefer`"
     ) from None
 
 
 def _document(stored: Stored) -> dict[str, Any]:
+    """Return the content of a file as a dict for JSON."""
     scale, prior = stored.scale, dataclasses.asdict(stored.prior)
     del prior["_stretch"]  # follows from ``about`` and the scale
     return {
@@ -131,11 +133,12 @@ def _document(stored: Stored) -> dict[str, Any]:
 
 
 def _six_digits(column: FloatArray) -> list[float]:
-    """Return numbers rounded to six digits, far more than the precision of the draws."""
+    """Return numbers rounded to six significant digits, far more than the precision of the draws."""
     return [float(f"{value:.6g}") for value in column.tolist()]
 
 
 def _parse_stored(given: Any) -> Stored:
+    """Check the content of a file, and return it; ValueError or StudyError for invalid content."""
     schema, version, question, n, front, criteria, features, prior, ties, seed, answers, draws = parts(
         given, "the file", _TOP
     )
@@ -162,6 +165,7 @@ def _parse_stored(given: Any) -> Stored:
 
 
 def _parse_scale(criteria: list[Any], features: dict[str, Any]) -> CostScale:
+    """Check and return the scale of the costs."""
     rows = [parts(one, "a criterion", _CRITERION) for one in criteria]
     names, units, ideal, span = zip(*rows, strict=True)
     if len(set(names)) < len(names):
@@ -174,7 +178,8 @@ def _parse_scale(criteria: list[Any], features: dict[str, Any]) -> CostScale:
 
 
 def _parse_prior(given: dict[str, Any], scale: CostScale) -> Prior:
-    # Earlier files had neither, and all people cared for all costs.
+    # Earlier files had neither key; then all people cared for all costs.
+    """Check and return the prior."""
     concentration, about, *rest = parts({"about": [], "selective": 0.0, **given}, "the prior", _PRIOR)
     values = tuple(numbers(concentration, "concentration", len(concentration)).tolist())
     measures = [parts(one, "what the prior is about", _MEASURE) for one in about]
@@ -191,6 +196,7 @@ def _parse_prior(given: dict[str, Any], scale: CostScale) -> Prior:
 
 
 def _parse_answer(given: Any, k: int) -> PairAnswer:
+    """Check and return an answer about two points with k costs."""
     first, second, chosen, costs, weight = parts(given, "an answer", _ANSWER)
     if len(costs) != 2 or not all(isinstance(one, list) for one in costs):
         raise ValueError("costs of an answer that are not those of two rows")
@@ -203,6 +209,7 @@ def _parse_answer(given: Any, k: int) -> PairAnswer:
 
 
 def _parse_draws(given: dict[str, Any], scale: CostScale) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Check and return the draws: shares, sharpness and ties."""
     shares, sharpness, ties = parts(given, "draws", _DRAWS)
     columns = parts(shares, "the shares", dict.fromkeys(scale.columns, list))
     size = len(ties)

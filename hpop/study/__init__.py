@@ -1,4 +1,4 @@
-"""Studies of people's opinions on trajectories of a front, from the choice of stimuli to the weights of one person."""
+"""Studies in which people rate or compare trajectories of a front: design, pages, answers, statistics, learning."""
 
 from __future__ import annotations
 

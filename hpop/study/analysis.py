@@ -1,4 +1,4 @@
-"""Analysis of a study: scores and choices as tables of tests, with every decision of the analysis.
+"""Analysis of a study: tables of statistical tests of scores and choices, with every decision of the analysis.
 
 The default compares several stimuli rated by the same people: Friedman's test, then Wilcoxon's for each pair. The
 method of the paper (Becerra et al. 2020) treats all scores as independent.
@@ -56,8 +56,8 @@ PAPER = {
     "Missing answers": "a score with a missing item is missing, not smaller; each test uses all available scores",
 }
 CARRY_OVER = (
-    "the same test by place instead of stimulus, and the stimuli at the first place alone, where nothing was seen "
-    "before. If the place matters, look at the first place too"
+    "the test is repeated by place in the session instead of by stimulus, and for the stimuli at the first place "
+    "alone, before which nothing was seen. If the place matters, look at the first place too"
 )
 CHOICES = (
     "shares with their intervals of 95 % and p by the exact binomial test (Clopper and Pearson), without the answers "
@@ -77,7 +77,7 @@ def decisions(
     correction: Correction,
     notes: Sequence[str],
 ) -> dict[str, str]:
-    """Return every decision of the analysis by topic; ``notes`` explain which parts were impossible."""
+    """Return every decision of the analysis as text, by topic; ``notes`` say which tables were impossible, and why."""
     complete = int((~np.isnan(matrix.values).any(axis=1)).sum())
     left = [f"{one.participant} {'withdrew' if one.withdrawn else 'dropped out'}" for one in design.left]
     made = dict(DEFAULT if method == "default" else PAPER)
@@ -85,8 +85,8 @@ def decisions(
         made["Test of all stimuli"] = "none: two stimuli are one pair"
     made |= {
         "Questionnaire": _form_source(design.form(form)),
-        "Correction": f"{correction.title()}, within each table of comparisons. The column p and the intervals "
-        "have none: an interval belongs to p, and may leave out 0 where the adjusted p is above .05",
+        "Correction": f"{correction.title()}, within each table of comparisons. The column p and the intervals are "
+        "not corrected: an interval corresponds to p, and may exclude 0 although the adjusted p is above .05",
         "Ties": "mean ranks, and variances corrected for them",
         "Quartiles": "by linear interpolation (type 7)",
         "People": f"{counted(len(matrix.people), 'session')}; {complete:,} with all scores",
@@ -107,18 +107,18 @@ def decisions(
 
 
 def _form_source(form: Form) -> str:
-    """Describe the source of a form and the times at which it is asked."""
+    """Return the source of a questionnaire, and when in the session it is asked."""
     when = {"before": "before the first stimulus", "after_each": "once after each", "after_all": "after all"}
     return f"{' '.join(form.source.split())}. Asked {', '.join(when[one] for one in form.when)}"
 
 
 def _orders(design: Design) -> str:
-    """Describe how orders were balanced."""
+    """Describe how the orders of stimuli were balanced."""
     return "drawn at random" if design.order == "random" else f"{design.order}, each as often as any other"
 
 
 def _durations(design: Design) -> str:
-    """Describe the durations of the stimuli, and the consequence if they differ."""
+    """Describe how long the stimuli last, with a warning if they differ much."""
     if lasting := unlike(design.conditions):
         return f"{lasting}, so a part of the differences may come from the durations, not from the paths"
     lasts = [condition.duration for condition in design.conditions]
@@ -131,10 +131,10 @@ METHODS: tuple[Method, ...] = ("default", "paper")
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Analysis:
-    """Tables of a study, made by :func:`analyse`.
+    """Tables of a study's analysis, made by :func:`analyse`.
 
     method      "default" or "paper"
-    form        of the analysed score
+    form        id of the questionnaire of the analysed score
     score       name of the analysed score
     correction  of the p values of several comparisons: "holm", "bonferroni" or "none"
     tables      rows by the name of the table: "stimuli", "scores", "test", "pairs", "against before", "places",
@@ -153,18 +153,18 @@ class Analysis:
 
     @property
     def matrix(self) -> Matrix:
-        """Return the analysed scores."""
+        """Return the analysed scores, a row per person and a column per stimulus."""
         return self.answers.matrix(self.form, self.score)
 
     @property
     def before(self) -> FloatArray | None:
-        """Return the scores (n,) before the first stimulus, or None if the form was not asked then."""
+        """Return the scores (n,) before the first stimulus, or None if the questionnaire was not asked then."""
         asked = BEFORE in self.design.form(self.form).when
         return self.answers.before(self.form, self.score) if asked else None
 
     @property
     def mark(self) -> str:
-        """Return the notice of simulated answers for every page and figure; "" if all answers are from people."""
+        """Return a warning for every page and figure if some answers are simulated; "" if people gave all answers."""
         sessions = self.answers.sessions
         simulated = sum(session.device.get("simulated") is True for session in sessions)
         if not simulated:
@@ -173,19 +173,19 @@ class Analysis:
         return f"SIMULATED: {some} made by a program, and no person gave them"
 
     def text(self) -> str:
-        """Return all tables and choices as plain text."""
+        """Return all tables and decisions as plain text."""
         from hpop.study.report import as_text  # reports draw with Matplotlib: slow to import
 
         return as_text(self)
 
     def draw(self, name: str = "scores") -> Figure:
-        """Return a figure: "scores" (of each person, with medians), "order" (by place) or "choices" (of pairs)."""
+        """Return a figure: "scores" (of each person, by stimulus), "order" (by place) or "choices" (of pairs)."""
         from hpop.study.figures import draw  # as above
 
         return draw(self, name)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
-        """Write the report (report.html, tables as CSV, figures, and repeat.py), and return the page's path."""
+        """Write a report (report.html, tables as CSV, figures, and repeat.py) to a folder; return the page's path."""
         from hpop.study.report import save  # as above
 
         return save(self, folder)
@@ -200,7 +200,7 @@ def analyse(
     score: tuple[str, str] = ("ssq", "total"),
     correction: Correction | None = None,
 ) -> Analysis:
-    """Test a score of a form that is asked after each stimulus, and the choices of pairs.
+    """Analyse a study: test a score that is asked after each stimulus, and the choices between pairs.
 
     method      "default": Friedman's test and Kendall's W, then Wilcoxon's of each pair (Pratt's zeros, exact);
                 "paper": Kruskal and Wallis' test and Dunn's comparisons, and Wilcoxon's against the answers before by
@@ -215,7 +215,7 @@ def analyse(
     chosen: Correction = correction or ("bonferroni" if method == "paper" else "holm")
     one_of("correction", chosen, CORRECTIONS, error=StudyError)
     if isinstance(score, str) or len(score) != 2:
-        raise StudyError(f"a score is named by its form and its name, such as ('ssq', 'total'), got {shown(score)}")
+        raise StudyError(f"score must be a form and a name, such as ('ssq', 'total'), got {shown(score)}")
     form, name = score
     if "after_each" not in (when := design.form(form).when):
         raise StudyError(f"form {form} is not asked after each stimulus, so there is nothing to compare")

@@ -1,4 +1,4 @@
-"""Answers of a study: on the disk as events, and of all participants as tables, matrices and choices.
+"""Answers of a study: each participant's file of events, and tables, matrices and choices of all participants.
 
 Answers on the disk are never changed or removed.
 """
@@ -31,11 +31,14 @@ MOST_FILES = 2000
 CSV, SQLITE, REMARKS = ("answers.csv", "scores.csv", "choices.csv"), "answers.sqlite", "remarks.csv"
 NOBODY = "no answers"
 SHORT = 1.0
-"""Tolerance, s, by which a video may be reported as ended before its length."""
+"""Tolerance, s, by which a video may be reported as ended before its real end."""
 
 
 class Row(NamedTuple):
-    """Last answer to an item at a place; ``seconds`` since the previous event, ``t`` since the session's start."""
+    """Answer of one participant to one item at one place of the session (0 before the first stimulus).
+
+    Only the last answer counts. ``seconds`` is the time since the previous event, ``t`` since the session's start.
+    """
 
     participant: str
     place: int
@@ -48,7 +51,7 @@ class Row(NamedTuple):
 
 
 class ScoreRow(NamedTuple):
-    """Score of a form at a place; NaN if an answer is missing."""
+    """Score of a questionnaire at one place of a participant's session; NaN if an answer is missing."""
 
     participant: str
     place: int
@@ -59,7 +62,10 @@ class ScoreRow(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """Choice between two rows of the front, None for neither; ``first_row`` was shown on the left."""
+    """Choice of a participant between two rows of the front; ``chosen_row`` is None for neither.
+
+    ``first_row`` was shown on the left.
+    """
 
     participant: str
     first_row: int
@@ -68,12 +74,10 @@ class Choice(NamedTuple):
 
 
 class Matrix(NamedTuple):
-    """Scores after each stimulus.
+    """Scores after each stimulus, for n people and K stimuli.
 
-    people      (n,)    ids
-    conditions  (K,)    letters
-    values      (n, K)  NaN if an answer is missing
-    places      (n, K)  place at which each person saw each stimulus
+    people (n,) ids conditions (K,) letters values (n, K) NaN if an answer is missing places (n, K) place in the session
+    at which each person saw each stimulus, from 1
     """
 
     people: tuple[str, ...]
@@ -85,7 +89,7 @@ class Matrix(NamedTuple):
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """All sessions of a study, read by :meth:`load`."""
+    """Answers of all participants in a study, read by :meth:`load`."""
 
     design: Design
     sessions: tuple[Session, ...]
@@ -94,8 +98,8 @@ class Answers:
     def load(cls, folder: str | os.PathLike[str], design: Design | None = None) -> Answers:
         """Read all answers in a study's folder.
 
-        Raises StudyError if a file belongs to no participant of this design, or has answers that the design does not
-        ask for.
+        Raises StudyError if a file belongs to no participant of this design, or has answers that the
+        design does not ask for.
         """
         known = Design.load(folder) if design is None else design
         sessions, refused = read_sessions(Path(folder), known)
@@ -111,7 +115,7 @@ class Answers:
 
     @cached_property
     def table(self) -> tuple[Row, ...]:
-        """Return all answers, one row per item."""
+        """Return all answers as rows, one for each item."""
         return tuple(
             Row(session.person.id, slot.place, _letter(session, slot.place), slot.form, slot.item, *answer)
             for session in self.sessions
@@ -120,7 +124,7 @@ class Answers:
 
     @cached_property
     def scores(self) -> tuple[ScoreRow, ...]:
-        """Return all scores of forms with any answer."""
+        """Return all scores of questionnaires that have at least one answer."""
         found = []
         for session in self.sessions:
             for form in self._rated():
@@ -131,7 +135,7 @@ class Answers:
         return tuple(found)
 
     def matrix(self, form: str, score: str) -> Matrix:
-        """Return a score, or an item, of a form that is asked after each stimulus."""
+        """Return a score, or an item, of a questionnaire asked after each stimulus, for all people and stimuli."""
         asked = self._asked(form, score)
         letters = self.design.letters
         values = np.full((len(self.sessions), len(letters)), np.nan)
@@ -149,11 +153,12 @@ class Answers:
         return np.array([self._value(session, 0, asked, score) for session in self.sessions], dtype=np.float64)
 
     def choices(self, participant: str | None = None, question: str = "prefer") -> list[Choice]:
-        """Return the choices of one participant or all, as rows of the front, without pairs of a baseline."""
+        """Return the choices of one participant, or of all, as rows of the front, without pairs with a baseline."""
         one_of("question", question, questions_of(self.design), error=StudyError)
         if participant is not None and participant not in self.people:
             raise StudyError(
-                f"there are no answers of {shown(participant)}; there are of {', '.join(self.people) or 'nobody'}"
+                f"there are no answers of {shown(participant)}; participants with answers: "
+                f"{', '.join(self.people) or 'none'}"
             )
         rows = {one.id: one.row for one in self.design.conditions if one.row is not None}
         return [
@@ -168,40 +173,42 @@ class Answers:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Return faults of usable answers: incomplete sessions, missing items, jerky rides.
+        """Return faults of the answers as text: incomplete sessions, missing items, rides that were not drawn smoothly.
 
-        A session that its participant stopped is no fault; see :attr:`noted`.
+        A session that its participant stopped is not a fault; see :attr:`noted`.
         """
         said = []
         for session in self.sessions:
             name = session.person.id
             if not (session.stopped or session.ended):
-                said.append(f"{name} has half a session: {_how_far(session)}, and it has no end")
+                said.append(f"the session of {name} is incomplete: {_how_far(session)}, and it has no end")
             elif session.ended:
                 said += [f"{name}: {lacking}" for lacking in session.lacking(self.design)]
             said += [
-                f"{name} did not watch video {video.condition} to its end: it lasts {video.lasts:.1f} s, and "
-                f"{video.took:.1f} s after its beginning it was said to have ended"
+                f"{name} did not watch video {video.condition} to its end: it lasts {video.lasts:.1f} s, but was "
+                f"reported as ended after {video.took:.1f} s"
                 for video in session.videos(self.design)
                 if not video.played and video.took < video.lasts - SHORT
             ]
             if slow := ", ".join(f"{letter} ({part:.0%})" for letter, part in session.jerky):
-                said.append(f"{name} saw fewer than 60 pictures a second for a part of {slow}")
+                said.append(f"{name} saw fewer than 60 frames per second for a share of some rides: {slow}")
         return tuple(said)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Return notes for the researcher: expected participants, short orders, different devices."""
+        """Return notes for the researcher: numbers of sessions, unbalanced orders, stopped sessions, devices."""
         return tuple(self.noted.values())
 
     @property
     def noted(self) -> dict[str, str]:
-        """Return the notes by topic."""
+        """Return the same notes as :attr:`notes`, by topic."""
         expected = {person.id for person in self.design.expected}
         ended = [session.person for session in self.sessions if session.ended and session.person.id in expected]
         said = {"Complete sessions": f"{len(ended):,} of {counted(len(expected), 'session')} are complete"}
         if short := unequal([person.order for person in ended], self.design.orders):
-            said["Orders of complete sessions"] = f"complete sessions by order are not equally many: {'; '.join(short)}"
+            said["Orders of complete sessions"] = (
+                f"some orders have fewer complete sessions than others: {'; '.join(short)}"
+            )
         if stopped := [f"{one.person.id}: {_how_far(one)}" for one in self.sessions if one.stopped]:
             said["Stopped sessions"] = f"{counted(len(stopped), 'participant')} stopped, as anybody may: " + "; ".join(
                 stopped
@@ -213,20 +220,21 @@ class Answers:
         ]
         if unseen:
             said["Videos"] = (
-                f"the page did not play these videos; that they were watched in another player is what participants "
-                f"say: {', '.join(unseen)}"
+                f"the page did not play these videos; participants report that they watched them in another player: "
+                f"{', '.join(unseen)}"
             )
         worn = sum(session.device.get("headset") is True for session in self.sessions)
         if 0 < worn < len(self.sessions):
             said["Devices"] = (
-                f"{worn} of {len(self.sessions)} saw it in a headset, the others on a screen: analyse them separately"
+                f"{worn} of {len(self.sessions)} participants used a headset, the others a screen: analyse them "
+                "separately"
             )
         return said
 
     def save_tables(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write answers.csv, scores.csv, choices.csv and answers.sqlite, and remarks separately to remarks.csv.
 
-        Tables hold ids, letters, names of items and numbers, but no text written by participants.
+        The tables hold ids, letters, names of items and numbers, but no text written by participants.
         """
         target = Path(folder)
         tables = dict(zip(("answers", "scores", "choices"), self._contents(), strict=True))
@@ -253,9 +261,11 @@ class Answers:
         )
 
     def _rated(self) -> list[Form]:
+        """Return the questionnaires whose items are rated on scales."""
         return [form for form in self.design.questionnaires if form.kind == "ratings"]
 
     def _asked(self, form: str, score: str) -> Form:
+        """Return the questionnaire of a score or item; StudyError if there is none."""
         asked = self.design.form(form)
         one_of(
             "score", score, dict.fromkeys([*asked.score_names, *(item.id for item in asked.items)]), error=StudyError
@@ -263,12 +273,13 @@ class Answers:
         return asked
 
     def _value(self, session: Session, place: int, form: Form, name: str) -> float:
+        """Return a score or an item of a session at a place; NaN if an answer is missing."""
         values = session.values(place, form)
         return score(form, values)[name] if name in form.score_names else values.get(name, np.nan)
 
 
 def read_sessions(folder: Path, design: Design) -> tuple[list[Session], list[str]]:
-    """Return the usable sessions in a study's folder, sorted by id, and the faults of the files that cannot be used."""
+    """Return the usable sessions in a study's folder, sorted by id, and messages about the unusable files."""
     files = sorted(path for path in (folder / FOLDER).glob("*.json") if not path.name.startswith("."))
     if len(files) > MOST_FILES:
         raise StudyError(f"{folder / FOLDER} has {len(files):,} files; expected at most {MOST_FILES:,}")
@@ -285,28 +296,28 @@ def read_sessions(folder: Path, design: Design) -> tuple[list[Session], list[str
 
 
 def _check_file(path: Path, participant: str, design: Design, known: dict[str, Session]) -> None:
-    """Raise StudyError for a file of a withdrawn participant, or of a wrong name."""
+    """Raise StudyError if a file of answers belongs to a withdrawn participant, or has a wrong name."""
     if participant in design.withdrawn:
         raise StudyError(f"{path}: {participant} withdrew; `hpop study withdraw` removes these answers as well")
     own = path.with_name(f"{participant}.json")
     if path != own and own.exists():
         raise StudyError(
-            f"{path}: a second file of participant {participant}, beside {own.name}; keep the one that is whole, "
-            "and move the other one out of the folder"
+            f"{path}: a second file of participant {participant}, beside {own.name}; keep the complete one, and move "
+            "the other one out of the folder"
         )
     if path != own:
-        raise StudyError(f"{path}: these are the answers of {participant}; call the file {own.name}")
+        raise StudyError(f"{path}: these are the answers of {participant}; rename the file to {own.name}")
 
 
 def _how_far(session: Session) -> str:
-    """Describe the last stimulus that began."""
+    """Describe how far a session came: the last stimulus that began."""
     if not session.reached:
         return "no stimulus had begun"
     return f"stimulus {_letter(session, session.reached)}, {session.reached} of {len(session.person.order)}, had begun"
 
 
 def _letter(session: Session, place: int) -> str | None:
-    """Return the letter of the stimulus at a place."""
+    """Return the letter of the stimulus at a place of a session; None before the first and after the last."""
     return session.person.order[place - 1] if 1 <= place <= len(session.person.order) else None
 
 
@@ -315,11 +326,11 @@ WHAT = "the answers of a participant"
 
 @dataclass(frozen=True)
 class Ledger:
-    """File of a participant's answers, which is always complete and readable; it need not exist yet.
+    """File of one participant's answers, to which a server appends; it need not exist yet.
 
-    path         of the file
-    design
-    participant  id
+    After every call the file is complete and readable.
+
+    path path of the file design participant id
     """
 
     path: Path
@@ -328,11 +339,11 @@ class Ledger:
 
     @property
     def events(self) -> list[dict[str, Any]]:
-        """Return all events so far; StudyError for an invalid file, or one of another design."""
+        """Return all events so far; StudyError for an invalid file, or a file of another design."""
         return list(self._read()["events"])
 
     def add(self, event: Mapping[str, Any], device: Mapping[str, Any]) -> bool:
-        """Add an event; return False if the last event was only sent again because its arrival was not confirmed.
+        """Append an event; return False if it equals the last event, which a page sends again without a confirmation.
 
         Raises StudyError for an event that the design does not ask for or that is not later than the last one, and if
         it cannot be written; the file is then unchanged.
@@ -342,17 +353,19 @@ class Ledger:
         if events and dict(event) == events[-1]:
             return False
         if len(events) >= MOST_EVENTS:
-            raise StudyError(f"a session has at most {MOST_EVENTS:,} events; this one has them")
+            raise StudyError(f"a session has at most {MOST_EVENTS:,} events, and this one is full")
         longer = {**stored, "device": dict(device), "events": [*events, dict(event)]}
         checked = documents.validated("what was sent", longer, AnswersFile, WHAT)
         Session.of(checked, self.design)
         if len(checked.events) > 1 and checked.events[-1].t <= checked.events[-2].t:
-            raise StudyError(f"time must rise: {checked.events[-1].t:g} s comes after {checked.events[-2].t:g} s")
+            raise StudyError(
+                f"events must rise in time, got {checked.events[-1].t:g} s after {checked.events[-2].t:g} s"
+            )
         documents.write(self.path, longer)
         return True
 
     def _read(self) -> dict[str, Any]:
-        """Return the checked contents of the file, or those of a new file."""
+        """Return the checked contents of the file, or the contents of a new file."""
         if not self.path.exists():
             known = {"schema": SCHEMA, "version": VERSION, "design": self.design.digest}
             return {**known, "participant": self.participant, "device": {}, "events": []}

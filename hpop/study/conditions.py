@@ -1,4 +1,4 @@
-"""Conditions of a study: rows of a front that differ most, under neutral letters."""
+"""Conditions (stimuli) of a study: rows of a front that differ most, under neutral letters."""
 
 from __future__ import annotations
 
@@ -22,19 +22,18 @@ from hpop.study.participants import MOST_STIMULI
 from hpop.trajectories.trajectory import Trajectory
 
 VIEW = "view"
-"""Name of the still view from the start, given in place of a row."""
+"""Name that stands for the still view from the start, in place of a row of the front."""
 KINDS = ("ride", "video")
 ENDINGS = {"ride": "html", "video": "mp4", VIEW: "html"}
 ALIKE = 0.1
-"""Share by which stimuli may differ in duration without a note."""
+"""Share by which durations of stimuli may differ without a note."""
 
 
 class Baseline(NamedTuple):
-    """Trajectory shown beside rows of the front, such as that of a common planner.
+    """Trajectory that is shown besides rows of the front, such as that of a common planner.
 
-    name        description for the researcher
-    trajectory  to ride along
-    costs       by criterion, such as ``problem.evaluate(trajectory)``
+    name description for the researcher trajectory to ride along costs by criterion, such as
+    ``problem.evaluate(trajectory)``
     """
 
     name: str
@@ -44,14 +43,11 @@ class Baseline(NamedTuple):
 
 @dataclass(frozen=True)
 class Condition:
-    """Stimulus behind a letter.
+    """Stimulus of a study, which participants know only by a letter.
 
-    id        "A", "B", ...: assigned at random, so that it does not reveal the row
-    row       of the front; None for the still view and for baselines
-    name      name of the row, such as "knee"; "" for a number
-    kind      "ride", "video" or "view"
-    costs     by criterion; empty for the still view
-    duration  s, executed
+    id "A", "B", ...: assigned at random, so that it does not reveal the row row row of the front; None for the still
+    view and for baselines name name of the row, such as "knee"; "" for a number kind "ride", "video" or "view" costs by
+    criterion; empty for the still view duration s, executed
     """
 
     id: str
@@ -63,7 +59,7 @@ class Condition:
 
     @property
     def stimulus(self) -> str:
-        """Return the stimulus file, relative to the study's folder."""
+        """Return the path of the stimulus file, relative to the study's folder."""
         return f"stimuli/{self.id}.{ENDINGS[self.kind]}"
 
     def __str__(self) -> str:
@@ -79,11 +75,10 @@ def lettered_conditions(
     rng: np.random.Generator,
     baselines: Sequence[Baseline] = (),
 ) -> tuple[Condition, ...]:
-    """Return the conditions under random letters, in the order of the letters.
+    """Assign random letters to rows, baselines and the still view; return the conditions in the order of the letters.
 
-    rows       rows by number or name; VIEW adds the still view
-    kind       kind of the stimuli: "ride" or "video"
-    baselines  further trajectories
+    rows rows by number or name; VIEW adds the still view kind kind of the stimuli: "ride" or "video" baselines further
+    trajectories
     """
     found = [_named_row(front, row) for row in rows if row != VIEW]
     count = len(found) + (VIEW in rows) + len(baselines)
@@ -109,13 +104,13 @@ def lettered_conditions(
 
 
 def _named_row(front: Front, row: int | str | NamedRow) -> NamedRow:
-    """Return a row of the front, with the name that the caller gave for it."""
+    """Return a row of the front under the name that the caller gave it."""
     (found,) = named_rows(front, [row.number if isinstance(row, NamedRow) else row])
     return NamedRow(found.point, row.name if isinstance(row, NamedRow) else found.name)
 
 
 def _check_different(rows: Sequence[NamedRow]) -> None:
-    """Raise StudyError if two of the rows are the same row of the front under different names."""
+    """Raise StudyError if two rows are one row of the front under different names."""
     first: dict[int, NamedRow] = {}
     for row in rows:
         if row.number in first:
@@ -125,19 +120,19 @@ def _check_different(rows: Sequence[NamedRow]) -> None:
 
 
 def unlike(conditions: Sequence[Condition]) -> str:
-    """Return a note if stimuli differ much in duration, else ""."""
+    """Return a note if the durations of the stimuli differ much, else ""."""
     first, *_, last = sorted(conditions, key=lambda condition: condition.duration)
     if last.duration <= (1 + ALIKE) * first.duration:
         return ""
     return (
-        f"stimuli last {first.duration:.1f} s ({first}) to {last.duration:.1f} s ({last}): longer exposure makes "
-        "sicker by itself"
+        f"stimuli last {first.duration:.1f} s ({first}) to {last.duration:.1f} s ({last}): longer exposure alone makes "
+        "people sicker"
     )
 
 
 DIFFERENCES = ("costs", "paths")
 MOST = 26
-"""Most stimuli of a study, since each has a letter."""
+"""Largest number of stimuli, since each has a letter."""
 PLACES = 101
 """Number of equally spaced positions at which paths are compared."""
 MOMENTS = 2001
@@ -154,7 +149,9 @@ def pick(
     by: str = "costs",
     share: float | None = None,
 ) -> tuple[NamedRow, ...]:
-    """Return rows that differ most, beginning with ``always``: farthest-point selection (Gonzalez 1985).
+    """Return rows of a front that differ most from each other, beginning with the rows in ``always``.
+
+    Method: farthest-point selection (Gonzalez 1985).
 
     Parameters
     ----------
@@ -162,8 +159,8 @@ def pick(
     always : rows to include: numbers, "knee", or "least NAME"
     by : "costs", each scaled by its range over the front; or "paths", the mean distance in m between executed camera
         positions at equal shares of the path, by which paths of equal cost differ
-    share : largest relative difference in executed duration; other rows are skipped, because longer exposure makes
-        sicker by itself. None allows any durations, and the design notes how they differ
+    share : largest relative difference in executed duration; other rows are skipped, because longer exposure alone
+        makes people sicker. None allows any durations, and the design notes how they differ
 
     Raises StudyError if there are too few rows, or too few of similar duration to those of ``always``.
 
@@ -178,8 +175,8 @@ def pick(
     first = [row.number for row in known]
     fitting = np.arange(len(front)) if share is None else _alike(runs, first, share)
     if fitting.size < count:
-        alike = "" if share is None else f" that last as long, within a share of {share:g}; allow a larger one"
-        raise StudyError(f"{counted(count, 'row')} asked for, but the front has {fitting.size:,}{alike}")
+        alike = "" if share is None else f" of similar duration, within a share of {share:g}; allow a larger share"
+        raise StudyError(f"count is {count}, but the front has {counted(fitting.size, 'row')}{alike}")
     points = scaled(front.costs) if by == "costs" else np.array([_path_positions(run) for run in runs])
 
     def distances(place: int) -> FloatArray:
@@ -193,17 +190,17 @@ def pick(
 
 
 def _alike(runs: Sequence[Trajectory], first: Sequence[int], share: float) -> IntArray:
-    """Return the largest set of rows of similar duration that includes ``first``.
+    """Return the largest set of rows with similar executed durations that includes the rows ``first``.
 
-    Raises StudyError if the durations of ``first`` differ by more.
+    Raises StudyError if the durations of ``first`` themselves differ by more than ``share``.
     """
     more = 1 + real("share", share, 0, 1, "a share of the duration", error=StudyError) + ROUNDING
     lasts = np.array([run.duration for run in runs])
     shortest, longest = (lasts[first].min(), lasts[first].max()) if first else (lasts.max(), 0.0)
     if longest > more * shortest:
         raise StudyError(
-            f"rows {', '.join(map(str, first))} last {shortest:.1f} to {longest:.1f} s, executed; expected a share of "
-            f"{share:g} at most: choose others, or allow {longest / shortest - 1:.2g}"
+            f"rows {', '.join(map(str, first))} last {shortest:.1f} to {longest:.1f} s when executed, which differ by "
+            f"more than the share {share:g}; choose other rows, or a share of {longest / shortest - 1:.2g}"
         )
     begins = np.sort(lasts[(lasts <= shortest) & (longest <= more * lasts)])
     sizes = np.searchsorted(np.sort(lasts), more * begins, "right") - np.searchsorted(np.sort(lasts), begins)

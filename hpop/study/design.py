@@ -1,4 +1,4 @@
-"""Design of a study: rows of a front under letters, participants with orders of stimuli, and questionnaires."""
+"""Design of a study: stimuli under letters, participants with orders of the stimuli, and questionnaires."""
 
 from __future__ import annotations
 
@@ -55,22 +55,19 @@ SCHEMA, VERSION = "hpop-study", 1
 FORM_SCHEMA = "hpop-form"
 PEOPLE_SCHEMA = "hpop-study-people"
 MOST_COMPARED = 8
-"""Most stimuli that are compared in pairs: 28 comparisons."""
+"""Largest number of stimuli that are compared in pairs: 28 comparisons."""
 PAIRS = "preference"
-"""Id of the form that compares two stimuli."""
+"""Id of the questionnaire that compares two stimuli."""
 
 
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Design:
-    """Study, fixed before it begins; made by :meth:`of`, or read by :meth:`load`.
+    """Design of a study, fixed before it begins; made by :meth:`of`, or read by :meth:`load`.
 
-    front_sha256  SHA-256 of the front (:func:`hpop.study.front_digest`)
-    conditions    in the order of their letters
-    enrolled      the participants, as planned
-    questionnaires  forms, in the order in which they are asked
-    order         "permutations", "williams", "latin" or "random"
-    left          participants who left; not part of the design's digest
+    front_sha256 SHA-256 of the front (:func:`hpop.study.front_digest`) conditions in the order of their letters
+    enrolled the participants, as planned questionnaires forms, in the order in which they are asked order
+    "permutations", "williams", "latin" or "random" left participants who left; not part of the design's digest
     """
 
     front_sha256: str
@@ -102,15 +99,15 @@ class Design:
         language: str = "en",
         seed: int = 0,
     ) -> Design:
-        """Return a design for some rows of a front.
+        """Create a design that shows some rows of a front.
 
         Parameters
         ----------
         rows : numbers, "knee", "least NAME", or the result of :func:`hpop.study.pick`, two to 26; "view" is the still
             view from the start, a baseline with the mean duration of the others
-        participants : how many; a multiple of the number of orders keeps these equally frequent, and :attr:`notes`
-            say where they are not
-        consent : what a participant reads and agrees to before anything else
+        participants : number of participants; a multiple of the number of orders keeps these equally frequent,
+            otherwise :attr:`notes` say which are not
+        consent : text that a participant reads and agrees to before anything else
         order : "permutations" (all orders, up to four rows), "williams" (each stimulus follows each other equally
             often), "latin" (each at each position equally often) or "random" (drawn for each participant)
         strata : levels by stratum, such as {"sex": ("f", "m")}, balanced within the orders
@@ -126,7 +123,7 @@ class Design:
         seed = whole("seed", seed, 0, MOST_SEED, "a seed", error=StudyError)
         one_of("kind", kind, KINDS, error=StudyError)
         if isinstance(forms, str):
-            raise StudyError(f"forms are a list of ids, such as ['ssq', 'comfort'], got {shown(forms)}")
+            raise StudyError(f"forms must be a list of ids, such as ['ssq', 'comfort'], got {shown(forms)}")
         questionnaires = [Form.load(form) for form in forms]
         if comparisons and not any(form.kind == "pairs" for form in questionnaires):
             questionnaires.append(Form.load(PAIRS))
@@ -148,13 +145,13 @@ class Design:
 
     @classmethod
     def load(cls, folder: str | os.PathLike[str]) -> Design:
-        """Read the design of a study's folder; StudyError if there is none, or it was changed since it was written."""
+        """Read the design in a study's folder; StudyError if it is missing, or was changed since it was written."""
         path = Path(folder) / FILE
         what = "the design of a study, as `hpop study init` writes it"
         if not path.exists():
             raise StudyError(
-                f"{folder} is no study: expected {FILE} in it; give the folder that `hpop study init` made, or "
-                "begin one"
+                f"{folder} is not the folder of a study: expected {FILE} in it; give the folder that `hpop study init` "
+                "made, or begin a study"
             )
         data = documents.read_bytes(path, MOST_BYTES)
         stored = documents.validated(path, documents.parse_json(path, data, what), DesignFile, what)
@@ -175,8 +172,8 @@ class Design:
             raise StudyError(f"{path}: {error}") from None
         if made.document != data:
             raise StudyError(
-                f"{path} was written by another program, though it says the same: answers name the SHA-256 of the file "
-                "as hpop wrote it; put that back, or begin a study of its own with `hpop study init`"
+                f"{path} was rewritten by another program: its content is the same, but answers refer to the SHA-256 "
+                "of the file as hpop wrote it; restore that file, or begin a new study with `hpop study init`"
             )
         return made
 
@@ -196,27 +193,27 @@ class Design:
         checked_text("the consent text", self.consent)
         if self.letters != tuple(string.ascii_uppercase[: len(self.letters)]):
             raise StudyError(
-                f"stimuli are called A, B, ..., each once and in this order, got {', '.join(self.letters)}"
+                f"stimuli must be called A, B, ..., each once and in this order, got {', '.join(self.letters)}"
             )
         for person in self.enrolled:
             if sorted(person.order) != sorted(self.letters):
                 raise StudyError(f"{person.id} must see each stimulus once, got {' '.join(person.order)}")
         if [person.id for person in self.enrolled] != [participant_id(i) for i in range(1, len(self.enrolled) + 1)]:
-            raise StudyError("participants are called p01, p02, ..., each once and in this order")
+            raise StudyError("participants must be called p01, p02, ..., each once and in this order")
         checked_departures(self.enrolled, self.left)
         names = [form.id for form in self.questionnaires]
         if not names or len(set(names)) < len(names):
-            raise StudyError(f"a study asks one form or more, each once, got {', '.join(names) or 'none'}")
+            raise StudyError(f"a study must have one form or more, each once, got {', '.join(names) or 'none'}")
         if foreign := [form for form in self.questionnaires if self.language not in form.languages]:
             said = ", ".join(f"{form.id} (but in {', '.join(form.languages)})" for form in foreign)
             raise StudyError(
-                f"forms that are not written in {shown(self.language)}: {said}; translate the file of each, and name "
-                "that by its path"
+                f"forms without texts in {shown(self.language)}: {said}; translate the file of each, and give the "
+                "path of the translation"
             )
         if self.comparisons and len(self.letters) > MOST_COMPARED:
             raise StudyError(
                 f"{len(self.letters)} stimuli have {len(self.letters) * (len(self.letters) - 1) // 2} pairs: expected "
-                f"at most {MOST_COMPARED} stimuli where pairs are compared; leave comparisons out, or take fewer rows"
+                f"at most {MOST_COMPARED} stimuli if pairs are compared; leave comparisons out, or take fewer rows"
             )
 
     @property
@@ -236,7 +233,7 @@ class Design:
 
     @cached_property
     def participants(self) -> tuple[Participant, ...]:
-        """Return all participants: the planned ones, then the successors of others, with equal order and strata."""
+        """Return all participants: the planned ones, then successors of those who left, with their order and strata."""
         known = {person.id: person for person in self.enrolled}
         for departure in self.left:
             before = known[departure.participant]
@@ -244,7 +241,7 @@ class Design:
         return tuple(known.values())
 
     def after(self, participant: str, *, withdrawn: bool) -> Design:
-        """Return the design after a participant left; a successor with the next free id gets the order and the strata.
+        """Return the design after a participant left. A successor with the next free id gets the order and the strata.
 
         A drop-out's answers stay part of the study; a withdrawn participant's do not.
         """
@@ -252,7 +249,7 @@ class Design:
         earlier = next((one for one in self.left if one.participant == participant), None)
         if earlier is not None and (earlier.withdrawn or not withdrawn):
             how = "withdrew" if earlier.withdrawn else "dropped out"
-            raise StudyError(f"{participant} {how} before; {earlier.successor} has the place")
+            raise StudyError(f"{participant} {how} already; {earlier.successor} has the place")
         successor = participant_id(self.size + 1) if earlier is None else earlier.successor
         left = {one.participant: one for one in self.left}
         left[participant] = Departure(participant, successor, withdrawn)
@@ -260,31 +257,31 @@ class Design:
 
     @property
     def withdrawn(self) -> frozenset[str]:
-        """Return the ids of withdrawn participants; their data are deleted."""
+        """Return the ids of withdrawn participants, whose data are deleted."""
         return frozenset(departure.participant for departure in self.left if departure.withdrawn)
 
     @property
     def expected(self) -> tuple[Participant, ...]:
-        """Return the participants with a session in the study, done or not: all except those who left."""
+        """Return the participants who take part, with their session done or not: all except those who left."""
         departed = {departure.participant for departure in self.left}
         return tuple(person for person in self.participants if person.id not in departed)
 
     @cached_property
     def orders(self) -> tuple[tuple[str, ...], ...]:
-        """Return the distinct orders assigned to participants; for "random" those that were drawn."""
+        """Return the distinct orders of stimuli that participants see; for "random" those that were drawn."""
         if self.order == "random":
             return tuple(sorted({person.order for person in self.enrolled}))
         return sequences(self.order, self.letters, len(self.enrolled), np.random.default_rng(self.seed))
 
     def form(self, name: str) -> Form:
-        """Return a questionnaire by its id."""
+        """Return a questionnaire by its id; StudyError if there is none."""
         for form in self.questionnaires:
             if form.id == name:
                 return form
-        raise StudyError(f"the study asks no form {shown(name)}; it asks {', '.join(self.forms)}")
+        raise StudyError(f"the study has no form {shown(name)}; it has {', '.join(self.forms)}")
 
     def condition(self, letter: str) -> Condition:
-        """Return a condition by its letter."""
+        """Return a condition by its letter; StudyError if there is none."""
         for condition in self.conditions:
             if condition.id == letter:
                 return condition
@@ -306,18 +303,23 @@ class Design:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Return notes for the researcher before the study: unequal orders, also within strata, unequal durations."""
+        """Return notes for the researcher before the study: unbalanced orders, and stimuli of unequal duration."""
         lasting = unlike(self.conditions)
-        said = [f"{lasting}. `hpop study init --count N --share 0.1` takes rows that last alike"] if lasting else []
+        said = (
+            [f"{lasting}. `hpop study init --count N --share 0.1` chooses rows of similar duration"] if lasting else []
+        )
         return (*self.uneven, *said)
 
     @property
     def uneven(self) -> tuple[str, ...]:
-        """Return notes on orders that are planned unequally often, also within strata."""
+        """Return notes on orders that are planned less often than others, in all or within a stratum."""
         return () if self.order == "random" else uneven(self.enrolled, self.orders, self.order)
 
     def pairs(self, participant: str) -> list[tuple[str, str]]:
-        """Return the pairs to compare, in this participant's order, with random sides; never the still view."""
+        """Return the pairs of stimuli that a participant compares, in random order and with random sides.
+
+        Each participant has an order of their own, which the seed determines. The still view is never compared.
+        """
         if not self.comparisons:
             return []
         rides = [condition.id for condition in self.conditions if condition.kind != VIEW]
@@ -327,7 +329,10 @@ class Design:
         return [pairs[i][::-1] if turned[i] else pairs[i] for i in rng.permutation(len(pairs)).tolist()]
 
     def public(self, participant: str) -> dict[str, Any]:
-        """Return the public part of a session: no rows, names of rows, costs or other participants."""
+        """Return the part of the design that a participant's page may contain, as JSON.
+
+        It has no rows, names of rows, costs or other participants.
+        """
         person = self.participant(participant)
         seen = [self.condition(letter) for letter in person.order]
         return {
@@ -353,7 +358,7 @@ class Design:
         }
 
     def describe(self) -> dict[str, Any]:
-        """Return the contents of design.json."""
+        """Return the contents of design.json, as a dict for JSON."""
         return {
             "schema": SCHEMA,
             "version": VERSION,
@@ -375,11 +380,11 @@ class Design:
 
     @property
     def digest(self) -> str:
-        """Return the SHA-256 of design.json, which answers name, so that they are never read with another design."""
+        """Return the SHA-256 of design.json. Answers contain it, so that they are never read with another design."""
         return sha256(self.document).hexdigest()
 
     def _schedule(self) -> str:
-        """Return each participant's order as CSV, with letters only, so that the experimenter is blind too."""
+        """Return schedule.csv: each participant's order, as letters only, so that the experimenter is blind too."""
         levels = list(self.enrolled[0].strata)
         text = io.StringIO()
         table = csv.writer(text, lineterminator="\n")

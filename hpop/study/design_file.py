@@ -1,4 +1,4 @@
-"""Files of a design: design.json, which never changes, people.json with participants who left, and the protocol."""
+"""Files of a design: design.json, which never changes, and people.json with the participants who left."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Short = Annotated[str, StringConstraints(max_length=200)]
 
 
 class FrontPart(StrictObject):
-    """File and SHA-256 of the study's front."""
+    """JSON form of the study's front: its file and SHA-256."""
 
     file: Literal["front.json"]
     sha256: Digest
@@ -58,7 +58,7 @@ class ProtocolPart(StrictObject):
 
 
 class DesignFile(StrictObject):
-    """Contents of design.json."""
+    """Schema of design.json."""
 
     schema_: Annotated[Literal["hpop-study"], Field(alias="schema")]
     version: Literal[1]
@@ -82,7 +82,7 @@ class DeparturePart(StrictObject):
 
 
 class PeopleFile(StrictObject):
-    """Contents of people.json."""
+    """Schema of people.json."""
 
     schema_: Annotated[Literal["hpop-study-people"], Field(alias="schema")]
     version: Literal[1]
@@ -90,7 +90,7 @@ class PeopleFile(StrictObject):
 
 
 MOST_TEXT = 20_000
-"""Most characters of a text for participants."""
+"""Largest number of characters in a text for participants."""
 LONGEST = 3600
 """Longest rest, s."""
 STOP_RULE = (
@@ -102,10 +102,10 @@ STOP_RULE = (
 @checked_arguments
 @dataclass(frozen=True)
 class Protocol:
-    """Rules between stimuli.
+    """Rules of a session between the stimuli.
 
-    rest_s     s, least rest after each stimulus; longer if the participant does not yet feel as before
-    stop_rule  text about stopping; the default is translated to the language of the pages
+    rest_s s, least rest after each stimulus; longer if the participant does not yet feel as before stop_rule text about
+    stopping; the default is translated to the language of the pages
     """
 
     rest_s: float = 180.0
@@ -118,7 +118,7 @@ class Protocol:
 
 
 def checked_text(what: str, text: object) -> str:
-    """Return a text for participants; StudyError if it is empty, too long, or has control characters."""
+    """Return a text for participants; raise StudyError if it is empty, too long, or has control characters."""
     if not isinstance(text, str) or not text.strip():
         raise StudyError(f"{what} is empty: write what participants read, and agree to, before they begin")
     if len(text) > MOST_TEXT:
@@ -129,7 +129,7 @@ def checked_text(what: str, text: object) -> str:
 
 
 def departures(path: Path) -> tuple[Departure, ...]:
-    """Return the participants who left a study, from its people.json; () without such a file."""
+    """Read the participants who left a study from people.json; () if there is no such file."""
     if not path.exists():
         return ()
     stored = read(path, PeopleFile, "the list of participants who left", MOST_BYTES)

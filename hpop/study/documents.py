@@ -1,6 +1,6 @@
 """Files of a study: strict JSON with schema and version, tables, locks on the folder, and the record of a report.
 
-The system releases a lock when its holder ends, however it ends; nothing is left behind.
+The operating system releases a lock when its process ends, however it ends; nothing is left behind.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from hpop.frontier.strict_json import parse, pieces
 from hpop.problems.front import Front
 
 MOST_FAULTS = 3
-"""Most faults of a file that an error lists."""
+"""Largest number of faults in a file that an error lists."""
 
 
 class StrictObject(BaseModel):
@@ -41,12 +41,12 @@ T = TypeVar("T", bound=StrictObject)
 
 
 def read(path: str | os.PathLike[str], kind: type[T], what: str, most: int) -> T:
-    """Read and check a file of at most ``most`` bytes; ``what`` describes it in errors."""
+    """Read a JSON file of at most ``most`` bytes and check it against a schema; ``what`` describes it in errors."""
     return validated(path, parse_json(path, read_bytes(path, most), what), kind, what)
 
 
 def read_bytes(path: str | os.PathLike[str], most: int) -> bytes:
-    """Return the bytes of a regular file, at most ``most``."""
+    """Return the bytes of a regular file; StudyError if it cannot be read or has more than ``most`` bytes."""
     try:
         return read_regular(path, most)
     except OSError as error:
@@ -54,7 +54,7 @@ def read_bytes(path: str | os.PathLike[str], most: int) -> bytes:
 
 
 def parse_json(place: object, data: bytes, what: str) -> Any:
-    """Parse JSON without checking its schema; ``place`` is named in the error."""
+    """Parse JSON without checking its schema; ``place`` (a file or an event) and ``what`` are named in the error."""
     try:
         return parse(data)
     except (ValueError, RecursionError) as error:
@@ -62,7 +62,7 @@ def parse_json(place: object, data: bytes, what: str) -> Any:
 
 
 def validated(place: object, values: Any, kind: type[T], what: str) -> T:
-    """Validate values as an object of a kind; ``place``, a file or an event in it, is named in the error."""
+    """Check values against a schema, and return an instance of it; ``place`` and ``what`` are named in the error."""
     try:
         return kind.model_validate(values)
     except ValidationError as error:
@@ -70,19 +70,19 @@ def validated(place: object, values: Any, kind: type[T], what: str) -> T:
 
 
 def in_words(error: ValidationError) -> str:
-    """Describe the first faults that pydantic found, and the number of further ones."""
+    """Describe the first few faults that pydantic found, and say how many more there are."""
     faults = error.errors(include_url=False, include_context=False)
     said = "; ".join(_said(dict(fault)) for fault in faults[:MOST_FAULTS])
     return said + (f"; and {len(faults) - MOST_FAULTS:,} more" if len(faults) > MOST_FAULTS else "")
 
 
 def write(path: str | os.PathLike[str], values: Any) -> None:
-    """Write a JSON file, whole or not at all."""
+    """Write a JSON file, completely or not at all."""
     write_bytes(path, ("".join(pieces(values)) + "\n").encode())
 
 
 def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
-    """Write a file, whole or not at all; StudyError if it cannot be written."""
+    """Write a file, completely or not at all; StudyError if it cannot be written."""
     try:
         with replacing(Path(path)) as file:
             file.write(data)
@@ -91,7 +91,7 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
 
 
 def _said(fault: dict[str, Any]) -> str:
-    """Describe a fault that pydantic found: position, expected value, actual value."""
+    """Describe one fault that pydantic found: its position, the expected value and the actual value."""
     where = "".join(f"[{part}]" if isinstance(part, int) else f".{printable(part)}" for part in fault["loc"])
     came = "" if fault["type"] == "missing" else f", got {shown(fault['input'], 40)}"
     return f"at {where.lstrip('.') or 'the top'}: {fault['msg']}{came}"
@@ -105,7 +105,10 @@ except ImportError:  # no locks on this system: only one program may work on a s
 
 @contextmanager
 def locked_for_changes(folder: Path) -> Iterator[None]:
-    """Lock a study's folder for changes, waiting for other programs; locks must not be nested."""
+    """Lock a study's folder while the ``with`` block changes it, after waiting for other programs.
+
+    These locks must not be nested.
+    """
     held = hold(folder, wait=True)
     try:
         yield
@@ -114,18 +117,18 @@ def locked_for_changes(folder: Path) -> Iterator[None]:
 
 
 def serve_alone(folder: Path) -> int | None:
-    """Lock a folder for the one server of its answers, until :func:`release`; StudyError if another server has it."""
+    """Lock the folder of answers for one server, until :func:`release`; StudyError if another server has the lock."""
     try:
         return hold(folder, wait=False)
     except BlockingIOError:
         raise StudyError(
-            f"{folder.parent} is served already, by another `hpop study serve`: two would take answers from each "
-            "other; use the addresses that it printed, or end it with Ctrl-C first"
+            f"{folder.parent} is served already, by another `hpop study serve`, and two servers would conflict; use "
+            "the addresses that it printed, or end it with Ctrl-C first"
         ) from None
 
 
 def release(held: int | None) -> None:
-    """Release a lock."""
+    """Release a lock that `hold` or `serve_alone` returned; None is ignored."""
     if held is not None:
         os.close(held)
 
@@ -152,7 +155,7 @@ def hold(folder: Path, *, wait: bool) -> int | None:
 
 
 FORMULA = "=+-@\t\r\n＝＋－＠"
-"""First characters of a cell that a spreadsheet reads as a formula."""
+"""First characters by which a spreadsheet takes a cell for a formula."""
 
 
 class TableColumn(NamedTuple):
@@ -163,14 +166,14 @@ class TableColumn(NamedTuple):
 
 
 class Contents(NamedTuple):
-    """Columns and rows of a table."""
+    """Table to be written: its columns and its rows."""
 
     columns: Sequence[TableColumn]
     rows: Sequence[Sequence[Any]]
 
 
 def csv_bytes(table: Contents) -> bytes:
-    r"""Return a table as CSV: UTF-8, commas, decimal points, a heading; missing values are empty.
+    r"""Return a table as CSV: UTF-8, commas, decimal points, a line of headings; missing values are empty.
 
     Text that a spreadsheet would run as a formula begins with an apostrophe.
 
@@ -186,7 +189,7 @@ def csv_bytes(table: Contents) -> bytes:
 
 
 def sqlite_bytes(tables: Mapping[str, Contents]) -> bytes:
-    """Return tables as an SQLite file."""
+    """Return tables as the bytes of an SQLite file."""
     with sqlite3.connect(":memory:") as base:
         for name, table in tables.items():
             columns = ", ".join(f'"{column.name}" {column.kind}' for column in table.columns)
@@ -200,18 +203,20 @@ def sqlite_bytes(tables: Mapping[str, Contents]) -> bytes:
 
 
 def _cell(value: Any) -> Any:
+    """Return a value as a cell of a CSV file: "" if missing, and text that looks like a formula with an apostrophe."""
     if value is None or (isinstance(value, float) and isnan(value)):
         return ""
     return f"'{value}" if isinstance(value, str) and value[:1] and value[0] in FORMULA else value
 
 
 def _without_nan(rows: Iterable[Sequence[Any]]) -> list[list[Any]]:
+    """Return rows with None in place of NaN."""
     return [[None if isinstance(value, float) and isnan(value) else value for value in row] for row in rows]
 
 
 @checked_arguments
 def front_digest(front: Front) -> str:
-    """Return the SHA-256 of a front: criteria, costs, trajectories, and the problem without paths of its files.
+    """Return the SHA-256 of a front: of its criteria, costs, trajectories, and its problem without paths of files.
 
     It does not change when the front is saved, loaded or moved, and changes with any cost, state or the map.
     """
@@ -233,7 +238,7 @@ REPORT_NAME = r"^[a-z][a-z_-]{0,60}\.(html|csv|png|py)$"
 
 
 class ReportFile(StrictObject):
-    """Contents of report.json."""
+    """Schema of report.json, which records how a report was made."""
 
     schema_: Annotated[Literal["hpop-study-report"], Field(alias="schema")]
     version: Literal[1]
@@ -245,12 +250,12 @@ class ReportFile(StrictObject):
 
 
 def read_report(folder: Path) -> ReportFile:
-    """Read the record of the report in a folder; StudyError for an invalid file."""
+    """Read report.json in the folder of a report; StudyError for an invalid file."""
     return read(folder / REPORT, ReportFile, "the record of a report", MOST_REPORT)
 
 
 def write_report(folder: Path, score: tuple[str, str], how: dict[str, str], mark: str, files: Iterable[str]) -> None:
-    """Write the record of a report: how it was made, and its files."""
+    """Write report.json: how a report was made, and which files it has."""
     known = {
         "schema": REPORT_SCHEMA,
         "version": REPORT_VERSION,
@@ -263,7 +268,7 @@ def write_report(folder: Path, score: tuple[str, str], how: dict[str, str], mark
 
 
 def remove_report(folder: Path) -> None:
-    """Remove the files of the report in a folder, if there is one; StudyError if they cannot be removed."""
+    """Remove all files of the report in a folder, if there is one; StudyError if they cannot be removed."""
     if not (folder / REPORT).exists():
         return
     try:

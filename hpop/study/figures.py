@@ -1,4 +1,4 @@
-"""Figures of a study: the score of each person, with medians, and the choices of pairs."""
+"""Figures of a study: the scores of each person with medians, and the choices between pairs."""
 
 from __future__ import annotations
 
@@ -26,14 +26,17 @@ NAMES = ("scores", "order", "choices")
 DOT, MEDIAN, MARK = "#0072B2", "#D55E00", "#B00020"
 PERSON = "#9aa7b2"
 ASIDE = 0.05
-"""Distance between the dots of equal scores; columns are 1 apart."""
+"""Distance between the dots of equal scores, side by side; columns are 1 apart."""
 WIDEST = 0.28
 NAME_WIDTH = 18
 
 
 @plain
 def draw(analysis: Analysis, name: str = "scores") -> Figure:
-    """Return a figure by its name; StudyError for another name, or if no pairs were compared."""
+    """Draw a figure by its name: "scores", "order" or "choices".
+
+    Raises StudyError for another name, or if no pairs were compared.
+    """
     one_of("figure", name, NAMES, error=StudyError)
     if name == "choices":
         return _choices(analysis)
@@ -41,12 +44,12 @@ def draw(analysis: Analysis, name: str = "scores") -> Figure:
 
 
 def figures(analysis: Analysis) -> list[str]:
-    """Return the names of the available figures."""
+    """Return the names of the figures that the answers suffice for."""
     return [name for name in NAMES if name != "choices" or "choices" in analysis.tables]
 
 
 def _scores(analysis: Analysis) -> Figure:
-    """Draw each person's scores before and after each stimulus."""
+    """Draw the scores of each person before and after each stimulus, by stimulus."""
     columns = list(analysis.matrix.values.T)
     names = [label(analysis.design, letter) for letter in analysis.matrix.conditions]
     if analysis.before is not None:
@@ -59,7 +62,7 @@ def _scores(analysis: Analysis) -> Figure:
 
 
 def _order(analysis: Analysis) -> Figure:
-    """Draw each person's scores in the order of the session."""
+    """Draw the scores of each person by place in the session, whatever the stimulus."""
     columns = list(scores_by_position(analysis.matrix).T)
     names = [f"place {place}" for place in range(1, len(columns) + 1)]
     if analysis.before is not None:
@@ -72,7 +75,7 @@ def _order(analysis: Analysis) -> Figure:
 
 
 def _columns(axes: Axes, columns: Sequence[FloatArray], names: Sequence[str]) -> None:
-    """Draw dots by column, a line for each person, and medians with quartiles."""
+    """Draw columns of scores: a dot for each score, a line for each person, and the median with quartiles."""
     across = np.arange(len(columns), dtype=float)
     scores = np.array(columns)  # (columns, n)
     aside = np.array([_aside(column) for column in scores])
@@ -134,7 +137,7 @@ def _add_legends(figure: Figure, axes: Axes, analysis: Analysis, what: str) -> F
 
 
 def _choices(analysis: Analysis) -> Figure:
-    """Draw how many people chose each stimulus of each pair."""
+    """Draw a bar for each pair of stimuli: how many people chose the left one, neither, or the right one."""
     rows = analysis.tables.get("choices")
     if not rows:
         raise StudyError("no participant compared pairs, so there is no figure of choices")
@@ -185,14 +188,14 @@ def _question_text(analysis: Analysis, question: str) -> str:
 
 
 def _leave_room(figure: Figure) -> None:
-    """Leave room for the line of words at the bottom, and for the mark at the top."""
+    """Leave space for the line of text at the bottom, and for the warning at the top."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.set(rect=(0, 0.055, 1, 0.945 - 0.045))  # type: ignore[call-arg]
 
 
 def _mark_simulated(figure: Figure, analysis: Analysis) -> Figure:
-    """Add the mark of simulated answers to a figure, if any are."""
+    """Write the warning of simulated answers on a figure, if there are any."""
     if analysis.mark:
         figure.text(0.5, 0.992, analysis.mark, ha="center", va="top", color=MARK, weight="bold", fontsize=NORMAL)
     return figure

@@ -1,4 +1,4 @@
-"""Folder of a study: created as a whole or not at all, and checked."""
+"""Folder of a study: created completely or not at all, and checked for faults."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from hpop.trajectories.trajectory import Trajectory
 
 PAGES, STIMULI, REPORT = "pages", "stimuli", "report"
 KEPT = (ANSWERS, PAGES, STIMULI, WORDS)
-"""Folders that hold only a study's own files."""
+"""Folders that hold only the study's own files, where no report may be written."""
 PRIVATE = 0o700
 """Permissions of a study's folder: only its owner may read people's answers."""
 
@@ -46,16 +46,14 @@ def prepare(
     words: str | os.PathLike[str] | None = None,
     progress: ProgressCallback | bool | None = None,
 ) -> Path:
-    """Write everything that a study needs to a new folder, as a whole or not at all.
+    """Write everything that a study needs to a new folder, completely or not at all.
 
     It contains design.json, schedule.csv, front.json (a copy, so that the study does not depend on the original),
     stimuli/, and a page for each participant in pages/. Only the folder's owner may read it.
 
-    Parameters
-    ----------
-    baselines : baselines of the design, with their trajectories
-    words : texts of the pages, if hpop has none in the design's language: a translation of its ``en.json``
-    progress : progress callback for videos, as for :func:`hpop.view.save_video`
+    Parameters ---------- baselines : baselines of the design, with their trajectories words : texts of the pages, if
+    hpop has none in the design's language: a translation of its ``en.json`` progress : progress callback for videos, as
+    for :func:`hpop.view.save_video`
 
     Raises StudyError if the folder is in use, the front is not the design's, or texts are missing; OutputError if a
     stimulus cannot be written.
@@ -64,7 +62,7 @@ def prepare(
     check_unused(target)
     if front_digest(front) != design.front_sha256:
         raise StudyError(
-            "this is not the front that the design was made of; give the front of the design, or make a new design"
+            "expected the front from which the design was made, got another one; give that front, or make a new design"
         )
     problem = Problem.from_description(front.problem or {})
     with _whole(target) as made:
@@ -90,29 +88,29 @@ def prepare(
 
 
 def _baseline_trajectories(design: Design, baselines: Sequence[Baseline]) -> dict[str, Trajectory]:
-    """Return the trajectories of a design's baselines, by letter; StudyError if one is missing."""
+    """Return the trajectories of the design's baselines, by letter; StudyError if the given ones do not match."""
     known = {baseline.name: baseline.trajectory for baseline in baselines}
     wanted = {one.name: one.id for one in design.conditions if one.row is None and one.kind != VIEW}
     if known.keys() != wanted.keys():
         raise StudyError(
-            f"the design's baselines are {', '.join(wanted) or 'none'}, got {', '.join(known) or 'none'}; give "
-            "prepare those that Design.of was given"
+            f"the design's baselines are {', '.join(wanted) or 'none'}, got {', '.join(known) or 'none'}; give prepare "
+            "the same baselines as Design.of"
         )
     return {wanted[name]: trajectory for name, trajectory in known.items()}
 
 
 def check_unused(folder: Path) -> None:
-    """Raise StudyError if a folder is not empty, or no folder, so that no study can begin in it."""
+    """Raise StudyError unless a new study can begin in a folder: it must not exist yet, or be empty."""
     try:
         in_use = folder.is_symlink() or (folder.exists() and (not folder.is_dir() or any(folder.iterdir())))
     except (OSError, ValueError) as error:
         raise StudyError(f"cannot use {folder}: {error}") from None
     if in_use:
-        raise StudyError(f"{folder} is in use: a study begins in a folder that is new or empty; choose another")
+        raise StudyError(f"{folder} is in use, but a study must begin in a new or empty folder; choose another")
 
 
 def write_pages(design: Design, folder: Path, participants: list[str]) -> None:
-    """Write the pages of participants, which share their stimuli."""
+    """Write the session pages of participants into the study's folder."""
     (folder / PAGES).mkdir(exist_ok=True)
     rides = rides_of(design.public(participants[0]), folder)
     for participant in participants:
@@ -121,22 +119,22 @@ def write_pages(design: Design, folder: Path, participants: list[str]) -> None:
 
 
 def front_of(folder: str | os.PathLike[str], design: Design) -> Front:
-    """Return the front of a study; StudyError if it has changed since the study began."""
+    """Load the front of a study; StudyError if the file has changed since the study began."""
     path = Path(folder) / FRONT
     try:
         front = Front.load(path)
     except (OSError, ValueError, LookupError) as error:
-        raise StudyError(f"the study's front cannot be read: {error}; put {path} back") from None
+        raise StudyError(f"the study's front cannot be read: {error}; restore {path}") from None
     if front_digest(front) != design.front_sha256:
         raise StudyError(
-            f"{path} has changed since the study began: its rows are not those that people see; put the file back"
+            f"{path} has changed since the study began: its rows are not those that people see; restore the file"
         )
     return front
 
 
 @contextmanager
 def _whole(target: Path) -> Iterator[Path]:
-    """Yield a temporary folder that becomes ``target`` at the end, or is removed after an error."""
+    """Yield a temporary folder that is renamed to ``target`` at the end, or removed after an error."""
     made = target.with_name(f".{target.name}.{uuid.uuid4().hex}.tmp")
     held = None
     try:
@@ -157,7 +155,7 @@ def _whole(target: Path) -> Iterator[Path]:
 
 
 def _sweep(target: Path) -> None:
-    """Remove unfinished folders of studies, left by programs that were killed."""
+    """Remove unfinished study folders that killed programs have left beside ``target``."""
     for made in target.parent.glob(f".{escape(target.name)}.{'[0-9a-f]' * 32}.tmp"):
         with suppress(OSError, StudyError):
             if (held := hold(made, wait=False)) is not None:
@@ -166,10 +164,10 @@ def _sweep(target: Path) -> None:
 
 
 class Checked(NamedTuple):
-    """Result of a check.
+    """Result of checking a study's folder.
 
-    faults  faults that need action: unreadable files, incomplete sessions, missing items
-    notes   information: participants still expected, stimuli of unequal duration
+    faults faults that need action: unreadable files, incomplete sessions, missing items notes information: participants
+    still expected, stimuli of unequal duration
     """
 
     faults: tuple[str, ...]
@@ -178,7 +176,7 @@ class Checked(NamedTuple):
 
 @checked_arguments
 def check(folder: str | os.PathLike[str]) -> Checked:
-    """Check the front, stimuli, pages and answers of a study; StudyError without a design."""
+    """Check the front, stimuli, pages and answers in a study's folder; StudyError if it has no design."""
     target = Path(folder)
     design = Design.load(target)
     faults = []

@@ -1,7 +1,8 @@
 """Questionnaires as data: the items of a form, its scales, and the scores that its authors define.
 
 A form is a YAML file. Forms of hpop are named by their id: ssq, vrsq, fms, comfort, naturalness, preference, mssq. Your
-own files are checked as strictly as scenario files. A missing answer makes the scores of its item missing, not smaller.
+own files are checked as strictly as scenario files. If an answer is missing, the scores that use it are missing too;
+they are not computed as if it were 0.
 """
 
 from __future__ import annotations
@@ -27,16 +28,16 @@ from hpop.study.documents import in_words
 
 MOST_ITEMS = 200
 MOST_STEPS = 1000
-"""Most steps of a scale from which a participant can choose."""
+"""Largest number of steps of a scale."""
 IDS = re.compile(r"[a-z][a-z0-9_]{0,39}")
-"""Ids of forms and items: they become file names and columns of tables."""
+"""Pattern for ids of forms and items, which become file names and columns of tables."""
 
 Id = Annotated[str, StringConstraints(pattern=f"^{IDS.pattern}$")]
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,39}$")]
 Language = Annotated[str, StringConstraints(pattern=r"^[a-z]{2,3}(-[A-Z]{2})?$")]
 Words = Annotated[str, StringConstraints(min_length=1, max_length=1000)]
 Text = Annotated[dict[Language, Words], Field(min_length=1, max_length=100)]
-"""A text by language: "en", "de", "pt-BR"."""
+"""Text in several languages, by code: "en", "de", "pt-BR"."""
 Names = Annotated[tuple[Name, ...], Strict(False)]  # lists of JSON are accepted
 When = Literal["before", "after_each", "after_all"]
 
@@ -46,17 +47,17 @@ class _Part(BaseModel):
 
 
 class Absent(_Part):
-    """Answer that an item does not apply: its value and its text."""
+    """Additional answer that says that the item does not apply: its value and its text."""
 
     value: float
     text: Text
 
 
 class AnswerScale(_Part):
-    """Values that an answer may have: low, low + step, ..., high.
+    """Values from which an answer is chosen: low, low + step, ..., high.
 
-    labels  by language: one for each value, or two for the ends
-    absent  an extra answer: that the item does not apply
+    labels by language: one for each value, or two for the ends absent an additional answer: that
+    the item does not apply
     """
 
     low: float
@@ -89,6 +90,7 @@ class AnswerScale(_Part):
 
     @model_validator(mode="after")
     def _sound(self) -> AnswerScale:
+        """Check that the scale is consistent."""
         steps = (self.high - self.low) / self.step
         _require(self.high > self.low, f"low must be below high, got {self.low:g} and {self.high:g}")
         _require(steps <= MOST_STEPS, f"a scale has at most {MOST_STEPS:,} steps; take a larger step")
@@ -106,9 +108,8 @@ class AnswerScale(_Part):
 class Item(_Part):
     """Question of a form.
 
-    subscales  names of the raw sums to which it contributes
-    reverse    whether a high answer counts as a low one: low + high - value
-    scale      its own; default: the form's
+    subscales names of the raw sums to which its answer is added reverse whether a high answer counts as a low one: low
+    + high - value scale its own scale; by default the form's
     """
 
     id: Id
@@ -119,14 +120,10 @@ class Item(_Part):
 
 
 class Score(_Part):
-    """Number computed from answers, by exactly one of subscale, of, mean_of and sum_of.
+    """Number that a form computes from answers. Exactly one of subscale, of, mean_of and sum_of is given.
 
-    subscale  the raw sum of the items in it
-    of        the sum of the raw sums of several subscale scores (the total of the SSQ)
-    mean_of   the mean of several scores
-    sum_of    their sum
-    times     factor
-    out_of    divisor
+    subscale the raw sum of the items in this subscale of the sum of the raw sums of several subscale scores (the total
+    of the SSQ) mean_of the mean of several scores sum_of their sum times factor out_of divisor
     """
 
     name: Name
@@ -144,6 +141,7 @@ class Score(_Part):
 
     @model_validator(mode="after")
     def _sound(self) -> Score:
+        """Check that exactly one source of the score is given."""
         given = [bool(self.subscale), bool(self.of), bool(self.mean_of), bool(self.sum_of)]
         _require(sum(given) == 1, "give exactly one of subscale, of, mean_of, sum_of")
         return self
@@ -151,15 +149,12 @@ class Score(_Part):
 
 @checked_arguments
 class Form(_Part):
-    """Questionnaire.
+    """Questionnaire: items, scales and scores.
 
-    id      its name in designs and answers
-    source  authors and publication
-    when    asked before the first stimulus, after each, or after all: one or more of these
-    kind    "ratings" on scales; "pairs": each item compares two stimuli, and the answer is one of them, or none
-    better  the better end of its scores, "low" (sickness) or "high" (comfort)
-    ask     question above the items
-    scale   of all items without their own
+    id its name in designs and answers source authors and publication when asked before the first stimulus, after each,
+    or after all: one or more of these kind "ratings" on scales; "pairs": each item compares two stimuli, and the answer
+    is one of them, or none better the better end of its scores, "low" (sickness) or "high" (comfort) ask question above
+    the items scale of all items without their own
     """
 
     id: Id
@@ -189,7 +184,7 @@ class Form(_Part):
             if str(form) not in known:
                 near = did_you_mean(str(form), known)
                 raise StudyError(
-                    f"unknown form {shown(str(form))}.{near} hpop brings {', '.join(known)}; give one of your own as a "
+                    f"unknown form {shown(str(form))}.{near} hpop has {', '.join(known)}; give a form of your own as a "
                     "path that ends in .yaml"
                 )
             path = Path(str(resources.files("hpop.study").joinpath("forms", f"{form}.yaml")))
@@ -207,14 +202,14 @@ class Form(_Part):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Form:
-        """Return the form written by :meth:`to_dict`; StudyError for an invalid form."""
+        """Create a form from the values that :meth:`to_dict` returned; StudyError for an invalid form."""
         try:
             return cls.model_validate(values)
         except ValidationError as error:
-            raise StudyError(f"this is no form: {in_words(error)}") from None
+            raise StudyError(f"expected a valid form, got {in_words(error)}") from None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the form as JSON-able values."""
+        """Return the form as values for JSON."""
         return self.model_dump(mode="json", exclude_defaults=True)
 
     @property
@@ -238,12 +233,13 @@ class Form(_Part):
         )
 
     def scale_of(self, item: Item) -> AnswerScale:
-        """Return the scale of an item; StudyError for a comparison of pairs, which has none."""
+        """Return the scale of an item; StudyError for an item that compares pairs, which has no scale."""
         if (scale := item.scale or self.scale) is None:
             raise StudyError(f"form {self.id} compares pairs: its item {item.id!r} has no scale")
         return scale
 
     def _texts(self) -> list[Mapping[str, Any]]:
+        """Return all texts of the form, each by language."""
         texts: list[Mapping[str, Any]] = [self.title, self.ask, *(item.text for item in self.items)]
         for scale in (self.scale, *(item.scale for item in self.items)):
             if scale is not None:
@@ -253,6 +249,7 @@ class Form(_Part):
 
     @model_validator(mode="after")
     def _sound(self) -> Form:
+        """Check that the parts of the form fit together."""
         _once(f"item of form {self.id}", [item.id for item in self.items])
         _once(f"score of form {self.id}", self.score_names)
         _once("time in when", self.when)
@@ -280,17 +277,19 @@ class Form(_Part):
 
 
 def shipped() -> tuple[str, ...]:
-    """Return the ids of hpop's forms."""
+    """Return the ids of the forms that come with hpop."""
     files = resources.files("hpop.study").joinpath("forms").iterdir()
     return tuple(sorted(file.name.removesuffix(".yaml") for file in files if file.name.endswith(".yaml")))
 
 
 def _require(condition: bool, otherwise: str) -> None:
+    """Raise ValueError with a message unless a condition holds."""
     if not condition:
         raise ValueError(otherwise)
 
 
 def _once(what: str, names: tuple[str, ...] | list[str]) -> None:
+    """Raise ValueError if a name occurs twice."""
     twice = [name for name, count in Counter(names).items() if count > 1]
     _require(not twice, f"{what} {', '.join(twice)} is given twice; keep one")
 
@@ -301,12 +300,12 @@ MOST_PRORATED = 1 / 7
 """Largest share of a subscale's items that may be missing with ``prorate``: one of seven in the SSQ."""
 
 Answers = Mapping[str, float | None]
-"""Values by the id of the item; None, NaN or no entry where there is no answer."""
+"""Answers by the id of the item; None, NaN or no entry for a missing answer."""
 
 
 @checked_arguments
 def score(form: Form, values: Answers, prorate: bool = False) -> dict[str, float]:
-    """Compute the scores of a form, by name, from answers by item; NaN if an answer is missing.
+    """Compute the scores of a form from answers by item; a score is NaN if one of its answers is missing.
 
     With ``prorate`` a missing answer is replaced by the mean of the others, if at most one in seven of a subscale is
     missing; :func:`prorated` names these scores. Items that do not apply (``absent``) are left out and the sum is
@@ -334,13 +333,13 @@ def missing(form: Form, values: Answers) -> tuple[str, ...]:
 
 
 def prorated(form: Form, values: Answers) -> tuple[str, ...]:
-    """Return the names of the scores that exist only because of ``prorate``."""
+    """Return the names of the scores that could be computed only with ``prorate``, because answers are missing."""
     strict, mended = score(form, values), score(form, values, prorate=True)
     return tuple(name for name in strict if isnan(strict[name]) and not isnan(mended[name]))
 
 
 def _checked_answers(form: Form, values: Answers) -> dict[str, float]:
-    """Return the checked answers by item."""
+    """Return the answers by item, without missing ones; StudyError for an unknown item or a value off its scale."""
     answered = {}
     for name, given in values.items():
         item, value = form.item(name), python_value(given)
@@ -353,7 +352,10 @@ def _checked_answers(form: Form, values: Answers) -> dict[str, float]:
 
 
 def _raw(form: Form, subscale: str, answered: Mapping[str, float], prorate: bool) -> float:
-    """Return the raw sum of a subscale, scaled up if items do not apply, or are missing and may be prorated."""
+    """Return the sum of a subscale's answers; NaN if too many are missing.
+
+    It is scaled up if items do not apply, or are missing and may be prorated.
+    """
     items = [item for item in form.items if subscale in item.subscales]
     given = [item for item in items if item.id in answered]
     lacking = len(items) - len(given)
@@ -366,17 +368,18 @@ def _raw(form: Form, subscale: str, answered: Mapping[str, float], prorate: bool
 
 
 def _summand(form: Form, item: Item, value: float) -> float:
-    """Return the value that an answer adds to a sum; an item may be reversed."""
+    """Return what an answer adds to a sum: its value, or for a reversed item its mirror image on the scale."""
     scale = form.scale_of(item)
     return scale.low + scale.high - value if item.reverse else value
 
 
 def _applies(form: Form, item: Item, value: float) -> bool:
+    """Return whether an answer says something other than that the item does not apply."""
     return not form.scale_of(item).is_absent(value)
 
 
 def _sum_of(form: Form, one: Score, raw: Mapping[str, float], made: Mapping[str, float]) -> float:
-    """Return a score before scaling."""
+    """Return a score before it is multiplied by ``times`` and divided by ``out_of``."""
     if one.subscale is not None:
         return raw[one.subscale]
     if one.of:
@@ -387,4 +390,5 @@ def _sum_of(form: Form, one: Score, raw: Mapping[str, float], made: Mapping[str,
 
 
 def _subscales(form: Form) -> Iterable[str]:
+    """Return the names of all subscales of a form, once each."""
     return dict.fromkeys(name for item in form.items for name in item.subscales)

@@ -1,4 +1,4 @@
-"""Learn a criterion from ratings: the criteria, with weights, that explain how people rate trajectories."""
+"""Learning of a criterion from ratings: a weighted sum of criteria that explains how people rate trajectories."""
 
 from __future__ import annotations
 
@@ -28,18 +28,17 @@ from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
 
 FOLDS = 10
-"""Most folds of the cross-validation."""
+"""Largest number of folds of the cross-validation."""
 ROUNDING = 1e-9
-"""Share of a column's largest number below which differences within a person are rounding errors."""
+"""Share of a column's largest number below which differences between one person's values are rounding errors."""
 BETTER = ("high", "low")
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Weights of criteria with their error; :meth:`save` makes a criterion from them.
+    """Learnt weights of criteria, with their prediction error; :meth:`save` makes a criterion from them.
 
-    parts    weight and criterion; zero weights are left out
-    source   origin of the ratings, with the cross-validated error
+    parts weight and criterion; zero weights are left out source origin of the ratings, with the cross-validated error
     """
 
     parts: tuple[tuple[float, Criterion], ...]
@@ -51,13 +50,13 @@ class Fitted:
         return {criterion.name: weight for weight, criterion in self.parts}
 
     def save(self, path: str | os.PathLike[str]) -> Learnt:
-        """Write the criterion to a JSON file, whole or not at all, and return the criterion.
+        """Write the learnt criterion to a JSON file, completely or not at all, and return the criterion.
 
         Raises OSError if it cannot be written.
         """
         target = Path(path)
         if not target.parent.exists():
-            raise FileNotFoundError(errno.ENOENT, "the folder for the criterion is not there; make it first", str(path))
+            raise FileNotFoundError(errno.ENOENT, "the folder for the criterion does not exist; create it", str(path))
         told = document(tuple((weight, describe_criterion(criterion)) for weight, criterion in self.parts), self.source)
         with replacing(target) as file:
             for piece in pieces(told):
@@ -65,7 +64,7 @@ class Fitted:
         return Learnt(str(target))
 
     def __str__(self) -> str:
-        """Return the weighted sum and its origin."""
+        """Return the weighted sum and the origin of the ratings as text."""
         return f"{' + '.join(f'{weight:.4g} {name}' for name, weight in self.weights.items())}, {self.source}"
 
 
@@ -82,29 +81,24 @@ def fit_criterion(
     question: str = "comfort",
     source: str,
 ) -> Fitted:
-    """Learn the sum of criteria that explains ratings of trajectories, with non-negative least-squares weights.
+    """Learn a criterion from ratings: the weighted sum of criteria that explains how trajectories were rated.
 
-    Each person's mean is removed, so only differences within a person count. Costs follow the planning law, as planners
-    use them. The error is cross-validated: up to ten times some trajectories are left out, and their ratings predicted.
-    A warning tells if this is no better than predicting each person's mean.
+    The weights minimise the squared error and are not negative. Each person's mean is removed, so only differences
+    between ratings of one person count. Costs are those of the planned motion, as planners use them. The error is
+    cross-validated: up to ten times some trajectories are left out, and their ratings are predicted. A warning tells if
+    this is no better than predicting each person's mean.
 
-    Parameters
-    ----------
-    ratings : (N,) numbers
-    trajectories : (N,) rated trajectories, or with ``front`` its rows
-    problem : the world, in which costs are evaluated
-    criteria : candidates, all of them sums: "exposure", not its mean "obstruction"
-    people : (N,) ids of the raters; one person by default
-    front : front of the rows in ``trajectories``
-    better : whether a "high" or a "low" rating is the better one
-    question : the rated quality
-    source : description of the ratings (people, time, place) for users of the criterion
+    Parameters ---------- ratings : (N,) numbers trajectories : (N,) rated trajectories, or with ``front`` its rows
+    problem : the world, in which costs are evaluated criteria : candidates, all of them sums: "exposure", not its mean
+    "obstruction" people : (N,) ids of the raters; one person by default front : front of the rows in ``trajectories``
+    better : whether a "high" or a "low" rating is the better one question : the rated quality source : description of
+    the ratings (people, time, place) for users of the criterion
 
-    Raises StudyError for inconsistent ratings, CriterionError for a criterion that is no sum.
+    Raises StudyError for inconsistent ratings, CriterionError for a criterion that is not a sum.
     """
     one_of("better", better, BETTER, error=StudyError)
     if not isinstance(source, str) or not source.strip():
-        raise StudyError("say who was asked, when and where: source='12 colleagues, May 2026, simulated ride'")
+        raise StudyError("source must describe the ratings, such as '12 colleagues, May 2026, simulated ride'")
     rated = [_number(rating) for rating in ratings]
     ways = [_way(one, front) for one in trajectories]
     who = [0] * len(rated) if people is None else list(people)
@@ -118,31 +112,33 @@ def fit_criterion(
     of = np.array([places[_states(way)] for way in ways], dtype=np.intp)
     if len(distinct) < len(made) + 2:
         raise StudyError(
-            f"{len(made)} weights are learnt from {len(made) + 2} distinct trajectories at least, got {len(distinct)}; "
-            "rate more of them, or take fewer criteria"
+            f"to learn {len(made)} weights, expected at least {len(made) + 2} distinct trajectories, got "
+            f"{len(distinct)}; rate more of them, or take fewer criteria"
         )
     costs = trajectory_costs(made, distinct, problem.world)[of]  # (N, k)
     ids = {one: i for i, one in enumerate(dict.fromkeys(who))}
     persons = np.array([ids[one] for one in who], dtype=np.intp)
     if np.bincount(persons).max() < 2:
-        raise StudyError("each person rated a single trajectory, so nothing within a person differs; ask for more")
+        raise StudyError(
+            "each person rated only one trajectory, and ratings are compared within a person; ask for more"
+        )
     values = np.array(rated) * (1.0 if better == "low" else -1.0)  # (N,) more is worse
     weights = _least_squares_weights(costs, values, persons)
     if not weights.any():
         raise StudyError(
-            "no criterion explains these ratings: each weight is 0, as costs grow where ratings get better; is "
-            f"better={better!r} right?"
+            "no criterion explains these ratings: each weight is 0, because costs are higher where ratings are better; "
+            f"check better={better!r}"
         )
     error, of_mean = _errors(costs, values, persons, of)
     if not LEAST_WEIGHT <= weights.max() <= MOST or max(error, of_mean) > MOST:
         raise StudyError(
-            f"a weight of {weights.max():.3g} and an error of {error:.3g} were learnt, and a file holds weights from "
-            f"{LEAST_WEIGHT:g} to {MOST:g}, and errors up to that: rate in another unit"
+            f"expected a weight from {LEAST_WEIGHT:g} to {MOST:g}, and an error up to that, got {weights.max():.3g} "
+            f"and {error:.3g}; give the ratings in another unit"
         )
     if error >= of_mean:
         warnings.warn(
-            f"the criterion learnt is no better than each person's mean on trajectories left out ({error:.3g} against "
-            f"{of_mean:.3g}); take fewer criteria, or more ratings",
+            f"the learnt criterion predicts left-out trajectories no better than each person's mean (error {error:.3g} "
+            f"against {of_mean:.3g}); take fewer criteria, or more ratings",
             HpopWarning,
             stacklevel=2,
         )
@@ -151,27 +147,31 @@ def fit_criterion(
 
 
 def _number(rating: Any) -> float:
+    """Return a rating as a float; StudyError if it is not a number in range."""
     return float(real("a rating", rating, -MOST, MOST, error=StudyError))
 
 
 def _way(given: Any, front: Front | None) -> Trajectory:
-    """Return a rated trajectory, or the trajectory of a rated row."""
+    """Return the rated trajectory, which is given itself or as a row of the front."""
     if isinstance(given, Trajectory):
         return given
     if front is not None and is_whole(given) and 0 <= given < len(front):
         return front.trajectories[int(given)]
     rows = "its trajectory" if front is None else f"its trajectory, or its row, 0 to {len(front) - 1}"
-    raise StudyError(f"each rating is of a trajectory: give {rows}; got {shown(given)}")
+    raise StudyError(f"each rating needs {rows}; got {shown(given)}")
 
 
 def _states(way: Trajectory) -> tuple[Any, ...]:
-    """Return a key that identifies a trajectory: kinds and states of its motions."""
+    """Return a key that is equal for equal trajectories: kinds and states of their motions."""
     states = way.states
     return (way.kinds, *((name, np.asarray(getattr(states, name)).tobytes()) for name in states.names))
 
 
 def _least_squares_weights(costs: FloatArray, values: FloatArray, persons: IntArray) -> FloatArray:
-    """Return non-negative least-squares weights (k,), without each person's mean (Lawson and Hanson 1974)."""
+    """Return non-negative least-squares weights (k,), fitted to differences from each person's mean.
+
+    Lawson and Hanson 1974.
+    """
     from scipy.optimize import nnls
 
     away = _within(np.column_stack([costs, values]), persons)
@@ -182,19 +182,22 @@ def _least_squares_weights(costs: FloatArray, values: FloatArray, persons: IntAr
 
 
 def _within(table: FloatArray, persons: IntArray) -> FloatArray:
-    """Return the differences (N, m) from each person's mean; 0 for mere rounding errors, which would get weights."""
+    """Subtract each person's mean from a table (N, m).
+
+    Mere rounding errors become 0; otherwise they would get weights.
+    """
     away = table - _levels(table, persons)[persons]
     return np.where(np.abs(away) > ROUNDING * np.abs(table).max(axis=0), away, 0.0)
 
 
 def _levels(table: FloatArray, persons: IntArray) -> FloatArray:
-    """Return the mean (people, m) of each person."""
+    """Return the mean (people, m) of each person's rows in a table (N, m)."""
     counts = np.maximum(np.bincount(persons), 1)
     return np.column_stack([np.bincount(persons, column) / counts for column in table.T])
 
 
 def _errors(costs: FloatArray, values: FloatArray, persons: IntArray, of: IntArray) -> tuple[float, float]:
-    """Return the root mean square errors on left-out trajectories: of the weights, and of each person's mean.
+    """Return two root mean square errors on left-out trajectories: of the learnt weights, and of each person's mean.
 
     A person's mean is learnt from the remaining ratings; a person without remaining ratings is not predicted.
     """
@@ -212,8 +215,8 @@ def _errors(costs: FloatArray, values: FloatArray, persons: IntArray, of: IntArr
         squares.append((both[asked] - levels[persons[asked]]) ** 2)
     if not squares:
         raise StudyError(
-            "the error on trajectories left out cannot be computed: a person's ratings are all left out, or all used, "
-            "at a time; ask people about more trajectories each"
+            "the error on left-out trajectories cannot be computed, because a person's ratings are always all left out "
+            "or all used; ask each person about more trajectories"
         )
     error, of_mean = np.sqrt(np.concatenate(squares).mean(axis=0)).tolist()
     return error, of_mean

@@ -21,17 +21,15 @@ from hpop.study.folder import PAGES, STIMULI, write_pages
 
 BEGINNING, MOST_READ = 2**20, 2**26
 
-"""Bytes that are searched for an id: of a file of answers, and of any other file."""
+"""Number of bytes that are searched for an id: at the beginning of a file of answers, and of any other file."""
 TABLES = (*CSV, SQLITE, REMARKS)
 
 
 class Withdrawal(NamedTuple):
     """Result of deleting a participant's data.
 
-    removed    files, relative to the study's folder
-    remade     tables and reports that were rewritten without the participant
-    successor  id of the next person in this place
-    notes      on remaining tasks
+    removed files, relative to the study's folder remade tables and reports that were rewritten without the participant
+    successor id of the next person in this place notes remaining tasks for the researcher
     """
 
     removed: tuple[str, ...]
@@ -42,21 +40,20 @@ class Withdrawal(NamedTuple):
 
 @checked_arguments
 def replace(folder: str | os.PathLike[str], participant: str) -> str:
-    """Give the place of a participant who dropped out to a successor, and return the successor's id.
+    """Let a successor take the place of a participant who dropped out, and return the successor's id.
 
     The successor has the next free id, an equal order, and a page of its own. The participant's answers are kept.
-
     Raises StudyError if no participant with this id is expected.
     """
     target = Path(folder)
-    Design.load(target)  # a folder that is no study is not locked
+    Design.load(target)  # raises an error before a folder that is not a study is locked
     with locked_for_changes(target):
         return _record_departure(Design.load(target).after(participant, withdrawn=False), target, participant)
 
 
 @checked_arguments
 def withdraw(folder: str | os.PathLike[str], participant: str) -> Withdrawal:
-    """Delete all data of a participant, rewrite tables and reports, and give the place to the next id.
+    """Delete all data of a participant, rewrite tables and reports, and let a successor take the place.
 
     Every file in the folder that is named after the participant, or holds the participant's answers, is removed:
     answers, page, preference, and leftovers of killed programs. Existing tables and reports are rewritten from the
@@ -82,7 +79,7 @@ def withdraw(folder: str | os.PathLike[str], participant: str) -> Withdrawal:
 def known_of(folder: str | os.PathLike[str], participant: str) -> tuple[str, ...]:
     """Return the files that :func:`withdraw` would remove, relative to the study's folder.
 
-    Raises StudyError if there is no study, or never was a participant with this id.
+    Raises StudyError if there is no study, or it never had a participant with this id.
     """
     target = Path(folder)
     design = Design.load(target)
@@ -92,7 +89,7 @@ def known_of(folder: str | os.PathLike[str], participant: str) -> tuple[str, ...
 
 
 def _record_departure(design: Design, folder: Path, participant: str) -> str:
-    """Save the departure of a participant, and write the page of the successor; return the successor's id."""
+    """Save that a participant left, and write the page of the successor; return the successor's id."""
     successor = next(one.successor for one in design.left if one.participant == participant)
     design.save(folder)
     if (folder / STIMULI).is_dir() and successor not in {one.participant for one in design.left}:
@@ -101,15 +98,17 @@ def _record_departure(design: Design, folder: Path, participant: str) -> str:
 
 
 def _folders(folder: Path) -> Iterator[Path]:
+    """Yield all folders within a folder, without links."""
     yield from (path for path in folder.rglob("*") if path.is_dir() and not path.is_symlink())
 
 
 def _files(folder: Path) -> Iterator[Path]:
+    """Yield all files within a folder, without links."""
     yield from (path for path in folder.rglob("*") if path.is_file() and not path.is_symlink())
 
 
 def _files_of(folder: Path, participant: str) -> Iterator[Path]:
-    """Yield the files that are named after a participant, also hidden leftovers, or hold the participant's answers."""
+    """Yield the files with a participant's data: those named after the participant, and those with the answers."""
     called = re.compile(rf"\.?{participant}(?![0-9])")
     says = re.compile(rf'"participant"\s*:\s*"{participant}"'.encode())
     for path in _files(folder):
@@ -119,7 +118,7 @@ def _files_of(folder: Path, participant: str) -> Iterator[Path]:
 
 
 def _files_naming(folder: Path, participant: str) -> Iterator[str]:
-    """Yield a note on each file not written by hpop that names a participant, such as a copy of a table."""
+    """Yield a note on each file that mentions a participant and was not written by hpop, such as a copy of a table."""
     own = {folder / name for name in (FILE, FRONT, PEOPLE, SCHEDULE, *TABLES)}
     own_folders = {folder / name for name in (ANSWERS, PAGES, STIMULI)} | {
         path.parent for path in _files(folder) if path.name == REPORT
@@ -135,12 +134,16 @@ def _files_naming(folder: Path, participant: str) -> Iterator[str]:
 
 
 def _bytes(path: Path, most: int) -> bytes:
+    """Return the first bytes of a file."""
     with path.open("rb") as file:
         return file.read(most)
 
 
 def _made_again(folder: Path, design: Design) -> tuple[list[str], list[str]]:
-    """Rewrite or remove existing tables and reports; return the rewritten ones, and reasons for the others."""
+    """Rewrite existing tables and reports without the participant, or remove them.
+
+    Returns the names of the rewritten ones, and notes on the removed ones.
+    """
     tables = [path for path in (folder / name for name in TABLES) if path.exists()]
     reports = sorted(path.parent for path in _files(folder) if path.name == REPORT)
     if not tables and not reports:
@@ -150,7 +153,7 @@ def _made_again(folder: Path, design: Design) -> tuple[list[str], list[str]]:
     except StudyError as error:
         for path in tables:
             path.unlink()
-        notes = [f"tables and reports were removed, and cannot be made again before this is mended: {error}"]
+        notes = [f"tables and reports were removed, and cannot be made again until this is fixed: {error}"]
         return [], notes + [said for report in reports if (said := _reported_again(report, None))]
     remade = [path.name for path in answers.save_tables(folder)] if tables else []
     notes = []
@@ -163,12 +166,12 @@ def _made_again(folder: Path, design: Design) -> tuple[list[str], list[str]]:
 
 
 def _reported_again(report: Path, answers: Answers | None) -> str:
-    """Rewrite a report from the answers, or remove it without answers; return a note, or ""."""
+    """Rewrite a report from the answers, or only remove it without answers; return a note if it was not rewritten."""
     try:
         made = read_report(report)
         remove_report(report)
     except StudyError as error:
-        return f"the report in {report} may still show who withdrew: remove it ({error})"
+        return f"the report in {report} may still have data of the person who withdrew: remove it ({error})"
     if answers is None:
         return ""
     try:

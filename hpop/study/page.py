@@ -1,8 +1,8 @@
-"""Page of one participant's session: consent, forms, rides, rests and comparisons, in one self-contained file.
+"""Session page of one participant: consent, forms, rides, rests and comparisons, in one self-contained file.
 
-It contains the public part of the session's design, the stimuli, and paths on a map, hidden until the participant asks
-for them. It records events: opened as a file, it stores them and offers them as a file; served by `hpop.study.server`,
-it sends each event at once.
+It contains the public part of the design, the stimuli, and paths on a map, which are hidden until the participant asks
+for them. It records events. Opened as a file, it stores the events and offers them for download; served by
+`hpop.study.server`, it sends each event at once.
 """
 
 from __future__ import annotations
@@ -40,12 +40,10 @@ MOST_WALLS = 2000
 
 
 class Ride(NamedTuple):
-    """Parts of a stimulus page.
+    """Stimulus page, taken apart so that many session pages can share its script.
 
-    text     of the page, without the bundle
-    bundle   deflated, in base64
-    scripts  hashes that its policy allows
-    payload  its data, JSON of the schema `hpop-stimulus`
+    text of the page, without the bundle bundle its script, deflated, in base64 scripts hashes that its policy allows
+    payload its data, JSON of the schema `hpop-stimulus`
     """
 
     text: str
@@ -55,7 +53,7 @@ class Ride(NamedTuple):
 
 
 class Rides(NamedTuple):
-    """Stimuli of a study by letter, shared by the pages of all participants."""
+    """Stimulus pages of a study by letter, shared by the session pages of all participants."""
 
     bundle: str
     scripts: tuple[str, ...]
@@ -64,9 +62,9 @@ class Rides(NamedTuple):
 
 
 def rides_of(public: Mapping[str, Any], folder: Path) -> Rides:
-    """Read the stimuli that are rides from a study's folder.
+    """Read the stimulus pages (rides and still view) in a study's folder.
 
-    Raises StudyError for a file that is missing, is no stimulus of hpop, has another letter, or was made by another
+    Raises StudyError for a file that is missing, is not a stimulus of hpop, has another letter, or was made by another
     version of hpop than the others.
     """
     found: dict[str, Ride] = {}
@@ -86,14 +84,11 @@ def rides_of(public: Mapping[str, Any], folder: Path) -> Rides:
 
 @checked_arguments
 def session_page(public: Mapping[str, Any], folder: Path, *, served: bool = False, rides: Rides | None = None) -> str:
-    """Return the text of a participant's page.
+    """Return the HTML text of a participant's session page.
 
-    Parameters
-    ----------
-    public : result of :meth:`Design.public`
-    folder : folder of the study, with ``stimuli/``
-    served : whether `hpop.study.server` serves the page, which may then connect to it
-    rides : result of `rides_of`, shared by several participants
+    Parameters ---------- public : result of :meth:`Design.public` folder : folder of the study, with ``stimuli/``
+    served : whether `hpop.study.server` serves the page, which may then connect to it rides : result of `rides_of`,
+    shared by several participants
 
     Raises StudyError for missing or invalid stimuli and texts.
     """
@@ -123,28 +118,30 @@ def session_page(public: Mapping[str, Any], folder: Path, *, served: bool = Fals
 
 
 def _ride(path: Path, name: str) -> Ride:
-    """Read a stimulus that `hpop.study.stimuli` wrote."""
+    """Read the stimulus page of a letter, ``name``; StudyError if it is not one that hpop wrote."""
     try:
         text = read_regular(path, MOST_BYTES).decode()
         payload = parse(PAYLOAD.search(text)[1].encode())  # type: ignore[index]
         (bundle,) = BUNDLE.findall(text)
         scripts = tuple(SCRIPTS.search(text)[1].split())  # type: ignore[index]
     except OSError as error:
-        raise StudyError(f"the stimulus {path} cannot be read: {error.strerror or error}; make the stimuli") from None
+        raise StudyError(
+            f"the stimulus {path} cannot be read: {error.strerror or error}; write the stimuli again"
+        ) from None
     except (ValueError, TypeError, RecursionError):
-        raise StudyError(f"{path} is no stimulus that hpop wrote; make it again") from None
+        raise StudyError(f"{path} is not a stimulus that hpop wrote; write it again") from None
     if not isinstance(payload, dict) or (payload.get("schema"), payload.get("version")) != (
         stimuli.SCHEMA,
         stimuli.VERSION,
     ):
-        raise StudyError(f"{path} is no stimulus of this version of hpop; make it again")
+        raise StudyError(f"{path} is not a stimulus of this version of hpop; write it again")
     if payload.get("name") != name:
-        raise StudyError(f"{path} shows condition {shown(payload.get('name'))}, not {name}; make the stimuli again")
+        raise StudyError(f"{path} shows condition {shown(payload.get('name'))}, not {name}; write the stimuli again")
     return Ride(BUNDLE.sub("", text), bundle, scripts, payload)
 
 
 def _plan(payloads: Mapping[str, Mapping[str, Any]]) -> dict[str, Any] | None:
-    """Return walls and paths in the plane, for small maps; None without a ride."""
+    """Return the walls and the camera's paths, seen from above, for the small maps; None without rides."""
     if not payloads:
         return None
     scene = next(iter(payloads.values()))["scene"]
@@ -161,7 +158,7 @@ def _plan(payloads: Mapping[str, Mapping[str, Any]]) -> dict[str, Any] | None:
 
 
 def _cells(cells: Mapping[str, Any]) -> list[list[list[float]]]:
-    """Return outlines of the boxes of a raster, m."""
+    """Return the outlines, m, of the occupied boxes of a raster map."""
     boxes = np.array(cells["boxes"], dtype=np.float64)
     together = shapely.union_all(shapely.box(*boxes.T)).simplify(0.5)
     x, y, yaw = cells["origin"]
@@ -174,7 +171,7 @@ def _cells(cells: Mapping[str, Any]) -> list[list[list[float]]]:
 
 
 def _way(packed: Mapping[str, Any]) -> list[list[float]]:
-    """Return the corners of a path from its packed positions, m."""
+    """Return the simplified path, m, seen from above, from the packed positions of a ride."""
     x, y = (np.cumsum(np.cumsum(column)) * packed["scale"] for column in packed["columns"][:2])
     points = np.stack([x, y], axis=1)
     simple = shapely.LineString(points).simplify(TOLERANCE) if len(points) > 1 else shapely.Point(points[0])

@@ -1,6 +1,7 @@
-"""Participants: anonymous ids, strata, and balanced orders of the stimuli.
+"""Participants of a study: anonymous ids, strata, and balanced orders of the stimuli.
 
-Participants become sicker with each ride, whichever it is. Counterbalanced orders spread this evenly:
+Participants become sicker with each ride, whichever it is. Counterbalanced orders spread this effect
+evenly over the stimuli:
 
 - ``permutations``  all orders, for up to 4 stimuli: everything is balanced, also sequences at any distance
 - ``williams``      each stimulus equally often at each place, and directly after each other one (Williams 1949,
@@ -30,20 +31,19 @@ from hpop.errors import StudyError
 
 ID = re.compile(r"p[0-9]{2,4}")
 MOST = 1000
-"""Most participants of a study."""
+"""Largest number of participants in a study."""
 MOST_CELLS = 64
-"""Most combinations of levels of the strata."""
+"""Largest number of combinations of levels of the strata."""
 WORD = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+.-]{0,19}")
 
 
 @checked_arguments
 @dataclass(frozen=True)
 class Participant:
-    """Place in the study, taken by one person.
+    """Participant of a study, known only by an id, with the order of stimuli.
 
-    id      "p01", "p02", ...
-    order   letters of the stimuli, in the order of the session
-    strata  level by stratum, such as {"sex": "f"}
+    id "p01", "p02", ... order letters of the stimuli, in the order of the session strata level by stratum, such as
+    {"sex": "f"}
     """
 
     id: str
@@ -53,7 +53,10 @@ class Participant:
 
 @dataclass(frozen=True)
 class Departure:
-    """Participant who left, with the successor; answers of a drop-out are kept, those of a withdrawn one deleted."""
+    """Record of a participant who left, with the successor.
+
+    Answers of a drop-out are kept; those of a withdrawn participant are deleted.
+    """
 
     participant: str
     successor: str
@@ -61,15 +64,15 @@ class Departure:
 
 
 def checked_id(identifier: object) -> str:
-    """Return an id such as "p07"; StudyError for anything else, such as a name.
+    """Return a participant's id such as "p07"; raise StudyError for anything else, such as a name.
 
     >>> checked_id("p07")
     'p07'
     """
     if not isinstance(identifier, str) or not ID.fullmatch(identifier):
         raise StudyError(
-            f"a participant is p and a number of two to four digits, such as p07, got {shown(identifier)}; "
-            "names, initials and the like are refused, because nothing here may reveal a person"
+            f"a participant's id must be p and two to four digits, such as p07, got {shown(identifier)}; names and "
+            "initials are refused, because nothing here may reveal a person"
         )
     return identifier
 
@@ -86,27 +89,27 @@ def participant_id(number: int) -> str:
 def enrolled(
     orders: Sequence[tuple[str, ...]], count: int, strata: Mapping[str, Sequence[str]], rng: np.random.Generator
 ) -> tuple[Participant, ...]:
-    """Return participants with orders and strata, all combinations as equally frequent as possible.
+    """Assign orders and strata to participants, so that all combinations are as equally frequent as possible.
 
     Frequencies of orders, of combinations of levels, and of combinations within each order differ by at most one.
     Participants are in random sequence, in blocks of all combinations.
 
-    Raises StudyError for strata that are no words, or that leave a single person in a combination.
+    Raises StudyError for strata that are not words, or that leave a single person in a combination.
     """
     levels = checked_strata(strata)
     cells = [dict(zip(levels, combination, strict=True)) for combination in product(*levels.values())]
     if levels and count < 2 * len(cells):
         raise StudyError(
             f"strata {_levels_text(levels)} have {counted(len(cells), 'combination')}, and {count:,} participants: "
-            f"expected at least {2 * len(cells)}, since whoever is alone in one can be told by it; take more people, "
-            "or fewer strata"
+            f"expected at least {2 * len(cells)}, since a person who is alone in a combination can be identified by "
+            "it; take more people, or fewer strata"
         )
     pairs = list(_pairs(len(orders), len(cells), count, rng))
     return tuple(Participant(participant_id(i), orders[o], cells[c]) for i, (o, c) in enumerate(pairs, 1))
 
 
 def checked_strata(strata: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
-    """Return strata with their levels, which are short words; StudyError otherwise."""
+    """Return the strata with their levels; raise StudyError unless all are short words."""
     levels: dict[str, tuple[str, ...]] = {}
     for name, several in strata.items():
         words = [several] if isinstance(several, str) else list(several)
@@ -116,22 +119,22 @@ def checked_strata(strata: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, 
                     f"strata are given as words of at most 20 letters and digits, such as sex=f,m, got {shown(word)}"
                 )
         if len(words) < 2 or len(set(words)) < len(words):
-            raise StudyError(f"stratum {name} has two levels or more, each once, such as sex=f,m, got {shown(words)}")
+            raise StudyError(f"stratum {name} must have two or more levels, each once, such as f,m, got {shown(words)}")
         levels[name] = tuple(words)
     if math.prod(map(len, levels.values())) > MOST_CELLS:
-        raise StudyError(f"strata have at most {MOST_CELLS} combinations, got {_levels_text(levels)}; take fewer")
+        raise StudyError(f"strata must have at most {MOST_CELLS} combinations, got {_levels_text(levels)}; take fewer")
     return levels
 
 
 def checked_departures(people: Sequence[Participant], left: Sequence[Departure]) -> None:
-    """Raise StudyError for departures of unknown participants, or successors other than the next ids."""
+    """Raise StudyError if a participant who left is unknown, or a successor does not have the next free id."""
     for i, departure in enumerate(left):
         known = {participant_id(number) for number in range(1, len(people) + i + 1)}
         known -= {earlier.participant for earlier in left[:i]}
         if departure.participant not in known or departure.successor != participant_id(len(people) + i + 1):
             raise StudyError(
-                f"{departure.successor} cannot take the place of {departure.participant}: expected one who is there, "
-                f"and {participant_id(len(people) + i + 1)} as the next"
+                f"{departure.successor} cannot take the place of {departure.participant}: expected a participant who "
+                f"has not left, and {participant_id(len(people) + i + 1)} as the next id"
             )
 
 
@@ -147,7 +150,7 @@ def unequal(orders: Iterable[tuple[str, ...]], known: Sequence[tuple[str, ...]])
 
 
 def _pairs(orders: int, cells: int, count: int, rng: np.random.Generator) -> Iterator[tuple[int, int]]:
-    """Yield ``count`` pairs (order, combination of levels), by number, in shuffled blocks that hold each pair once.
+    """Yield ``count`` pairs of numbers (order, combination of levels), in shuffled blocks that hold each pair once.
 
     The i-th pair of a block is order i mod m in combination (i + i div lcm(m, s)) mod s, relabelled at random, with m
     orders and s combinations. In any prefix of a block, before it is shuffled, the frequencies of orders, and of
@@ -162,11 +165,12 @@ def _pairs(orders: int, cells: int, count: int, rng: np.random.Generator) -> Ite
 
 
 def _levels_text(levels: Mapping[str, Sequence[str]]) -> str:
+    """Return strata with their levels as text, such as "sex=f,m"."""
     return printable(", ".join(f"{name}={','.join(several)}" for name, several in levels.items()))
 
 
 def uneven(people: Sequence[Participant], orders: Sequence[tuple[str, ...]], kind: str) -> tuple[str, ...]:
-    """Return notes on orders that are assigned unequally often, also within strata."""
+    """Return notes for the researcher if orders are assigned unequally often, in all or within a stratum."""
     said, size, several = list[str](), len(people), len(orders)
     if size % several:
         less = size // several * several
@@ -191,7 +195,7 @@ def uneven(people: Sequence[Participant], orders: Sequence[tuple[str, ...]], kin
 Kind = Literal["permutations", "williams", "latin", "random"]
 KINDS: tuple[Kind, ...] = ("permutations", "williams", "latin", "random")
 MOST_PERMUTED = 4
-"""Most stimuli for which all orders are used: 24 of four, 120 of five."""
+"""Largest number of stimuli for which all orders are used: 24 of four, 120 of five."""
 MOST_STIMULI = 26
 T = TypeVar("T")
 
@@ -199,12 +203,12 @@ T = TypeVar("T")
 def sequences(
     kind: str, stimuli: Sequence[T], participants: int, rng: np.random.Generator
 ) -> tuple[tuple[T, ...], ...]:
-    """Return the distinct orders of the stimuli that participants are assigned to.
+    """Return the distinct orders of the stimuli to which participants are assigned, by the kind of balancing.
 
     ``random`` has one for each participant.
 
-    Raises StudyError for ``permutations`` of more than four stimuli or with participants that are no multiple of their
-    number, and for more than 26 stimuli.
+    Raises StudyError for ``permutations`` of more than four stimuli or with a number of participants that is not a
+    multiple of theirs, and for more than 26 stimuli.
 
     >>> sequences("williams", "ABCD", 8, np.random.default_rng(1))
     (('A', 'B', 'D', 'C'), ('B', 'C', 'A', 'D'), ('C', 'D', 'B', 'A'), ('D', 'A', 'C', 'B'))
@@ -232,11 +236,11 @@ def latin(count: int) -> IntArray:
 
 
 def williams(count: int) -> IntArray:
-    """Return Williams' design (K, K); for an odd number of stimuli (2 K, K): the square, then its rows reversed.
+    """Return Williams' design, balanced for neighbours: (K, K), or (2 K, K) for an odd number K of stimuli.
 
     The first row is 0, 1, K - 1, 2, K - 2, ...; each further row adds one, modulo K. For even K all steps of the row
-    differ, so that each stimulus follows each other once; for odd K each step occurs twice, and the reversed rows
-    balance that.
+    differ, so that each stimulus follows each other once. For odd K each step occurs twice, and the rows reversed,
+    which are added, balance that.
     """
     first = np.zeros(count, dtype=np.int64)
     first[1::2] = np.arange(1, count // 2 + 1)
@@ -246,7 +250,7 @@ def williams(count: int) -> IntArray:
 
 
 def places(orders: Sequence[Sequence[T]], stimuli: Sequence[T]) -> IntArray:
-    """Count how often each stimulus has each position in the orders: (K stimuli, K positions).
+    """Count how often each stimulus is at each position of the orders: (K stimuli, K positions).
 
     >>> places([("A", "B"), ("A", "B"), ("B", "A")], "AB").tolist()
     [[2, 1], [1, 2]]
@@ -272,6 +276,7 @@ def neighbours(orders: Sequence[Sequence[T]], stimuli: Sequence[T]) -> IntArray:
 
 
 def _check_permuted(count: int, participants: int) -> None:
+    """Raise StudyError unless all orders of the stimuli can be equally frequent."""
     if count > MOST_PERMUTED:
         raise StudyError(
             f"all orders of {count} stimuli are {factorial(count):,}: expected at most {MOST_PERMUTED} stimuli. Take "
@@ -282,6 +287,6 @@ def _check_permuted(count: int, participants: int) -> None:
         lower = participants - rest
         near = " or ".join(f"{number:,}" for number in (lower, lower + every) if number)
         raise StudyError(
-            f"order 'permutations' of {count} stimuli takes a multiple of {counted(every, 'participant')}, got "
+            f"order 'permutations' of {count} stimuli needs a multiple of {counted(every, 'participant')}, got "
             f"{participants:,}: take {near}, or another order"
         )

@@ -1,4 +1,4 @@
-"""Report of a study: tables as text and CSV, figures, a page that names every decision, and the code to repeat it."""
+"""Report of a study: tables as text and CSV, figures, a page that names every decision, and code to repeat it."""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ P_COLUMNS = ("p", "adjusted p")
 HEADINGS = {"lower": "lower quartile", "upper": "upper quartile", "low": "95 % from", "high": "95 % to"}
 """Headings of columns in texts and on the page; CSV files have the short names."""
 ROUNDED = 1e-12
-"""Size below which a number is a rounding error and shown as 0."""
+"""Size below which a number counts as a rounding error and is shown as 0."""
 OPEN_ENDS = {("low", STEP): "> 0", ("high", -STEP): "< 0"}
-"""Texts for the end of an interval that ends at 0 but does not contain 0."""
+"""Texts for an interval's end that is only a rounding step beside 0, because the interval does not contain 0."""
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #1c2429; max-width: 70rem; margin: 2rem auto; padding: 0 1rem }
@@ -78,9 +78,9 @@ img { max-width: 100%; height: auto } pre { background: #f2f5f7; padding: 1rem; 
 
 
 def save(analysis: Analysis, folder: str | os.PathLike[str]) -> Path:
-    """Write the report to a folder, created if missing, and return the page's path.
+    """Write the report of an analysis to a folder, created if missing, and return the page's path.
 
-    StudyError if it cannot be written.
+    Raises StudyError if it cannot be written.
     """
     target = Path(folder)
     _check_own(target)
@@ -103,16 +103,18 @@ def save(analysis: Analysis, folder: str | os.PathLike[str]) -> Path:
 
 
 def _check_own(folder: Path) -> None:
-    """Raise StudyError if the folder of a report is a study's folder, or one of the folders for a study's own files."""
+    """Raise StudyError if a report would be written into a study's folder itself, or into one of its own subfolders."""
     there = folder.resolve()
     for study in (there, *there.parents):
         inside = there.relative_to(study).parts[:1]
         if (study / design_file.FILE).exists() and (not inside or inside[0] in KEPT):
-            raise StudyError(f"{folder} is a study's folder: a report needs one of its own, such as {study / REPORT}")
+            raise StudyError(
+                f"{folder} is a study's folder, but a report needs a folder of its own, such as {study / REPORT}"
+            )
 
 
 def as_text(analysis: Analysis) -> str:
-    """Return all tables and choices as plain text."""
+    """Return all tables and decisions of an analysis as plain text."""
     parts = [_heading(analysis), *([analysis.mark] if analysis.mark else [])]
     for name, rows in analysis.tables.items():
         parts.append("\n".join([TITLES[name], *_aligned_lines(rows)]))
@@ -121,7 +123,7 @@ def as_text(analysis: Analysis) -> str:
 
 
 def code(analysis: Analysis) -> str:
-    """Return Python code that makes an equal report from the study's folder."""
+    """Return Python code that repeats the analysis from the study's folder."""
     mark = f"# {analysis.mark}\n" if analysis.mark else ""
     return (
         f"{mark}# hpop {hpop.__version__}, NumPy {np.__version__}, SciPy {scipy.__version__}\n"
@@ -138,12 +140,12 @@ def code(analysis: Analysis) -> str:
 
 
 def _how(analysis: Analysis) -> dict[str, str]:
-    """Return the method and the correction, as arguments of :func:`hpop.study.analyse`."""
+    """Return method and correction, as keyword arguments of :func:`hpop.study.analyse`."""
     return {"method": analysis.method, "correction": analysis.correction}
 
 
 def page(analysis: Analysis, pictures: Mapping[str, bytes]) -> str:
-    """Return the report as an HTML page, self-contained and without scripts."""
+    """Return the report as an HTML page, self-contained and without scripts; ``pictures`` are PNG files by name."""
     mark = f'<p class="mark">{_text(analysis.mark)}</p>' if analysis.mark else ""
     heading = _text(_heading(analysis))
     shown = {"scores": "test", "order": "balance", "choices": "choices"}  # a figure stands before this table
@@ -168,13 +170,14 @@ def page(analysis: Analysis, pictures: Mapping[str, bytes]) -> str:
 
 
 def _heading(analysis: Analysis) -> str:
+    """Return the heading of the report: questionnaire, score and method."""
     form = analysis.design.form(analysis.form)
     method = "" if analysis.method == "default" else ", by the method of the paper"
     return f"{form.title.get('en', form.id)}: {analysis.score}{method}"
 
 
 def _summary(analysis: Analysis) -> str:
-    """Summarise the result in a sentence or two."""
+    """Summarise the test of all stimuli in a sentence or two."""
     people = analysis.choices["People"]
     lasting = unlike(analysis.design.conditions)
     also = f" {lasting[0].upper()}{lasting[1:]}." if lasting else ""
@@ -192,17 +195,20 @@ def _summary(analysis: Analysis) -> str:
 
 
 def _figure(name: str, png: bytes) -> str:
+    """Return a figure as an HTML element that contains its PNG."""
     data = base64.b64encode(png).decode()
     return f'<p><img alt="{_text(CAPTIONS[name])}" src="data:image/png;base64,{data}"></p>'
 
 
 def _table(rows: Sequence[Row]) -> str:
+    """Return rows as an HTML table."""
     columns = _columns(rows)
     headings = [HEADINGS.get(column, column) for column in columns]
     return table_html(headings, [[cell_text(key, row.get(key, nan)) for key in columns] for row in rows])
 
 
 def _aligned_lines(rows: Sequence[Row]) -> list[str]:
+    """Return rows as lines of text with aligned columns."""
     columns = _columns(rows)
     headings = [HEADINGS.get(column, column) for column in columns]
     cells = [headings, *([cell_text(key, row.get(key, nan)) for key in columns] for row in rows)]
@@ -219,11 +225,12 @@ def _aligned_lines(rows: Sequence[Row]) -> list[str]:
 
 
 def _columns(rows: Sequence[Row]) -> list[str]:
+    """Return the names of all columns in some rows, in order of appearance."""
     return list(dict.fromkeys(key for row in rows for key in row))
 
 
 def cell_text(column: str, value: Cell) -> str:
-    """Format a cell: p to four decimals, other numbers to four digits, a dash if missing.
+    """Format a cell of a table: p to four decimals, other numbers to four digits, a dash if missing.
 
     >>> cell_text("p", 0.00003), cell_text("z", -1.31479), cell_text("people", 36), cell_text("low", float("-inf"))
     ('< .0001', '-1.315', '36', 'unbounded')
@@ -244,7 +251,7 @@ def cell_text(column: str, value: Cell) -> str:
 
 
 def _contents(rows: Sequence[Row], mark: str) -> Contents:
-    """Return a table for CSV with full precision; simulated answers are marked in an extra column."""
+    """Return rows as a table for CSV, in full precision; an extra column marks simulated answers."""
     headings = _columns(rows)
     columns = [TableColumn(heading, "TEXT") for heading in headings]
     cells = [[row.get(heading) for heading in headings] for row in rows]
@@ -254,4 +261,5 @@ def _contents(rows: Sequence[Row], mark: str) -> Contents:
 
 
 def _text(text: str, *, newlines: bool = False) -> str:
+    """Escape text for HTML."""
     return escape(printable(text, newlines=newlines))

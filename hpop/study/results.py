@@ -1,4 +1,4 @@
-"""Tables of a study's results: scores, tests of stimuli and of places, choices."""
+"""Tables of a study's results: scores, tests of stimuli and of their order, and choices between pairs."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ Cell = str | int | float
 Row = Mapping[str, Cell]
 Tables = dict[str, Sequence[Row]]
 Asked = Sequence[tuple[str, PairChoice]]
-"""Comparisons for one question, each with the id of the participant."""
+"""Comparisons that participants made for one question, each with the participant's id."""
 BEFORE = "before"
 
 
 def score_tables(
     design: Design, matrix: Matrix, before: FloatArray | None, method: Method, correction: Correction
 ) -> tuple[Tables, list[str]]:
-    """Return the tables of one score, and the reasons for missing tables."""
+    """Return all tables of one score by name, and the reasons for those that the answers do not suffice for."""
     labels, values = [label(design, letter) for letter in matrix.conditions], matrix.values
     wanted: dict[str, Callable[[], Sequence[Row]]] = {"scores": lambda: _quartile_rows(labels, values, before)}
     if len(labels) >= LEAST_STIMULI or method == "paper":
@@ -47,14 +47,14 @@ def score_tables(
 
 
 def choice_tables(design: Design, answers: Answers) -> tuple[Tables, list[str]]:
-    """Return the tables of comparisons, by question, and the reasons for missing tables."""
+    """Return all tables of the choices between pairs by name, and the reasons for those that are missing."""
     made = [(session.person.id, one) for session in answers.sessions for one in session.comparisons]
     tables: Tables = {}
     notes = []
     for question in questions_of(design):
         asked = [(person, one) for person, one in made if one.question == question]
         if not asked:
-            notes.append(f"choices: nobody answered the question {question!r}")
+            notes.append(f"choices: no participant answered the question {question!r}")
             continue
         tables_of_one, lacking = _made(_of_question(design, question, asked))
         notes += [f"{question}, {what}" for what in lacking]
@@ -64,7 +64,7 @@ def choice_tables(design: Design, answers: Answers) -> tuple[Tables, list[str]]:
 
 
 def stimuli_table(design: Design) -> Sequence[Row]:
-    """Return a table of the stimuli: letter, duration, s, and cost by each criterion."""
+    """Return the table of the stimuli: letter with description, duration in s, and costs."""
     return [
         {
             "stimulus": label(design, one.id),
@@ -83,18 +83,18 @@ def _with_unit(name: str) -> str:
 
 
 def scores_by_position(matrix: Matrix) -> FloatArray:
-    """Return the scores (n, K) in the order in which each participant saw the stimuli."""
+    """Return the scores (n, K) with columns by place in the session, instead of by stimulus."""
     by_place: FloatArray = np.take_along_axis(matrix.values, np.argsort(matrix.places, axis=1), axis=1)
     return by_place
 
 
 def label(design: Design, letter: str) -> str:
-    """Return a stimulus for the researcher: its letter and its description."""
+    """Return the name of a stimulus for the researcher, such as "A: knee (row 70)"."""
     return f"{letter}: {design.condition(letter)}"
 
 
 def _made(wanted: Mapping[str, Callable[[], Sequence[Row]]]) -> tuple[Tables, list[str]]:
-    """Return the tables that the answers suffice for, and the reasons for missing tables."""
+    """Compute tables; return those that succeed by name, and the reasons for the others."""
     tables: Tables = {}
     notes = []
     for name, make in wanted.items():
@@ -107,6 +107,7 @@ def _made(wanted: Mapping[str, Callable[[], Sequence[Row]]]) -> tuple[Tables, li
 
 
 def _of_question(design: Design, question: str, asked: Asked) -> dict[str, Callable[[], Sequence[Row]]]:
+    """Return the functions that compute the tables of one question about pairs, by name."""
     compared = sorted({letter for _, one in asked for letter in (one.first, one.second)})
     return {
         "choices": lambda: _choice_counts(design, question, asked),
@@ -116,7 +117,7 @@ def _of_question(design: Design, question: str, asked: Asked) -> dict[str, Calla
 
 
 def _quartile_rows(labels: Sequence[str], values: FloatArray, before: FloatArray | None) -> list[Row]:
-    """Return medians and quartiles of the values; with answers before the stimuli, also those of the change."""
+    """Return medians and quartiles of each column of scores; with scores before, also of the changes since then."""
     columns = list(zip(labels, values.T, strict=True))
     if before is not None:
         columns = [(BEFORE, before), *columns]
@@ -125,7 +126,7 @@ def _quartile_rows(labels: Sequence[str], values: FloatArray, before: FloatArray
 
 
 def _omnibus(values: FloatArray, method: Method) -> Row:
-    """Test whether any stimulus differs."""
+    """Return the row of the test whether any stimulus differs from the others."""
     if method == "default":
         related = statistics.friedman(values)
         return {
@@ -150,7 +151,7 @@ def _omnibus(values: FloatArray, method: Method) -> Row:
 
 
 def _pairs(labels: Sequence[str], values: FloatArray, method: Method, correction: Correction) -> list[Row]:
-    """Compare every two stimuli; positive if the second scores higher."""
+    """Compare every two stimuli; effects are positive if the second scores higher."""
     if method == "default":
         pairs = list(combinations(range(len(labels)), 2))
         found = [statistics.wilcoxon(values[:, i], values[:, j]) for i, j in pairs]
@@ -173,7 +174,7 @@ def _pairs(labels: Sequence[str], values: FloatArray, method: Method, correction
 def _against(
     labels: Sequence[str], values: FloatArray, before: FloatArray, method: Method, correction: Correction
 ) -> list[Row]:
-    """Compare every stimulus with the answers before."""
+    """Compare every stimulus with the scores before the first one."""
     how: dict[str, Any] = {"zeros": "wilcox", "exact": False} if method == "paper" else {}
     found = [statistics.wilcoxon(before, column, **how) for column in values.T]
     return _signed_rank_rows([(BEFORE, label) for label in labels], found, correction)
@@ -182,6 +183,7 @@ def _against(
 def _signed_rank_rows(
     names: Sequence[tuple[str, str]], found: Sequence[statistics.Pair], correction: Correction
 ) -> list[Row]:
+    """Return a row for each comparison by Wilcoxon's test, with corrected p values."""
     p = statistics.adjusted([pair.p for pair in found], correction)
     return [
         {
@@ -204,7 +206,7 @@ def _signed_rank_rows(
 
 
 def _by_place(matrix: Matrix) -> list[Row]:
-    """Return medians and quartiles of the scores at each position in the session, whatever the stimulus."""
+    """Return medians and quartiles of the scores at each place in the session, whatever the stimulus."""
     return [
         {"place": place, **asdict(statistics.describe(column))}
         for place, column in enumerate(scores_by_position(matrix).T, 1)
@@ -212,7 +214,7 @@ def _by_place(matrix: Matrix) -> list[Row]:
 
 
 def _carried_over(matrix: Matrix) -> list[Row]:
-    """Test whether scores depend on the position in the session, and whether stimuli differ at the first position."""
+    """Test whether scores depend on the place in the session, and whether stimuli differ at the first place alone."""
     by_place = scores_by_position(matrix)
     rows: list[Row] = []
     if by_place.shape[1] >= LEAST_STIMULI:
@@ -233,11 +235,12 @@ def _carried_over(matrix: Matrix) -> list[Row]:
 
 
 def _chi2(test: statistics.Related | statistics.Independent) -> Row:
+    """Return the columns of a chi-square test."""
     return {"chi-square": test.statistic, "df": test.freedom, "p": test.p}
 
 
 def _balance(labels: Sequence[str], matrix: Matrix, design: Design) -> list[Row]:
-    """Return how often each stimulus was scored at each position, counting complete sessions."""
+    """Count how often each stimulus was at each place, in sessions with complete scores."""
     seen = places(
         [
             tuple(matrix.conditions[i] for i in np.argsort(row))
@@ -253,7 +256,7 @@ def _balance(labels: Sequence[str], matrix: Matrix, design: Design) -> list[Row]
 
 
 def _choice_counts(design: Design, question: str, asked: Asked) -> list[Row]:
-    """Return the number of choices for each pair, with p of an exact binomial test without "neither"."""
+    """Return the number of choices for each pair, with p of an exact binomial test that leaves out "neither"."""
     rows: list[Row] = []
     for pair in combinations(sorted({letter for _, one in asked for letter in (one.first, one.second)}), 2):
         chosen = [one.chosen for _, one in asked if {one.first, one.second} == set(pair)]
@@ -277,7 +280,7 @@ def _choice_counts(design: Design, question: str, asked: Asked) -> list[Row]:
 
 
 def _favourites(design: Design, question: str, asked: Asked, compared: Sequence[str]) -> list[Row]:
-    """Return how often each stimulus was preferred to all others, with a test of equality."""
+    """Return how many people preferred each stimulus to all others, with tests whether all are equally popular."""
     pairs = Counter(person for person, _ in asked)
     every = len(compared) * (len(compared) - 1) // 2
     people = sorted(person for person, several in pairs.items() if several == every)
@@ -304,7 +307,10 @@ def _favourites(design: Design, question: str, asked: Asked, compared: Sequence[
 
 
 def _strengths(design: Design, question: str, asked: Asked, compared: Sequence[str]) -> list[Row]:
-    """Return Bradley and Terry's strengths, with intervals that account for repeated choices of one person."""
+    """Return the strength of preference for each stimulus (Bradley and Terry), with intervals.
+
+    The intervals account for repeated choices of one person.
+    """
     number = {letter: i for i, letter in enumerate(compared)}
     fit = statistics.bradley_terry(
         [number[one.first] for _, one in asked],

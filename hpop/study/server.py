@@ -67,7 +67,7 @@ a {{ display: inline-block; min-width: 4em; line-height: 2.5; color: #14507a }}
 
 
 class Refusal(Exception):
-    """Refusal of a page's request: a status, and the reason in words."""
+    """Error that refuses a request of a page: an HTTP status, the reason in words, and a key for the page's script."""
 
     def __init__(self, status: HTTPStatus, said: str, why: str = "") -> None:
         super().__init__(said)
@@ -76,10 +76,9 @@ class Refusal(Exception):
 
 @dataclass(eq=False)
 class Study:
-    """Folder of a study as its pages see it; files are read again when they change.
+    """Folder of a study as the server sees it; files are read again when they change.
 
-    folder  of the study
-    tabs    recording window by participant: the last one opened
+    folder folder of the study tabs by participant, the browser window that may record: the last one opened
     """
 
     folder: Path
@@ -90,14 +89,14 @@ class Study:
 
     @property
     def design(self) -> Design:
-        """Return the design, read again if its files have changed because a participant left."""
+        """Return the design; it is read again if its files have changed, because a participant left."""
         state = _state(self.folder / FILE, self.folder / PEOPLE)
         if self._known is None or self._known[0] != state:
             self._known = (state, Design.load(self.folder))
         return self._known[1]
 
     def page(self, participant: str) -> str:
-        """Return the page of a participant; Refusal if there is none."""
+        """Return the HTML of a participant's session page; Refusal if there is no such participant."""
         design = self._with(participant)
         public = design.public(participant)
         state = _state(*(self.folder / condition.stimulus for condition in design.conditions))
@@ -106,18 +105,17 @@ class Study:
         return session_page(public, self.folder, served=True, rides=self._rides[1])
 
     def stimulus(self, name: str) -> Path:
-        """Return the file of a stimulus, by its name in the design; Refusal for another name."""
+        """Return the path of a stimulus file by its name in the design; Refusal for any other name."""
         for condition in self.design.conditions:
             if condition.stimulus == name:
                 return self.folder / name
         raise Refusal(HTTPStatus.NOT_FOUND, "there is no such stimulus")
 
     def taken(self, participant: str, sent: Any) -> dict[str, Any]:
-        """Save the event that a page sent, or open the page if it sent none.
+        """Save the event that a page sent, or open the session if it sent none.
 
-        Return whether the event is new, or for an opened page all events so far. Raises Refusal if the session was
-        opened in
-        another window since, or the request is invalid.
+        Returns whether the event is new; or, when a session is opened, all events so far. Raises Refusal if the session
+        has since been opened in another window, or the request is invalid.
         """
         if not isinstance(sent, dict) or not KEYS <= sent.keys() <= {*KEYS, "event"}:
             raise Refusal(
@@ -131,7 +129,7 @@ class Study:
             if sent["design"] != design.digest:
                 raise Refusal(
                     HTTPStatus.CONFLICT,
-                    "this page is of another design than the one that is served; reload it",
+                    "this page belongs to another design than the one that is served; reload it",
                     "design",
                 )
             ledger = Ledger(self.folder / FOLDER / f"{participant}.json", design, participant)
@@ -139,13 +137,13 @@ class Study:
                 self.tabs[participant] = tab
                 return {"events": ledger.events}
             if self.tabs.setdefault(participant, tab) != tab:
-                raise Refusal(HTTPStatus.CONFLICT, "the session was opened in another window since", "elsewhere")
+                raise Refusal(HTTPStatus.CONFLICT, "the session has since been opened in another window", "elsewhere")
             if not isinstance(event, dict):
                 raise Refusal(HTTPStatus.BAD_REQUEST, "expected an object as event")
             return {"added": ledger.add(event, sent["device"])}
 
     def _with(self, participant: str) -> Design:
-        """Return the design, if it has the participant; Refusal if it does not, or the participant withdrew."""
+        """Return the design; Refusal if it has no such participant, or the participant withdrew."""
         design = self.design
         if participant not in {person.id for person in design.participants}:
             raise Refusal(HTTPStatus.NOT_FOUND, "the study has no such participant")
@@ -155,15 +153,15 @@ class Study:
 
 
 class StudyServer(PageServer):
-    """Server of the sessions in a study's folder.
+    """Web server for the sessions of a study.
 
     Parameters
     ----------
     port : 0 for any free port
     host : an address of this machine; other addresses than 127.0.0.1 need ``secured`` and ``token``
     names : further names that requests may use
-    token : required first part of the address of the list of sessions; participants' tokens are derived from it and the
-        id, and are the first part of the address of their page
+    token : required first part of the address of the list of sessions. Each participant's own token is derived from it
+        and the id, and is the first part of the address of the participant's page
     secured : context that encrypts the connections
     tell : called with messages for the experimenter, such as that answers cannot be written
 
@@ -188,7 +186,7 @@ class StudyServer(PageServer):
         try:
             answers.mkdir(exist_ok=True)
         except OSError as error:
-            raise StudyError(f"cannot make {answers}, where answers go: {error.strerror or error}") from None
+            raise StudyError(f"cannot create {answers}, the folder for answers: {error.strerror or error}") from None
         self._held = serve_alone(answers)
         try:
             routes = [
@@ -209,30 +207,36 @@ class StudyServer(PageServer):
         release(held)
 
     def address(self, name: str = LOCAL) -> str:
-        """Return the address of the list of sessions, as typed into a browser; a participant's has the id appended."""
+        """Return the address of the list of sessions.
+
+        With a participant's id appended it leads to that participant's page.
+        """
         return f"{self.root(name)}/{self.token}{'/' if self.token else ''}"
 
     def token_of(self, participant: str) -> str:
-        """Return the token of a participant's address, or ""; it reveals no other token."""
+        """Return the token in the address of a participant's page, or "" if the server has none.
+
+        It does not reveal the tokens of others.
+        """
         if not self.token:
             return ""
         made = hmac.digest(self.token.encode(), participant.encode(), "sha256")
         return base64.urlsafe_b64encode(made)[:TOKEN_LETTERS].decode()
 
     def address_of(self, participant: str) -> str:
-        """Return the path of a participant's page."""
+        """Return the path of a participant's page on this server."""
         token = self.token_of(participant)
         return f"/{token}/{participant}" if token else f"/{participant}"
 
     def is_open(self, token: str) -> bool:
-        """Return whether a token is the experimenter's or a participant's."""
+        """Return whether a token in a request is valid: the experimenter's or a participant's."""
         try:
             return same(token, self.token) or self._owner(token) is not None
         except HpopError:
             return True  # the page says what is wrong with the design
 
     def refused(self, method: str, status: HTTPStatus, reason: str, why: str = "") -> Response:
-        """Return the response for a request that is refused: a readable page for GET, JSON for a page's POST."""
+        """Return the response to a refused request: a readable page for GET, JSON for a POST by a page's script."""
         if method == "POST":
             return JSONResponse({"error": reason, "why": why}, status)
         words = html.escape(f"The study's computer says: {reason}.")
@@ -241,17 +245,17 @@ class StudyServer(PageServer):
         return HTMLResponse(page.encode(errors="backslashreplace"), status)
 
     def _owner(self, token: str) -> str | None:
-        """Return the participant of a token."""
+        """Return the participant to whom a token belongs; None if there is none."""
         people = (person.id for person in self.study.design.participants)
         return next((participant for participant in people if same(token, self.token_of(participant))), None)
 
     def _check_owner(self, request: Request, participant: str) -> None:
-        """Raise Refusal if the request's token belongs to another participant."""
+        """Raise Refusal if the token of a request belongs to another participant."""
         if self.token and self._owner(request.scope["token"]) != participant:
             raise Refusal(HTTPStatus.NOT_FOUND, "there is nothing here")
 
     def _page(self, request: Request) -> Response:
-        """Return the page of a participant; the list of sessions, or a redirection, for the experimenter."""
+        """Return a participant's page; for the experimenter the list of sessions, or a redirection to a page."""
         participant = request.path_params["participant"]
         if not self.token or same(request.scope["token"], self.token):
             if not participant:
@@ -262,20 +266,20 @@ class StudyServer(PageServer):
         return HTMLResponse(self.study.page(participant).encode(errors="backslashreplace"))
 
     def _redirection(self, participant: str) -> Response:
-        """Return a redirection from an id to the address of the participant's page."""
+        """Return a redirection to the address of a participant's page."""
         if participant not in {person.id for person in self.study.design.participants}:
             raise Refusal(HTTPStatus.NOT_FOUND, "the study has no such participant")
         return RedirectResponse(self.address_of(participant), HTTPStatus.FOUND)
 
     def _list(self) -> str:
-        """Return links to the expected sessions, without their progress."""
+        """Return a page with links to the sessions of all expected participants, which does not show their progress."""
         names = [person.id for person in self.study.design.expected]
         links = " ".join(f'<a href="{self.address_of(name)}">{html.escape(name)}</a>' for name in names)
         said = "A page for each participant. schedule.csv says who is next."
         return PAGE.format(title="Sessions", said=said, rest=f"<nav>{links}</nav>")
 
     def _stimulus(self, request: Request) -> Response:
-        """Return a stimulus, or the requested part of a video."""
+        """Return a stimulus file, or the requested range of a video."""
         path = self.study.stimulus(f"stimuli/{request.path_params['name']}")
         is_page = path.suffix == ".html"
         try:
@@ -285,7 +289,7 @@ class StudyServer(PageServer):
         return FileResponse(path, media_type="text/html" if is_page else "video/mp4")
 
     async def _take(self, request: Request) -> Response:
-        """Save an event of a session, or open its page."""
+        """Save an event that a page sent, or open a session."""
         participant = request.path_params["participant"]
         sent = await _posted_value(request)
 
@@ -296,12 +300,15 @@ class StudyServer(PageServer):
         return JSONResponse(await run_in_threadpool(take))
 
     def _refuse(self, request: Request, refusal: Exception) -> Response:
-        """Return the response for a refusal."""
+        """Return the response for a Refusal."""
         assert isinstance(refusal, Refusal)
         return self.refused(request.method, refusal.status, refusal.said, refusal.why)
 
     def _fail(self, request: Request, error: Exception) -> Response:
-        """Return the response for an error: a page gives up after an invalid request, retries after a full disk."""
+        """Return the response for an error.
+
+        After an invalid request a page gives up; after an error of this machine, such as a full disk, it tries again.
+        """
         is_ours = isinstance(error.__context__, OSError) or isinstance(error, OutputError)
         status = HTTPStatus.INTERNAL_SERVER_ERROR if is_ours else HTTPStatus.UNPROCESSABLE_ENTITY
         if is_ours and self.tell is not None:
@@ -310,7 +317,7 @@ class StudyServer(PageServer):
 
 
 async def _posted_value(request: Request) -> Any:
-    """Return the JSON value that a page posted; Refusal if it is no JSON or too long."""
+    """Return the JSON value in the body of a request; Refusal if it is not JSON, or too long."""
     if request.headers.get("Content-Type", "").partition(";")[0].strip().lower() != "application/json":
         raise Refusal(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "expected application/json")
     if not request.headers.get("Content-Length", ""):
@@ -325,18 +332,18 @@ async def _posted_value(request: Request) -> Any:
 
 
 def token_of(folder: str | os.PathLike[str]) -> str:
-    """Return the token of a study's addresses, created once and kept in its folder, so that addresses stay valid."""
+    """Return the token of a study's addresses, which is created once and stored in the folder to stay valid."""
     path = Path(folder) / TOKEN
     if not path.exists():
         write_bytes(path, secrets.token_urlsafe(TOKEN_BYTES).encode())
     token = read_bytes(path, MOST_TOKEN).decode("ascii", "replace").strip()
     if not re.fullmatch(r"[A-Za-z0-9_-]{8,64}", token):
         raise StudyError(
-            f"{path} holds no token of at least 8 letters, digits, - and _; remove it, and another is made"
+            f"{path} must hold a token of at least 8 letters, digits, - and _; remove it, and a new one is made"
         )
     return token
 
 
 def _state(*paths: Path) -> tuple[int, ...]:
-    """Return a key that changes when one of the files changes."""
+    """Return a key that changes when one of some files changes: their modification times."""
     return tuple(path.stat().st_mtime_ns if path.exists() else 0 for path in paths)

@@ -1,6 +1,6 @@
-"""One participant's session: the events that the page records, each checked against the design.
+"""Session of one participant: the events that the page records, each checked against the design.
 
-Events are only ever appended. A later answer to the same item takes the place of an earlier one; both stay in the file.
+Events are only ever appended. A later answer to an item replaces an earlier one; both stay in the file.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from hpop.study.participants import Participant
 
 SCHEMA, VERSION = "hpop-answers", 1
 MOST_BYTES = 8 * 1024**2
-"""Largest size of a participant's file of answers."""
+"""Largest size of a participant's file of answers, bytes."""
 MOST_EVENTS = 20_000
 MOST_REMARK = 2000
-"""Most characters of a remark."""
+"""Largest number of characters of a remark."""
 MOST_KEYS = 20
 MOST_SLOW = 0.05
-"""Share of time with fewer than 60 pictures a second from which a ride counts as jerky."""
+"""Share of time with fewer than 60 frames per second from which a ride counts as jerky."""
 PLAYED = "played"
 """Value of a stimulus event: the page played the whole video."""
 NONE = "none"
@@ -49,7 +49,7 @@ When = Annotated[
 
 
 class SessionEvent(StrictObject):
-    """Event of a session.
+    """Event of a session, as the page records it.
 
     t          s since the session's start, rising
     at         date and time, ISO, UTC
@@ -71,7 +71,7 @@ class SessionEvent(StrictObject):
 
 
 class PairValue(StrictObject):
-    """Value of a comparison."""
+    """Value of a "compare" event: the question, the pair, and the choice."""
 
     question: Key
     pair: Annotated[list[Letter], Field(min_length=2, max_length=2)]
@@ -79,7 +79,7 @@ class PairValue(StrictObject):
 
 
 class AnswersFile(StrictObject):
-    """Contents of answers/p01.json."""
+    """Schema of a participant's file of answers, such as answers/p01.json."""
 
     schema_: Annotated[Literal["hpop-answers"], Field(alias="schema")]
     version: Literal[1]
@@ -90,7 +90,7 @@ class AnswersFile(StrictObject):
 
 
 class Slot(NamedTuple):
-    """Position of an answer: place, form and item."""
+    """Key of an answer: place in the session, form and item."""
 
     place: int
     form: str
@@ -98,7 +98,7 @@ class Slot(NamedTuple):
 
 
 class ItemAnswer(NamedTuple):
-    """Last answer of a slot: its value, s since the previous event, s since the start."""
+    """Last answer to an item at a place: its value, seconds since the previous event, and since the session's start."""
 
     value: float
     seconds: float
@@ -106,7 +106,7 @@ class ItemAnswer(NamedTuple):
 
 
 class PairChoice(NamedTuple):
-    """Last answer about a pair; chosen is None for neither."""
+    """Last choice of a participant about a pair of stimuli; ``chosen`` is None for neither."""
 
     question: str
     first: str
@@ -117,12 +117,10 @@ class PairChoice(NamedTuple):
 
 
 class Video(NamedTuple):
-    """Last showing of a video that was reported as ended.
+    """Last showing of a video that a participant reported as ended.
 
-    condition  its letter
-    played     whether the page played all of it
-    took       s, from its reported beginning to its reported end
-    lasts      s, duration of the video
+    condition letter of the video played whether the page played all of it took s, from its reported beginning to its
+    reported end lasts s, duration of the video
     """
 
     condition: str
@@ -132,7 +130,7 @@ class Video(NamedTuple):
 
 
 class Remark(NamedTuple):
-    """Text written by a participant, with its place."""
+    """Text that a participant wrote, with its place in the session."""
 
     place: int | None
     text: str
@@ -140,7 +138,7 @@ class Remark(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Session:
-    """Checked session of one participant, read by :meth:`load`."""
+    """Session of one participant, checked against the design; read by :meth:`load`."""
 
     person: Participant
     device: Mapping[str, str | float | bool | None]
@@ -148,7 +146,7 @@ class Session:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], design: Design) -> Session:
-        """Read answers/p01.json; StudyError for an invalid file, or one that does not fit the design."""
+        """Read a participant's file of answers; StudyError for an invalid file, or one that does not fit the design."""
         stored = read(path, AnswersFile, "the answers of a participant", MOST_BYTES)
         try:
             return cls.of(stored, design)
@@ -157,11 +155,11 @@ class Session:
 
     @classmethod
     def of(cls, stored: AnswersFile, design: Design) -> Session:
-        """Return the session in a file of answers; StudyError if it does not fit the design."""
+        """Check the contents of a file of answers against the design, and return the session."""
         if stored.design != design.digest:
             raise StudyError(
-                f"these are answers to another design (it begins {stored.design[:12]}, this one "
-                f"{design.digest[:12]}); put them back into the folder of their own study"
+                f"these are answers to another design (its SHA-256 begins with {stored.design[:12]}, that of this one "
+                f"with {design.digest[:12]}); put them back into the folder of their own study"
             )
         person = design.participant(stored.participant)
         for key, value in stored.device.items():
@@ -172,7 +170,7 @@ class Session:
 
     @property
     def ended(self) -> bool:
-        """Return whether the session was completed."""
+        """Return whether the participant completed the session."""
         return self._has("end") and not self.stopped
 
     @property
@@ -182,12 +180,12 @@ class Session:
 
     @property
     def reached(self) -> int:
-        """Return the last place with a begun stimulus; 0 before the first."""
+        """Return the place of the last stimulus that began; 0 if none has begun."""
         return max((event.place or 0 for event in self.events if event.kind == "stimulus"), default=0)
 
     @cached_property
     def answers(self) -> dict[Slot, ItemAnswer]:
-        """Return the last answer of each item at each place, without answers that were taken back."""
+        """Return the last answer to each item at each place, without answers that were taken back."""
         answers: dict[Slot, ItemAnswer] = {}
         for event, seconds in self._events_with_gaps("answer"):
             slot = Slot(event.place or 0, event.form or "", event.item or "")
@@ -198,7 +196,7 @@ class Session:
 
     @cached_property
     def comparisons(self) -> tuple[PairChoice, ...]:
-        """Return the last answer to each question on each pair."""
+        """Return the last choice for each question and each pair."""
         found: dict[tuple[str, frozenset[str]], PairChoice] = {}
         for event, seconds in self._events_with_gaps("compare"):
             value = PairValue.model_validate(event.value)
@@ -216,12 +214,12 @@ class Session:
         return tuple(Remark(place, text) for place, text in texts.items() if text)
 
     def values(self, place: int, form: Form) -> dict[str, float]:
-        """Return the answers to a form at a place, by item, without missing ones."""
+        """Return the answers to a form at a place, by item; missing answers are left out."""
         slots = {item.id: Slot(place, form.id, item.id) for item in form.items}
         return {item: self.answers[slot].value for item, slot in slots.items() if slot in self.answers}
 
     def lacking(self, design: Design) -> list[str]:
-        """Describe the items without an answer."""
+        """Describe which answers and comparisons are missing."""
         said = []
         for form in (form for form in design.questionnaires if form.kind == "ratings"):
             for place in asked_at(design, form):
@@ -238,12 +236,12 @@ class Session:
 
     @property
     def jerky(self) -> list[tuple[str, float]]:
-        """Return rides that were not smooth: the letter, and the share of time below 60 pictures per second."""
+        """Return the rides that were not smooth: letters, with the share of time below 60 frames per second."""
         told = {event.condition: event.value.get("slow", 0.0) for event in self.events if event.kind == "frames"}
         return [(letter, slow) for letter, slow in told.items() if letter and slow >= MOST_SLOW]
 
     def videos(self, design: Design) -> list[Video]:
-        """Return the videos that were reported as ended."""
+        """Return the videos that the participant reported as ended."""
         lasts = {one.id: one.duration for one in design.conditions if one.kind == "video"}
         begun: dict[str, float] = {}
         played: set[str] = set()
@@ -263,10 +261,11 @@ class Session:
         return list(found.values())
 
     def _has(self, kind: str) -> bool:
+        """Return whether an event of a kind has happened."""
         return any(event.kind == kind for event in self.events)
 
     def _events_with_gaps(self, kind: str) -> Iterator[tuple[SessionEvent, float]]:
-        """Yield events of a kind, each with the seconds since the previous event."""
+        """Yield the events of a kind, each with the seconds since the event before it, of any kind."""
         first = self.events[:1]
         for before, event in pairwise((*first, *self.events)):
             if event.kind == kind:
@@ -274,28 +273,31 @@ class Session:
 
 
 def asked_at(design: Design, form: Form) -> list[int]:
-    """Return the places at which a form is asked: 0 before, 1 to K after each of K stimuli, K + 1 after all."""
+    """Return the places of a session at which a form is asked, for K stimuli.
+
+    Place 0 is before the first stimulus, 1 to K after each stimulus, and K + 1 after all.
+    """
     count = len(design.letters)
     places = {"before": [0], "after_each": list(range(1, count + 1)), "after_all": [count + 1]}
     return sorted(place for when in form.when for place in places[when])
 
 
 def questions_of(design: Design) -> tuple[str, ...]:
-    """Return the questions about pairs."""
+    """Return the ids of the questions that are asked about pairs."""
     return tuple(item.id for form in design.questionnaires if form.kind == "pairs" for item in form.items)
 
 
 class SessionState(NamedTuple):
-    """State of a session after some events: s since its start, whether there was consent, and a stop."""
+    """State of a session after some events: seconds since its start, whether consent was given, whether it stopped."""
 
     t: float = 0.0
     consented: bool = False
     stopped: bool = False
 
     def then(self, design: Design, person: Participant, event: SessionEvent) -> SessionState:
-        """Return the state after a further event; StudyError for an event that the design does not expect."""
+        """Return the state after one more event; StudyError for an event that the design does not expect there."""
         if event.t < self.t:
-            raise StudyError(f"time goes back, from {self.t:g} to {event.t:g} s")
+            raise StudyError(f"events must be in order of time, got {event.t:g} s after {self.t:g} s")
         if event.kind in ("answer", "compare", "remark") and not self.consented:
             raise StudyError(f"{event.kind} before consent was given")
         _check_place(person, event)
@@ -305,7 +307,7 @@ class SessionState(NamedTuple):
 
 
 def standing_after(design: Design, person: Participant, events: Iterable[SessionEvent]) -> SessionState:
-    """Return the state of a session after all its events; StudyError for an event that the design does not expect."""
+    """Check all events of a session, and return its state after them; StudyError for an unexpected event."""
     standing = SessionState()
     for number, event in enumerate(events):
         try:
@@ -316,7 +318,7 @@ def standing_after(design: Design, person: Participant, events: Iterable[Session
 
 
 def _check_value(design: Design, event: SessionEvent, *, stopped: bool) -> None:
-    """Check an event's item and its value."""
+    """Check the value of an event, and the item to which it belongs."""
     value = event.value
     match event.kind:
         case "answer":
@@ -325,7 +327,9 @@ def _check_value(design: Design, event: SessionEvent, *, stopped: bool) -> None:
             _check_comparison(design, value)
         case "remark":
             if not isinstance(value, str) or len(value) > MOST_REMARK or HARMFUL.search(value.replace("\n", " ")):
-                raise StudyError(f"a remark is plain text of at most {MOST_REMARK:,} characters, got {shown(value)}")
+                raise StudyError(
+                    f"a remark must be plain text of at most {MOST_REMARK:,} characters, got {shown(value)}"
+                )
         case "frames":
             named = isinstance(value, dict) and len(value) <= MOST_KEYS and all(map(WORD.fullmatch, value))
             if not named or not all(map(_is_number, value.values())):
@@ -333,17 +337,18 @@ def _check_value(design: Design, event: SessionEvent, *, stopped: bool) -> None:
         case kind:
             word = isinstance(value, str) and WORD.fullmatch(value)
             if not (value is None or word or isinstance(value, bool) or _is_number(value)):
-                raise StudyError(f"{kind} has a number, a word or nothing as its value, got {shown(value)}")
+                raise StudyError(f"the value of {kind} must be a number, a word or nothing, got {shown(value)}")
 
 
 def _check_place(person: Participant, event: SessionEvent) -> None:
+    """Check that an event's place exists, and that its stimulus is the one that this participant sees there."""
     last = len(person.order) + 1
     if event.place is None:
         if event.condition is not None:
-            raise StudyError(f"stimulus {event.condition} without its place")
+            raise StudyError(f"expected the place of stimulus {event.condition}, got none")
         return
     if event.place > last:
-        raise StudyError(f"places are 0 to {last}, got {event.place}")
+        raise StudyError(f"place must be from 0 to {last}, got {event.place}")
     letter = person.order[event.place - 1] if 1 <= event.place < last else None
     if event.condition != letter:
         raise StudyError(
@@ -353,28 +358,30 @@ def _check_place(person: Participant, event: SessionEvent) -> None:
 
 
 def _check_answer(design: Design, event: SessionEvent, *, stopped: bool) -> None:
+    """Check that the item of an answer is asked at this place, and that the value is on its scale."""
     form = design.form(event.form or "")
     item = form.item(event.item or "")
     places = asked_at(design, form) + [len(design.letters) + 1] * stopped  # also after a stop
     if form.kind != "ratings" or event.place not in places:
         raise StudyError(f"form {form.id} is not asked at place {event.place}")
     if event.value is not None and event.value not in (scale := form.scale_of(item)):
-        raise StudyError(f"item {item.id} of form {form.id} is answered by {scale}, got {shown(event.value)}")
+        raise StudyError(f"item {item.id} of form {form.id}: expected {scale}, got {shown(event.value)}")
 
 
 def _check_comparison(design: Design, value: Any) -> None:
+    """Check the value of a comparison: its question, its pair and the choice."""
     try:
         compared = PairValue.model_validate(value)
     except ValueError:
-        raise StudyError(f"a comparison is an object of question, pair and chosen, got {shown(value)}") from None
+        raise StudyError(f"a comparison must be an object of question, pair and chosen, got {shown(value)}") from None
     known = questions_of(design)
     if compared.question not in known:
-        raise StudyError(f"the study asks {', '.join(known) or 'nothing'} of pairs, got {shown(compared.question)}")
+        raise StudyError(f"question must be one of {', '.join(known) or 'none'}, got {shown(compared.question)}")
     first, second = compared.pair
     if VIEW in {design.condition(first).kind, design.condition(second).kind} or first == second:
-        raise StudyError(f"two rides are compared, got {first} and {second}")
+        raise StudyError(f"pair must be two different rides, got {first} and {second}")
     if compared.chosen not in (first, second, NONE):
-        raise StudyError(f"of {first} and {second} one is chosen, or {NONE!r}, got {shown(compared.chosen)}")
+        raise StudyError(f"chosen must be {first}, {second} or {NONE!r}, got {shown(compared.chosen)}")
 
 
 def _is_number(value: object) -> bool:

@@ -1,6 +1,6 @@
-"""Simulated answers, to rehearse a study's analysis, and for examples.
+"""Simulated answers of participants, to rehearse a study's analysis, and for examples.
 
-They are marked: ``device["simulated"]`` is true in every session, and reports mark every page and figure.
+They are marked: ``device["simulated"]`` is true in every session, and reports carry a warning on every page and figure.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from hpop.study.session import Session, SessionEvent, asked_at, questions_of, st
 DEVICE: Mapping[str, str | float | bool | None] = {"simulated": True, "browser": "none"}
 BEFORE = "before"
 WIDTH = 6.0
-"""Width of a scale, in standard deviations of how people feel; its low end is at 0."""
+"""Width of a rating scale, in standard deviations of how people feel; its low end is at 0."""
 SPREAD = 2.0
-"""Standard deviations by which ratings of comfort and the like lie below the best value."""
+"""Standard deviations by which typical ratings of comfort and the like lie below the best value."""
 NOISE = 0.8
 """Standard deviation of the noise of each item."""
 UNDECIDED = 0.4
-"""Difference of two stimuli below which people say "neither"."""
+"""Difference between two stimuli below which simulated people say "neither"."""
 
 
 @checked_arguments
@@ -41,7 +41,7 @@ def simulate(
     tiring: float = 0.0,
     seed: int = 0,
 ) -> Answers:
-    """Return simulated answers of all expected participants; each stimulus shifts how they feel.
+    """Return simulated answers of all expected participants. Each stimulus shifts how they feel.
 
     Parameters
     ----------
@@ -70,15 +70,18 @@ def simulate(
 
 
 def _of(design: Design, given: Mapping[str, float], letter: str, what: str) -> float:
+    """Return the number for a letter; StudyError if it is missing or out of range."""
     if letter not in given:
-        raise StudyError(f"{what} is given for each of the stimuli {', '.join(design.letters)}; {letter} lacks")
+        raise StudyError(
+            f"{what} must have a number for each stimulus ({', '.join(design.letters)}), but lacks {letter}"
+        )
     return real(f"{what} of {letter}", given[letter], -100, 100, error=StudyError)
 
 
 def _answers(
     design: Design, person: Participant, feelings: Any, rng: np.random.Generator
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield events (kind, other fields) of the stimuli and all ratings, in the order of the session."""
+    """Yield the events of the stimuli and all ratings, as (kind, other fields), in the order of the session."""
     last = len(person.order) + 1
     for place in range(last + 1):
         where: dict[str, Any] = {"place": place}
@@ -94,7 +97,7 @@ def _answers(
 
 
 def _simulated_rating(form: Form, item: Item, felt: float) -> float:
-    """Return the answer to an item for a discomfort, counted from the better end of the scale.
+    """Return the rating that a simulated discomfort gives, counted from the better end of the item's scale.
 
     Comfort is never rated as perfect.
     """
@@ -107,7 +110,7 @@ def _simulated_rating(form: Form, item: Item, felt: float) -> float:
 def _choices(
     design: Design, person: Participant, felt: Mapping[str, float], liked: Mapping[str, float], rng: np.random.Generator
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield events (kind, other fields) of all comparisons."""
+    """Yield the events of all comparisons, as (kind, other fields)."""
     for question in questions_of(design):
         for first, second in design.pairs(person.id):
             better = felt[second] - felt[first] if question == "comfort" else liked[first] - liked[second]
@@ -117,7 +120,7 @@ def _choices(
 
 
 def _session(design: Design, person: Participant, said: list[tuple[str, dict[str, Any]]]) -> Session:
-    """Return a complete session, as the page would record it, with one event per second."""
+    """Return a complete session with these events, as the page would record it, one event per second."""
     told = [("consent", {"value": True}), ("start", {}), *said, ("end", {})]
     events = tuple(
         SessionEvent(t=float(t), at=f"2000-01-01T{t // 3600:02d}:{t // 60 % 60:02d}:{t % 60:02d}Z", kind=kind, **more)  # type: ignore[arg-type]

@@ -1,7 +1,7 @@
-"""Stimuli: pages or videos of conditions that reveal nothing about the condition.
+"""Stimuli of a study: pages or videos that show a trajectory and reveal nothing else about it.
 
 A stimulus is a page in one file that rides once along an executed trajectory, from rest to rest. It shows the letter of
-its condition, but no other name, number or map, and no controls except the start; it ends by itself, and reports to the
+its condition, but no other name, number or map, and no controls except the start. It ends by itself, and reports to the
 surrounding page how smoothly it was drawn. Alternatively it is a 360 degree video for a headset's own player.
 """
 
@@ -37,12 +37,10 @@ SAID = ("ride_begin", "ride_headset", "ride_about", "view_about", "ride_over", "
 
 
 class StimulusCondition(Protocol):
-    """Condition of a design, as far as its stimulus needs it.
+    """Interface of a condition, with what its stimulus needs.
 
-    id        its letter
-    row       of the front; None for the still view and for baselines
-    kind      "ride", "view" or "video"
-    duration  s, of a still view
+    id its letter row row of the front; None for the still view and for baselines kind "ride", "view" or "video"
+    duration s, of a still view
     """
 
     @property
@@ -67,15 +65,13 @@ def save_stimuli(
     study: Path | None = None,
     progress: ProgressCallback | bool | None = None,
 ) -> dict[str, Path]:
-    """Write the stimulus of each condition to a folder, created if missing, and return its files by letter.
+    """Write the stimulus of each condition to a folder, created if missing, and return the files by letter.
 
     Rides and the still view are pages, ``A.html``; 360 degree videos are ``A.mp4``, and need hpop[video].
 
-    Parameters
-    ----------
-    baselines : by letter, the trajectories of conditions that are no rows of the front
-    study : a study's folder, with texts in further languages
-    progress : of videos: True shows a line in the terminal; a function is called with each frame
+    Parameters ---------- baselines : by letter, the trajectories of conditions that are not rows of the front study : a
+    study's folder, with texts in further languages progress : of videos: True shows a line in the terminal; a function
+    is called with each frame
 
     Raises StudyError for invalid or repeated letters, OutputError if a file cannot be written.
     """
@@ -86,7 +82,7 @@ def save_stimuli(
     for condition in conditions:
         name = condition.id
         if not LETTER.fullmatch(name) or name in written:
-            raise StudyError(f"conditions are called by capital letters, each once, got {shown(name)}")
+            raise StudyError(f"the id of a condition must be a capital letter, used only once, got {shown(name)}")
         trajectory = _condition_trajectory(front, condition, baselines or {})
         if condition.kind == "video":
             which = f"video {name}, {videos.index(name) + 1} of {len(videos)}:"
@@ -102,7 +98,9 @@ def save_stimuli(
             with replacing(path) as file:
                 file.write(page.encode())
         except OSError as error:
-            raise OutputError(f"the stimulus cannot be written to {path}: {error.strerror or error}") from None
+            raise OutputError(
+                f"the stimulus cannot be written to {path}: {error.strerror or error}; choose another folder"
+            ) from None
         written[name] = path
     return written
 
@@ -110,11 +108,11 @@ def save_stimuli(
 def _condition_trajectory(
     front: Front, condition: StimulusCondition, baselines: Mapping[str, Trajectory]
 ) -> Trajectory:
-    """Return the trajectory of a condition; for the still view any one, since all trajectories have the same start."""
+    """Return the trajectory that a condition shows; for the still view any one, since all begin at the start."""
     if condition.row is None and condition.kind != "view":
         if condition.id not in baselines:
             raise StudyError(
-                f"stimulus {condition.id} is a baseline, no row of the front: give its trajectory, as "
+                f"stimulus {condition.id} is a baseline, not a row of the front: give its trajectory, as "
                 f"save_stimuli(..., baselines={{{condition.id!r}: trajectory}})"
             )
         return baselines[condition.id]
@@ -124,7 +122,10 @@ def _condition_trajectory(
 def _save_video(
     problem: Problem, trajectory: Trajectory, path: Path, which: str, progress: ProgressCallback | bool | None
 ) -> Path:
-    """Write a video without its JSON file, which would reveal the costs; progress messages begin with ``which``."""
+    """Write a video, and remove its JSON file, which would reveal the costs.
+
+    Progress messages begin with ``which``.
+    """
     with progress_callback(progress) as told:
 
         def tell(done: Progress) -> None:
@@ -137,12 +138,12 @@ def _save_video(
 
 
 def ride_page(problem: Problem, trajectory: Trajectory, name: str, *, said: Words | None = None) -> str:
-    """Return the text of a page that rides along a trajectory once; ``name`` is a capital letter."""
+    """Return the HTML of a page that rides along a trajectory once; ``name`` is the condition's letter."""
     return _page(problem, trajectory, name, track(trajectory), said, is_still=False)
 
 
 def view_page(problem: Problem, trajectory: Trajectory, name: str, seconds: float, *, said: Words | None = None) -> str:
-    """Return a page that shows the still view at the start of a trajectory for some seconds."""
+    """Return the HTML of a page that shows the still view at the start of a trajectory for some seconds."""
     duration = real("seconds", seconds, SHORTEST, LONGEST, "seconds of a still view")
     ridden = track(trajectory)
     still = {part: _held(ridden[part]) for part in ("positions", "quaternions", "links")}
@@ -152,7 +153,7 @@ def view_page(problem: Problem, trajectory: Trajectory, name: str, seconds: floa
 
 
 def _held(packed: dict[str, Any]) -> dict[str, Any]:
-    """Return packed values that decode to the first value twice, for a still view.
+    """Change packed values so that they decode to the first value twice, for a still view.
 
     Packing stores second differences, so the two samples (v, v) are stored as (v, -v).
     """
@@ -168,6 +169,7 @@ def _page(
     *,
     is_still: bool,
 ) -> str:
+    """Return the HTML of a stimulus page."""
     scene = ViewScene.of(problem)
     fov = problem.model.field_of_view
     texts = words("en") if said is None else said
@@ -188,6 +190,6 @@ def _page(
 
 
 def _without_names(scene: dict[str, Any]) -> dict[str, Any]:
-    """Return a scene without names, except those visible on plates."""
+    """Remove names from a scene, except those that landmarks show on their plates."""
     bare = {kind: [{**thing, "name": ""} for thing in scene[kind]] for kind in ("prisms", "people", "zones")}
     return {**scene, **bare, "notes": []}

@@ -1,4 +1,4 @@
-"""Texts of the participant's pages, by language, as data files, so that a new language needs no code."""
+"""Texts of the participant's pages in several languages, as JSON files, so that a new language needs no code."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from hpop.errors import StudyError
 from hpop.frontier.strict_json import parse
 
 FOLDER = "words"
-"""Folder of a study with texts in languages that hpop does not have."""
+"""Folder in a study for texts in languages that hpop does not have."""
 MOST_BYTES = 200_000
 LANGUAGE = re.compile(r"[a-z]{2,3}(-[A-Z]{2})?")
 Words = dict[str, str]
 
 
 def words(language: str, study: Path | None = None) -> Words:
-    """Return the texts of the pages in a language, by name: the study's ``words/LANGUAGE.json``, or hpop's.
+    """Return the texts of the participants' pages in a language, by name.
 
-    A file must have exactly the texts of hpop's ``en.json``, with equal ``{names}`` in them.
-
-    Raises StudyError for a language without texts, and for an incomplete file, with all faults at once.
+    They are read from the study's ``words/LANGUAGE.json``, or from hpop's own file. A file must have exactly the texts
+    of hpop's ``en.json``, with equal ``{names}`` in them. Raises StudyError for a language without texts, and for an
+    incomplete file, with all faults at once.
 
     >>> words("en")["stop"]
     'Stop'
@@ -33,7 +33,7 @@ def words(language: str, study: Path | None = None) -> Words:
     shipped = resources.files("hpop.study").joinpath("words")
     english = _english()
     if not LANGUAGE.fullmatch(language):
-        raise StudyError(f"a language is written as in 'en', 'de' or 'pt-BR', got {shown(language)}")
+        raise StudyError(f"language must be a code such as 'en', 'de' or 'pt-BR', got {shown(language)}")
     name = f"{language}.json"
     own = None if study is None else study / FOLDER / name
     if own is not None and own.is_file():
@@ -47,7 +47,7 @@ def words(language: str, study: Path | None = None) -> Words:
 
 
 def checked_file(path: str | os.PathLike[str]) -> Words:
-    """Return the texts of a file; StudyError if it is incomplete."""
+    """Read a file of texts; StudyError if it cannot be read or is incomplete."""
     try:
         return _checked_texts(_read(read_regular(path, MOST_BYTES), str(path)), _english(), str(path))
     except OSError as error:
@@ -57,10 +57,12 @@ def checked_file(path: str | os.PathLike[str]) -> Words:
 
 
 def _english() -> Words:
+    """Return the English texts, which every language must have."""
     return _read(resources.files("hpop.study").joinpath("words", "en.json").read_bytes(), "en.json")
 
 
 def _read(data: bytes, file: str) -> Words:
+    """Parse texts from JSON; StudyError unless they are an object of texts."""
     try:
         read = parse(data)
     except (ValueError, RecursionError) as error:
@@ -71,8 +73,9 @@ def _read(data: bytes, file: str) -> Words:
 
 
 def _checked_texts(texts: Words, english: Words, file: str) -> Words:
+    """Return texts if they are complete; StudyError, with all faults, if they differ in names or placeholders."""
     lacking, others = sorted(english.keys() - texts.keys()), sorted(texts.keys() - english.keys())
-    said = [f"lacks {', '.join(lacking)}"] if lacking else []
+    said = [f"lacks the texts {', '.join(lacking)}"] if lacking else []
     said += [f"has {shown(', '.join(others))}, which no page uses"] if others else []
     said += [
         f"{name} must have the placeholders of the English text, {english[name]!r}"

@@ -1,4 +1,4 @@
-"""Statistics for studies: tests of related scores, effect sizes, choices, and power before a study.
+"""Statistics for studies: tests of scores of the same people, effect sizes, choices, and power before a study.
 
 SciPy is used for Friedman, Kruskal and Wallis, the normal approximation of Wilcoxon, and binomial intervals. Methods
 missing in SciPy are implemented here, and all are tested against published values: exact Wilcoxon with ties and zeros,

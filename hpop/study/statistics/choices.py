@@ -1,4 +1,4 @@
-"""Choices: shares with intervals, and strengths from choices between two stimuli.
+"""Statistics of choices: shares with intervals, and strengths of stimuli that are compared in pairs.
 
 In the model of Bradley and Terry, stimulus i is chosen over j with odds exp(s_i - s_j). If people may answer "neither",
 it is a third outcome, with weight nu exp((s_i + s_j) / 2). Bradley and Terry 1952, Biometrika 39, 324-345; Davidson
@@ -23,24 +23,22 @@ from hpop.base.options import whole
 from hpop.errors import StudyError
 
 ALIKE = 1e-9
-"""Ratio of the variance between people to that between choices below which all people answered alike."""
+"""Ratio of the variance between people to that between choices below which all people count as answering alike."""
 MOST_STIMULI = 1000
-"""Most stimuli of a fit, whose time grows with the third power of their number."""
+"""Largest number of stimuli; the computing time grows with its third power."""
 MOST_STEPS = 100
-"""Most steps of Newton's method, which needs about ten."""
+"""Largest number of steps of Newton's method, which needs about ten."""
 
 
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Strengths:
-    """Strength of preference for each stimulus.
+    """Strength of preference for each stimulus, as fitted by `bradley_terry`.
 
-    strengths   (k,)  logarithmic; only differences matter: their mean is 0, or the reference's strength is
-    errors      (k,)  standard errors; NaN if all people answered alike, so that their variation is unknown
-    ties        nu, 0 without any "neither"
-    side        bonus to the strength of the first of a pair; NaN if not fitted
-    side_error  its standard error; NaN as in errors
-    choices     number of comparisons, including ties
+    strengths (k,) logarithmic; only differences matter: their mean is 0, or the reference's strength is 0 errors (k,)
+    standard errors; NaN if all people answered alike, so that their variation is unknown ties nu, the weight of the
+    answer "neither"; 0 if nobody gave it side bonus to the strength of the first of a pair; NaN if not fitted
+    side_error its standard error; NaN as in errors choices number of comparisons, including ties
     """
 
     strengths: FloatArray
@@ -51,13 +49,13 @@ class Strengths:
     choices: int
 
     def interval(self, level: float = 0.95) -> FloatArray:
-        """Return lower and upper ends (k, 2) of the strengths, by their standard errors."""
+        """Return confidence intervals (k, 2) of the strengths, lower and upper ends, from their standard errors."""
         half = stats.norm.isf((1 - level) / 2) * self.errors
         ends: FloatArray = np.column_stack([self.strengths - half, self.strengths + half])
         return ends
 
     def chance(self, first: int, second: int) -> float:
-        """Return the probability that the first is chosen, if one of the two stimuli is chosen."""
+        """Return the probability that ``first`` is chosen over ``second``, if the answer is not "neither"."""
         return float(special.expit(self.strengths[first] - self.strengths[second]))
 
 
@@ -73,8 +71,9 @@ def bradley_terry(
     side: bool = False,
     names: Sequence[str] | None = None,
 ) -> Strengths:
-    """Fit strengths to comparisons (m,) of stimuli 0 to k - 1 by maximum likelihood.
+    """Fit the strengths of stimuli 0 to k - 1 to comparisons (m,) by maximum likelihood.
 
+    first, second  the two stimuli of each comparison
     chosen     the chosen stimulus of each comparison, None for neither
     people     person of each comparison, for errors that account for similar choices of one person (a "sandwich" by
                groups); by default comparisons are independent
@@ -118,16 +117,19 @@ def bradley_terry(
 
 
 def _outcome(pair: IntArray, chosen: int | None) -> int:
-    """Return 0 if the first of a pair was chosen, 1 for the second, 2 for neither."""
+    """Return 0 if the first of a pair was chosen, 1 for the second, 2 for neither; StudyError for another stimulus."""
     if chosen is None:
         return 2
     if chosen not in pair:
-        raise StudyError(f"of the stimuli {pair[0]} and {pair[1]} one is chosen, or None; got {chosen}")
+        raise StudyError(f"chosen must be one of the stimuli {pair[0]} and {pair[1]}, or None, got {chosen}")
     return int(chosen == pair[1])
 
 
 def _check(pairs: IntArray, outcome: IntArray, names: Sequence[str]) -> None:
-    """Raise StudyError if the likelihood has no maximum (Ford 1957, American Mathematical Monthly 64, 28)."""
+    """Raise StudyError if no finite strengths maximise the likelihood.
+
+    Ford 1957, American Mathematical Monthly 64, 28.
+    """
     stimuli = len(names)
     if not len(pairs) or stimuli < 2 or pairs.min() < 0 or pairs.max() >= stimuli or (pairs[:, 0] == pairs[:, 1]).any():
         raise StudyError(f"each comparison must name two different stimuli, by numbers from 0 to {stimuli - 1}")
@@ -140,21 +142,22 @@ def _check(pairs: IntArray, outcome: IntArray, names: Sequence[str]) -> None:
     if parts > 1:
         groups = "; ".join(", ".join(names[int(i)] for i in np.flatnonzero(part == one)) for one in range(parts))
         raise StudyError(
-            f"the choices order groups of stimuli without exception, or never compare them: {groups}. Their strengths "
-            "differ beyond all bounds; report the counts, or ask more people"
+            f"some groups of stimuli were always preferred to others, or never compared with them: {groups}. Their "
+            "strengths are unbounded; report the counts, or ask more people"
         )
 
 
 def _check_bounded(features: FloatArray, outcome: IntArray, tied: bool, side: bool) -> None:
-    """Raise StudyError if some direction of parameters makes no answer less likely.
+    """Raise StudyError if ties or the order within pairs leave the maximum of the likelihood unbounded or not unique.
 
-    Then the likelihood has no unique maximum (Albert and Anderson 1984, Biometrika 71, 1-10).
+    This is so if some direction of the parameters makes no answer less likely (Albert and Anderson 1984,
+    Biometrika 71, 1-10).
     """
     answered = features[np.arange(len(outcome)), outcome][:, None]
     ahead = np.unique((answered - features).reshape(-1, features.shape[2]), axis=0)
     change = optimize.linprog(-ahead.sum(axis=0), -ahead, np.zeros(len(ahead)), bounds=(-1, 1))
     if float(change.fun or 0.0) < -1e-6 or np.linalg.matrix_rank(ahead) < ahead.shape[1]:
-        why = ["of two parts of the stimuli one was chosen always, or tied"] * tied
+        why = ["of two groups of stimuli one was always chosen, or tied"] * tied
         why += [
             "the order within pairs explains all choices, or cannot be separated from the stimuli: leave side out"
         ] * side
@@ -162,7 +165,7 @@ def _check_bounded(features: FloatArray, outcome: IntArray, tied: bool, side: bo
 
 
 def _features(pairs: IntArray, stimuli: int, tied: bool, side: bool) -> FloatArray:
-    """Return each parameter's contribution to each outcome's weight: (m, 2 or 3 outcomes, parameters)."""
+    """Return how much each parameter adds to the log weight of each outcome: (m, 2 or 3 outcomes, parameters)."""
     count, last = len(pairs), stimuli - 1
     features = np.zeros((count, 2 + tied, stimuli + tied + side))
     rows = np.arange(count)
@@ -208,12 +211,14 @@ def _likelihood(chosen: FloatArray, features: FloatArray, estimate: FloatArray) 
 def _spread(gradients: FloatArray, people: Sequence[Any]) -> FloatArray:
     """Return the sum (p, p), over people, of the outer products of each person's summed gradients.
 
-    It makes the errors account for similar choices of one person.
+    It makes the standard errors account for similar choices of one person.
     """
     _, member = np.unique(np.array(people), return_inverse=True)
     count = int(member.max()) + 1
     if len(member) != len(gradients) or count < 2:
-        raise StudyError(f"expected who made each of {len(gradients)} comparisons, two people or more, got {count}")
+        raise StudyError(
+            f"people must give the person of each of {len(gradients)} comparisons, two people or more, got {count}"
+        )
     sums = np.zeros((count, gradients.shape[1]))
     np.add.at(sums, member, gradients)
     spread: FloatArray = sums.T @ sums * count / (count - 1)
@@ -221,7 +226,7 @@ def _spread(gradients: FloatArray, people: Sequence[Any]) -> FloatArray:
 
 
 def _errors(sums: FloatArray, covariance: FloatArray, by_choices: FloatArray) -> FloatArray:
-    """Return the standard errors (k,) of sums (k, p) of parameters; NaN if people do not vary although choices do."""
+    """Return the standard errors (k,) of weighted sums (k, p) of parameters; NaN if choices vary but people do not."""
     variances, apart = (np.einsum("kp,pq,kq->k", sums, one, sums) for one in (covariance, by_choices))
     told = (variances > ALIKE * apart) | (apart == 0.0)
     errors: FloatArray = np.sqrt(np.where(told, variances, np.nan))
@@ -229,18 +234,16 @@ def _errors(sums: FloatArray, covariance: FloatArray, by_choices: FloatArray) ->
 
 
 MOST_OUTCOMES = 200_000
-"""Most outcomes that a multinomial test enumerates."""
+"""Largest number of outcomes that a multinomial test enumerates."""
 MOST_PEOPLE = 1_000_000
 
 
 @dataclass(frozen=True)
 class Share:
-    """Proportion with its interval.
+    """Proportion of a total, with its confidence interval.
 
-    share  count / total
-    low    lower end of the interval of shares that the exact test accepts
-    high   upper end
-    p      two-sided exact p of a share of one half; below 1 - level if the interval does not contain one half
+    share count / total low lower end of the interval of shares that the exact test accepts high upper end p two-sided
+    exact p of a share of one half; below 1 - level if the interval does not contain one half
     """
 
     count: int
@@ -253,10 +256,10 @@ class Share:
 
 @dataclass(frozen=True)
 class Multinomial:
-    """Test whether k options are chosen equally often.
+    """Result of a test whether k options are chosen equally often.
 
-    p      probability of counts at most as likely as these, if all k are equally likely
-    exact  whether all counts were enumerated; else p is from the chi-square test
+    p probability of counts at most as likely as these, if all k are equally likely exact whether all counts were
+    enumerated; else p is from the chi-square test
     """
 
     p: float
@@ -265,10 +268,10 @@ class Multinomial:
 
 @checked_arguments
 def share(count: int, total: int, level: float = 0.95) -> Share:
-    """Return a share with the interval of Clopper and Pearson (1934, Biometrika 26, 404-413).
+    """Return a proportion with the interval of Clopper and Pearson (1934, Biometrika 26, 404-413).
 
-    It inverts the exact binomial test that gives p. Wilson's interval does not: of 5 out of 5 it leaves out one half,
-    which that test does not reject (p = .0625).
+    This interval inverts the exact binomial test that gives p. Wilson's interval does not: of 5 out of 5 it leaves out
+    one half, which that test does not reject (p = .0625).
 
     >>> one = share(15, 148)
     >>> round(one.low, 4), round(one.high, 4)
@@ -283,10 +286,10 @@ def share(count: int, total: int, level: float = 0.95) -> Share:
 
 @checked_arguments
 def multinomial(counts: Sequence[int]) -> Multinomial:
-    """Test whether all of k stimuli are chosen equally often, from the numbers of people who chose each.
+    """Test whether k stimuli are chosen equally often, given how many people chose each.
 
-    Exact where there are at most 200,000 outcomes (36 people and three stimuli have 703), else by chi-square. Raises
-    StudyError for fewer than two stimuli, or no people.
+    The test is exact if there are at most 200,000 outcomes (36 people and three stimuli have 703), else by chi-square.
+    Raises StudyError for fewer than two stimuli, or no people.
 
     >>> round(multinomial([5, 1, 0]).p, 4)
     0.0535

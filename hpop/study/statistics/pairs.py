@@ -1,4 +1,4 @@
-"""Two scores of the same people: Wilcoxon's signed-rank test, effect sizes, and the shift between them."""
+"""Comparison of two scores of the same people: Wilcoxon's signed-rank test, effect sizes, and their shift."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from hpop.study.statistics.scores import checked
 
 Zeros = Literal["pratt", "wilcox"]
 STEP = 1e-9
-"""Step to which scores are rounded, so that differences by rounding errors are ties."""
+"""Step to which scores are rounded, so that differences by mere rounding errors are ties."""
 MOST_EXACT = 200
-"""Most people for whom the exact distribution is enumerated; beyond, the normal one is as good."""
+"""Largest number of people for which p is exact; with more, the normal approximation is as good."""
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Comparison of two scores of the same people; positive if the second is greater.
+    """Comparison of two scores of the same people. Effects are positive if the second score is greater.
 
     people    number of people with both scores
     zeros     number of people with two equal scores
@@ -38,7 +38,7 @@ class Pair:
     low       lower end of the interval of shifts that this test accepts; -inf if there are too few people,
               NaN if the test rejects every shift, as may happen if most differences are equal
     high      upper end
-    level     of the interval, which contains 0 if p is above 1 - level
+    level     confidence level of the interval, which contains 0 if p is above 1 - level
     """
 
     people: int
@@ -57,12 +57,12 @@ class Pair:
 
 @checked_arguments
 def wilcoxon(first: Any, second: Any, *, zeros: Zeros = "pratt", exact: bool = True, level: float = 0.95) -> Pair:
-    """Return Wilcoxon's signed-rank test of two scores (n,) of the same people; a person with a NaN is left out.
+    """Compare two scores (n,) of the same people by Wilcoxon's signed-rank test; a person with a NaN is left out.
 
     Differences of zero are ranked and then left out (``pratt``: Pratt 1959, Journal of the American Statistical
     Association 54, 655-667), or left out before ranking (``wilcox``, as in SPSS). z is the sum of the signed ranks
-    divided by the root of the sum of their squares, which is the usual formula with its correction for ties. ``exact``
-    computes p for up to 200 people from all signs of these ranks, with ties and zeros.
+    divided by the root of the sum of their squares, which is the usual formula with its correction for ties. With
+    ``exact``, p for up to 200 people is computed from all assignments of signs to these ranks, with ties and zeros.
 
     Effect size: Kerby 2014, Comprehensive Psychology 3. Shift and interval: Hodges and Lehmann 1963, Annals of
     Mathematical Statistics 34, 598-611. The interval inverts this very test, ties and zeros included (Bauer 1972,
@@ -107,7 +107,7 @@ def wilcoxon(first: Any, second: Any, *, zeros: Zeros = "pratt", exact: bool = T
 
 
 def signed_ranks(differences: FloatArray, zeros: Zeros = "pratt") -> FloatArray:
-    """Return ranks by size with the signs of the differences, without zeros."""
+    """Rank differences by size, and give each rank the sign of its difference; differences of zero are left out."""
     kept = differences if zeros == "pratt" else differences[differences != 0]
     ranks = np.asarray(stats.rankdata(np.abs(kept))) * np.sign(kept)
     signed: FloatArray = ranks[ranks != 0]
@@ -115,12 +115,15 @@ def signed_ranks(differences: FloatArray, zeros: Zeros = "pratt") -> FloatArray:
 
 
 def exact_p(ranks: FloatArray) -> float:
-    """Return the exact two-sided p of signed ranks, the share of sign assignments with a sum as far from even."""
+    """Return the exact two-sided p of signed ranks: the share of sign assignments with a sum at least as extreme."""
     return min(1.0, 2 * min(_tails(ranks, counted=True)))
 
 
 def _tails(ranks: FloatArray, counted: bool) -> tuple[float, float]:
-    """Return the probabilities, exact or by z, of a sum of positive ranks at least, and at most, as great as this."""
+    """Return two one-sided p values: the probabilities of a sum of positive ranks at least, and at most, as large.
+
+    If ``counted``, they are exact; otherwise they come from the normal approximation.
+    """
     if not counted:
         size = float(np.sqrt((ranks**2).sum()))
         z = float(ranks.sum()) / size if size else 0.0
@@ -132,7 +135,7 @@ def _tails(ranks: FloatArray, counted: bool) -> tuple[float, float]:
 
 
 def rank_sum_chances(steps: Any) -> FloatArray:
-    """Return the probabilities of the sums 0, 1, ..., sum(steps), if each step is taken with probability one half."""
+    """Return the probabilities of the sums 0, 1, ..., sum(steps), if each step is added with probability one half."""
     chance = np.zeros(int(np.sum(steps)) + 1)
     chance[0] = 1.0
     reached = 0
@@ -144,7 +147,7 @@ def rank_sum_chances(steps: Any) -> FloatArray:
 
 
 def _walsh_averages(differences: FloatArray) -> FloatArray:
-    """Return the means (n (n + 1) / 2,) of every two differences, and each difference itself."""
+    """Return the means (n (n + 1) / 2,) of all pairs of differences, each paired with itself too."""
     i, j = np.triu_indices(len(differences))
     averages: FloatArray = (differences[i] + differences[j]) / 2
     return averages
@@ -153,8 +156,8 @@ def _walsh_averages(differences: FloatArray) -> FloatArray:
 def _interval(differences: FloatArray, zeros: Zeros, counted: bool, level: float) -> tuple[float, float]:
     """Return the ends of the interval of shifts that the test accepts.
 
-    Signed ranks change only at Walsh averages, so one shift represents each gap between two averages. The upper tail
-    probability rises with the shift, the lower one falls.
+    Signed ranks change only at Walsh averages (means of two differences), so one shift represents each gap between two
+    averages. The upper tail probability rises with the shift, the lower one falls.
     """
     units = np.rint(differences / STEP) * 2  # whole, and so are the averages: ties are exact
     averages = np.unique(_walsh_averages(units))

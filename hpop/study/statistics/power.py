@@ -1,7 +1,8 @@
-"""Power of a test by simulation, and the number of people a study needs.
+"""Power of a test, by simulation, and the number of people that a study needs.
 
-Answers are simulated as normal variables with a component per person and one per answer, shifted for each stimulus, and
-discretised like a pilot's scores if given. Alternatively, people of a pilot are resampled.
+Answers are simulated as normal variables with one component per person and one per answer, shifted for each
+stimulus. If the scores of a pilot study are given, answers are rounded to such scores. Alternatively, people of a
+pilot study are resampled.
 """
 
 from __future__ import annotations
@@ -28,34 +29,32 @@ TESTS: tuple[Test, ...] = ("friedman", "wilcoxon", "kruskal")
 MOST_PEOPLE = 2000
 MOST_SIMULATED = 200_000
 AT_ONCE = 2_000_000
-"""Scores that are simulated at once."""
+"""Number of scores that are simulated at once."""
 FEW_STUDIES = 100
-"""Studies simulated first, with the largest number of people, to refuse an effect that is far too small."""
+"""Number of studies simulated first, with the largest number of people, to refuse an effect that is far too small."""
 SURELY = 0.35
-"""Margin by which a share of so few studies may be too low; more has a probability below 3e-11 (Hoeffding 1963)."""
+"""Margin by which a share of so few studies may be too low.
+
+A larger error has a probability below 3e-11 (Hoeffding 1963).
+"""
 FEW = 25
-"""Most people for whom Wilcoxon's p is exact; beyond, its normal approximation decides alike."""
+"""Largest number of people for which Wilcoxon's p is exact; with more, the normal approximation decides alike."""
 OBSERVED = (
     "the power of a study that was made, for the effect that it found, follows from its p alone and adds nothing: "
     "where p is .05 it is about one half (Hoenig and Heisey 2001, The American Statistician 55, 19-24). Report the "
     "effect with its interval; for a next study give another n, or the least effect that would matter"
 )
 Draw = Callable[[np.random.Generator, int, int], FloatArray]
-"""Function that draws scores (s, n, k) of s studies of n people."""
+"""Function that draws the scores (s, n, k) of s studies with n people and k stimuli."""
 
 
 @dataclass(frozen=True)
 class Power:
-    """Share of simulated studies that find a difference.
+    """Power of a study: the share of simulated studies that find a difference.
 
-    power        share of the simulated studies with p below ``alpha``
-    low          lower end of its 95 % interval, due to the simulation alone
-    high         upper end
-    people       in each study
-    test         name of the test
-    alpha        significance level
-    simulations  number of simulated studies
-    seed         of their random numbers
+    power share of the simulated studies with p below ``alpha`` low lower end of its 95 % interval, due to the
+    simulation alone high upper end people in each study test name of the test alpha significance level simulations
+    number of simulated studies seed of their random numbers
     """
 
     power: float
@@ -91,7 +90,7 @@ def power(
     simulations: int = 10_000,
     seed: int = 0,
 ) -> Power:
-    """Return the power of a study of n people, or the least n that reaches the power ``target``.
+    """Compute the power of a study of n people, or the least n that reaches the power ``target``, by simulation.
 
     effect       shift of each of the k stimuli, in standard deviations of an answer; a single number is the shift of
                  the last, with the others evenly between
@@ -117,7 +116,7 @@ def power(
     default = "wilcoxon" if k == 2 else "friedman"
     made = one_of("test", default if test is None else test, TESTS, error=StudyError)
     if made != "kruskal" and made != default:
-        raise StudyError(f"of {k} stimuli the test is {default!r} or 'kruskal', got {made!r}")
+        raise StudyError(f"test must be {default!r} or 'kruskal' for {k} stimuli, got {made!r}")
     alpha = real("alpha", alpha, 1e-6, 0.5, "a share", error=StudyError)
     target = real("target", target, 0.01, 0.999, "a share", error=StudyError)
 
@@ -132,7 +131,7 @@ def power(
 
 
 def _from_effect(effect: Any, k: int, correlation: float, like: Any) -> tuple[Draw, int]:
-    """Return a function that draws answers for an effect, and the number of stimuli."""
+    """Return a function that draws simulated answers with an effect, and the number of stimuli."""
     if effect is None:
         raise StudyError("give the least effect that would matter, in standard deviations, or a pilot's scores")
     if isinstance(effect, Sequence | np.ndarray) and not isinstance(effect, str):
@@ -141,7 +140,7 @@ def _from_effect(effect: Any, k: int, correlation: float, like: Any) -> tuple[Dr
         k = whole("k", k, 2, 26, "a number of stimuli", error=StudyError)
         shifts = np.linspace(0.0, real("effect", effect, -100, 100, "a shift", error=StudyError), k)
     if len(shifts) < 2:
-        raise StudyError(f"effect gives the shifts of two stimuli or more, got {shown(effect)}")
+        raise StudyError(f"effect must give the shifts of two stimuli or more, got {shown(effect)}")
     own = np.sqrt(real("correlation", correlation, 0.0, 0.999, "a correlation", error=StudyError))
     pieces = _pieces(like)
 
@@ -155,25 +154,28 @@ def _from_effect(effect: Any, k: int, correlation: float, like: Any) -> tuple[Dr
 
 
 class _Pieces(NamedTuple):
-    """Rising scores (m,) of a pilot, and cuts (m - 1,) of a normal variable that give them the pilot's frequencies."""
+    """Scores of a pilot study as steps of a normal variable, so that each score has the frequency that it has there.
+
+    scores (m,) rising cuts (m - 1,) values of the normal variable between two scores
+    """
 
     scores: FloatArray
     cuts: FloatArray
 
 
 def _pieces(like: Any) -> _Pieces | None:
-    """Return the scores of a pilot with the cuts of a normal variable; None without a pilot."""
+    """Return the scores of a pilot study as steps of a normal variable; None without a pilot."""
     if like is None:
         return None
     scores = np.asarray(like, dtype=float).ravel()
     steps, counts = np.unique(scores[~np.isnan(scores)], return_counts=True)
     if len(steps) < 2:
-        raise StudyError("like takes scores of a pilot that differ, NaN where one is missing")
+        raise StudyError("like must have at least two different scores of a pilot, NaN where one is missing")
     return _Pieces(steps, stats.norm.ppf(np.cumsum(counts)[:-1] / counts.sum()))
 
 
 def _from_pilot(pilot: Any, n: int | None) -> tuple[Draw, int]:
-    """Return a function that draws people of a pilot with replacement, and the number of stimuli."""
+    """Return a function that draws people of a pilot study with replacement, and the number of stimuli."""
     scores = checked(pilot)
     scores = scores[complete_rows(scores)]
     if len(scores) < 2 or scores.shape[1] < 2:
@@ -182,7 +184,7 @@ def _from_pilot(pilot: Any, n: int | None) -> tuple[Draw, int]:
             f"{counted(len(scores), 'such session')}; ask more people, or give an effect instead"
         )
     if n == len(scores):
-        raise StudyError(f"the pilot has {n} people, as the study asked about has: {OBSERVED}")
+        raise StudyError(f"n must differ from the pilot's number of people, {n}: {OBSERVED}")
 
     def draw(rng: np.random.Generator, studies: int, people: int) -> FloatArray:
         drawn: FloatArray = scores[rng.integers(len(scores), size=(studies, people))]
@@ -194,7 +196,7 @@ def _from_pilot(pilot: Any, n: int | None) -> tuple[Draw, int]:
 def _found(
     draw: Draw, people: int, k: int, test: Test, alpha: float, simulations: int, rng: np.random.Generator
 ) -> int:
-    """Count the simulated studies that find a difference."""
+    """Simulate studies, and count those in which the test finds a difference."""
     most, found = max(1, AT_ONCE // (people * k)), 0
     for begin in range(0, simulations, most):
         values = draw(rng, min(most, simulations - begin), people)
@@ -203,7 +205,7 @@ def _found(
 
 
 def _p_values(values: FloatArray, test: Test) -> FloatArray:
-    """Return p values (s,) of studies (s, n, k)."""
+    """Return the p value of each simulated study (s,) from its scores (s, n, k)."""
     if test == "friedman":
         p = stats.chi2.sf(friedman_statistics(values), values.shape[2] - 1)
     elif test == "kruskal":
@@ -219,7 +221,10 @@ def _p_values(values: FloatArray, test: Test) -> FloatArray:
 
 
 def _exact(ranks: FloatArray) -> FloatArray:
-    """Return exact P values (s,) of signed ranks (s, n); those without ties and zeros share one distribution."""
+    """Return exact p values (s,) of Wilcoxon's test from signed ranks (s, n).
+
+    All studies without ties and zeros share one distribution, which makes this fast.
+    """
     people = ranks.shape[1]
     plain = (np.sort(np.abs(ranks), axis=1) == np.arange(1, people + 1)).all(axis=1)
     tail = np.cumsum(rank_sum_chances(range(1, people + 1)))
@@ -231,7 +236,7 @@ def _exact(ranks: FloatArray) -> FloatArray:
 
 
 def _kruskal_statistics(values: FloatArray) -> FloatArray:
-    """Return Kruskal and Wallis' statistics (s,) of many studies at once (s, n, k), with ties."""
+    """Return Kruskal and Wallis' statistic, with ties, of each of many studies (s, n, k) at once."""
     studies, people, stimuli = values.shape
     total = people * stimuli
     ranks = stats.rankdata(values.reshape(studies, total), axis=1) - (total + 1) / 2
@@ -242,7 +247,7 @@ def _kruskal_statistics(values: FloatArray) -> FloatArray:
 
 
 def _too_small(most: Power, target: float) -> StudyError:
-    """Return the error for an effect that even the greatest number of people does not find."""
+    """Return the error for an effect that even the largest number of people does not find."""
     return StudyError(
         f"{most.people:,} people have a power of {most.power:.2f}, below {target:g}: the effect is too small for any "
         "study; give a larger one, or a lower target"
@@ -250,7 +255,7 @@ def _too_small(most: Power, target: float) -> StudyError:
 
 
 def _least(of: Callable[..., Power], target: float) -> Power:
-    """Return the least number of people that reaches the target, by doubling, then bisection."""
+    """Find the least number of people that reaches the power ``target``, by doubling, then bisection."""
     few = of(MOST_PEOPLE, FEW_STUDIES)
     if few.power + SURELY < target:
         raise _too_small(few, target)

@@ -1,9 +1,9 @@
-"""Scores: medians and quartiles, tests of k scores, and p values of several tests at once.
+"""Statistics of scores: medians and quartiles, tests of k scores, and correction of p values for several tests.
 
-Scores of questionnaires are ordinal and skewed, with many zeros: these tests use ranks only. Friedman's and Cochran's
-tests are for scores of the same people. The tests of Kruskal and Wallis and of Dunn are for independent scores. The
-paper (Becerra et al. 2020) used them on scores of the same people, which loses power, because each person's general
-level acts as noise. They suit scores of different people, as at the first place of each session.
+Scores of questionnaires are ordinal and skewed, with many zeros, so these tests use ranks only. Friedman's and
+Cochran's tests are for scores of the same people. The tests of Kruskal and Wallis and of Dunn are for independent
+scores. The paper (Becerra et al. 2020) used them on scores of the same people, which loses power, because each person's
+general level acts as noise. They suit scores of different people, as at the first place of each session.
 """
 
 from __future__ import annotations
@@ -23,18 +23,16 @@ from hpop.base.text import shown
 from hpop.errors import StudyError
 
 LEAST_STIMULI = 3
-"""Least stimuli for a test of all; two are compared as a pair (:func:`hpop.study.statistics.wilcoxon`)."""
+"""Least number of stimuli for a test of all; two are compared as a pair (:func:`hpop.study.statistics.wilcoxon`)."""
 
 
 @dataclass(frozen=True)
 class Related:
-    """Test of k scores of the same people.
+    """Result of a test of k scores of the same people.
 
-    statistic  chi-square, with ``freedom`` degrees of freedom
-    p          by the chi-square approximation
-    agreement  Kendall's W: 0 if the people's rankings have nothing in common, 1 if all rankings are equal
-    people     number of people with all k scores
-    left_out   number of people with missing scores
+    statistic chi-square, with ``freedom`` degrees of freedom p by the chi-square approximation agreement Kendall's W: 0
+    if the people's rankings have nothing in common, 1 if all rankings are equal people number of people with all k
+    scores left_out number of people with missing scores
     """
 
     statistic: float
@@ -47,11 +45,11 @@ class Related:
 
 @checked_arguments
 def friedman(values: Any) -> Related:
-    """Return Friedman's test with ties, and Kendall's W, of scores (n people, k stimuli), NaN if missing.
+    """Test whether k stimuli differ, by Friedman's test with ties; also compute Kendall's W.
 
-    Stimuli are ranked within each person, so that the general level of a person's answers does not matter. Friedman
-    1937, Journal of the American Statistical Association 32, 675-701. Raises StudyError for fewer than three stimuli or
-    two people.
+    ``values`` are scores (n people, k stimuli), NaN if missing. Stimuli are ranked within each person, so that the
+    general level of a person's answers does not matter. Friedman 1937, Journal of the American Statistical Association
+    32, 675-701. Raises StudyError for fewer than three stimuli or two people.
     """
     table = checked(values)
     complete = complete_rows(table)
@@ -71,21 +69,21 @@ def friedman(values: Any) -> Related:
 
 @checked_arguments
 def cochran(values: Any) -> Related:
-    """Return Cochran's Q of yes or no (n people, k stimuli), as 1 and 0; it equals Friedman's test on them.
+    """Test whether k stimuli differ in yes-or-no answers (n people, k stimuli), given as 1 and 0, by Cochran's Q.
 
-    Cochran 1950, Biometrika 37, 256-266.
+    It equals Friedman's test of these numbers. Cochran 1950, Biometrika 37, 256-266.
 
     >>> round(cochran([[1, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [1, 0, 0]]).statistic, 3)
     4.8
     """
     table = checked(values)
     if not np.isin(table[~np.isnan(table)], (0, 1)).all():
-        raise StudyError("Cochran's Q compares answers of yes and no, written as 1 and 0")
+        raise StudyError("values of Cochran's Q must be 1 (yes) and 0 (no), or NaN if missing")
     return friedman(table)
 
 
 def friedman_statistics(values: FloatArray) -> FloatArray:
-    """Return Friedman's statistics (s,) of many studies at once (s, n, k), without missing scores."""
+    """Return Friedman's statistic (s,) of each of many studies (s, n, k) at once; no score may be missing."""
     _, people, stimuli = values.shape
     ranks = stats.rankdata(values, axis=2)
     between = ((ranks.mean(axis=1) - (stimuli + 1) / 2) ** 2).sum(axis=1)  # (s,)
@@ -95,12 +93,12 @@ def friedman_statistics(values: FloatArray) -> FloatArray:
 
 
 def complete_rows(values: FloatArray) -> BoolArray:
-    """Return which people (n,) have all scores (n, k)."""
+    """Return a mask (n,) of the people who have all scores (n, k)."""
     return ~np.asarray(np.isnan(values).any(axis=1))
 
 
 def checked(values: Any, dimensions: int = 2) -> FloatArray:
-    """Return scores as an array; StudyError if they are invalid or infinite."""
+    """Return scores as an array, rounded to nine decimals; StudyError if they are infinite or have a wrong shape."""
     table = np.asarray(values, dtype=float)
     if table.ndim != dimensions or np.isinf(table).any():
         shape = "(people, stimuli)" if dimensions == 2 else "(people,)"
@@ -111,15 +109,11 @@ def checked(values: Any, dimensions: int = 2) -> FloatArray:
 
 @dataclass(frozen=True)
 class Described:
-    """Five-number summary of scores.
+    """Summary of the scores of some people.
 
-    people    number of people with a score
-    missing   number of people without a score
-    median    NaN without scores, as are the quartiles
-    lower     first quartile, by linear interpolation (type 7 of Hyndman and Fan 1996, as in R and NumPy)
-    upper     third quartile
-    least     the least score
-    greatest  the greatest
+    people number of people with a score missing number of people without a score median NaN without scores, as are the
+    quartiles lower first quartile, by linear interpolation (type 7 of Hyndman and Fan 1996, as in R and NumPy) upper
+    third quartile least the least score greatest the greatest
     """
 
     people: int
@@ -133,7 +127,7 @@ class Described:
 
 @checked_arguments
 def describe(values: Any) -> Described:
-    """Return median and quartiles of scores (n,), NaN if missing.
+    """Summarise scores (n,), NaN if missing, by median, quartiles and extremes.
 
     >>> describe([1.0, 2.0, 4.0, float("nan")])
     Described(people=3, missing=1, median=2.0, lower=1.5, upper=3.0, least=1.0, greatest=4.0)
@@ -146,13 +140,11 @@ def describe(values: Any) -> Described:
 
 @dataclass(frozen=True)
 class Independent:
-    """Kruskal and Wallis' test of k groups.
+    """Result of Kruskal and Wallis' test of k groups of different people.
 
-    statistic  H, corrected for ties, with ``freedom`` degrees of freedom
-    p          by the chi-square approximation
-    epsilon2   effect size H / (N - 1): 0 to 1
-    eta2       effect size (H - k + 1) / (N - k), below 0 if H is less than expected by chance
-    sizes      of the groups, without missing scores
+    statistic H, corrected for ties, with ``freedom`` degrees of freedom p by the chi-square approximation epsilon2
+    effect size H / (N - 1): 0 to 1 eta2 effect size (H - k + 1) / (N - k), below 0 if H is less than expected by chance
+    sizes of the groups, without missing scores
     """
 
     statistic: float
@@ -165,11 +157,10 @@ class Independent:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Dunn's comparison of two groups.
+    """Result of Dunn's comparison of two groups.
 
-    first, second  numbers of the groups
-    z              mean rank of the second less that of the first, by its standard deviation
-    p              two-sided, for this comparison alone
+    first, second numbers of the groups z mean rank of the second less that of the first, by its standard deviation p
+    two-sided, for this comparison alone
     """
 
     first: int
@@ -180,7 +171,7 @@ class Comparison:
 
 @checked_arguments
 def kruskal(groups: Sequence[Any]) -> Independent:
-    """Return Kruskal and Wallis' test of scores by group, with ties; NaN means missing.
+    """Test whether groups of scores differ, by Kruskal and Wallis' test with ties; NaN means missing.
 
     Kruskal and Wallis 1952, Journal of the American Statistical Association 47, 583-621; effect sizes: Tomczak and
     Tomczak 2014, Trends in Sport Sciences 1(21), 19-25. Raises StudyError for fewer than two groups, an empty one, or
@@ -202,7 +193,7 @@ def kruskal(groups: Sequence[Any]) -> Independent:
 
 @checked_arguments
 def dunn(groups: Sequence[Any]) -> list[Comparison]:
-    """Return Dunn's comparisons of every two groups by their mean ranks among all scores, with ties.
+    """Compare every two groups by their mean ranks among all scores (Dunn's test), with ties.
 
     Dunn 1964, Technometrics 6, 241-252. Implemented here because libraries return p without z. For groups of equal size
     H is 2 / k times the sum of all z squared, and the z add up: z(1, 3) = z(1, 2) + z(2, 3). Raises StudyError as
@@ -222,7 +213,7 @@ def dunn(groups: Sequence[Any]) -> list[Comparison]:
 
 
 def _scores_by_group(groups: Sequence[Any]) -> list[FloatArray]:
-    """Return scores by group, without missing ones."""
+    """Return the scores of each group without missing ones; StudyError if there are too few."""
     kept = [(values := checked(group, 1))[~np.isnan(values)] for group in groups]
     if len(kept) < 2 or not all(map(len, kept)) or sum(map(len, kept)) <= len(kept):
         sizes = ", ".join(str(len(group)) for group in kept) or "none"
