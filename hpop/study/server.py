@@ -245,7 +245,7 @@ class StudyServer(PageServer):
         return HTMLResponse(page.encode(errors="backslashreplace"), status)
 
     def _owner(self, token: str) -> str | None:
-        """Return the participant to whom a token belongs; None if there is none."""
+        """Return the id of the participant who owns a token; None if there is none."""
         people = (person.id for person in self.study.design.participants)
         return next((participant for participant in people if same(token, self.token_of(participant))), None)
 

@@ -89,7 +89,7 @@ def test_who_answers_at_random_and_a_front_of_one_are_told(folder: Path, run: Ru
     seeded(60)[1][:1].save(folder / "one.json")
     alone = run("prefer", folder / "one.json", "--out", folder / "new.json")
     assert alone.exit_code == 17
-    assert "of 1 point there is nothing to prefer; take a front of at least two" in alone.output
+    assert "a preference needs a front of at least two points, got 1 point" in alone.output
 
 
 @pytest.mark.usefixtures("without_pictures")

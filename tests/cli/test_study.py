@@ -127,7 +127,7 @@ def test_a_study_with_faults_ends_with_its_exit_code(study: Study, planned: Path
         (["--rows", "knee,99"], 10, "no row 99"),
         (["--rows", "knee"], 17, "shows 2 to 26 stimuli"),
         (["--count", "27"], 17, "count must be"),
-        (["--count", "4", "--share", "0.001"], 17, "allow a larger one"),
+        (["--count", "4", "--share", "0.001"], 17, "allow a larger share"),
         (["--participants", "7"], 17, "multiple of 6 participants, got 7: take 6 or 12"),
         (["--order", "latn"], 17, "Did you mean 'latin'"),
         (["--consent", "empty.txt"], 17, "the consent text is empty"),
@@ -135,10 +135,10 @@ def test_a_study_with_faults_ends_with_its_exit_code(study: Study, planned: Path
         (["--consent", "latin1.txt"], 17, "the consent text must be UTF-8"),
         (["--consent", "steers.txt"], 17, r"control character, '\x1b'"),
         (["--forms", "sqq"], 17, "Did you mean 'ssq'"),
-        (["--strata", "sex=f"], 17, "two levels or more"),
+        (["--strata", "sex=f"], 17, "two or more levels"),
         (["--strata", "sex"], 2, "expected NAME=LEVEL,LEVEL"),
         (["--front", "nowhere"], 12, "cannot read nowhere"),
-        (["--language", "xx"], 17, "not written in 'xx'"),
+        (["--language", "xx"], 17, "without texts in 'xx'"),
         (["--rest", "-1"], 17, "rest_s must be"),
         (["--rows", "knee,view", "--share", "0.1"], 2, "give --count as well"),
         (["--rows", "knee,view", "--count", "1"], 2, "expected 2 or more, got 1"),
@@ -149,8 +149,8 @@ def test_a_study_with_faults_ends_with_its_exit_code(study: Study, planned: Path
         (
             ["--language", "de", "--words", "stop.json"],
             17,
-            "not written in 'de': ssq (but in en), comfort (but in en), preference (but in en); translate the file of "
-            "each, and name that by its path; and stop.json lacks agree, ",
+            "without texts in 'de': ssq (but in en), comfort (but in en), preference (but in en); translate the file "
+            "of each, and give the path of the translation; and stop.json lacks the texts agree, ",
         ),
     ],
 )
@@ -177,7 +177,7 @@ def test_a_folder_that_is_no_study_is_said_by_every_command(study: Study) -> Non
         who = ["p01"] if command[0] in ("withdraw", "replace") else []
         done = study(*command, "nowhere", *who)
         assert done.exit_code == 17
-        assert "nowhere is no study: expected design.json in it; give the folder" in done.output
+        assert "nowhere is not the folder of a study: expected design.json in it; give the folder" in done.output
     assert not Path("nowhere").exists()
 
 
@@ -230,4 +230,4 @@ def test_serve_says_where_and_what_cannot_be_served_is_told(study: Study, planne
     assert not Path("nowhere").exists()
     Path("s/stimuli/A.html").unlink()
     gone = study("serve", "s", "--port", 0)
-    assert (gone.exit_code, "make the stimuli" in gone.output) == (17, True)
+    assert (gone.exit_code, "write the stimuli again" in gone.output) == (17, True)

@@ -91,7 +91,7 @@ def test_comfort_and_preference_are_not_pooled() -> None:
     asked = [Preference.fit(FRONT, question=question) for question in ("prefer", "comfort")]
     with pytest.raises(StudyError, match="one question about the same costs"):
         People(asked)
-    with pytest.raises(StudyError, match="one a person, got 1"):
+    with pytest.raises(StudyError, match="one for each person, got 1"):
         People(asked[:1] * 2, [{"mssq": 1.0}])
     with pytest.raises(StudyError, match="no profile has 'age'; their profiles have: mssq"):
         People(asked[:1], [{"mssq": 1.0}]).prior({"age": 3})
@@ -137,14 +137,14 @@ def test_people_asked_about_fronts_of_other_ranges_are_pooled_by_units() -> None
 
 def test_a_prior_of_other_costs_or_units_or_bends_is_refused(tmp_path: Path) -> None:
     prior = People([Preference.fit(FRONT, count=1_000)]).prior()
-    with pytest.raises(StudyError, match="asked about length, turns, exposure, and here the costs are length, turns"):
+    with pytest.raises(StudyError, match="asked about length, turns, exposure, but here the costs are length, turns"):
         Preference.fit(people.front(k=2), prior=prior)
     units: Front[int] = Front.of(FRONT.costs, names=FRONT.names, units=["mm", "1", "s"], quanta=[1e-6] * 3)
-    with pytest.raises(StudyError, match="about 'length' in 'm', here it is in 'mm'"):
+    with pytest.raises(StudyError, match="about 'length' in 'm', but here it is in 'mm'"):
         Preference.fit(units, prior=prior)
     bent = [Preference.fit(stretched([f, 1, 1]), features={"length": "log"}, count=1_000) for f in (1.0, 1.05, 3.0)]
     assert len(People(bent[:2])) == 2
-    with pytest.raises(StudyError, match="shares of the one say nothing of the other"):
+    with pytest.raises(StudyError, match="so their shares say nothing here"):
         People(bent[1:])
     with pytest.raises(StudyError, match="in 'log m', here it is in 'm'"):
         People([bent[0], Preference.fit(FRONT, count=1_000)])

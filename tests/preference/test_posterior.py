@@ -163,11 +163,11 @@ def test_a_cost_that_is_the_same_everywhere_keeps_its_prior() -> None:
 @pytest.mark.parametrize(
     ("choices", "said"),
     [
-        ([(3, 3)], "between two rows, got 3 twice"),
+        ([(3, 3)], "between two different rows, got 3 twice"),
         ([(3, 60)], "the second must be a row of the front from 0 to 59, got 60"),
         ([(True, 2)], "a row of the front"),
-        (["ab"], "the row that was chosen and the other one"),
-        ([(1, 2, 3)], "the row that was chosen and the other one"),
+        (["ab"], "the chosen row and the other one"),
+        ([(1, 2, 3)], "the chosen row and the other one"),
     ],
 )
 def test_what_is_no_choice_is_refused(choices: list[object], said: str) -> None:
@@ -186,12 +186,12 @@ def test_a_prior_under_which_numbers_overflow_is_refused(name: str) -> None:
 def test_no_difference_must_have_been_an_answer() -> None:
     with pytest.raises(StudyError, match="ties=True from the first question on"):
         Preference.fit(people.front()).told(1, 2, None)
-    with pytest.raises(StudyError, match="one of them, or None"):
+    with pytest.raises(StudyError, match="must be row 1 or 2, or None"):
         Preference.fit(people.front()).told(1, 2, 7)
 
 
 def test_a_front_without_a_choice_is_refused() -> None:
-    with pytest.raises(StudyError, match="of 1 point there is nothing to prefer"):
+    with pytest.raises(StudyError, match="a front of at least two points, got 1 point"):
         Preference.fit(TRIANGLE[:1])
     with pytest.raises(StudyError, match="needs a front"):
         Preference.fit([[1.0, 2.0]])  # type: ignore[arg-type]

@@ -175,7 +175,7 @@ def test_a_logarithmic_cost_counts_more_near_the_ideal_and_stays_monotone() -> N
     [
         ({"turn": 6}, "Did you mean 'turns'"),
         ({"turns": "square"}, "'log' or a number"),
-        ({"turns": 1e5}, "between the least"),
+        ({"turns": 1e5}, "between its least and greatest value"),
     ],
 )
 def test_what_is_no_feature_is_refused(features: dict[str, object], said: str) -> None:

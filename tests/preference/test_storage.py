@@ -140,7 +140,7 @@ DROPPED = object()
         (changed(criteria__0__range=1e-320), "a range below 1e-100"),
         (changed(criteria__0__ideal=-1e308), "numbers from -1e+308 to"),
         (changed(answers__0__costs=[[1e308, 0.0, 0.0], [2.0, 0.0, 0.0]]), "1e+308 in the costs of an answer"),
-        (changed(prior__concentration=[1.0, 1.0]), "concentrations of 2 costs, and there are 3"),
+        (changed(prior__concentration=[1.0, 1.0]), "concentrations of 2 costs, but there are 3"),
         (changed(question="\x1b[2J"), "a question must be"),
         (changed(question=""), "a question must be"),
     ],
@@ -178,5 +178,5 @@ def test_a_file_that_is_too_large_is_not_read(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_is_not_there_is_told(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError, match="make it first"):
+    with pytest.raises(FileNotFoundError, match="create it"):
         Preference.fit(people.front()).save(tmp_path / "none" / "p.json")

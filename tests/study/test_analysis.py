@@ -100,7 +100,7 @@ def test_choices_are_counted_and_strengths_go_with_them(result):
     strengths = [row["strength"] for row in result.tables["strengths"]]
     assert len(strengths) == 3
     assert strengths == sorted(strengths, reverse=True)
-    assert "comfort, strengths: the choices order groups of stimuli without exception" in result.choices["Not done"]
+    assert "comfort, strengths: some groups of stimuli were always preferred" in result.choices["Not done"]
     assert "A" in result.choices["Not done"].split("them: ")[1]
 
 
@@ -109,7 +109,7 @@ def test_who_did_not_answer_all_is_left_out_where_it_is_said(design, answers):
     result = study.analyse(design, study.Answers(design, (half, *answers.sessions[1:])))
     assert (result.tables["test"][0]["people"], result.tables["test"][0]["left out"]) == (11, 1)
     assert "12 sessions; 11 with all scores" in result.choices["People"]
-    assert "p01 has half a session" in result.choices["Faults of sessions"]
+    assert "the session of p01 is incomplete" in result.choices["Faults of sessions"]
     assert "11 of 12" in result.choices["Complete sessions"]
     assert "order" in result.choices["Orders of complete sessions"]
     assert sum(row["place 1"] for row in result.tables["balance"]) == 11
@@ -154,7 +154,7 @@ def test_what_has_no_value_is_a_dash_that_the_page_explains_and_a_gap_in_csv(fro
 def test_a_report_into_the_folder_of_a_study_is_refused_for_it_has_tables_of_the_same_names(result, design, tmp_path):
     design.save(tmp_path)
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    with pytest.raises(StudyError, match=r"a report needs one of its own, such as .*report"):
+    with pytest.raises(StudyError, match=r"a report needs a folder of its own, such as .*report"):
         result.save(tmp_path)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
@@ -162,7 +162,7 @@ def test_a_report_into_the_folder_of_a_study_is_refused_for_it_has_tables_of_the
 @pytest.mark.parametrize("inside", ["pages", "answers/p01", "stimuli", "words"])
 def test_a_report_among_a_studys_pages_or_answers_is_refused(result, design, tmp_path, inside):
     design.save(tmp_path)
-    with pytest.raises(StudyError, match=r"a report needs one of its own, such as .*report"):
+    with pytest.raises(StudyError, match=r"a report needs a folder of its own, such as .*report"):
         result.save(tmp_path / inside)
     assert not (tmp_path / inside).exists()
 
@@ -243,10 +243,10 @@ def test_names_of_rows_stay_text_on_the_page(design, answers):
     [
         ({"method": "papers"}, "Did you mean 'paper'"),
         ({"correction": "fdr"}, "correction must be one of holm, bonferroni, none"),
-        ({"score": ("vrsq", "total")}, "the study asks no form 'vrsq'"),
+        ({"score": ("vrsq", "total")}, "the study has no form 'vrsq'"),
         ({"score": ("ssq", "sum")}, "score must be one of N, O, D, total"),
         ({"score": ("preference", "comfort")}, "is not asked after each stimulus"),
-        ({"score": "ssq"}, "a score is named by its form and its name"),
+        ({"score": "ssq"}, "score must be a form and a name"),
     ],
 )
 def test_what_cannot_be_analysed_is_refused(design, answers, asked, said):

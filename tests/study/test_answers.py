@@ -115,7 +115,7 @@ def test_choices_are_rows_of_the_front_in_the_order_shown(design: Design, folder
     assert choices[0].chosen_row is None
     assert all(one.chosen_row == rows[min(design.pairs("p04")[i])] for i, one in enumerate(choices) if i)
     assert len(answers.choices(question="prefer")) == 6
-    with pytest.raises(StudyError, match="no answers of 'p06'; there are of p04, p05"):
+    with pytest.raises(StudyError, match="no answers of 'p06'; participants with answers: p04, p05"):
         answers.choices("p06")
     with pytest.raises(StudyError, match="question must be one of comfort, prefer"):
         answers.choices(question="liked")
@@ -129,7 +129,8 @@ def test_half_a_session_is_used_as_far_as_it_goes_and_told(design: Design, folde
     matrix = answers.matrix("ssq", "total")
     assert np.isnan(matrix.values).sum() == 2
     assert answers.faults == (
-        f"p01 has half a session: stimulus {design.participant('p01').order[1]}, 2 of 3, had begun, and it has no end",
+        f"the session of p01 is incomplete: stimulus {design.participant('p01').order[1]}, 2 of 3, had begun, and it "
+        "has no end",
     )
     assert answers.notes[0] == "0 of 12 sessions are complete"
 
@@ -163,12 +164,12 @@ def test_orders_that_are_short_rides_that_jerk_and_devices_that_differ_are_told(
             event["value"]["slow"] = 0.25
     put(folder, screen)
     answers = Answers.load(folder)
-    assert answers.faults == ("p11 saw fewer than 60 pictures a second for a part of B (25%)",)
+    assert answers.faults == ("p11 saw fewer than 60 frames per second for a share of some rides: B (25%)",)
     short = " ".join(design.participant("p12").order)
     assert answers.notes == (
         "11 of 12 sessions are complete",
-        f"complete sessions by order are not equally many: order {short}: 1 of 2",
-        "10 of 11 saw it in a headset, the others on a screen: analyse them separately",
+        f"some orders have fewer complete sessions than others: order {short}: 1 of 2",
+        "10 of 11 participants used a headset, the others a screen: analyse them separately",
     )
 
 
@@ -200,9 +201,9 @@ def without_consent(contents: dict[str, Any]) -> None:
 @pytest.mark.parametrize(
     ("change", "match"),
     [
-        (top(design="0" * 64), r"answers to another design \(it begins 000000000000"),
+        (top(design="0" * 64), r"answers to another design \(its SHA-256 begins with 000000000000"),
         (top(design="x"), "at design"),
-        (top(participant=NAME), "names, initials and the like are refused"),
+        (top(participant=NAME), "names and initials are refused"),
         (top(participant="p13"), "no participant p13; it has p01 to p12"),
         (top(version=2), "at version"),
         (top(name=NAME), "at name: Extra inputs are not permitted"),
@@ -213,34 +214,37 @@ def without_consent(contents: dict[str, Any]) -> None:
         (device(position=[1, 2]), "at device.position"),
         (without_consent, r"events\[1\]: answer before consent was given"),
         (changed(0, value=False), r"events\[2\]: answer before consent was given"),
-        (changed(2, value=4), "item general_discomfort of form ssq is answered by 0 to 3 in steps of 1, got 4"),
-        (changed(2, value=-1), "answered by 0 to 3"),
-        (changed(2, value=10**400), "answered by 0 to 3"),
-        (changed(2, value=0.5), "answered by 0 to 3"),
-        (changed(2, value=True), "answered by 0 to 3"),
-        (changed(2, value=NAME), "answered by 0 to 3"),
+        (changed(2, value=4), "item general_discomfort of form ssq: expected 0 to 3 in steps of 1, got 4"),
+        (changed(2, value=-1), "expected 0 to 3"),
+        (changed(2, value=10**400), "expected 0 to 3"),
+        (changed(2, value=0.5), "expected 0 to 3"),
+        (changed(2, value=True), "expected 0 to 3"),
+        (changed(2, value=NAME), "expected 0 to 3"),
         (changed(2, item="nauseous"), "no item 'nauseous'. Did you mean 'nausea'"),
-        (changed(2, form="fms"), "asks no form 'fms'; it asks ssq, comfort, preference"),
+        (changed(2, form="fms"), "has no form 'fms'; it has ssq, comfort, preference"),
         (changed(2, form="comfort", item="comfort"), "form comfort is not asked at place 0"),
         (changed(2, form="preference", item="prefer"), "not asked at place 0"),
-        (changed(2, place=5), "places are 0 to 4, got 5"),
+        (changed(2, place=5), "place must be from 0 to 4, got 5"),
         (changed(2, place=1, condition=None), r"p01 sees [ABC] at place 1, but the answers say none"),
         (changed(2, condition="A"), "p01 sees no stimulus at place 0, but the answers say A"),
-        (changed(2, place=None, condition="A"), "stimulus A without its place"),
-        (changed(2, t=0.5), r"events\[2\]: time goes back, from 1 to 0.5 s"),
+        (changed(2, place=None, condition="A"), "expected the place of stimulus A"),
+        (changed(2, t=0.5), r"events\[2\]: events must be in order of time, got 0.5 s after 1 s"),
         (changed(2, t=-1), r"at events\[2\].t"),
         (changed(2, at="yesterday"), r"at events\[2\].at"),
         (changed(2, kind="anser"), r"at events\[2\].kind"),
         (changed(2, note=NAME), r"at events\[2\].note: Extra inputs"),
-        (changed(1, value=NAME), "start has a number, a word or nothing"),
-        (changed(-1, value={"name": NAME}), "end has a number, a word or nothing"),
-        (changed(-2, value=3), "a remark is plain text"),
+        (changed(1, value=NAME), "the value of start must be a number, a word or nothing"),
+        (changed(-1, value={"name": NAME}), "the value of end must be a number, a word or nothing"),
+        (changed(-2, value=3), "a remark must be plain text"),
         (changed(-2, value="x" * 2001), "at most 2,000 characters"),
-        (changed(-2, value="x\x1b[2J"), "a remark is plain text"),
-        (changed(-3, value={"question": "liked", "pair": ["A", "B"], "chosen": "A"}), "asks comfort, prefer of pairs"),
+        (changed(-2, value="x\x1b[2J"), "a remark must be plain text"),
+        (
+            changed(-3, value={"question": "liked", "pair": ["A", "B"], "chosen": "A"}),
+            "question must be one of comfort, prefer",
+        ),
         (changed(-3, value={"question": "prefer", "pair": ["A", "D"], "chosen": "A"}), "no stimulus 'D'"),
-        (changed(-3, value={"question": "prefer", "pair": ["A", "A"], "chosen": "A"}), "two rides are compared"),
-        (changed(-3, value={"question": "prefer", "pair": ["A", "B"], "chosen": "C"}), "one is chosen, or 'none'"),
+        (changed(-3, value={"question": "prefer", "pair": ["A", "A"], "chosen": "A"}), "two different rides"),
+        (changed(-3, value={"question": "prefer", "pair": ["A", "B"], "chosen": "C"}), "chosen must be A, B or 'none'"),
         (changed(-3, value={"question": "prefer", "pair": ["A"], "chosen": "A"}), "an object of question, pair"),
         (changed(-3, value="A"), "an object of question, pair"),
     ],
@@ -262,7 +266,7 @@ def test_two_files_of_one_participant_are_refused(design: Design, folder: Path) 
     with pytest.raises(StudyError, match=r"p01 \(1\).json: a second file of participant p01, beside p01.json"):
         Answers.load(folder)
     (folder / "answers" / "p01.json").unlink()
-    with pytest.raises(StudyError, match=r"these are the answers of p01; call the file p01.json"):
+    with pytest.raises(StudyError, match=r"these are the answers of p01; rename the file to p01.json"):
         Answers.load(folder)
 
 
@@ -350,7 +354,7 @@ def test_matrices_of_what_is_not_asked_are_refused(design: Design, folder: Path)
     answers = Answers.load(folder)
     assert answers.people == ()
     assert answers.matrix("ssq", "total").values.shape == (0, 3)
-    with pytest.raises(StudyError, match="asks no form 'vrsq'"):
+    with pytest.raises(StudyError, match="has no form 'vrsq'"):
         answers.matrix("vrsq", "total")
     with pytest.raises(StudyError, match="Did you mean 'total'"):
         answers.matrix("ssq", "totals")
@@ -395,10 +399,9 @@ def test_a_video_that_ended_before_it_can_have_is_a_fault_and_one_that_the_page_
     answers = Answers.load(tmp_path)
     lasts = videos.condition(second).duration
     assert answers.faults == (
-        f"p01 did not watch video {second} to its end: it lasts {lasts:.1f} s, and 2.0 s after its beginning it was "
-        "said to have ended",
+        f"p01 did not watch video {second} to its end: it lasts {lasts:.1f} s, but was reported as ended after 2.0 s",
     )
-    assert answers.noted["Videos"].endswith(f"participants say: p01 ({second})")
+    assert answers.noted["Videos"].endswith(f"in another player: p01 ({second})")
     later = events[:end] + [{**event, "t": event["t"] + lasts} for event in events[end:]]
     last = max(i for i, one in enumerate(later) if one["kind"] == "stimulus")
     later = later[:last] + [{**event, "t": event["t"] + lasts} for event in later[last:]]

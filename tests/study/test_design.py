@@ -108,7 +108,7 @@ def test_who_left_is_followed_by_the_next_person_in_the_same_order(design: Desig
     counts = Counter((person.order, person.strata["sex"]) for person in again.expected)
     assert set(counts.values()) == {1}
     assert again.after("p03", withdrawn=True).withdrawn == {"p03", "p13"}  # who dropped out may still withdraw
-    with pytest.raises(StudyError, match="p13 withdrew before; p14 has the place"):
+    with pytest.raises(StudyError, match="p13 withdrew already; p14 has the place"):
         again.after("p13", withdrawn=True)
 
 
@@ -127,10 +127,10 @@ def test_who_left_is_followed_by_the_next_person_in_the_same_order(design: Desig
         ({"participants": 40}, "multiple of 6 participants, got 40: take 36 or 42"),
         ({"order": "permutation"}, "Did you mean 'permutations'"),
         ({"forms": ["sqq"]}, "Did you mean 'ssq'"),
-        ({"forms": "ssq"}, "forms are a list of ids"),
+        ({"forms": "ssq"}, "forms must be a list of ids"),
         ({"forms": ["ssq", "ssq"]}, "each once, got ssq, ssq"),
-        ({"forms": [], "comparisons": False}, "asks one form or more"),
-        ({"language": "de"}, "forms that are not written in 'de': "),
+        ({"forms": [], "comparisons": False}, "must have one form or more"),
+        ({"language": "de"}, "forms without texts in 'de': "),
         ({"strata": {"sex": ("f", "m"), "age": ("a", "b")}}, "expected at least 8"),
         ({"kind": "film"}, "kind must be one of ride, video"),
         ({"seed": -1}, "seed must be"),
@@ -186,7 +186,7 @@ def test_the_digest_of_a_front_is_that_of_what_it_holds(front: hpop.Front, tmp_p
 @pytest.mark.parametrize(
     ("old", "new", "match"),
     [
-        ('"seed": 7', '"seed":  7', "was written by another program"),
+        ('"seed": 7', '"seed":  7', "was rewritten by another program"),
         ('"version": 1', '"version": 2', "at version: Input should be 1, got 2"),
         ('"seed": 7', '"seed": 7, "seed": 7', "twice in one object"),
         ('"seed": 7', '"seed": NaN', "the constant NaN"),

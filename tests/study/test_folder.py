@@ -69,7 +69,7 @@ def test_a_folder_in_use_is_refused_and_left_as_it_is(
     (tmp_path / "file").write_text("x")
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
     before = sorted(os.listdir(tmp_path))
-    with pytest.raises(StudyError, match="in use: a study begins in a folder that is new or empty"):
+    with pytest.raises(StudyError, match="in use, but a study must begin in a new or empty folder"):
         folder.prepare(design, front, tmp_path / name)
     assert sorted(os.listdir(tmp_path)) == before
     assert files_of(tmp_path / "full") == ["thesis.txt"]
@@ -108,10 +108,10 @@ def test_what_cannot_be_written_is_called_by_the_name_of_the_study(
 def test_only_the_front_of_the_design_and_whole_texts_are_taken(
     front: hpop.Front, design: Design, tmp_path: Path
 ) -> None:
-    with pytest.raises(StudyError, match="not the front that the design was made of"):
+    with pytest.raises(StudyError, match="expected the front from which the design was made"):
         folder.prepare(design, front[1:], tmp_path / "study")
     (tmp_path / "en.json").write_text('{"stop": "Halt"}')
-    with pytest.raises(StudyError, match=r"en.json lacks agree, "):
+    with pytest.raises(StudyError, match=r"en.json lacks the texts agree, "):
         folder.prepare(design, front, tmp_path / "study", words=tmp_path / "en.json")
     assert os.listdir(tmp_path) == ["en.json"]
 
@@ -138,8 +138,8 @@ def test_all_faults_are_told_at_once(begun: Path, design: Design) -> None:
         "B.html is missing",
         "p04.html is missing",
         "p02.json: these are answers to another design",
-        "p03 (1).json: these are the answers of p03; call the file p03.json",
-        "p01 has half a session",
+        "p03 (1).json: these are the answers of p03; rename the file to p03.json",
+        "the session of p01 is incomplete",
     ):
         assert part in said
     assert len(check(begun).faults) == 5
@@ -194,7 +194,7 @@ def test_who_dropped_out_keeps_what_was_answered(begun: Path, design: Design) ->
     answered(design, begun, ["p02"])
     assert study.replace(begun, "p02") == "p13"
     assert Answers.load(begun).people == ("p02",)
-    with pytest.raises(StudyError, match="p02 dropped out before; p13 has the place"):
+    with pytest.raises(StudyError, match="p02 dropped out already; p13 has the place"):
         study.replace(begun, "p02")
     assert (begun / "pages" / "p13.html").is_file()
     assert check(begun).faults == ()
@@ -204,7 +204,7 @@ def test_who_dropped_out_keeps_what_was_answered(begun: Path, design: Design) ->
 @pytest.mark.parametrize("act", [study.replace, study.withdraw])
 def test_nobody_else_is_removed(begun: Path, act: Any, given: str) -> None:
     before = files_of(begun)
-    with pytest.raises(StudyError, match=r"names, initials|no participant p99"):
+    with pytest.raises(StudyError, match=r"names and initials|no participant p99"):
         act(begun, given)
     assert files_of(begun) == before
 

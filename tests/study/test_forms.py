@@ -92,14 +92,14 @@ def test_unknown_forms_and_files_that_are_not_there_are_said(tmp_path):
         Form.load("sqs")
     with pytest.raises(StudyError, match="no such file"):
         Form.load(tmp_path / "absent.yaml")
-    with pytest.raises(StudyError, match="this is no form: at title: Field required; at source"):
+    with pytest.raises(StudyError, match="expected a valid form, got at title: Field required; at source"):
         Form.from_dict({"id": "x"})
 
 
 def test_of_a_form_with_many_faults_the_first_ones_are_said():
     values = Form.load("ssq").to_dict()
     values["scale"]["labels"] = {f"language {i}": 7 for i in range(60)}
-    with pytest.raises(StudyError, match=r"this is no form: at scale\.labels.*and \d+ more$") as raised:
+    with pytest.raises(StudyError, match=r"expected a valid form, got at scale\.labels.*and \d+ more$") as raised:
         Form.from_dict(values)
     assert len(str(raised.value)) < 1000
     assert "pydantic" not in str(raised.value)

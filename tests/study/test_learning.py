@@ -94,21 +94,21 @@ def test_ratings_that_have_nothing_to_do_with_costs_are_told() -> None:
     with pytest.warns(HpopWarning, match="no better than each person's mean"):
         fit_criterion(rng.normal(size=80).tolist(), rows, PROBLEM, NAMES, front=FRONT, source="noise")
     ratings, rows, who = rated(0.0)
-    with pytest.raises(StudyError, match="is better='low' right"):
+    with pytest.raises(StudyError, match="check better='low'"):
         fit_criterion(ratings, rows, PROBLEM, ["rotation"], people=who, front=FRONT, better="low", source="s")
 
 
 @pytest.mark.parametrize(
     ("change", "kind", "said"),
     [
-        ({"source": ""}, StudyError, "say who was asked"),
+        ({"source": ""}, StudyError, "source must describe the ratings"),
         ({"people": [1, 2]}, StudyError, "as many trajectories and people"),
         ({"better": "more"}, StudyError, "better must be one of high, low"),
         ({"ratings": [1.0, float("nan")] * 20}, StudyError, "a rating must be a number"),
-        ({"front": None}, StudyError, "give its trajectory; got 0"),
+        ({"front": None}, StudyError, "each rating needs its trajectory; got 0"),
         ({"trajectories": [99] * 40}, StudyError, "its row, 0 to 39; got 99"),
-        ({"trajectories": [0, 1] * 20}, StudyError, "5 distinct trajectories at least, got 2"),
-        ({"people": list(range(40))}, StudyError, "a single trajectory"),
+        ({"trajectories": [0, 1] * 20}, StudyError, "at least 5 distinct trajectories, got 2"),
+        ({"people": list(range(40))}, StudyError, "rated only one trajectory"),
         ({"criteria": ["obstruction"]}, CriterionError, "take 'exposure'"),
         ({"criteria": ["turns", "turns"]}, CriterionError, "'turns' twice"),
     ],
@@ -127,7 +127,7 @@ def test_weights_that_no_file_may_hold_are_told_when_they_are_learnt(weight: flo
     exposure = costs()[:, NAMES.index("exposure")]
     rows = np.flatnonzero(np.abs(exposure - np.median(exposure)) < 0.8)  # ratings stay below a million
     ratings = weight * (np.median(exposure) - exposure[rows])
-    with pytest.raises(StudyError, match=f"a weight of {weight:.3g} .* rate in another unit".replace("+", "[+]")):
+    with pytest.raises(StudyError, match=f"got {weight:.3g} .* in another unit".replace("+", "[+]")):
         fit_criterion(ratings, rows, PROBLEM, ["exposure"], front=FRONT, source="s")
 
 
@@ -146,5 +146,5 @@ def test_people_who_rated_nothing_beside_what_is_left_out_are_told() -> None:
     together = set(np.flatnonzero(np.random.default_rng(0).permutation(13) % 10 == 0).tolist())
     who = ["p01" if row in together else f"p{row + 2:02}" for row in range(13)]
     better = -(costs()[:13] @ TRUE)
-    with pytest.raises(StudyError, match="error on trajectories left out cannot be computed"):
+    with pytest.raises(StudyError, match="error on left-out trajectories cannot be computed"):
         fit_criterion(better.tolist(), range(13), PROBLEM, NAMES, people=who, front=FRONT, source="simulated")

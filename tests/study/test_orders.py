@@ -60,7 +60,7 @@ def test_random_orders_are_one_a_participant_and_follow_from_the_seed():
     ("kind", "count", "participants", "said"),
     [
         ("permutations", 5, 120, "all orders of 5 stimuli are 120: expected at most 4 stimuli. Take order 'williams'"),
-        ("permutations", 3, 20, "takes a multiple of 6 participants, got 20: take 18 or 24"),
+        ("permutations", 3, 20, "needs a multiple of 6 participants, got 20: take 18 or 24"),
         ("permutations", 3, 4, "got 4: take 6, or another order"),
         ("permutation", 3, 6, "Did you mean 'permutations'"),
         ("latin", 1, 6, "an order has 2 to 26 stimuli, got 1"),

@@ -59,12 +59,12 @@ def test_rows_last_alike_where_that_is_asked_for(front: hpop.Front, share: float
     chosen = [lasts[row.number] for row in pick(front, most, always=(), by=by, share=share)]
     assert max(chosen) <= (1 + share) * min(chosen) * (1 + 1e-9)
     if most < len(front):
-        with pytest.raises(StudyError, match=f"{most + 1} rows asked for, but the front has {most}"):
+        with pytest.raises(StudyError, match=f"count is {most + 1}, but the front has {most}"):
             pick(front, most + 1, always=(), by=by, share=share)
 
 
 def test_rows_asked_for_that_do_not_last_alike_are_refused(front: hpop.Front) -> None:
-    with pytest.raises(StudyError, match=r"last 14\.6 to 17\.0 s, executed; .* allow 0\.16"):
+    with pytest.raises(StudyError, match=r"last 14\.6 to 17\.0 s when executed.* a share of 0\.16"):
         pick(front, 3, always=(0, 2), share=0.1)
     assert len(pick(front, 3, always=(0, 2), share=0.17)) == 3
 

@@ -45,8 +45,8 @@ def test_tiring_shows_by_place(design):
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        ({"discomfort": {"A": 0}}, "discomfort is given for each of the stimuli A, B, C; B lacks"),
-        ({"discomfort": SAME, "liking": {"A": 0}}, "liking is given for each"),
+        ({"discomfort": {"A": 0}}, r"discomfort must have a number for each stimulus \(A, B, C\), but lacks B"),
+        ({"discomfort": SAME, "liking": {"A": 0}}, "liking must have a number for each"),
         ({"discomfort": SAME, "correlation": 2}, "correlation must be"),
         ({"discomfort": SAME, "seed": -1}, "seed must be"),
     ],

@@ -110,12 +110,12 @@ def test_the_page_holds_what_is_public_the_rides_and_their_ways(
 @pytest.mark.parametrize(
     ("spoilt", "said"),
     [
-        (lambda text: text.replace("hpop-stimulus", "hpop-stimulant"), "no stimulus of this version"),
+        (lambda text: text.replace("hpop-stimulus", "hpop-stimulant"), "not a stimulus of this version"),
         (lambda text: text.replace('"name":"A"', '"name":"B"', 1), "shows condition"),
-        (lambda text: text.replace("sha256-", "sha256-x"), "no stimulus that hpop wrote"),
+        (lambda text: text.replace("sha256-", "sha256-x"), "not a stimulus that hpop wrote"),
         (lambda text: text.replace('id="bundle">', 'id="bundle">AAAA'), "different versions"),
-        (lambda _: "<p>A</p>", "no stimulus that hpop wrote"),
-        (lambda text: text.replace('{"schema"', '{"schema":1,"schema"'), "no stimulus that hpop wrote"),
+        (lambda _: "<p>A</p>", "not a stimulus that hpop wrote"),
+        (lambda text: text.replace('{"schema"', '{"schema":1,"schema"'), "not a stimulus that hpop wrote"),
         (None, "cannot be read"),
     ],
     ids=["schema", "letter", "policy", "bundle", "no page", "twice", "missing"],
@@ -143,7 +143,7 @@ def test_words_of_another_language_are_a_file_of_the_study(tmp_path: Path) -> No
     assert words("de", tmp_path)["stop"] == "Halt"
     for wrong, said in (
         ({**english, "hello": "?"}, "hello"),
-        ({key: text for key, text in english.items() if key != "stop"}, "lacks stop"),
+        ({key: text for key, text in english.items() if key != "stop"}, "lacks the texts stop"),
         ({**english, "step": "Schritt {step}"}, "step must have the placeholders"),
         ({**english, "step": "Schritt {step"}, "step must have the placeholders"),
         ({**english, "stop": 1}, "object of texts"),
@@ -154,12 +154,13 @@ def test_words_of_another_language_are_a_file_of_the_study(tmp_path: Path) -> No
     few = {key: text for key, text in english.items() if key not in ("stop", "agree")}
     file.write_text(json.dumps({**few, "hello": "?", "step": "Schritt"}))
     with pytest.raises(
-        StudyError, match="lacks agree, stop; has 'hello', which no page uses; step must have the placeholders"
+        StudyError,
+        match="lacks the texts agree, stop; has 'hello', which no page uses; step must have the placeholders",
     ):
         words("de", tmp_path)
     with pytest.raises(StudyError, match="no texts in 'fr'"):
         words("fr", tmp_path)
-    with pytest.raises(StudyError, match="a language is written"):
+    with pytest.raises(StudyError, match="language must be a code"):
         words("../en", tmp_path)
 
 
@@ -169,7 +170,7 @@ def test_the_stimulus_of_a_baseline_is_its_trajectory_which_must_be_given(front:
     (letter,) = (one.id for one in made.conditions if one.row is None)
     problem = hpop.Problem.from_description(front.problem or {})
     shown = [made.condition(letter)]
-    with pytest.raises(StudyError, match=f"stimulus {letter} is a baseline, no row of the front"):
+    with pytest.raises(StudyError, match=f"stimulus {letter} is a baseline, not a row of the front"):
         study.save_stimuli(problem, front, shown, tmp_path)
     path = study.save_stimuli(problem, front, shown, tmp_path, baselines={letter: beside.trajectory})[letter]
     assert payload(path.read_text())["track"]["duration"] == pytest.approx(beside.trajectory.execution().duration)

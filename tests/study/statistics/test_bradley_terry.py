@@ -127,10 +127,10 @@ def test_intervals_are_wider_the_surer_they_are():
 @pytest.mark.parametrize(
     ("choices", "said"),
     [
-        ([(0, 1, 0), (0, 2, 0), (1, 2, 1), (2, 1, 2)], "without exception, or never compare them"),
+        ([(0, 1, 0), (0, 2, 0), (1, 2, 1), (2, 1, 2)], "always preferred to others, or never compared"),
         ([(0, 1, 0), (1, 0, 1)], "0, 1; 2|2; 0, 1"),
         ([(0, 1, None), (1, 2, None), (2, 0, None)], "all answers are neither"),
-        ([(0, 1, 2)], "of the stimuli 0 and 1 one is chosen, or None; got 2"),
+        ([(0, 1, 2)], "chosen must be one of the stimuli 0 and 1, or None, got 2"),
         ([(1, 1, 1)], "two different stimuli, by numbers from 0 to 2"),
         ([(0, 3, 0)], "two different stimuli, by numbers from 0 to 2"),
     ],
@@ -155,7 +155,7 @@ def test_whoever_is_named_first_cannot_decide_all(choices):
 
 def test_ties_alone_give_no_finite_strengths_to_who_never_lost():
     """With two rows, the likelihood grows with the strength of 1, and nu with it: 0 was never chosen."""
-    with pytest.raises(StudyError, match="one was chosen always, or tied"):
+    with pytest.raises(StudyError, match="one was always chosen, or tied"):
         bradley_terry([0] * 10, [1] * 10, [1] * 6 + [None] * 4, stimuli=2)
 
 

@@ -115,15 +115,15 @@ def test_people_of_a_pilot_are_drawn():
             {"effect": "observed", "n": 20},
             "observed power is not given: the power of a study .* follows from its p alone",
         ),
-        ({"pilot": np.eye(12, 3), "n": 12}, "the pilot has 12 people, as the study asked about has"),
+        ({"pilot": np.eye(12, 3), "n": 12}, "n must differ from the pilot's number of people, 12"),
         ({}, "give the least effect that would matter"),
-        ({"effect": 0.5, "test": "wilcoxon"}, "of 3 stimuli the test is 'friedman' or 'kruskal', got 'wilcoxon'"),
+        ({"effect": 0.5, "test": "wilcoxon"}, "test must be 'friedman' or 'kruskal' for 3 stimuli, got 'wilcoxon'"),
         ({"effect": 0.5, "n": 1}, "n must be a number of people from 2"),
         ({"effect": 0.001, "k": 2, "simulations": 100}, "2,000 people have a power of"),
         ({"effect": 0.001, "simulations": 200_000}, "2,000 people have a power of"),  # after a few studies only
         ({"effect": "big"}, "effect must be a shift"),
         ({"effect": [0.5]}, "two stimuli or more"),
-        ({"effect": 0.5, "like": [1, 1]}, "scores of a pilot that differ"),
+        ({"effect": 0.5, "like": [1, 1]}, "at least two different scores of a pilot"),
         ({"effect": 0.5, "correlation": 1.0}, "correlation must be"),
     ],
 )

@@ -90,7 +90,7 @@ def test_tables_that_cannot_be_tested_are_refused(values, said):
 
 
 def test_cochran_takes_yes_and_no_only():
-    with pytest.raises(StudyError, match="yes and no"):
+    with pytest.raises(StudyError, match=r"must be 1 \(yes\) and 0 \(no\)"):
         cochran([[0, 1, 2], [0, 0, 1]])
 
 
