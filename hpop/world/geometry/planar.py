@@ -23,7 +23,7 @@ LEAF = 4  # pieces of edges in a leaf
 ROUNDING = 8  # units in the last place by which boxes are enlarged against rounding
 BITS = 16  # bits of each coordinate by which pieces are sorted
 TOLERANCE = 1e-9
-"""m by which a segment may come closer to the border than its margin."""
+"""Distance, m, by which a segment may come closer to the border than its margin: rounding."""
 SLACK = 2.0**-40
 """Distance between hull and border within which GEOS decides, relative to the largest coordinate."""
 GRID = 2.0**-43

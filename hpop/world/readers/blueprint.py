@@ -43,7 +43,7 @@ _ROUND = np.ones((3, 3), dtype=bool)  # a pixel and its eight neighbours, as lin
 THIN = 3
 """Largest thickness of a line, pixels, that may be a door swing rather than a wall."""
 WALLS = 0.5
-"""Least share of dark pixels in thicker walls; below it the walls themselves are drawn as thin lines."""
+"""Least share of dark pixels in thick walls for which thin lines are suspicious; else all walls are thin lines."""
 ROOM = 1.0
 """Area, m², of a part of the free space that counts as a room."""
 MOST = 1_000

@@ -43,7 +43,7 @@ ENDINGS = {
     ".map": "movingai",
     ".pdf": "pdf",
 }
-"""Name of the reader by the ending of a file name."""
+"""Endings of file names, each with the name of its reader."""
 CONVERT = "convert it to GeoJSON, such as by ogr2ogr -f GeoJSON -t_srs EPSG:4326 plan.geojson {}"
 OTHERS = {
     **dict.fromkeys((".shp", ".gpkg", ".kml", ".gml", ".gdb", ".fgb", ".parquet", ".gpx"), CONVERT),
