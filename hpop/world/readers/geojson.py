@@ -53,7 +53,7 @@ FLOORS = ("building:levels", "building:min_level")
 """Numbers of floors in OpenStreetMap, which are no heights."""
 Meaning = Literal["obstacles", "free", "outline", "rooms"]
 FAR = 100_000.0
-"""Coordinate, m, above which coordinates come from a map projection, not from a plan with its origin in the building."""
+"""Size, m, above which coordinates come from a map projection, not from a plan with its origin in the building."""
 
 
 def read(
