@@ -74,7 +74,7 @@ def linear(name: str, start: States, end: States, share: Column) -> Column:
     return begin + (getattr(end, name) - begin) * share
 
 
-class _Straight(LawDefaults):
+class StraightGeometry(LawDefaults):
     """Geometry of a straight move: x and y change in proportion to the share done, and the heading is constant."""
 
     varies = frozenset({"x", "y"})
@@ -89,7 +89,7 @@ class _Straight(LawDefaults):
         return 0.0 * (end.yaw - start.yaw)
 
 
-class _InPlace(LawDefaults):
+class InPlaceGeometry(LawDefaults):
     """Geometry of a turn in place: the yaw changes in proportion to the share done, and x and y are constant."""
 
     varies = frozenset({"yaw"})
@@ -105,7 +105,7 @@ class _InPlace(LawDefaults):
 
 
 @dataclass(frozen=True)
-class Move(_Straight):
+class Move(StraightGeometry):
     """Planned law of a straight move: all of it at cruise speed, m/s."""
 
     speed: float
@@ -117,7 +117,7 @@ class Move(_Straight):
 
 
 @dataclass(frozen=True)
-class Turn(_InPlace):
+class Turn(InPlaceGeometry):
     """Planned law of a turn in place: from rest to rest, with a wait of half the ``loss`` before and after it."""
 
     turn_rate: float  # rad/s
@@ -131,7 +131,7 @@ class Turn(_InPlace):
 
 
 @dataclass(frozen=True)
-class Run(_Straight):
+class Run(StraightGeometry):
     """Executed law of a straight move: from rest to rest."""
 
     speed: float  # m/s
@@ -143,7 +143,7 @@ class Run(_Straight):
 
 
 @dataclass(frozen=True)
-class Spin(_InPlace):
+class Spin(InPlaceGeometry):
     """Executed law of a turn in place: from rest to rest."""
 
     turn_rate: float  # rad/s

@@ -34,7 +34,7 @@ from hpop.base.math import smooth_abs
 from hpop.base.options import MOST, real
 from hpop.base.text import shown
 from hpop.errors import ModelError
-from hpop.models.laws import Move, _InPlace, _Straight, linear
+from hpop.models.laws import InPlaceGeometry, Move, StraightGeometry, linear
 from hpop.motions import HOLD, Law, Phase, States, laws_of
 from hpop.motions.by_law import extras
 from hpop.motions.laws import CHANGE, CLOCK, SPEED
@@ -61,7 +61,7 @@ class MoveAtSpeed(Move):
 
 
 @dataclass(frozen=True)
-class SpeedChange(_InPlace):
+class SpeedChange(InPlaceGeometry):
     """Change of speed in place, at the model's acceleration, m/s²."""
 
     acceleration: float
@@ -77,7 +77,7 @@ class SpeedChange(_InPlace):
 
 
 @dataclass(frozen=True)
-class SpeedRamp(_Straight):
+class SpeedRamp(StraightGeometry):
     """Executed straight motion with constant acceleration, from the speed of its start to that of its end."""
 
     kind: str = "run"

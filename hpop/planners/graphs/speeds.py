@@ -315,18 +315,19 @@ class SpeedGraph(TrajectoryGraph):
         return Stretches.through(space, laws, States(**columns), kinds, lengths, turns)
 
     def _passed(self, ids: IntArray, sizes: IntArray) -> BoolArray:
-        """Mark the nodes (N,) of paths between the first and the last of several changes in one state, one at rest.
+        """Mark the nodes (N,) of paths that a change from rest to a class, or back, passes by way of slower classes.
 
-        A change from rest to a class by way of a slower one costs no more, and is one change.
+        Such a change costs no more by way of them, and is one change.
         """
-        path, state = np.repeat(np.arange(sizes.size), sizes), self._states_of(ids)
-        state[ids >= self.inner.size * self._layers] = -1 - np.flatnonzero(ids >= self.inner.size * self._layers)
-        new = np.append(True, (state[1:] != state[:-1]) | (path[1:] != path[:-1]))
-        group = np.cumsum(new) - 1
-        first, last = np.flatnonzero(new), np.append(np.flatnonzero(new)[1:], ids.size) - 1
-        rests = (self.at_rest(ids[first]) | self.at_rest(ids[last])) & (last > first)
-        place = np.arange(ids.size)
-        return np.asarray(rests[group] & (place != first[group]) & (place != last[group]))
+        layer, joins = ids % self._layers, ids >= self.inner.size * self._layers
+        same = (np.diff(ids // self._layers) == 0) & ~(joins[1:] | joins[:-1])  # a change of speed
+        same[np.cumsum(sizes)[:-1] - 1] = False  # not from one path to the next
+        rises, falls = same & (np.diff(layer) > 0), same & (np.diff(layer) < 0)
+        passed = np.zeros(ids.size, dtype=np.bool_)
+        for _ in range(self._layers - 2):  # from rest onwards, and towards rest
+            rests, stops = (layer == 0) | passed, (layer == 0) | passed
+            passed[1:-1] |= rests[:-2] & rises[:-1] & rises[1:] | stops[2:] & falls[:-1] & falls[1:]
+        return passed
 
     def _kinds_into(self, ids: IntArray, places: IntArray) -> IntArray:
         """Return the kind (p,) of the motion that leads to nodes at some places of paths; any for first nodes."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 import shapely
 
 import hpop
+from hpop.cli.report import print_front
 from hpop.errors import HpopError, ModelError, QueryError, UnsupportedModel
 from hpop.models import PanTilt
 from hpop.models.base import Mount, Part, PlanarModel, plane_space
@@ -67,6 +69,7 @@ def test_each_graph_and_search_chooses_among_the_speeds(planner: PlannerSpec) ->
     assert verify(asked, front) == []
     assert speeds_of(front) == set(SPEEDS)
     assert "at speeds of 0.5, 1 and 1.5 m/s" in front.certificate
+    assert "NOT VALID" not in front.certificate
 
 
 def test_max_turns_and_a_checkpoint_leave_the_front_as_it_is(tmp_path: Path) -> None:
@@ -79,6 +82,21 @@ def test_max_turns_and_a_checkpoint_leave_the_front_as_it_is(tmp_path: Path) -> 
     saved = {"lattice": {"step": 0.5, "checkpoint": str(tmp_path / "search")}}
     for _ in range(2):
         assert np.array_equal(asked.solve(saved).costs, front.costs)
+
+
+def test_a_mean_over_time_is_that_of_the_whole_plan_with_its_changes() -> None:
+    asked = problem(criteria=("obstruction", "turns", "length"))
+    front = asked.solve({"lattice": {"step": 1.0, "max_detour": 1.1}})
+    assert front.certificate.startswith("lattice: exact under duration")
+    assert verify(asked, front) == []
+
+
+def test_the_table_of_a_front_shows_the_speeds_of_each_plan(capsys: pytest.CaptureFixture[str]) -> None:
+    asked = problem(criteria=("duration", "felt_acceleration"))
+    print_front(asked, asked.solve({"lattice": {"step": 1.0}}))
+    printed = capsys.readouterr().out
+    assert re.search(r"speeds\b", printed)
+    assert re.search(r"\b0.5 1(\.5)?\b", printed)
 
 
 def test_a_tour_stands_at_its_stops_and_keeps_speeds_between_them() -> None:
