@@ -32,7 +32,7 @@ def test_nobody_is_run_over_unnoticed(content):
     assert not collision_free(problem, [through])[0]
     here = States(x=np.array([4.9]), y=np.array([3.0]), yaw=np.array([0.0]))
     for geometry in (ROBOT.collision(world), ROBOT.judge(world)):
-        assert "keep-out zone or in a person" in geometry.why_blocked(here)
+        assert "keep-out zone or in a standing person" in geometry.why_blocked(here)
 
 
 def test_a_front_that_never_leaves_the_start_is_no_answer():
@@ -89,7 +89,7 @@ class _Table:
 
 
 def test_what_cannot_be_saved_is_refused_before_it_is_planned():
-    with pytest.raises(CriterionError, match="'table' cannot be described"):
+    with pytest.raises(CriterionError, match="'table' must be a dataclass whose fields"):
         hpop.Problem(PLAIN, ROBOT, (1, 3, 0), (9, 3, 0), [_Table()])
 
 
@@ -125,8 +125,8 @@ class _Seconds:
 def test_a_quantum_that_hides_a_cost_is_said():
     problem = hpop.Problem(PLAIN, ROBOT, (1, 3, 0), (9, 3, 0), ["length", _Seconds()])
     notes = problem.solve("lattice", step=0.5).notes
-    assert any("seconds is rounded to 0.6 s" in note and "smaller quantum" in note for note in notes)
-    assert not any("length is rounded" in note for note in notes)
+    assert any("seconds of each edge is rounded to 0.6 s" in note and "smaller quantum" in note for note in notes)
+    assert not any("length of each edge is rounded" in note for note in notes)
 
 
 def test_a_move_that_goes_nowhere_does_not_disturb_when_states_are_passed():

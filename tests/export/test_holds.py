@@ -43,5 +43,5 @@ def test_a_hold_begins_and_ends_when_it_does(name, planned, tmp_path):
 
 def test_a_path_without_times_says_that_holds_are_lost():
     assert "no times" in formats["nav2-yaml"].axes
-    assert "holds are lost" in formats["nav2-yaml"].__doc__
+    assert "holds (waits) are lost" in formats["nav2-yaml"].__doc__
     assert set(READERS) - set(TIMED) == {"nav2-yaml", "bag"}  # a bag is the messages of mcap

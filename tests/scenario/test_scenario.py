@@ -194,7 +194,7 @@ def test_a_fault_is_said_with_line_key_and_what_to_do(
         (("differential_drive:", "diferential_drive:"), UnknownName, 7, "Did you mean 'differential_drive'?"),
         (("0.5}", "0}"), OptionError, 12, "step"),
         (("step: 0.5", "headings: 7"), OptionError, 12, "one of 4, 8, 16"),
-        (("step: 0.5", "max_detour: {length: 1.3}"), OptionError, 12, "Give max_turns as well"),
+        (("step: 0.5", "max_detour: {length: 1.3}"), OptionError, 12, "Give max_turns, such as"),
         (("step: 0.5", "max_detour: {width: 1.3}, max_turns: 6"), OptionError, 12, "or {'length': the same"),
         (("step: 0.5", "time_limit: -1"), OptionError, 12, "time_limit must be a positive number"),
         (("radius: 0.2", "radius: -0.2"), ModelError, 7, "radius"),
