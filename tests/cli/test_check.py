@@ -85,7 +85,7 @@ def test_a_criterion_with_negative_costs_fails_by_name(
         ("odd_plugin", 7, "odd_plugin.py is in this folder: give odd_plugin.py:NAME"),
         ("whole", 7, "`hpop criteria`, `hpop models` and `hpop planners` list what there is"),
         ("odd_plugin:Gone", 8, "Gone"),
-        ("odd_plugin:number", 8, "declare a class with @hpop.criterion"),
+        ("odd_plugin:number", 8, "declare a class of your own with @hpop.criterion"),
         ("odd_plugin:Needy", 8, "only if all its parameters have defaults"),
         ("serial_arm", 9, "there is none for urdf, tip, acceleration. Create one in a file"),
         ("hpop.models:MobileArm", 9, "there is none for arm."),
