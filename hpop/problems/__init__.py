@@ -1,1 +1,1 @@
-"""Problems, their solution by planners, and the resulting fronts, verified and extended."""
+"""Planning problems, their solution by planners, and the resulting fronts of trajectories."""

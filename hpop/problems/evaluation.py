@@ -1,4 +1,4 @@
-"""Criteria evaluated on given trajectories: further columns of a front, and traces along one trajectory."""
+"""Evaluation of further criteria: as reported columns of a front, or as a trace along one trajectory."""
 
 from __future__ import annotations
 
@@ -25,15 +25,18 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
     from hpop.world import World
 
-ALSO = "also"  # key of a front's problem: criteria evaluated beside those of the problem
-PIECE = 0.1  # s: largest duration of a piece of a motion, approximately
-AGREES = 0.02  # share of a motion's cost by which its pieces may differ; else it is traced motion by motion
+ALSO = "also"  # key in a front's problem: criteria that were evaluated in addition to those of the problem
+PIECE = 0.1  # s: approximate largest duration of a piece of a motion
+AGREES = 0.02  # relative difference: if the costs of pieces add up to that of their motion within it, they are used
 
 
 def evaluated(
     problem: Problem, front: Front, also: Sequence[CriterionSpec], say: Callable[[str], None] | None = None
 ) -> Front:
-    """Return a front with further criteria as reported columns; see :meth:`hpop.Problem.evaluate`."""
+    """Return a front with the criteria in ``also`` as further reported columns; see :meth:`hpop.Problem.evaluate`.
+
+    say  called from time to time with a sentence on the progress
+    """
     _check_answers(problem, front)
     known = {criterion.name: criterion for criterion in criteria_of(front)} | claimable(problem)
     columns = front.names + front.reported_names
@@ -56,10 +59,10 @@ def evaluated(
 
 
 def requested(problem: Problem, also: Sequence[CriterionSpec], there: Sequence[Criterion]) -> list[Criterion]:
-    """Return the requested criteria, each once, without those of ``there``, which are evaluated already.
+    """Return the criteria that a user requests in ``also``, without repetitions and those already in ``there``.
 
-    Raises CriterionError for requirements that robot and world lack, and for two criteria of one name with different
-    parameters.
+    Raises CriterionError if robot and world lack something that a criterion requires, or if two criteria have one name
+    but different parameters.
     """
     if isinstance(also, str | Mapping) or not isinstance(also, Sequence):
         raise CriterionError(f"also must be a list of criteria such as ['sickness', 'rotation'], got {shown(also)}")
@@ -71,54 +74,60 @@ def requested(problem: Problem, also: Sequence[CriterionSpec], there: Sequence[C
             wanted.append(criterion)
         elif plain(describe_criterion(criterion)) != plain(describe_criterion(other)):
             raise CriterionError(
-                f"{criterion.name!r} has a column already, with other parameters, {shown(other)}; got "
-                f"{shown(criterion)}. A name stands for one column: leave one of them out"
+                f"a criterion must occur once, but {criterion.name!r} already has a column with other parameters, "
+                f"{shown(other)}, got {shown(criterion)}; leave one of them out"
             )
     return wanted
 
 
 def criteria_of(front: Front) -> list[Criterion]:
-    """Return the criteria that were evaluated on a front beside those of its problem."""
+    """Return the criteria that were evaluated on a front in addition to those of its problem."""
     listed = (front.problem or {}).get(ALSO, [])
     if not isinstance(listed, list):
-        raise CriterionError(f"a front's further criteria are a list of them, got {shown(listed)}")
+        raise CriterionError(
+            f"{ALSO} in the problem of a front must be a list of criteria, got {shown(listed)}; save the front again"
+        )
     return [make_criterion(spec) for spec in listed]
 
 
 def claimable(problem: Problem) -> dict[str, Criterion]:
-    """Return, by name, the criteria that may have costs in a front of this problem, stand-ins of means included."""
+    """Return, by name, the criteria that may have columns in a front of this problem.
+
+    These are its criteria, and the sums that searches minimise in place of time-means.
+    """
     additive = [c for c in problem.criteria if c.aggregate != "trajectory"]
     optimised = edge_objectives(additive, "front").optimised if additive else ()
     return {criterion.name: criterion for criterion in (*optimised, *problem.criteria)}
 
 
 def _check_answers(problem: Problem, front: Front) -> None:
-    """Raise QueryError if the front's costs are of another world, robot or criteria."""
+    """Raise QueryError if a front is the solution of a problem with another world, robot or criteria."""
     if front.problem is None:
         return
     asked, answered = question_of(plain(problem.describe())), question_of(front.problem)
     differing = [key for key in ("world", "model", "criteria", "quanta") if asked.get(key) != answered.get(key)]
     if differing:
         raise QueryError(
-            f"the front answers another problem: {', '.join(differing)} differ; evaluate it by its own, "
-            "hpop.Problem.from_description(front.problem)"
+            f"the front must be one of this problem, but {', '.join(differing)} differ; evaluate it by its own "
+            "problem, hpop.Problem.from_description(front.problem)"
         )
 
 
-FEWEST, MOST = 100, 4000  # pieces of a trajectory: bounds that change PIECE for short and long ones
+FEWEST, MOST = 100, 4000  # number of pieces of a trajectory; pieces of short and long ones differ from PIECE
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Trace:
-    """Trace of criteria along a trajectory, piece by piece.
+    """Costs along a trajectory: where and when on the way each criterion arises, in n short pieces of its motions.
 
-    pieces      n, short pieces of the trajectory's motions
-    criteria    k
+    pieces      n pieces of the trajectory's motions
+    criteria    k criteria
     cost        (k,)    cost of the whole trajectory
-    running     (n, k)  cost up to the end of each piece: total, mean, worst, or value with memory; at the end of each
-                        motion, this is the cost of all motions so far
-    rate        (n, k)  for a sum: cost per second in the piece (0 if it has no duration); time-mean: mean over the
-                        piece; max: worst in the piece; with memory: growth of the running value per second
+    running     (n, k)  cost of the trajectory up to the end of each piece; at the end of a motion it is the cost of all
+                        motions so far
+    rate        (n, k)  for a sum: cost per second in the piece (0 if it has no duration); for a time-mean: mean over
+                        the piece; for a max: worst value in the piece; for a criterion of the whole trajectory: change
+                        of the running cost per second
     """
 
     pieces: TrajectoryPieces
@@ -134,7 +143,7 @@ class Trace:
 
     @property
     def times(self) -> FloatArray:
-        """Times (n+1,), s, at which the pieces begin, and the end of the last."""
+        """Times (n+1,), s, at which the pieces begin, and at which the last piece ends."""
         return self.pieces.times
 
     @property
@@ -148,11 +157,11 @@ class Trace:
 
 
 def trace(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -> Trace:
-    """Trace criteria along a trajectory under the planning law.
+    """Compute the costs along a trajectory as it is planned, piece by piece.
 
-    Costs of pieces are scaled slightly to the cost of their motion. If a criterion measures whole motions, so that its
-    pieces do not add up to them, the cost of a motion is spread over its pieces in proportion to their duration, and
-    counts are counted at the end of the motion.
+    Costs of pieces are scaled slightly so that they add up to the cost of their motion. Some criteria measure whole
+    motions, so that costs of pieces do not add up. Then the cost of a motion is spread over its pieces in proportion to
+    their durations, and a count is assigned to the last piece of the motion.
     """
     pieces = in_pieces(trajectory)
     cost = trajectory_costs(criteria, [trajectory], world)[0]
@@ -166,10 +175,10 @@ def trace(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -
 
 
 def in_pieces(trajectory: Trajectory) -> TrajectoryPieces:
-    """Return the motions of a trajectory cut into short pieces; planned turns of the base stay whole.
+    """Cut the motions of a trajectory into short pieces, except for planned turns of the base.
 
-    Such a turn stands still before and after it, which belongs to the moves beside it. So the time at which a cost
-    arises within a turn means little, and maps show each turn as one dot.
+    A planned turn includes waits before and after it, which stand for the slowing down and speeding up of the moves
+    beside it. So the time at which a cost arises within a turn means little, and maps show each turn as one dot.
     """
     piece = max(min(PIECE, trajectory.duration / FEWEST), trajectory.duration / MOST) or 1.0
     counts = np.maximum(1, np.ceil(trajectory.durations / piece)).astype(np.int64)
@@ -179,7 +188,7 @@ def in_pieces(trajectory: Trajectory) -> TrajectoryPieces:
 
 
 def _has_standstill(trajectory: Trajectory, i: int) -> bool:
-    """Return whether the base of the robot stands during a part of motion i."""
+    """Return whether motion i of a trajectory has a phase in which the robot stands still."""
     ends = (trajectory.states.take(slice(j, j + 1)) for j in (i, i + 1))
     return any(phase.shape == "hold" for phase in laws_of(trajectory.model)[trajectory.kinds[i]].phases(*ends))
 
@@ -187,7 +196,7 @@ def _has_standstill(trajectory: Trajectory, i: int) -> bool:
 def _running_and_rate(
     criterion: Criterion, value: float, pieces: TrajectoryPieces, world: World
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the running value (n,) and the rate (n,) of one criterion over the pieces."""
+    """Return running cost (n,) and rate (n,) of one criterion over the pieces; ``value`` is its whole cost."""
     duration = pieces.durations
     if criterion.aggregate == "trajectory":
         running = _running_with_memory(criterion, value, pieces, world)
@@ -201,7 +210,10 @@ def _running_and_rate(
 
 
 def _running_with_memory(criterion: Criterion, value: float, pieces: TrajectoryPieces, world: World) -> FloatArray:
-    """Return running values (n,) of a criterion with memory; interpolated between motions if pieces do not agree."""
+    """Return the running cost (n,) of a criterion of whole trajectories at the end of each piece.
+
+    If it does not end at ``value``, the cost of the whole trajectory, values at the ends of motions are interpolated.
+    """
     running: FloatArray = running_values(criterion, PiecesHistory(world, pieces.trajectory, pieces))
     if np.isclose(running[-1:], value, rtol=1e-9, atol=1e-3 * criterion.quantum).all():
         return running
@@ -210,7 +222,7 @@ def _running_with_memory(criterion: Criterion, value: float, pieces: TrajectoryP
 
 
 def _piece_costs(criterion: Criterion, pieces: TrajectoryPieces, world: World) -> FloatArray:
-    """Return costs (n,) of pieces, scaled so that their sum, or their worst, is that of the motions."""
+    """Return the costs (n,) of pieces, scaled so that their sum (or maximum) is the cost of each motion."""
     whole, owner = pieces.trajectory, pieces.owner
     costs = _costs_of_batches(criterion, pieces.batches(world), len(pieces))
     motions = _costs_of_batches(criterion, whole.batches(world), len(whole))
@@ -229,6 +241,7 @@ def _piece_costs(criterion: Criterion, pieces: TrajectoryPieces, world: World) -
 
 
 def _costs_of_batches(criterion: Criterion, batches: Iterator[tuple[IntArray, Motions]], count: int) -> FloatArray:
+    """Return the costs (count,) of motions that come in batches with their indices."""
     costs = np.zeros(count)
     for place, motions in batches:
         costs[place] = motion_costs(criterion, motions)
@@ -236,11 +249,15 @@ def _costs_of_batches(criterion: Criterion, batches: Iterator[tuple[IntArray, Mo
 
 
 def _shares(pieces: TrajectoryPieces, *, counts: bool) -> FloatArray:
-    """Return the share (n,) of each piece in its motion: of the duration; with ``counts``, 1 for the last piece."""
+    """Return which share (n,) of its motion's cost each piece gets: that of the duration.
+
+    With ``counts``, for criteria that count, the last piece of a motion gets all of it.
+    """
     last = np.diff(pieces.owner, append=len(pieces.trajectory)) > 0
     lasts = pieces.trajectory.durations[pieces.owner]
     return np.where(last if counts else last & (lasts == 0), 1.0, 0.0 if counts else _ratio(pieces.durations, lasts))
 
 
 def _ratio(total: FloatArray, duration: FloatArray) -> FloatArray:
+    """Return total/duration, with 0 where the duration is 0."""
     return np.divide(total, duration, out=np.zeros_like(total), where=duration > 0)

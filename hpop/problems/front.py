@@ -1,4 +1,4 @@
-"""Front of trajectories: the solution of a problem."""
+"""Pareto front of trajectories: the solution of a planning problem."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 FOR_YOU = "for you"
-"""Name of the point that a person prefers."""
+"""Name of the point that a given person is predicted to prefer."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -46,23 +46,26 @@ class Point(frontier.Point[Trajectory]):
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Front(frontier.Front[Trajectory]):
-    """Non-dominated trajectories, one for each cost vector; see :class:`hpop.frontier.Front` for choosing and union."""
+    """Pareto front: non-dominated trajectories, one for each cost vector.
+
+    :class:`hpop.frontier.Front` has the methods that choose points and join fronts.
+    """
 
     def _point(self, row: int) -> Point:
         return Point(**self._fields_of(row))
 
-    @cached_property  # type: ignore[misc]  # set by the constructor, or made after `in_world`
+    @cached_property  # type: ignore[misc]  # set by the constructor, or computed on first use after `in_world`
     def problem(self) -> dict[str, Any] | None:
-        """Description of the problem, as JSON, or None."""
+        """Description of the problem for JSON, or None."""
         described: dict[str, Any] = {**vars(self)["_query"], "world": vars(self)["_world"].describe()}
         return as_json("problem", described)
 
     def in_world(self, world: World) -> Self:
-        """Return the front with a world in the description of its problem, which is written on first use."""
+        """Return a copy whose ``problem`` also describes the world; the description is made when it is first read."""
         return copied(self, without={"problem"}, _query=self.problem, _world=world.uncached())
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the fields, with the whole description of the problem."""
+        """Return the fields for pickling, with the whole description of the problem."""
         _ = self.problem
         return {name: value for name, value in vars(self).items() if name not in ("_query", "_world")}
 
@@ -86,24 +89,24 @@ class Front(frontier.Front[Trajectory]):
     @classmethod
     def _numbers(cls, n: int) -> Sequence[Trajectory]:
         raise FrontError(
-            "hpop.Front holds trajectories: give one a row, or take hpop.frontier.Front.of(costs) for a front of "
-            "anything else"
+            "items of hpop.Front.of must be trajectories, one for each row of costs, got none; give them, or use "
+            "hpop.frontier.Front.of(costs) for a front of other things"
         )
 
     @property
     def trajectories(self) -> tuple[Trajectory, ...]:
-        """Trajectories, in the order of the rows of ``costs``."""
+        """Trajectories of the points, in the order of the rows of ``costs``."""
         return self.items
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Notes of the runs for the user, such as a stand-in objective, or obstacles that block the path."""
+        """Sentences of the searches for the user, such as on assumptions, or on obstacles that block the way."""
         several = (run.get("notes") for run in self.runs)
         return tuple(dict.fromkeys(str(note) for notes in several if isinstance(notes, list) for note in notes))
 
     @property
     def inactive(self) -> tuple[str, ...]:
-        """Names of criteria with equal costs at all points, which decide nothing; () for a front of one point."""
+        """Names of criteria whose cost is equal at all points, so that they decide nothing; () for a single point."""
         if len(self) < 2:
             return ()
         same = (self.integers == self.integers[0]).all(axis=0)
@@ -111,16 +114,20 @@ class Front(frontier.Front[Trajectory]):
 
     @property
     def evaluated(self) -> tuple[str, ...]:
-        """Names of criteria that were only evaluated, not optimised; other trajectories may be better in these."""
+        """Names of criteria that were computed for the points found, but not optimised.
+
+        Trajectories outside of the front may be better in them.
+        """
         known = [names for run in self.runs if isinstance(names := run.get("evaluated"), list)]
         if not known or len(known) < len(self.runs):
             return ()
         return tuple(name for name in self.names if all(name in names for names in known))
 
     def named(self, preference: Preferring | None = None) -> dict[str, Point]:
-        """Return named points: the knee, and the least in each criterion ("of those found" if only evaluated).
+        """Return points by name: "knee", and "least NAME" for the point with the smallest cost in each criterion.
 
-        With the ``preference`` of a person, the first is the best point "for you".
+        For a criterion that was only evaluated, the name is "least NAME of those found". With the ``preference`` of a
+        person, the first entry is the point that this person prefers, "for you".
         """
         if not len(self):
             return {}
@@ -132,7 +139,7 @@ class Front(frontier.Front[Trajectory]):
         return {**preferred, "knee": self.knee(), **least}
 
     def _repr_html_(self) -> str:
-        """Return HTML for a notebook: the named points, the claim, and a picture where hpop.view is imported."""
+        """Return HTML for a notebook: named points, status and certificate, and a picture if hpop.view is imported."""
         units = dict(zip(self.names + self.reported_names, self.units + self.reported_units, strict=True))
         headings = [name if unit == "1" else f"{name} ({unit})" for name, unit in units.items()]
         marks: dict[int, list[str]] = {}
@@ -142,17 +149,20 @@ class Front(frontier.Front[Trajectory]):
         for row in sorted(marks):
             values = (*self[row].costs.values(), *self[row].reported.values())
             rows.append([str(row), *(f"{value:.5g}" for value in values), ", ".join(marks[row])])
-        caption = f"{len(self):,} points, those worth a name"
+        caption = f"{len(self):,} points; the table has the named ones"
         facts = [("status", self.status), ("certificate", self.certificate)]
         return table_html(["#", *headings, ""], rows, caption) + facts_html(facts) + picture_html(self)
 
     @property
     def question(self) -> dict[str, Any] | None:
-        """Problem without the paths of its files, which are identified by their hashes."""
+        """Description of the problem without the paths of its files, whose hashes identify them; None without one."""
         return self.problem and question_of(self.problem)
 
     def by_group(self) -> dict[str, dict[str, FloatArray]]:
-        """Return costs (n,) by group (P performance, C comfort, R robot, O others; may be empty) and criterion."""
+        """Return the costs (n,) by group (P performance, C comfort, R robot, O others), then by criterion.
+
+        A group without criteria is an empty dict.
+        """
         columns = dict(zip(self.names, self.costs.T, strict=True))
         group_of = dict(zip(self.names, self.groups, strict=True))
         return {group: {name: columns[name] for name in self.names if group_of[name] == group} for group in GROUPS}
@@ -167,12 +177,12 @@ class Front(frontier.Front[Trajectory]):
         """Write the front with its trajectories and the problem's description to a JSON file.
 
         States and motions that several trajectories share are written once
-        (:meth:`hpop.trajectories.motion_table.MotionTable.describe`). The files of the world are named as seen from the
-        front's folder: if moved together, the front and its map are found again.
+        (:meth:`hpop.trajectories.motion_table.MotionTable.describe`). Paths of the world's files are relative to the
+        front's folder, so that front and map can be moved together.
 
         Parameters
         ----------
-        encode : turns a trajectory into JSON values of your own, one by one, to be read back by ``decode``
+        encode : turns each trajectory into JSON values of your own; :meth:`load` reverses it by ``decode``
         """
         asked = self.problem if problem is None else problem
         placed = asked and seen_from_file(path, asked)
@@ -190,7 +200,7 @@ class Front(frontier.Front[Trajectory]):
         decode : turns the JSON from ``encode`` back into a trajectory; without ``encode``, the JSON is that of
             :meth:`Trajectory.describe`
 
-        Raises FrontFileError when the file does not hold a front of trajectories.
+        Raises FrontFileError if the file is no front of trajectories.
         """
         stored = storage.read(path)
         if stored["problem"] is not None:
@@ -208,51 +218,59 @@ class Front(frontier.Front[Trajectory]):
 
 
 def question_of(problem: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the description of a problem without the paths of its files, which are identified by their hashes."""
+    """Return the description of a problem without the paths of its files, whose hashes identify them.
+
+    Descriptions of one problem are then equal wherever its files lie.
+    """
     return _changed(problem, without_places, files.without_paths)
 
 
 def _stored_model(path: str | os.PathLike[str], problem: Mapping[str, Any] | None) -> Model:
-    """Return the robot of a saved problem."""
+    """Return the robot model of the problem in a saved front; FrontFileError if it cannot be built."""
     if problem is None:
         raise FrontFileError(
-            f"{path}: expected a front with its problem and model, as `hpop plan` writes it; this one has none, as "
-            "fronts of graphs and tables: hpop.frontier.Front.load reads it, with decode= for items unknown to JSON"
+            f"{path}: expected a front with its problem and robot model, as `hpop plan` writes it, found a front "
+            "without them, such as one of a graph or a table; load it by hpop.frontier.Front.load, with decode= if its "
+            "items are no JSON values"
         )
     try:
         return cast(Model, make_model(problem["model"]))
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         raise FrontFileError(
-            f"{path}: expected a front with its problem and model, found none that can be built ({error!s:.1200}); "
-            "plan again, or pass decode= for another kind of front"
+            f"{path}: expected a front with a robot model, found a model that cannot be built ({error!s:.1200}); plan "
+            "again, or pass decode= if its items are no trajectories"
         ) from None
 
 
 def _trajectories(path: str | os.PathLike[str], model: Model, items: dict[str, Any]) -> tuple[Trajectory, ...]:
-    """Return the trajectories of a front's file, which are stored together as a table of motions."""
+    """Return the trajectories of a front's file, which are stored together as one table of motions."""
     try:
         return MotionTable.from_description(model, items).trajectories()
     except (ModelError, ValueError) as error:
-        raise FrontFileError(f"{path}: {error!s:.600}; plan again, or pass decode= for other items") from None
+        raise FrontFileError(
+            f"{path}: expected trajectories, but {error!s:.600}; plan again, or pass decode= if its items are no "
+            "trajectories"
+        ) from None
 
 
 def seen_from_file(path: str | os.PathLike[str], problem: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a problem's description with its files also named relative to a front's folder."""
+    """Return a problem's description in which paths of files are relative to the folder of a front's file ``path``."""
     folder = _folder(path)
     return _changed(problem, partial(seen_from, folder), partial(files.with_relative_paths, folder))
 
 
 def found_from_file(path: str | os.PathLike[str], problem: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a problem's description with the files named so that they are found relative to a front's folder."""
+    """Return a problem's description with absolute paths of files, found from the folder of a front's file ``path``."""
     folder = _folder(path)
     return _changed(problem, partial(found_from, folder), partial(files.with_absolute_paths, folder))
 
 
 def _folder(path: str | os.PathLike[str]) -> str:
+    """Return the absolute path of the folder of a front's file."""
     return str(checked_path(path).absolute().parent)
 
 
 def _changed(problem: Mapping[str, Any], world: Callable[[Any], Any], model: Callable[[Any], Any]) -> dict[str, Any]:
-    """Return a problem's description with functions applied to the descriptions of world, model and criteria."""
+    """Return a problem's description after applying ``world`` to its world, and ``model`` to its model and criteria."""
     changes = {"world": world, "model": model, "criteria": model}
     return {key: changes[key](value) if key in changes else value for key, value in problem.items()}

@@ -1,4 +1,4 @@
-"""Rows of a front by number, or by a name such as "knee" or "least turns"."""
+"""Look-up of rows of a front by number, or by a name such as "knee" or "least turns"."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from hpop.problems.front import Front, Point
 
 NO_LETTERS = re.compile(r"[\W_]+")
 NUMBER = re.compile(r"\d{1,18}")
-MOST_LETTERS = 40  # of a name in the name of a file
+MOST_LETTERS = 40  # largest number of characters of a row's name in the name of a file
 
 
 @dataclass(frozen=True)
 class NamedRow:
-    """Row of a front with the name by which it was requested: "knee", "least turns", or "" for a number."""
+    """Row of a front, with the name by which a user requested it: "knee", "least turns", or "" for a number."""
 
     point: Point
     name: str
@@ -33,24 +33,28 @@ class NamedRow:
 
     @property
     def stem(self) -> str:
-        """Stem of names of files about the row: letters, digits and underscores, such as ``knee_70`` or ``row_3``."""
+        """Stem for names of files about the row, of letters, digits and underscores: ``knee_70`` or ``row_3``."""
         letters = NO_LETTERS.sub("_", self.name).strip("_")[:MOST_LETTERS]
         return f"{letters or 'row'}_{self.number}"
 
 
 def named_rows(front: Front, asked: Sequence[int | str]) -> tuple[NamedRow, ...]:
-    """Return the requested rows, each once, in order of the request.
+    """Return the rows of a front that a user requests, in this order and without repetitions.
 
     Parameters
     ----------
-    asked : numbers, counted from 0; "knee"; "least NAME" or the NAME of a criterion, for the least in that criterion
+    asked : numbers of rows, counted from 0; "knee"; or "least NAME" or NAME, for the row with the smallest cost in the
+        criterion NAME
 
-    Raises OptionError for a front without rows and for a number out of range, UnknownName for other names.
+    Raises OptionError for a front without rows or a number out of range, and UnknownName for other names.
     """
     if isinstance(asked, str) or not isinstance(asked, Iterable):
         raise OptionError(f"rows must be a list of numbers and names, such as ['knee', 3], got {shown(asked)}")
     if not len(front):
-        raise OptionError(f"the front has no trajectories; its search ended with {shown(front.status)}")
+        raise OptionError(
+            "rows can only be taken from a front with trajectories, but the front has no trajectories; its search "
+            f"ended with {shown(front.status)}"
+        )
     names = front.named()
     rows: dict[int, NamedRow] = {}
     for request in asked:
@@ -65,7 +69,10 @@ def named_rows(front: Front, asked: Sequence[int | str]) -> tuple[NamedRow, ...]
 
 
 def _number(front: Front, request: object) -> int | None:
-    """Return the row of a number, also in text; None for a name."""
+    """Return the row that a request names by number, also as text; None for a request by name.
+
+    Raises OptionError for a number out of range.
+    """
     if isinstance(request, str) and NUMBER.fullmatch(request.strip()) and request.strip() not in front.names:
         request = int(request)
     if isinstance(request, str):
@@ -79,13 +86,18 @@ def _number(front: Front, request: object) -> int | None:
 
 
 def name_meant(names: Iterable[str], request: object) -> str:
-    """Return the full name of a point, given by this name or by a criterion's name; raise UnknownName otherwise."""
+    """Return the full name of a point ("least turns") for a user's request, which may be the criterion alone ("turns").
+
+    names  names of all points
+
+    Raises UnknownName for other requests.
+    """
     choices = list(names)
     meant = str(request).strip()
     for name in choices:
         if name in (meant, f"least {meant}", f"{meant} of those found", f"least {meant} of those found"):
             return name
     raise UnknownName(
-        f"no row is called {shown(meant)}.{did_you_mean(meant, choices)} Rows are numbers, or request of "
+        f"no row is called {shown(meant)}.{did_you_mean(meant, choices)} Give a row number, or one of "
         f"{', '.join(map(printable, choices))}"
     )

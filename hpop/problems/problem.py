@@ -1,4 +1,4 @@
-"""Planning problem: world, model, start, goal and criteria."""
+"""Planning problem (world, robot model, start, goal and criteria), and a planner for many queries in one world."""
 
 from __future__ import annotations
 
@@ -48,20 +48,17 @@ class Problem:
     world     obstacles and free space
     model     the robot with its camera
     start     a state of the model, in the order of ``model.space.names`` or by name: (x m, y m, yaw rad)
-    goal      a state; angles that are None, such as the yaw, are free there. Or a goal for a body, an
-              :class:`hpop.goals.Goal`
-              such as ``{"look_at": {"target": (2, 1, 1.5), "distance": (1, 2)}}``. Or a list of alternatives
+    goal      a state, in which angles may be None (any value); or a goal for a body (:class:`hpop.goals.Goal`), such as
+              ``{"look_at": {"target": (2, 1, 1.5), "distance": (1, 2)}}``; or a list of alternatives
     criteria  names, instances, or ``{name: {parameter: value}}``, all minimised
-    quanta    resolution at which costs are compared, in their units, by name, where it differs from the criteria's own
-    horizon   s, up to which people are predicted; None: until they leave the map or come to an obstacle
-    tour      stops to visit on the way, a :class:`hpop.Tour` or a mapping with its parts; None: none
+    quanta    smallest differences of costs that count, by criterion, in its unit, if not those of the criteria
+    horizon   s, up to which moving people are predicted; None: until they leave the map or come to an obstacle
+    tour      stops to visit on the way, a :class:`hpop.Tour` or a mapping with its parameters; None for no stops
 
-    The problem's world has people with predictions cut where they become impossible
-    (:func:`hpop.world.content.predictions.bounded`); ``notes`` say how each ends. Planning, costs and pictures use that
-    world.
-
-    ``read_seconds``, s, and ``read_memory``, bytes that stay allocated, are the cost of reading its files, which the
-    limits of a planner include.
+    In the problem's world, predictions of people end where they become impossible
+    (:func:`hpop.world.content.predictions.bounded`); ``notes`` (sentences for the user) say so. Planning, costs and
+    pictures use that world. ``read_seconds``, s, and ``read_memory``, bytes, are the time and memory spent on reading
+    files; a planner's limits include them.
 
     Raises QueryError, CriterionError or UnknownName for invalid arguments.
     """
@@ -103,7 +100,7 @@ class Problem:
         checked = tuple(make_criterion(spec) for spec in criteria)
         repeated = sorted({c.name for c in checked if sum(c.name == other.name for other in checked) > 1})
         if repeated:
-            raise CriterionError(f"each criterion may be listed once, got {', '.join(repeated)} more than once")
+            raise CriterionError(f"each criterion must be listed once, got {', '.join(repeated)} more than once")
         if horizon is not None:
             horizon = float(real("horizon", horizon, LEAST, MOST, "a time in s", error=QueryError))
         people, notes = bounded(world, horizon)
@@ -126,7 +123,7 @@ class Problem:
         object.__setattr__(self, "start", model.space.values(begin))
         object.__setattr__(self, "goal", checked_goal(goal, model.space))
         if absent := sorted(self.target.requires - model.provides):
-            raise QueryError(f"the goal {self.goal} requires {', '.join(absent)}, which the model does not have")
+            raise QueryError(f"the goal {self.goal} needs a model with {', '.join(absent)}; take another goal or model")
         object.__setattr__(self, "criteria", checked)
         object.__setattr__(self, "quanta", {name: float(quantum) for name, quantum in (quanta or {}).items()})
 
@@ -136,7 +133,7 @@ class Problem:
         return f"<Problem: {of} from {GoalSet((self.start,))} to {self.target} in {self.world!r}>"
 
     def _repr_html_(self) -> str:
-        """Return the view in a notebook: a table, and a map where :mod:`hpop.view` is imported."""
+        """Return HTML for a notebook: a table, and a map if :mod:`hpop.view` is imported."""
         criteria = (f"{c.name} ({c.unit})" if c.unit != "1" else c.name for c in self.criteria)
         facts = {"criteria": ", ".join(criteria), "robot": repr(self.model), "world": repr(self.world)}
         facts |= {"start": str(GoalSet((self.start,))), "goal": str(self.target)}
@@ -145,15 +142,15 @@ class Problem:
 
     @property
     def target(self) -> Goal:
-        """Goal as an object, also where it is a single state."""
+        """Goal as an object of :class:`hpop.goals.Goal`, also if it is a single state."""
         return cast(Goal, GoalSet((self.goal,))) if isinstance(self.goal, tuple) else self.goal
 
     @property
     def goals(self) -> tuple[Values, ...]:
-        """States of the goal, any one sufficient, free angles None; QueryError if the goal is no list of states."""
+        """Alternative goal states, with None for open angles; QueryError if the goal is not given by states."""
         if self.target.listed:
             return self.target.listed
-        raise QueryError(f"this needs a goal that is a state, or a list of states, got {shown(self.goal)}")
+        raise QueryError(f"the goal must be a state or a list of states here, got {shown(self.goal)}; give states")
 
     def solve(
         self,
@@ -168,14 +165,14 @@ class Problem:
         Parameters
         ----------
         planner : a name with its ``options``, ``{name: {option: value}}``, a planner object, or a list of these
-        progress : True shows a line on the terminal; a function is called now and then with a
+        progress : True shows a line on the terminal; a function is called from time to time with a
             :class:`hpop.runtime.status.Progress`. The logger "hpop" reports stages (DEBUG) and the result of each
             planner (INFO)
-        executor : where planners that sweep run their jobs (processes, Dask, ...); the front is the same with any
+        executor : runs the jobs of planners that solve many programs (processes, Dask, ...); it changes no result
         """
         several = [planner] if isinstance(planner, str) or not isinstance(planner, Sequence) else planner
         if not several:
-            raise OptionError("give at least one planner, such as 'lattice'")
+            raise OptionError("planner must be at least one planner, such as 'lattice', got an empty list")
         with progress_callback(progress) as tell:
             *_, front = self.fronts(several, progress=tell, executor=executor, **options)
         return front
@@ -189,24 +186,24 @@ class Problem:
         stage: StageCallback | None = None,
         **options: Any,
     ) -> Iterator[Front]:
-        """Yield the front after each planner in turn, so that nothing is lost if a later one fails.
+        """Run planners one after another; yield the front so far after each, so that a later error loses nothing.
 
-        After an interruption (Ctrl-C) the planners that remain are not run.
+        After an interruption (Ctrl-C) the remaining planners are not run.
 
         Parameters
         ----------
         stage : called with the front so far after each stage of a planner but its last
-            (:meth:`hpop.planners.base.Planner.stages`); the front that follows has nothing worse. After an interruption
-            that leaves many points also with some of them, before all are re-evaluated: a second one then ends at once
+            (:meth:`hpop.planners.base.Planner.stages`); later fronts have nothing worse. After an interruption with
+            many points, it is also called with some of them, before all are re-evaluated; a second Ctrl-C ends at once
         """
         return solving.fronts(self, planners, options, progress=progress, executor=executor, stage=stage)
 
     def front(self, candidates: Candidates, progress: ProgressCallback | None = None) -> Front:
-        """Re-evaluate candidates by the criteria and keep the non-dominated ones; see :func:`.solving.front`."""
+        """Return the front of a planner's candidates, re-evaluated by the criteria; see :func:`.solving.front`."""
         return solving.front(self, candidates, progress)
 
     def keeping(self, margin: float) -> Problem:
-        """Return the problem with a clearance of ``margin`` metres to standing people, unchanged without any."""
+        """Return the problem with a distance of ``margin`` m to be kept from standing people; itself if none stand."""
         if not margin or not self.world.content.bodies:
             return self
         return replace(self, world=self.world.keeping(margin))
@@ -227,18 +224,18 @@ class Problem:
     def evaluate(self, of: Front, *, also: Sequence[CriterionSpec] = ()) -> Front: ...
 
     def evaluate(self, of: Trajectory | Front, *, also: Sequence[CriterionSpec] = ()) -> dict[str, float] | Front:
-        """Return a trajectory's cost in each criterion, by name; or a front with further criteria.
+        """Return a trajectory's costs by criterion, or a front with further criteria.
 
-        A front must answer this problem (any start and goal). The criteria in ``also`` are evaluated on its
-        trajectories and become further reported columns. They are not optimised, and the certificate says so: other
-        trajectories may be better in them. They are saved with the front; ``hpop show`` re-evaluates them too.
+        The front must be of this problem, but for start and goal. The criteria in ``also`` are evaluated on its
+        trajectories and become further reported columns. They are not optimised: other trajectories may be better in
+        them, and the certificate says so. They are saved with the front, and ``hpop show`` re-evaluates them too.
 
         Parameters
         ----------
-        also : further criteria, in the forms of a problem's own: ``["sickness", {"obstruction": {"radius": 1.0}}]``
+        also : further criteria, given as those of a problem: ``["sickness", {"obstruction": {"radius": 1.0}}]``
 
-        Raises CriterionError for a requirement that the robot or the world lacks, or a name with other parameters than
-        the front's column; QueryError for the front of another problem.
+        Raises CriterionError if robot and world lack something that a criterion requires, or if a column of this name
+        has other parameters; QueryError for the front of another problem.
         """
         if isinstance(of, Front):
             return evaluation.evaluated(self, of, also)
@@ -247,15 +244,15 @@ class Problem:
         return dict(zip((c.name for c in criteria), values.tolist(), strict=True))
 
     def trace(self, trajectory: Trajectory) -> Trace:
-        """Return each criterion's rate and running value along a trajectory; see :class:`.evaluation.Trace`."""
+        """Return how each criterion's cost arises along a trajectory; see :class:`.evaluation.Trace`."""
         return trace(self.criteria, _checked_trajectory(trajectory), self.world)
 
     def describe(self) -> dict[str, Any]:
-        """Return a JSON-able description from which :meth:`from_description` builds the same problem."""
+        """Return a description for JSON, from which :meth:`from_description` builds an equal problem."""
         return {"world": self.world.describe(), **self.describe_query()}
 
     def describe_query(self) -> dict[str, Any]:
-        """Return the description without the world."""
+        """Return the description for JSON, without the world."""
         return {
             "model": self.model.describe(),
             "start": list(self.start),
@@ -268,12 +265,12 @@ class Problem:
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> Problem:
-        """Return a problem from its description; raise the error of a wrong part, or QueryError for a missing one."""
+        """Return the problem of a description; an invalid part raises its own error, a missing one QueryError."""
         try:
             world, model = description["world"], description["model"]
             start, goal, criteria = description["start"], description["goal"], description["criteria"]
         except (LookupError, TypeError) as error:
-            raise QueryError(f"not the description of a problem: {shown(error)} is missing") from None
+            raise QueryError(f"a problem's description must have {shown(error)}, but lacks it; save again") from None
         try:
             return cls(
                 World.from_description(world),
@@ -288,11 +285,11 @@ class Problem:
         except HpopError:
             raise
         except (TypeError, ValueError, AttributeError, LookupError, OverflowError) as error:
-            raise QueryError(f"not the description of a problem: {error}") from None
+            raise QueryError(f"the description of the problem is invalid: {error}; save it again") from None
 
 
 def _lacks(model: Any) -> str:
-    """Return the missing attributes of a user's model, as text; "" for objects that are no model at all."""
+    """Return a text on the attributes that a user's model lacks; "" for objects that are no model at all."""
     members = [name for name in vars(Model) if not name.startswith("_")]
     absent = [name for name in members if not hasattr(model, name)]
     if isinstance(model, type) or not 0 < len(absent) < len(members) - 1:
@@ -301,31 +298,31 @@ def _lacks(model: Any) -> str:
 
 
 def _of_tour(criterion: Criterion, tour: Tour | None) -> Criterion:
-    """Return a criterion; one with the role "stops_missed" for the stops of a tour."""
+    """Return a criterion; if it counts missed stops (role "stops_missed"), return its copy for a tour."""
     return (
         criterion if criterion.role != "stops_missed" else cast(Criterion, cast(StopsMissed, criterion).of_tour(tour))
     )
 
 
 def _check_optional(tour: Tour | None, criteria: Sequence[Criterion]) -> None:
-    """Raise QueryError if stops are optional but no criterion counts those missed."""
+    """Raise QueryError if a tour has optional stops but no criterion counts those that are missed."""
     if tour is not None and tour.optional and index_of_role("stops_missed", criteria) is None:
         names = ", ".join(tour.names[i] for i in tour.optional)
         raise QueryError(
-            f"optional stops would never be visited unless a criterion counts those missed: {names}. List stops_missed "
-            "among the criteria, or leave optional out"
+            f"a tour with optional stops ({names}) needs the criterion stops_missed, or they would never be visited; "
+            "list it among the criteria, or leave optional out"
         )
 
 
 def _check_stand_ins(criteria: Sequence[Criterion]) -> None:
-    """Raise CriterionError where a mean and the integral that stands in for it are listed but disagree."""
+    """Raise CriterionError if a time-mean and its integral, which searches minimise, have different parameters."""
     for mean in criteria:
         integral = mean.integral or mean
         for other in criteria:
             if other.name == integral.name and other != integral:
                 raise CriterionError(
-                    f"{mean.name!r} is represented by {integral!r} in searches, but {other!r} is listed as well; "
-                    "give both the same parameters"
+                    f"searches minimise {integral!r} in place of {mean.name!r}, but {other!r} is also listed; give "
+                    "both equal parameters"
                 )
 
 
@@ -339,12 +336,11 @@ def _checked_trajectory(trajectory: Trajectory) -> Trajectory:
 class Planning:
     """Planner for many queries, each with its own start and goal, in one world with one robot and fixed criteria.
 
-    If the planner's graph family can be anchored at the world, as the lattice can, its free states, arcs and costs are
-    computed for the first query and used by all others. Start and goal are joined to the graph
+    If the planner's graph does not depend on the query, as that of a lattice, its free states, arcs and costs are
+    computed for the first query and reused. Start and goal are then joined to the graph
     (:mod:`hpop.planners.graphs.joined_ends`). A graph that is drawn for each query, such as a roadmap, is built anew.
 
-    Fronts are exact on that graph. They differ from those of ``Problem.solve``, where the lattice goes through the
-    start.
+    Fronts are exact on that graph. They differ from those of ``Problem.solve``, whose lattice goes through the start.
 
     >>> import hpop, shapely
     >>> world = hpop.World.from_polygons([shapely.box(3, 0, 4, 3)], extent=shapely.box(0, 0, 8, 6))
@@ -362,34 +358,34 @@ class Planning:
         planner: PlannerSpec = "lattice",
         **question: Any,
     ) -> None:
-        """Make a planner for the queries.
+        """Store what all queries have in common.
 
         Parameters
         ----------
         planner : name, ``{name: options}`` or object
-        question : ``quanta``, ``horizon`` and ``tour`` of every problem, as :class:`hpop.Problem` takes them
+        question : ``quanta``, ``horizon`` and ``tour`` of every problem, as for :class:`hpop.Problem`
         """
         self.world, self.model, self.criteria = world, model, tuple(criteria)
         self.planner: Planner = make_planner(planner).anchored()
         self._question = question
 
     def problem(self, start: StateSpec, goal: GoalSpec) -> Problem:
-        """Return the problem of a query; raise QueryError for invalid ends."""
+        """Return the problem from a start to a goal; QueryError if one is invalid."""
         return Problem(self.world, self.model, start, goal, self.criteria, **self._question)
 
     def solve(self, start: StateSpec, goal: GoalSpec) -> Front:
-        """Return the front between two ends; raises as :meth:`hpop.Problem.solve` does."""
+        """Return the front from a start to a goal; raises the errors of :meth:`hpop.Problem.solve`."""
         return self.front(self.problem(start, goal))
 
     def front(self, problem: Problem) -> Front:
-        """Return the front of a problem by the planner and its kept graph, without early stages."""
+        """Return the front of a problem by the planner and its stored graph, without early stages."""
         return last_answer(problem, self.planner)
 
     def updated(self, world: World) -> Planning:
-        """Return the planning in a changed world, which computes again only the parts that the change touches.
+        """Return a planner for a changed world, which computes again only what the change may affect.
 
         Arcs of the lattice are checked again where the robot may meet the change. Costs are computed again for those
-        arcs, and for all arcs by criteria that depend on the changed content: obstacles, people or zones.
+        arcs. Criteria that depend on the changed content (obstacles, people or zones) are computed for all arcs.
         """
         changed = Planning(world, self.model, self.criteria, self.planner, **self._question)
         family, margin = self.planner.graph_of_drives, self.planner.margin

@@ -1,4 +1,4 @@
-"""Solution of a problem: planners run in turn, their candidates are re-evaluated and their fronts joined."""
+"""Solution of a problem: run planners one after another, re-evaluate their candidates, and join their fronts."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
 StageCallback = Callable[[Front], None]
-SOME = 4_000  # points that are re-evaluated and saved within half a second
-SOME_WITH_MEMORY = 40  # points, with criteria of the whole trajectory, which take about 8 ms each
+SOME = 4_000  # number of points that are re-evaluated and saved within half a second
+SOME_WITH_MEMORY = 40  # as SOME, with criteria of the whole trajectory, which take about 8 ms for each point
 
 
 def notes_on_targets(world: World, model: Model, goal: Goal, trajectories: Sequence[Trajectory]) -> tuple[str, ...]:
-    """Return notes on trajectories that end looking at a target behind an obstacle."""
+    """Return notes for the user on trajectories at whose end an obstacle hides the target of a look_at goal."""
     looks = [(look, look.looked_at) for look in goal.alternatives() if look.looked_at is not None]
     if not looks or not len(trajectories):
         return ()
@@ -61,14 +61,14 @@ def notes_on_targets(world: World, model: Model, goal: Goal, trajectories: Seque
             share += "" if not share else some([str(i) for i in np.flatnonzero(hidden).tolist()])
             x, y, z = target
             notes.append(
-                f"the target ({x:g}, {y:g}, {z:g}) of look_at is hidden by an obstacle from where "
-                f"{share or 'all trajectories'} end: check its place and height, or list the criterion 'occlusion'"
+                f"an obstacle hides the target ({x:g}, {y:g}, {z:g}) of look_at at the end of "
+                f"{share or 'all trajectories'}: check its position and height, or list the criterion 'occlusion'"
             )
     return tuple(notes)
 
 
 def notes_on_landmarks(world: World, model: Model, start: States, criteria: Iterable[Criterion]) -> tuple[str, ...]:
-    """Return a note on landmarks that obstacles wall in, if a criterion needs landmarks."""
+    """Return a note for the user on landmarks that are enclosed by obstacles, if a criterion needs landmarks."""
     if not world.content.landmarks or not any("landmarks" in criterion.requires for criterion in criteria):
         return ()
     pose = model.pose("camera", start)
@@ -78,15 +78,15 @@ def notes_on_landmarks(world: World, model: Model, start: States, criteria: Iter
         return ()
     walled_names = [f"{mark.name!r} at ({mark.x:.4g}, {mark.y:.4g})" for mark in walled]
     return (
-        f"landmarks walled in by obstacles, so that they cannot be seen: {some(walled_names)} (a white letter on a "
-        "dark pedestal is free ground within an obstacle): move them, or mend the map",
+        f"obstacles enclose these landmarks, so that they cannot be seen: {some(walled_names)} (in a map image, white "
+        "letters on a dark object are free space within an obstacle): move them, or correct the map",
     )
 
 
 def _walled_in(world: World, mark: Landmark, camera: tuple[float, ...]) -> bool:
-    """Return whether obstacles at all heights between a landmark and a camera separate the two.
+    """Return whether obstacles enclose a landmark, so that the camera (x, y, z) can never see it.
 
-    Obstacles that contain the landmark do not count.
+    Only obstacles that span all heights between landmark and camera count, and none that contains the landmark.
     """
     low, high = sorted((mark.z, camera[2]))
     if world.has_heights:
@@ -103,7 +103,7 @@ def _walled_in(world: World, mark: Landmark, camera: tuple[float, ...]) -> bool:
     return bool(around_mark.size and around_eye.size) and not any(a.equals(b) for a in around_mark for b in around_eye)
 
 
-GRACE, MOST_GRACE = 0.03, 0.3  # share of a time limit, and s, by which the evaluation of results may pass it
+GRACE, MOST_GRACE = 0.03, 0.3  # share of a time limit, and s: by how much the evaluation of results may exceed it
 
 
 @checked_arguments
@@ -116,7 +116,7 @@ def fronts(
     executor: Executor | None = None,
     stage: StageCallback | None = None,
 ) -> Iterator[Front]:
-    """Yield the front after each planner in turn; see :meth:`hpop.Problem.fronts`."""
+    """Run planners one after another and yield the front so far after each; see :meth:`hpop.Problem.fronts`."""
     made = [make_planner(planner, options) for planner in planners]
     _check_joinable(made)
     _check_checkpoints(made)
@@ -156,9 +156,9 @@ def fronts(
 
 
 def last_answer(problem: Problem, planner: Planner) -> Front:
-    """Return the front of a planner's last answer, without the stages before it.
+    """Run a planner to its end and return the front of its final result, without earlier stages.
 
-    Raises as :meth:`hpop.Problem.solve` does.
+    Raises the errors of :meth:`hpop.Problem.solve`.
     """
     refuse_unsupported(planner, problem.model)
     check_goal(problem, planner)
@@ -173,10 +173,10 @@ def last_answer(problem: Problem, planner: Planner) -> Front:
 
 
 def front(problem: Problem, candidates: Candidates, progress: ProgressCallback | None = None) -> Front:
-    """Re-evaluate candidates by the problem's criteria and keep the non-dominated ones; report progress.
+    """Return the front of a planner's candidates: re-evaluated by the criteria, with dominated ones dropped.
 
-    Every reported cost is the criterion's own value on the returned trajectory. If one differs from the planner's sum
-    by more than the planner's tolerance, the certificate says so: that is a bug.
+    Every cost in the front is computed by its criterion from the trajectory. If it differs from the sum that the
+    planner computed by more than the planner's tolerance, that is a bug, and the certificate says so.
     """
     objectives = (*candidates.objectives, *candidates.filters)
     means = [c for c in problem.criteria if c not in objectives]
@@ -190,8 +190,8 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
     for criterion, most in zip(objectives, costs.max(axis=0, initial=0.0).tolist(), strict=True):
         if most > MAX_QUANTA * criterion.quantum:
             raise CriterionError(
-                f"{criterion.name} costs {most:.3g} {criterion.unit} on a trajectory, which is more quanta of "
-                f"{criterion.quantum:g} than float64 resolves; take a coarser quantum, or shorter motions"
+                f"costs of {criterion.name} must be below 2**53 times its quantum {criterion.quantum:g}, got "
+                f"{most:.3g} {criterion.unit} on a trajectory; set a coarser quantum, or plan shorter motions"
             )
     provenance, unvisited = candidates.provenance, False
     if problem.tour is not None:
@@ -242,9 +242,9 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
 
 
 def _spending(problem: Problem, planner: Planner) -> Spending:
-    """Return the account of a planner's time, including the evaluation of its results.
+    """Return the account of the time that a planner has spent, including the evaluation of its results.
 
-    Time for reading the map counts as well if the planner's limits include it.
+    The time for reading the map counts too if the planner's limits include it.
     """
     if isinstance(planner, Limited):
         return Spending(Budget(planner.budget().time_limit), spent=problem.read_seconds)
@@ -252,7 +252,10 @@ def _spending(problem: Problem, planner: Planner) -> Spending:
 
 
 def _until_limit(spending: Spending) -> float | None:
-    """Return the seconds until the limit, plus the grace by which evaluation may pass it: no grace gives few points."""
+    """Return the time, s, until a planner's limit, plus the time by which the evaluation of results may exceed it.
+
+    Without this grace, few points could be evaluated. Returns None without a limit.
+    """
     limit, until = spending.limits.time_limit, spending.until_limit()
     return None if limit is None or until is None else until + min(GRACE * limit, MOST_GRACE)
 
@@ -260,7 +263,7 @@ def _until_limit(spending: Spending) -> float | None:
 def _stages(
     problem: Problem, planner: Planner, progress: ProgressCallback | None, executor: Executor | None
 ) -> Iterator[Candidates]:
-    """Yield a planner's candidates, in stages; add the map's notes to an error about start or goal."""
+    """Yield a planner's candidates in stages; an error about start or goal gets the notes of the map."""
     try:
         yield from stages_of(planner, problem, progress, executor)
     except QueryError as error:
@@ -269,7 +272,7 @@ def _stages(
 
 
 def _note_map(error: QueryError, problem: Problem) -> None:
-    """Add the map's notes, which may say why an end cannot be used."""
+    """Add the notes of the map to an error, since they may explain why start or goal cannot be used."""
     for note in problem.world.notes:
         error.add_note(f"{NOTE}{note}")
 
@@ -281,7 +284,7 @@ def _evaluated(
     save: Callable[[Candidates], bool],
     progress: ProgressCallback | None,
 ) -> Front:
-    """Return the front of a planner's last answer and its stages; a first Ctrl-C does not end it."""
+    """Return the front of a planner's final result and its earlier stages; a first Ctrl-C does not stop this."""
     if progress:
         progress(Progress("evaluation"))
     is_some_saved = save(last)
@@ -298,7 +301,10 @@ def _evaluated(
 def _save_some(
     problem: Problem, before: Front | None, stages: Candidates | None, stage: StageCallback | None, last: Candidates
 ) -> bool:
-    """Pass a front of some points to ``stage`` if an interrupted planner found many; return whether it did so."""
+    """After an interruption with many points, pass a front of some of them to ``stage``; return whether it was done.
+
+    So a second Ctrl-C, during the evaluation of all points, does not lose everything.
+    """
     number = SOME_WITH_MEMORY if any(c.aggregate == "trajectory" for c in problem.criteria) else SOME
     if stage is None or last.status is not Status.INTERRUPTED or len(last.trajectories) <= number:
         return False
@@ -310,36 +316,36 @@ def _save_some(
 
 
 def _union(before: Front | None, found: Front) -> Front:
-    """Return the union of two fronts."""
+    """Return the union of the front so far, if any, and another front."""
     return found if before is None else before | found
 
 
 def _check_joinable(planners: Iterable[Planner]) -> None:
-    """Raise OptionError where some planners minimise a mean and others its integral."""
+    """Raise OptionError if some of the planners minimise a time-mean and others its integral."""
     if len({planner.max_detour is not None for planner in planners}) > 1:
         raise OptionError(
-            "a planner with max_detour minimises a mean itself, the others its integral: their fronts cannot be "
-            "joined. Give max_detour to all planners or to none, or plan them one at a time"
+            "max_detour must be given to all planners or to none, because with it a planner minimises a mean and "
+            "without it the mean's integral, so that their fronts cannot be joined; change the options, or run them "
+            "one by one"
         )
 
 
 def _check_checkpoints(planners: Iterable[Planner]) -> None:
-    """Raise OptionError if two searches share a checkpoint file, where each would find the other's search."""
+    """Raise OptionError if two searches use one checkpoint file, because each would read the other's state."""
     searches_by_file: dict[str, str] = {}
     for planner in planners:
         for name, checkpoint in _checkpoints(planner):
             file = os.path.realpath(checkpoint.path)
             if file in searches_by_file:
                 raise OptionError(
-                    f"{searches_by_file[file]} and {name} would keep their searches in one checkpoint, "
-                    f"{shown(os.fspath(checkpoint.path))}; give each a file of its own among its options, or plan them "
-                    "one at a time"
+                    f"each search needs its own checkpoint file, but {searches_by_file[file]} and {name} both have "
+                    f"{shown(os.fspath(checkpoint.path))}; change the option checkpoint of one, or run them one by one"
                 )
             searches_by_file[file] = name
 
 
 def _checkpoints(planner: Planner) -> Iterator[tuple[str, Checkpoint]]:
-    """Yield the checkpoints of a planner and of the planner that gives its warm start, with their names."""
+    """Yield name and checkpoint file of a planner, and of the planner that computes its warm start, if given."""
     warm = planner.warm_start
     searches = [(planner.name, planner.checkpoint)]
     for name, options in warm.items() if isinstance(warm, Mapping) else ():
@@ -348,6 +354,6 @@ def _checkpoints(planner: Planner) -> Iterator[tuple[str, Checkpoint]]:
 
 
 def _empty_groups(criteria: Sequence[Criterion]) -> list[str]:
-    """Return a note on the groups without a criterion."""
+    """Return a note for the user on the groups (performance, comfort, robot, others) without a criterion."""
     empty = [f"{name} ({group})" for group, name in GROUPS.items() if all(c.group != group for c in criteria)]
     return [f"groups without a criterion: {', '.join(empty)}"] if empty else []

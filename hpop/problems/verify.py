@@ -1,4 +1,4 @@
-"""Verification of a front: costs re-evaluated, ends compared, collisions checked in space by python-fcl."""
+"""Verification of a front, independent of the planner: costs, start and goal, collisions, contacts and visits."""
 
 from __future__ import annotations
 
@@ -27,31 +27,32 @@ from hpop.trajectories.motion_table import MotionTable
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world.content.predictions import with_stops
 
-SAME = 1e-9  # relative: costs differ by less if only the order of a sum differs
-CLOSE = 1e-5  # m or rad: rounding of states written in decimals
-HEADING_CLOSE = 5e-3  # rad: rounding of a yaw of three decimals to the planner's heading
-PROGRESS_EVERY = 100  # trajectories between two progress reports
-TOGETHER = 2**10  # motions checked between two progress reports
+SAME = 1e-9  # relative: equal costs differ by less if only the order of a sum differs
+CLOSE = 1e-5  # m or rad: tolerance for states that were written in decimals
+HEADING_CLOSE = 5e-3  # rad: tolerance between a goal's yaw with three decimals and the planner's heading
+PROGRESS_EVERY = 100  # number of trajectories between two progress reports
+TOGETHER = 2**10  # number of motions that are checked between two progress reports
 NUMBER = re.compile(r"^trajectory (\d+)")
-SAMPLED, MOST_SAMPLED = 0.1, 3600.0  # s between samples of a visit; s of a visit that are sampled
-MOST_TURNED = 1e4  # rad: larger yaws are invalid, and would take for ever to check
+SAMPLED, MOST_SAMPLED = 0.1, 3600.0  # s between samples of a visit; s, longest part of a visit that is sampled
+MOST_TURNED = 1e4  # rad: larger yaws are invalid, and would take too long to check
 
 
 def verify(
     problem: Problem, front: Front, *, rows: IntArray | None = None, say: Callable[[str], None] | None = None
 ) -> list[str]:
-    """Return the faults of a front of this problem, as texts; [] if its claims hold.
+    """Return a text for each fault of a front of this problem; [] if all that it claims is right.
 
-    Independent of the planner: costs come from the criteria, collisions from python-fcl at states no further apart than
-    5 cm or 3 degrees, the ends from the problem, visits of stops from samples of the trajectory. People who move are
-    checked every hundredth of a second (:mod:`.contacts`), for the plan and for its execution. Motions that
-    trajectories share are checked once. In fronts of earlier versions the lattice put the goal on its nearest position,
-    with a "goal_offset" in the provenance: up to half a diagonal of a "step" is accepted.
+    The check is independent of the planner. Costs are computed again by the criteria. Collisions are tested by
+    python-fcl at states at most 5 cm or 3 degrees apart. Start and goal are compared with those of the problem, and
+    visits of stops with samples of the trajectory. Contacts with moving people are tested every hundredth of a second
+    (:mod:`.contacts`), for the plan and for its execution. A motion that several trajectories share is checked once. In
+    fronts of earlier versions the lattice ended at the grid position nearest to the goal, with a "goal_offset" in the
+    provenance; an offset of up to half the diagonal of a grid cell is accepted.
 
     Parameters
     ----------
-    rows : (m,) trajectories to check, rising; by default all
-    say : called now and then with the current check and its progress
+    rows : (m,) rows of the trajectories to be checked, ascending; by default all
+    say : called from time to time with a sentence on the current check and its progress
     """
     if rows is not None:
         return _numbered(verify(problem, _part(front, rows), say=say), rows)
@@ -76,14 +77,14 @@ def verify(
 
 
 def _contacts(problem: Problem, front: Front, say: Callable[[str], None] | None) -> Iterator[str]:
-    """Yield contacts with people who move, and distances below the planner's declared margin."""
+    """Yield a text for each trajectory that touches moving people, or comes nearer than its provenance promises."""
     people = problem.world.content.people
     left = problem.world.content.left
     if not left and not any(person.moves for person in people):
         return
     for i, trajectory in enumerate(front.trajectories):
         if say is not None and i % PROGRESS_EVERY == 0:
-            say(f"people who move about {i:,} of {len(front):,} trajectories")
+            say(f"contacts with moving people in {i:,} of {len(front):,} trajectories")
         margin = front.provenance[i].get("margin")
         kept = min(max(float(margin), 0.0), MOST) if isinstance(margin, int | float) else 0.0
         parts = problem.model.platform
@@ -101,7 +102,10 @@ def _contacts(problem: Problem, front: Front, say: Callable[[str], None] | None)
 
 
 def _visit_faults(problem: Problem, front: Front) -> Iterator[str]:
-    """Yield faults of the visits that a front of a tour records: each is checked on samples of its trajectory."""
+    """Yield a text for each fault of the visits of a tour's stops that a front records.
+
+    Each visit is checked on samples of its trajectory.
+    """
     tour = problem.tour
     if tour is None:
         return
@@ -131,11 +135,11 @@ def _visit_faults(problem: Problem, front: Front) -> Iterator[str]:
         distinct, which = np.unique(rows, axis=0, return_inverse=True)
         inside = in_stop(stop, problem.world, problem.model, States(**dict(zip(names, distinct.T, strict=True))))
         for i in np.unique(np.concatenate(own)[~inside[which.ravel()]]).tolist():
-            yield f"trajectory {i} is not at stop {stop.name!r} when it says so"
+            yield f"trajectory {i} is not at stop {stop.name!r} at the time of the recorded visit"
 
 
 def _recorded_visits(tour: Tour, recorded: Any) -> list[Visit] | None:
-    """Return the visits that a provenance records; None where it holds something else."""
+    """Return the visits in the provenance of a trajectory; None if the entry is invalid."""
     try:
         visits = [Visit(tour.names.index(v["stop"]), float(v["begin"]), float(v["end"])) for v in recorded]
     except (TypeError, KeyError, ValueError, OverflowError):
@@ -144,7 +148,7 @@ def _recorded_visits(tour: Tour, recorded: Any) -> list[Visit] | None:
 
 
 def _order_faults(tour: Tour, visits: Sequence[Visit], duration: float) -> Iterator[str]:
-    """Yield faults of visits apart from their places: missing ones, their order, times and dwells."""
+    """Yield a text for each fault in the order and times of visits, such as missing, repeated or too short ones."""
     at = {visit.stop: number for number, visit in enumerate(visits)}
     for j, stop in enumerate(tour.stops):
         if j not in at and not stop.optional:
@@ -159,31 +163,33 @@ def _order_faults(tour: Tour, visits: Sequence[Visit], duration: float) -> Itera
         if visit.end - visit.begin < tour.stops[visit.stop].dwell - CLOSE:
             yield f"stands at stop {tour.names[visit.stop]!r} for {visit.end - visit.begin:.6g} s only"
         if visit.begin < now - CLOSE or visit.end > duration + CLOSE:
-            yield f"visits stop {tour.names[visit.stop]!r} during another visit, or when it is not on its way"
+            yield f"visits stop {tour.names[visit.stop]!r} during another visit, or before its start or after its end"
         now = visit.end
 
 
 def _numbers(given: Any) -> list[int]:
-    """Return the numbers of people that a provenance names; none where it holds something else."""
+    """Return the numbers of people in a provenance entry; [] if the entry is invalid."""
     return [number for number in given if isinstance(number, int)] if isinstance(given, list) else []
 
 
 def _part(front: Front, rows: IntArray) -> Front:
-    """Return some trajectories of a front, by rows (m,), as a front of their own."""
+    """Return the front of the trajectories in some rows (m,)."""
     chosen = np.zeros(len(front), dtype=bool)
     chosen[rows] = True
     return front[chosen]
 
 
 def _numbered(faults: Sequence[str], rows: IntArray) -> list[str]:
-    """Return faults of some trajectories of a front, with the numbers (m,) that these have there."""
+    """Return faults of selected trajectories with their row numbers in the whole front (m,)."""
     return [NUMBER.sub(lambda found: f"trajectory {rows[int(found[1])]}", fault) for fault in faults]
 
 
 def lost_trajectories(problem: Problem, front: Front, rows: IntArray | None = None) -> list[str]:
-    """Return faults of trajectories that leave the map, where they cannot be evaluated, or turn without end.
+    """Return a text for each trajectory that leaves the map, or whose angles are too large to be checked.
 
-    rows  (m,) trajectories to check, rising; by default all
+    Costs of such a trajectory cannot be evaluated.
+
+    rows  (m,) rows of the trajectories to be checked, ascending; by default all
     """
     if rows is not None:
         return _numbered(lost_trajectories(problem, _part(front, rows)), rows)
@@ -191,7 +197,7 @@ def lost_trajectories(problem: Problem, front: Front, rows: IntArray | None = No
 
 
 def _lost(problem: Problem, table: MotionTable) -> list[str]:
-    """Return the faults of :func:`lost_trajectories` for a table; states that trajectories share are checked once."""
+    """Return the faults of :func:`lost_trajectories`; a state that several trajectories share is checked once."""
     lost = ~on_map(problem, table.states)
     for name in problem.model.space.turning:
         lost |= ~(np.abs(getattr(table.states, name)) <= MOST_TURNED)
@@ -199,12 +205,12 @@ def _lost(problem: Problem, table: MotionTable) -> list[str]:
 
 
 def _known(problem: Problem, front: Front) -> dict[str, Criterion]:
-    """Return, by name, the criteria that may have costs in this front: those of the problem, and those evaluated."""
+    """Return, by name, the criteria that may have columns in a front: those of its problem, and those evaluated."""
     return {criterion.name: criterion for criterion in criteria_of(front)} | claimable(problem)
 
 
 def _declared_faults(problem: Problem, front: Front) -> Iterator[str]:
-    """Yield faults of the columns: unknown criteria, and criteria with another unit, quantum or group than declared."""
+    """Yield a text for each fault of a front's columns: unknown or missing criteria, a wrong unit, quantum or group."""
     every = _known(problem, front)
     names = [*front.names, *front.reported_names]
     unknown = [name for name in names if name not in every]
@@ -227,6 +233,7 @@ def _declared_faults(problem: Problem, front: Front) -> Iterator[str]:
 def _cost_faults(
     problem: Problem, front: Front, table: MotionTable, say: Callable[[str], None] | None
 ) -> Iterator[str]:
+    """Yield a text for each saved cost that differs from the cost that its criterion computes again."""
     every = _known(problem, front)
     names = [*front.names, *front.reported_names]
     known = [j for j, name in enumerate(names) if name in every]
@@ -239,7 +246,7 @@ def _cost_faults(
 
 
 def _suspects(problem: Problem, table: MotionTable) -> BoolArray:
-    """Return which trajectories (n,) need a check one by one: other ends than the problem's, or doubtful motions."""
+    """Return a mask (n,) of the trajectories to be checked one by one: those with wrong ends or doubtful motions."""
     first, last = table.states.take(table.first), table.states.take(table.last)
     suspects = ~_Miss.of(problem, problem.start, first).none
     if problem.target.listed:
@@ -254,10 +261,10 @@ def _suspects(problem: Problem, table: MotionTable) -> BoolArray:
 
 
 class _Miss(NamedTuple):
-    """Distance of states (M,) from an end.
+    """Difference between states (M,) and the problem's start or goal.
 
-    distance  m    over the columns that are lengths
-    others    rad  in each of the other columns; 0 where the end leaves it free
+    distance  m    Euclidean distance over the columns that are lengths
+    others    rad  absolute difference in each of the other columns; 0 if the goal leaves it open
     """
 
     distance: FloatArray
@@ -265,7 +272,7 @@ class _Miss(NamedTuple):
 
     @classmethod
     def of(cls, problem: Problem, end: Values, states: States) -> _Miss:
-        """Return the miss of an end of the problem."""
+        """Return the difference between states (M,) and ``end``, the start or a goal of the problem."""
         space = problem.model.space
         differences = space.differences(space.state(end, free=space.angles), states)
         off = {name: np.nan_to_num(np.abs(change)) for name, change in differences.items()}
@@ -274,12 +281,12 @@ class _Miss(NamedTuple):
 
     @property
     def most(self) -> float:
-        """Largest angle of the miss."""
+        """Largest difference of an angle, rad."""
         return max((float(off.max(initial=0.0)) for off in self.others.values()), default=0.0)
 
     @property
     def none(self) -> BoolArray:
-        """True for each state (M,) that is at the end."""
+        """True for each state (M,) that is at the start or goal, within tolerances."""
         close = self.distance <= CLOSE
         for off in self.others.values():
             close &= off <= HEADING_CLOSE
@@ -287,7 +294,7 @@ class _Miss(NamedTuple):
 
 
 def _offset(provenance: Mapping[str, Any]) -> float:
-    """Return the planner's declared distance from the goal, m, within the limits of its step."""
+    """Return the distance from the goal, m, that a provenance declares, at most half the diagonal of a grid cell."""
     offset, step = (provenance.get(key) for key in ("goal_offset", "step"))
     if not (isinstance(offset, int | float) and isinstance(step, int | float) and max(abs(offset), abs(step)) <= MOST):
         return 0.0
@@ -295,6 +302,7 @@ def _offset(provenance: Mapping[str, Any]) -> float:
 
 
 def _end_faults(problem: Problem, trajectory: Trajectory, offset: float) -> Iterator[str]:
+    """Yield a text if a trajectory does not begin at the start, or does not end within ``offset`` m of a goal."""
     first, last = (trajectory.states.take([row]) for row in (0, -1))
     if not _Miss.of(problem, problem.start, first).none.all():
         yield "does not begin at the start"
@@ -312,12 +320,15 @@ def _end_faults(problem: Problem, trajectory: Trajectory, offset: float) -> Iter
 
 
 def collision_free(problem: Problem, trajectories: Sequence[Trajectory]) -> BoolArray:
-    """Return whether each trajectory (n,) is free at densely sampled states; shared motions are checked once."""
+    """Return whether each trajectory (n,) is free of collisions, by the model's test for verification.
+
+    States are sampled densely. A motion that several trajectories share is checked once.
+    """
     return _free(problem, MotionTable.of(trajectories)) if trajectories else np.ones(0, dtype=bool)
 
 
 def _free(problem: Problem, table: MotionTable, say: Callable[[str], None] | None = None) -> BoolArray:
-    """Return whether each trajectory (n,) of a table is free."""
+    """Return whether each trajectory (n,) of a table of motions is free of collisions."""
     judge = problem.model.judge(problem.world)
     colliding = np.zeros(len(table), dtype=bool)
     done = 0
@@ -328,7 +339,7 @@ def _free(problem: Problem, table: MotionTable, say: Callable[[str], None] | Non
             motions = Motions(problem.world, problem.model, law, start.take(part), end.take(part))
             colliding[block[part]] = ~free_along(judge, motions)
             done += len(motions)
-    begins, which = np.unique(table.first, return_inverse=True)  # of those that go nowhere as well
+    begins, which = np.unique(table.first, return_inverse=True)  # start states, since some have no motions
     free = judge.states_free(table.states.take(begins))
     result: BoolArray = free[which] & ~table.having(colliding)
     return result

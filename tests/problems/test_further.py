@@ -117,10 +117,10 @@ def test_saved_it_is_verified_with_its_further_columns(problem: hpop.Problem, mo
         (
             [{"obstruction": {"radius": 1.0}}],
             CriterionError,
-            "'obstruction' has a column already, with other parameters",
+            "'obstruction' already has a column with other parameters",
         ),
-        ([{"exposure": {"radius": 1.0}}], CriterionError, "'exposure' has a column already, with other parameters"),
-        (["clearance", {"clearance": {"enough": 3.0}}], CriterionError, "'clearance' has a column already"),
+        ([{"exposure": {"radius": 1.0}}], CriterionError, "'exposure' already has a column with other parameters"),
+        (["clearance", {"clearance": {"enough": 3.0}}], CriterionError, "'clearance' already has a column"),
     ],
 )
 def test_what_cannot_be_evaluated_is_refused(

@@ -17,7 +17,7 @@ def notes(target: tuple[float, float, float]) -> list[str]:
     goal = {"look_at": {"target": target, "distance": [0.8, 1.2]}}
     front = hpop.Problem(HALL, ROBOT, (1, 3, 0), goal, ["length"]).solve({"roadmap": {"samples": 60}})
     assert len(front)
-    return [note for note in front.notes if "look_at is hidden" in note]
+    return [note for note in front.notes if "obstacle hides the target" in note]
 
 
 @pytest.mark.proof
@@ -27,12 +27,12 @@ def test_a_target_in_the_open_is_not_noted():
 
 def test_a_target_within_an_obstacle_is_noted():
     (note,) = notes((5.0, 2.0, 1.2))
-    assert "the target (5, 2, 1.2) of look_at is hidden by an obstacle from where all trajectories end" in note
+    assert "obstacle hides the target (5, 2, 1.2) of look_at at the end of all trajectories" in note
 
 
 def marked(world: World, *marks: Landmark, criteria: tuple[str, ...] = ("landmark_visibility", "length")) -> str:
     problem = hpop.Problem(world.with_content(landmarks=marks), ROBOT, (1, 5, 0), (9, 5, None), list(criteria))
-    return " ".join(note for note in problem.notes if "walled in" in note)
+    return " ".join(note for note in problem.notes if "obstacles enclose" in note)
 
 
 def test_a_white_letter_on_a_dark_pedestal_is_noted_and_what_stands_in_the_open_is_not():

@@ -74,7 +74,7 @@ def test_two_searches_that_would_be_kept_in_one_file_are_refused_before_anything
 ):
     monkeypatch.chdir(tmp_path)
     begun = []
-    with pytest.raises(OptionError, match=f"{said} would keep their searches in one checkpoint, '(./)?a.ckpt'; give"):
+    with pytest.raises(OptionError, match=f"its own checkpoint file, but {said} both have '(./)?a.ckpt'; change"):
         asked(criteria=("turns", "length")).solve(planners, progress=begun.append, **options)
     assert begun == list(tmp_path.iterdir()) == []
 
