@@ -138,7 +138,7 @@ def test_a_front_of_another_problem_is_refused(problem: hpop.Problem, front: hpo
         (replace(problem, model=hpop.DifferentialDrive(radius=0.2, speed=2.0)), "model differ"),
         (replace(problem, criteria=("turns", "length")), "criteria differ"),
     ):
-        with pytest.raises(QueryError, match=f"another problem: {said}; evaluate it by its own"):
+        with pytest.raises(QueryError, match=f"one of this problem, but {said}; evaluate it by its own"):
             other.evaluate(front, also=["jerk"])
     with pytest.raises(QueryError, match="expected a trajectory, such as"):
         problem.evaluate([front])
