@@ -85,15 +85,33 @@ def square_away(x: float, y: float, ax: float, ay: float, bx: float, by: float) 
 
 
 @lean
-def crosses(hull: FloatArray, ax: float, ay: float, bx: float, by: float) -> bool:
-    """Return whether the segment between the first two corners of a hull crosses the segment from a to b."""
+def crosses(hull: FloatArray, slack: float, ax: float, ay: float, bx: float, by: float) -> bool:
+    """Return whether the segment between the first two corners of a hull crosses that from a to b.
+
+    All four ends must be more than ``slack``, m, beside the line of the other segment.
+    """
     x, y, u, v = hull[0, 0], hull[0, 1], hull[1, 0], hull[1, 1]
     p = (u - x) * (ay - y) - (v - y) * (ax - x)
     q = (u - x) * (by - y) - (v - y) * (bx - x)
     r = (bx - ax) * (y - ay) - (by - ay) * (x - ax)
     s = (bx - ax) * (v - ay) - (by - ay) * (u - ax)
+    beside = slack * math.sqrt((u - x) * (u - x) + (v - y) * (v - y))
+    beyond = slack * math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay))
+    is_apart: bool = min(abs(p), abs(q)) > beside and min(abs(r), abs(s)) > beyond
     is_crossed: bool = p * q < 0.0 and r * s < 0.0
-    return is_crossed
+    return is_apart and is_crossed
+
+
+@lean
+def square_between(hull: FloatArray, size: int, ax: float, ay: float, bx: float, by: float) -> float:
+    """Return the squared distance, m2, of the sides of a hull from the segment from a to b, which does not meet it."""
+    least = math.inf
+    for i in range(size):
+        j = i + 1 if i + 1 < size else 0
+        x, y, u, v = hull[i, 0], hull[i, 1], hull[j, 0], hull[j, 1]
+        least = min(least, square_away(x, y, ax, ay, bx, by))
+        least = min(least, square_away(ax, ay, x, y, u, v), square_away(bx, by, x, y, u, v))
+    return least
 
 
 @lean
@@ -163,23 +181,18 @@ def compare_hulls(
                     continue
                 if math.isinf(ax) or not meets_within(hull, normals, size, reach, ax, ay, bx, by):
                     continue
-                if margin <= 0.0 or is_thin:
+                if size == 2 and crosses(hull, slack, ax, ay, bx, by):
+                    meets = True
+                    break
+                if is_thin or (margin <= 0.0 and size > 2):
                     unsure = True
-                    if size > 2 and not is_thin and meets_within(hull, normals, size, -slack, ax, ay, bx, by):
+                    if not is_thin and meets_within(hull, normals, size, -slack, ax, ay, bx, by):
                         meets = True
                         break
                     continue
-                least = math.inf
-                for i in range(size):
-                    j = i + 1 if i + 1 < size else 0
-                    x, y, u, v = hull[i, 0], hull[i, 1], hull[j, 0], hull[j, 1]
-                    least = min(least, square_away(x, y, ax, ay, bx, by))
-                    least = min(least, square_away(ax, ay, x, y, u, v), square_away(bx, by, x, y, u, v))
+                least = math.sqrt(square_between(hull, size, ax, ay, bx, by))
                 if size > 2 and meets_within(hull, normals, size, 0.0, ax, ay, bx, by):
                     least = 0.0
-                if size == 2 and crosses(hull, ax, ay, bx, by):
-                    least = 0.0
-                least = math.sqrt(least)
                 if least < margin - slack:
                     meets = True
                     break

@@ -199,7 +199,7 @@ class FreeSpace:
         for x, y in ((x0, y0), (x1, y1)):
             open_ = open_[self.clearance(x[open_], y[open_]) >= margin - TOLERANCE]
         ends = np.stack([x0[open_], y0[open_], x1[open_], y1[open_]], axis=1).reshape(-1, 2, 2)
-        free[open_] = self.shapes_free(np.asarray(shapely.linestrings(ends), dtype=object), margin)
+        free[open_] = self.hulls_free(ends, margin)
         return free
 
     def shapes_free(self, shapes: NDArray[np.object_], margin: float) -> BoolArray:
