@@ -35,10 +35,12 @@ ENDS = ("start", "goal")
 class Case:
     """Case of a batch: a problem with the planners that solve it together.
 
-    number index in the batch, from 0 id digest of the problem and its planners, by which a resumed batch recognises the
-    case problem digest of the problem alone, shared by cases that compare planners on this problem world digest of
-    everything but start, goal and planners: cases that share it are solved one after the other planner label, such as
-    ``lattice(step=0.5)`` values values of the varied keys, by dotted key; the name of a problem is under ``name``
+    number   index in the batch, from 0
+    id       digest of the problem and its planners, by which a resumed batch recognises the case
+    problem  digest of the problem alone, shared by cases that compare planners on this problem
+    world    digest of everything but start, goal and planners: cases that share it are solved one after the other
+    planner  label, such as ``lattice(step=0.5)``
+    values   values of the varied keys, by dotted key; the name of a problem is under ``name``
     """
 
     number: int

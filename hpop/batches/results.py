@@ -59,7 +59,7 @@ def _parquet() -> Any:
 class Writer:
     """Writer of the rows of finished cases to the folder of a batch.
 
-    done identifiers of the cases that already have rows
+    done  identifiers of the cases that already have rows
     """
 
     def __init__(self, folder: Path, *, again: bool = False) -> None:

@@ -72,9 +72,10 @@ class CaseTask:
 class BatchProgress:
     """Progress of a batch, for a callback.
 
-    done, count number of cases that have rows, and of all cases failed number of cases that ended with an error since
-    the batch was started seconds s since the batch was started left s estimate of the remaining time; nan while there
-    is no estimate
+    done, count  number of cases that have rows, and of all cases
+    failed       number of cases that ended with an error since the batch was started
+    seconds      s  since the batch was started
+    left         s  estimate of the remaining time; nan while there is no estimate
     """
 
     done: int
@@ -161,10 +162,14 @@ def batch(
     Each result is saved at once: after Ctrl-C, kill -9 or a power cut, call the function again with the same ``out``,
     and it continues with the cases that have no row yet. A case that fails gets a row with its error.
 
-    Parameters ---------- problems : a list, or by name; or the path of a specification, a scenario with ``vary`` or
-    ``table`` planners : each solves each problem by itself; a list, or by label. A specification names its own out :
-    folder of the results; created if missing workers : processes on this machine executor : workers elsewhere, such as
-    :func:`hpop.runtime.sweep.dask` gives progress : called after each case
+    Parameters
+    ----------
+    problems : a list, or by name; or the path of a specification, a scenario with ``vary`` or ``table``
+    planners : each solves each problem by itself; a list, or by label. A specification names its own
+    out : folder of the results; created if missing
+    workers : processes on this machine
+    executor : workers elsewhere, such as :func:`hpop.runtime.sweep.dask` gives
+    progress : called after each case
 
     Raises OptionError if both workers and executor are given or workers is invalid, ScenarioError for an invalid
     specification, ImportError without the extra hpop[tables].

@@ -45,7 +45,9 @@ class PlannerSummary:
 class _ProblemFronts:
     """Fronts that several planners found for one problem.
 
-    names of the criteria costs rows of costs by planner planners labels of all planners that were given the problem
+    names     of the criteria
+    costs     rows of costs by planner
+    planners  labels of all planners that were given the problem
     """
 
     names: tuple[str, ...] = ()

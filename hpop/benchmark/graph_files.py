@@ -49,7 +49,7 @@ def write_graph(graph: Graph, path: Path, *, first_node: int = 1) -> None:
 def read_graph(path: Path, *, first_node: int = 1) -> Graph:
     """Read a graph from a text file; raise GraphError for a file without the line ``p sp``, or with invalid arcs.
 
-    first_node number of the first node in the file: 1, or 0 as in files of NetMaker
+    first_node  number of the first node in the file: 1, or 0 as in files of NetMaker
     """
     with path.open(encoding="ascii", errors="replace") as file:
         nodes, arcs = _sizes(file, path)

@@ -26,10 +26,10 @@ MARKS = re.compile(r"[\s,;()\[\]]+")
 class ForeignProgram:
     """Command line of a foreign program, and how to read its output.
 
-    command words with placeholders: {graph}, {graphs} (one file per cost), {source}, {target}, {costs} (their number)
-    first_node number of the first node in graphs, sources and targets: 1 or 0 count regular expression for the number
-    of vectors, for a program that prints no vectors; or "" clock regular expression for the program's own seconds in
-    the output, or ""
+    command     words with placeholders: {graph}, {graphs} (one file per cost), {source}, {target}, {costs} (number)
+    first_node  number of the first node in graphs, sources and targets: 1 or 0
+    count       regular expression for the number of vectors, for a program that prints no vectors; or ""
+    clock       regular expression for the program's own seconds in the output, or ""
     """
 
     command: str
@@ -77,8 +77,9 @@ class ForeignProgram:
 class RunResult:
     """Result of a program for one query.
 
-    front "equal", "equal size", "differs", "time limit" or "failed" seconds, processor_seconds, memory of the whole
-    process with the reading of the graph: s, s and MB clock seconds by the program's own clock, or None
+    front    "equal", "equal size", "differs", "time limit" or "failed"
+    seconds, processor_seconds, memory  of the whole process with the reading of the graph: s, s and MB
+    clock    seconds by the program's own clock, or None
     """
 
     instance: str

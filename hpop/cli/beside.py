@@ -41,8 +41,9 @@ class LivePage:
 
     Use it in a ``with`` statement: at its end the page shows the last front, and the server ends.
 
-    port 0: any free port folder the front is read from this folder each time that `saved` is called imports files and
-    modules with the user's criteria, models and planners
+    port     0: any free port
+    folder   the front is read from this folder each time that `saved` is called
+    imports  files and modules with the user's criteria, models and planners
 
     Raises OutputError if the port is taken.
     """
@@ -113,8 +114,8 @@ class PicturesBeside:
 
     Use it in a ``with`` statement: at its end the process is stopped.
 
-    imports files and modules with the user's criteria, models and planners max_memory bytes limit for the grid of
-    obstruction values behind the map
+    imports     files and modules with the user's criteria, models and planners
+    max_memory  bytes  limit for the grid of obstruction values behind the map
     """
 
     def __init__(self, folder: Path, imports: Sequence[str] = (), max_memory: int | None = None) -> None:

@@ -58,8 +58,11 @@ SEARCHING = "The search has begun. Its first trajectories will be shown here as 
 class LiveFront:
     """Newest front of a running search, shared by all open pages; pages wait here for the next front.
 
-    number number of fronts published so far page HTML page of the newest front payload data of the newest front, as one
-    line of JSON ended whether the search has ended streams number of open pages that receive events
+    number   number of fronts published so far
+    page     HTML page of the newest front
+    payload  data of the newest front, as one line of JSON
+    ended    whether the search has ended
+    streams  number of open pages that receive events
     """
 
     number: int = 0

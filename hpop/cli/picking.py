@@ -43,9 +43,10 @@ def picked(
 ) -> Picked:
     """Pick a point of a front by row, least costs, wish or preference, by default the knee; return it with the reason.
 
-    at_most upper bounds of costs: only points within them are considered, unless ``row`` is given least names of costs
-    to minimise; later ones break ties wish values of costs; the point nearest to them is picked preference of a person;
-    the point that is best for this person is picked
+    at_most     upper bounds of costs: only points within them are considered, unless ``row`` is given
+    least       names of costs to minimise; later ones break ties
+    wish        values of costs; the point nearest to them is picked
+    preference  of a person; the point that is best for this person is picked
 
     Raises OptionError or UnknownName if no point can be picked.
     """

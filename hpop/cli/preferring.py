@@ -36,8 +36,9 @@ MOST_PORT = 65_535
 class Asking:
     """Series of questions to one person about the trajectories of a front; each answer is saved at once.
 
-    most the largest number of questions why reason why no more questions are asked; "" while they go on pair rows of
-    the two trajectories of the current question; None after the last
+    most  the largest number of questions
+    why   reason why no more questions are asked; "" while they go on
+    pair  rows of the two trajectories of the current question; None after the last
     """
 
     def __init__(self, person: Preference, problem: Problem, front: Front, file: Path, most: int) -> None:

@@ -60,10 +60,12 @@ def print_front(
 ) -> None:
     """Print notes, the front, planned and executed costs of its marked trajectories, the status and the certificate.
 
-    saved       file with the whole front, named in the output
-    verbose     whether to print statistics of the search
-    preference  of a person; the best trajectory for that person is marked "for you"
-    most        number of rows of the table, in addition to the marked ones; MOST_ROWS by default
+    Parameters
+    ----------
+    saved : file with the whole front, named in the output
+    verbose : whether to print statistics of the search
+    preference : of a person; the best trajectory for that person is marked "for you"
+    most_rows : number of rows of the table, in addition to the marked ones
     """
     console = console or Console()
 
@@ -110,9 +112,10 @@ def print_front(
 class Contribution:
     """Contribution of one planner to the joint front of several planners.
 
-    points number of points of the final front that this planner found first found number of points of the front after
-    this planner before hypervolume of the front before this planner, 0 for the first after hypervolume of the front
-    after this planner; NaN if it would take minutes to compute
+    points  number of points of the final front that this planner found first
+    found   number of points of the front after this planner
+    before  hypervolume of the front before this planner, 0 for the first
+    after   hypervolume of the front after this planner; NaN if it would take minutes to compute
     """
 
     planner: str

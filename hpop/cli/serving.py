@@ -39,7 +39,8 @@ class Certificate(NamedTuple):
 class OnePage(PageServer):
     """Server of one page, at an address that contains a secret token.
 
-    page HTML, as bytes names further names of this machine that requests may use
+    page   HTML, as bytes
+    names  further names of this machine that requests may use
     """
 
     def __init__(

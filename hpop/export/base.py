@@ -38,8 +38,10 @@ LONGEST = 200  # characters of a frame's name
 class Format(Protocol):
     """Interface of an export format, as the decorator :func:`export_format` creates it.
 
-    name in the registry suffix ending of the names of its files axes frame, handedness, units, order of the columns and
-    time base, on one line world whether it contains the problem's world
+    name     in the registry
+    suffix   ending of the names of its files
+    axes     frame, handedness, units, order of the columns and time base, on one line
+    world    whether it contains the problem's world
     """
 
     name: str
@@ -98,10 +100,16 @@ class Frames:
 class Exported:
     """Trajectory to export, with everything else that a format may write.
 
-    trajectory as planned rate Hz body body with the exported poses planned True: poses of the planned motion; False: of
-    the executed motion frames names of frames row row in the front, or None name name of the row, such as "knee", or ""
-    costs values of criteria and reported values, by name; ``units`` by name claim certificate of the front problem
-    problem with the world to write, or None
+    trajectory  as planned
+    rate        Hz
+    body        body with the exported poses
+    planned     True: poses of the planned motion; False: of the executed motion
+    frames      names of frames
+    row         row in the front, or None
+    name        name of the row, such as "knee", or ""
+    costs       values of criteria and reported values, by name; ``units`` by name
+    claim       certificate of the front
+    problem     problem with the world to write, or None
     """
 
     trajectory: Trajectory

@@ -33,8 +33,10 @@ ABOVE = 0.004  # m: height at which zones are drawn above the floor, so that the
 class TriangleMesh(NamedTuple):
     """Mesh of triangles that have one colour.
 
-    corners (T, 3, 3) m normals (T, 3) unit vectors colour red, green, blue in sRGB, 0 to 255 person person that the
-    mesh shows, one hypothesis; corners are at the person's position at time 0
+    corners  (T, 3, 3)  m
+    normals  (T, 3)     unit vectors
+    colour              red, green, blue in sRGB, 0 to 255
+    person              person that the mesh shows, one hypothesis; corners are at the person's position at time 0
     """
 
     name: str

@@ -42,10 +42,15 @@ def write(
 ) -> Path:
     """Write a trajectory to a file, completely or not at all, replacing an existing file.
 
-    Parameters ---------- path : its ending selects the format: ``cam.tum``, ``cam.unity.csv`` (``hpop formats`` lists
-    them) format : name of a format, instead of the ending problem : problem with the world, for formats that contain it
-    rate : poses per second body : "camera", "base" or "tool", if the robot has it planned : write the planned motion;
-    else the executed one, from rest to rest frames : names of frames, for formats that name them
+    Parameters
+    ----------
+    path : its ending selects the format: ``cam.tum``, ``cam.unity.csv`` (``hpop formats`` lists them)
+    format : name of a format, instead of the ending
+    problem : problem with the world, for formats that contain it
+    rate : poses per second
+    body : "camera", "base" or "tool", if the robot has it
+    planned : write the planned motion; else the executed one, from rest to rest
+    frames : names of frames, for formats that name them
 
     Raises OptionError for an unknown ending and for a trajectory that the format cannot express, UnknownName for an
     unknown format, OutputError if the file cannot be written or an extra is missing.
@@ -78,9 +83,11 @@ def save(
     certificate, and the axes of each file. Files are written atomically and replace existing ones. If one format cannot
     be written, the others still are, and then its error is raised.
 
-    Parameters ---------- problem : problem of the front, with the world; None if no format contains the world rows :
-    numbers, or names such as "knee" and "least turns" (:func:`hpop.problems.named_rows.named_rows`) formats : names of
-    formats (``hpop formats`` lists them)
+    Parameters
+    ----------
+    problem : problem of the front, with the world; None if no format contains the world
+    rows : numbers, or names such as "knee" and "least turns" (:func:`hpop.problems.named_rows.named_rows`)
+    formats : names of formats (``hpop formats`` lists them)
 
     The other parameters are those of :func:`write`. Raises the errors of :func:`write`, and OptionError or UnknownName
     for a missing row.

@@ -40,9 +40,11 @@ class Evidence:
 
     The order in which two points were shown does not matter.
 
-    gains (n, f) extra cost of the point that was not chosen, by cost, as a share of its range; either sign for a tie
-    tied (n,) True where the answer was "no difference" offered (n,) True where "no difference" was a possible answer
-    weight (n,) number of answers that each row counts for
+    gains    (n, f)  extra cost of the point that was not chosen, by cost, as a share of its range; for a tie the sign
+             does not matter
+    tied     (n,)    True where the answer was "no difference"
+    offered  (n,)    True where "no difference" was a possible answer
+    weight   (n,)    number of answers that each row counts for
     """
 
     gains: FloatArray
@@ -56,7 +58,8 @@ class Evidence:
     def log_probability(self, weights: FloatArray, ties: FloatArray) -> FloatArray:
         """Return the log probability (N,) of all answers together, for each of N draws of a person's weights.
 
-        weights (N, f) of the draws ties (N,) Davidson's nu of the draws
+        weights  (N, f)  of the draws
+        ties     (N,)    Davidson's nu of the draws
         """
         logs = np.empty(len(weights))
         size = max(1, BLOCK // max(1, len(self)))
@@ -73,8 +76,10 @@ class Evidence:
 def log_answer_probability(gain: FloatArray, tied: BoolArray, offered: BoolArray, ties: FloatArray) -> FloatArray:
     """Return the log probability of single answers; all arguments are arrays that broadcast.
 
-    gain extra cost of the point that was not chosen, w . (z_other - z_chosen) tied True where the answer was "no
-    difference" offered True where "no difference" was a possible answer ties Davidson's nu
+    gain     extra cost of the point that was not chosen, w . (z_other - z_chosen)
+    tied     True where the answer was "no difference"
+    offered  True where "no difference" was a possible answer
+    ties     Davidson's nu
     """
     gain = np.where(tied, np.abs(gain), np.maximum(gain, -MOST_GAIN))  # a tie is symmetric to the last digit
     half = np.exp(-0.5 * gain)  # square root of the odds against the chosen point
@@ -87,7 +92,8 @@ def log_answer_probability(gain: FloatArray, tied: BoolArray, offered: BoolArray
 def answer_probabilities(gain: FloatArray, ties: FloatArray | None) -> tuple[FloatArray, ...]:
     """Return the probabilities of the possible answers: the first point, the second, and "no difference" if possible.
 
-    gain extra cost of the second point over the first ties Davidson's nu; None if "no difference" is not possible
+    gain  extra cost of the second point over the first
+    ties  Davidson's nu; None if "no difference" is not possible
     """
     size = np.exp(-np.abs(gain))
     nu = 0.0 if ties is None else ties * np.sqrt(size)
@@ -183,7 +189,7 @@ def answers_of_ratings(ratings: Mapping[int, float], costs: FloatArray) -> list[
 def evidence(answers: Sequence[PairAnswer], scale: CostScale, *, ties: bool) -> Evidence:
     """Convert answers to the arrays that the model needs.
 
-    ties True if "no difference" was a possible answer
+    ties  True if "no difference" was a possible answer
 
     Raises StudyError for more answers than a file holds.
     """

@@ -39,8 +39,10 @@ Profile = Mapping[str, float]
 class Association(NamedTuple):
     """Rank correlation, over people, between a number of their profiles and their expected share of a cost.
 
-    profile name of the number in the profile cost name of the cost correlation Spearman's rank correlation; NaN for
-    fewer than three people, or if one of the two is constant people number of people whose profile has that number
+    profile      name of the number in the profile
+    cost         name of the cost
+    correlation  Spearman's rank correlation; NaN for fewer than three people, or if one of the two is constant
+    people       number of people whose profile has that number
     """
 
     profile: str

@@ -42,8 +42,10 @@ STEPS = 12
 class Draws:
     """Random draws of one person's weights, each with an importance weight.
 
-    shares (N, f) share of each cost, each row adds up to 1 sharpness (N,) factor from shares to weights; 0 for a person
-    who answers at random ties (N,) Davidson's nu logs (N,) logarithms of the importance weights of the draws
+    shares     (N, f)  share of each cost, each row adds up to 1
+    sharpness  (N,)    factor from shares to weights; 0 for a person who answers at random
+    ties       (N,)    Davidson's nu
+    logs       (N,)    logarithms of the importance weights of the draws
     """
 
     shares: FloatArray
@@ -77,7 +79,8 @@ class Draws:
     def with_answers(self, new: Evidence, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
         """Update the draws by further answers: reweight them, and resample them if too few carry the weight.
 
-        new the further answers known all answers, including the further ones
+        new    the further answers
+        known  all answers, including the further ones
         """
         draws = replace(self, logs=self.logs + new.log_probability(self.weights, self.ties))
         return draws.resampled(known, prior, rng) if draws.effective < LEAST_EFFECTIVE else draws
@@ -142,8 +145,8 @@ def _covariance_groups(before: Draws, cared_for: BoolArray) -> list[tuple[IntArr
     A group is the rows of its draws, and a root of its weighted covariance. If a group is too small for a covariance,
     the root is the diagonal of standard deviations of all draws.
 
-    before weighted draws, from which covariances are computed cared_for (N, f) True where a draw to be
-    moved cares for a cost
+    before     weighted draws, from which covariances are computed
+    cared_for  (N, f)  True where a draw to be moved cares for a cost
     """
     place, probability = _unbounded_coordinates(before), before.probability()
     middle = probability @ place
@@ -212,9 +215,11 @@ CELLS = 4_000_000
 class Best:
     """Best point of a front for a person: the point with the least expected total cost.
 
-    row row of the point in the front point the point itself probability (n,) probability of each row to be the best
-    regrets (n,) expected extra cost of each row over the best row, as a share of the range of the person's costs near
-    rows whose expected regret is within 2 % of the best row's, in ascending order of regret
+    row          row of the point in the front
+    point        the point itself
+    probability  (n,)  probability of each row to be the best
+    regrets      (n,)  expected extra cost of each row over the best row, as a share of the range of the person's costs
+    near         rows whose expected regret is within 2 % of the best row's, in ascending order of regret
     """
 
     row: int
@@ -324,8 +329,8 @@ def most_informative_pair(
 def expected_information(gains: FloatArray, ties: FloatArray | None) -> FloatArray:
     """Return how much information (pairs,), in nats, an answer about each pair is expected to give about the weights.
 
-    gains (pairs, draws) extra cost of the second row over the first ties Davidson's nu of the draws; None if "no
-    difference" is not a possible answer
+    gains  (pairs, draws)  extra cost of the second row over the first
+    ties   Davidson's nu of the draws; None if "no difference" is not a possible answer
     """
     told = np.zeros(len(gains))
     size = max(1, BLOCK // gains.shape[1])

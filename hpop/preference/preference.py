@@ -59,11 +59,15 @@ class Preference:
     The preferred trajectory need not be the most comfortable one (Becerra et al. 2020), so ask about preference and
     comfort in two questions.
 
-    scale names and units of the costs, and the values that are 0 and 1 on the scale question "prefer", "comfort", or
-    other words answers answers of the person draws weighted draws of the posterior prior the belief before any
-    answer ties True if "no difference" was a possible answer seed seed of all random draws: equal answers give an
-    equal preference front SHA-256 of the front's costs points the front itself; None for a preference read from a
-    file (see :meth:`on`)
+    scale     names and units of the costs, and the values that are 0 and 1 on the scale
+    question  "prefer", "comfort", or other words
+    answers   answers of the person
+    draws     weighted draws of the posterior
+    prior     the belief before any answer
+    ties      True if "no difference" was a possible answer
+    seed      seed of all random draws: equal answers give an equal preference
+    front     SHA-256 of the front's costs
+    points    the front itself; None for a preference read from a file (see :meth:`on`)
 
     Guarantees: no weight is negative, so a dominated point is never best; the order in which two points were shown, and
     a change of units, change nothing. For people who follow the prior, including those who care for some of the costs

@@ -191,7 +191,7 @@ def log_dirichlet(shares: FloatArray, concentrations: FloatArray) -> FloatArray:
 
     Shares of 0 are ignored.
 
-    concentrations (..., f)
+    concentrations  (..., f)
     """
     cared_for = shares > 0
     logs = np.log(np.where(cared_for, shares, 1.0))

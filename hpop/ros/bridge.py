@@ -56,7 +56,10 @@ class Pace:
 class Bridge:
     """Client of rosbridge that offers the action of a :class:`PathServer` until it is stopped.
 
-    Parameters ---------- url : such as ws://localhost:9090, or wss:// say : called with a line of text for each event
+    Parameters
+    ----------
+    url : such as ws://localhost:9090, or wss://
+    say : called with a line of text for each event
     delays : s, before the first new attempt, and the longest; each delay is twice the one before
 
     Raises OptionError for an invalid url, ImportError without the extra ``ros``.

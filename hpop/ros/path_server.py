@@ -34,7 +34,9 @@ class _GivenUp(Exception):
 class _Goal:
     """Goal that the server has accepted.
 
-    id in the protocol args fields of the goal, as received open whether its result is still to be sent
+    id    in the protocol
+    args  fields of the goal, as received
+    open  whether its result is still to be sent
     """
 
     id: str
@@ -50,7 +52,10 @@ class PathServer:
     goal that is being planned, because Nav2 sends a new goal every second. Invalid messages are ignored and
     reported, each kind once.
 
-    Parameters ---------- planning : planner of the goals say : called with a line of text for each event
+    Parameters
+    ----------
+    planning : planner of the goals
+    say : called with a line of text for each event
     """
 
     def __init__(self, planning: GoalPlanner, *, say: Callable[[str], None] = log.info) -> None:

@@ -31,7 +31,9 @@ def spaced(run: Trajectory, body: str, *, planned: bool, timed: bool = False) ->
     A turn in place has several poses at exactly one position. A hold (wait) has no pose of its own, unless poses are
     ``timed``: then its pose occurs twice, at the begin and the end of the hold.
 
-    Parameters ---------- run : the planned trajectory if ``planned``, else the executed one
+    Parameters
+    ----------
+    run : the planned trajectory if ``planned``, else the executed one
     """
     durations = run.durations
     pieces = np.maximum(STEPS, np.ceil(durations / FINE)).astype(np.int64)
@@ -129,7 +131,7 @@ class _MotionSequence:
 
     States are x, y, yaw, and the total time of holds so far.
 
-    kinds (n,) kind of each motion: "turn", "move" or "hold"
+    kinds  (n,) kind of each motion: "turn", "move" or "hold"
     """
 
     def __init__(self, first: list[float]) -> None:

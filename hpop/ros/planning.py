@@ -34,8 +34,9 @@ CODES = {Status.NO_PATH: ErrorCode.NO_VALID_PATH, Status.TIME_LIMIT: ErrorCode.T
 class GoalPlanner:
     """Planner of ROS goals. It solves a problem in which start and goal are replaced by those of each ROS goal.
 
-    problem world, model and criteria; start and goal also give the states that no pose has, such as angles of a head
-    planners their fronts are joined known names of the action, topics and frames in ROS
+    problem   world, model and criteria; start and goal also give the states that no pose has, such as angles of a head
+    planners  their fronts are joined
+    known     names of the action, topics and frames in ROS
 
     Raises OptionError for a robot without a base with position and heading.
     """
@@ -63,8 +64,11 @@ class GoalPlanner:
     def answer(self, goal: Any, robot: PlanarPose | None, progress: ProgressCallback | None = None) -> GoalResult:
         """Plan a goal, and return the result: a path, or the reason why there is none.
 
-        Parameters ---------- goal : fields of the goal, as received robot : pose of the robot, if known, for goals
-        without a start progress : called regularly; an exception that it raises ends planning
+        Parameters
+        ----------
+        goal : fields of the goal, as received
+        robot : pose of the robot, if known, for goals without a start
+        progress : called regularly; an exception that it raises ends planning
         """
         began = perf_counter()
         try:

@@ -44,10 +44,13 @@ FIELDS = {
 class Interface:
     """Names of the action, topics and frames by which ROS reaches the planner.
 
-    action name of the action, which no other server may have distribution distribution of ROS 2 with the nav2_msgs of
-    the bridge frame_id frame of the map, of goals and paths pose_topic topic of the robot's pose in that frame, for
-    goals with ``use_start`` false pose_type type of its messages, one of three options_topic topic for the front of
-    each plan, as JSON in a std_msgs/msg/String choice trajectory for an empty planner_id, such as "knee"
+    action         name of the action, which no other server may have
+    distribution   distribution of ROS 2 with the nav2_msgs of the bridge
+    frame_id       frame of the map, of goals and paths
+    pose_topic     topic of the robot's pose in that frame, for goals with ``use_start`` false
+    pose_type      type of its messages, one of three
+    options_topic  topic for the front of each plan, as JSON in a std_msgs/msg/String
+    choice         trajectory for an empty planner_id, such as "knee"
 
     Raises OptionError for an invalid name.
     """

@@ -66,8 +66,9 @@ class EventsFile(BaseModel):
 class Script(NamedTuple):
     """Trajectory to drive, and the events on the way.
 
-    choice a name or number of a front's row events in order of time notes notes (texts to print) on files
-    that the events name
+    choice  a name or number of a front's row
+    events  in order of time
+    notes   notes (texts to print) on files that the events name
     """
 
     choice: str | int

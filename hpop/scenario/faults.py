@@ -55,7 +55,7 @@ def entries(value: Any) -> list[Any]:
 class Faults:
     """Collector of the faults of a scenario file, so that all are reported together.
 
-    notes notes (texts to print) on files that the scenario names
+    notes  notes (texts to print) on files that the scenario names
     """
 
     def __init__(self, document: Document) -> None:

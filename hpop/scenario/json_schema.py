@@ -60,8 +60,8 @@ NUMPY = re.compile(r"^(\w+(?:, \w+)*) : (.+)$")
 def parameter_docs(item: type | Callable[..., Any]) -> dict[str, str]:
     r"""Return the descriptions of the parameters of a class (with its bases) or of a function, by name.
 
-    Three forms are recognised: aligned lines in the docstring (``radius m of a round footprint``), comments behind the
-    fields (``radius: float = 2.0 # m``), and NumPy's sections (``scale : float`` and indented lines).
+    Three forms are recognised: aligned lines in the docstring (``radius  m  of a round footprint``), comments behind
+    the fields (``radius: float = 2.0  # m``), and NumPy's sections (``scale : float`` and indented lines).
 
     >>> def read(path, scale):
     ...     "path : path of the file\n    scale : float\n        Metres a unit."
@@ -158,8 +158,9 @@ KEYS = {
 def scenario_schema(*, at_home: bool = False) -> Schema:
     """Return the JSON schema of scenario files.
 
-    Parameters ---------- at_home : leave out everything that is not part of hpop: plugins, and types
-    registered by the user's code
+    Parameters
+    ----------
+    at_home : leave out everything that is not part of hpop: plugins, and types registered by the user's code
     """
 
     def choice(registry: Registry[type]) -> Schema:

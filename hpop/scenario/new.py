@@ -81,7 +81,9 @@ class GivenMap(NamedTuple):
 class Draft(NamedTuple):
     """Problem of a first scenario, with the lattice that plans it.
 
-    problem step m status status and reason if no path was found, else None
+    problem
+    step    m
+    status  status and reason if no path was found, else None
     """
 
     problem: Problem

@@ -70,8 +70,8 @@ class _Strict(BaseModel):
 class MapFile(_Strict):
     """Map file, with the options of its reader.
 
-    files keys of paths, which are relative to the scenario's folder beside keys for further files of the world, which
-    are not options of the reader
+    files   keys of paths, which are relative to the scenario's folder
+    beside  keys for further files of the world, which are not options of the reader
     """
 
     files: ClassVar[frozenset[str]] = frozenset({"path"})

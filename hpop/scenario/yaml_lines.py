@@ -30,7 +30,8 @@ class Document:
     Keys are words, each given once; numbers are decimal; dates and tags are refused. An alias is a copy of its anchor's
     value, and a file with aliases holds at most `MAX_EXPANDED` values, copies included.
 
-    values dict path path of the file
+    values  dict
+    path    path of the file
 
     Raises ScenarioError, with the line if there is one.
     """

@@ -76,8 +76,10 @@ class Choice(NamedTuple):
 class Matrix(NamedTuple):
     """Scores after each stimulus, for n people and K stimuli.
 
-    people (n,) ids conditions (K,) letters values (n, K) NaN if an answer is missing places (n, K) place in the session
-    at which each person saw each stimulus, from 1
+    people      (n,)    ids
+    conditions  (K,)    letters
+    values      (n, K)  NaN if an answer is missing
+    places      (n, K)  place in the session at which each person saw each stimulus, from 1
     """
 
     people: tuple[str, ...]
@@ -330,7 +332,9 @@ class Ledger:
 
     After every call the file is complete and readable.
 
-    path path of the file design participant id
+    path         path of the file
+    design
+    participant  id
     """
 
     path: Path

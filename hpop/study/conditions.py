@@ -32,8 +32,9 @@ ALIKE = 0.1
 class Baseline(NamedTuple):
     """Trajectory that is shown besides rows of the front, such as that of a common planner.
 
-    name description for the researcher trajectory to ride along costs by criterion, such as
-    ``problem.evaluate(trajectory)``
+    name        description for the researcher
+    trajectory  to ride along
+    costs       by criterion, such as ``problem.evaluate(trajectory)``
     """
 
     name: str
@@ -45,9 +46,12 @@ class Baseline(NamedTuple):
 class Condition:
     """Stimulus of a study, which participants know only by a letter.
 
-    id "A", "B", ...: assigned at random, so that it does not reveal the row row row of the front; None for the still
-    view and for baselines name name of the row, such as "knee"; "" for a number kind "ride", "video" or "view" costs by
-    criterion; empty for the still view duration s, executed
+    id        "A", "B", ...: assigned at random, so that it does not reveal the row
+    row       row of the front; None for the still view and for baselines
+    name      name of the row, such as "knee"; "" for a number
+    kind      "ride", "video" or "view"
+    costs     by criterion; empty for the still view
+    duration  s, executed
     """
 
     id: str
@@ -77,8 +81,9 @@ def lettered_conditions(
 ) -> tuple[Condition, ...]:
     """Assign random letters to rows, baselines and the still view; return the conditions in the order of the letters.
 
-    rows rows by number or name; VIEW adds the still view kind kind of the stimuli: "ride" or "video" baselines further
-    trajectories
+    rows       rows by number or name; VIEW adds the still view
+    kind       kind of the stimuli: "ride" or "video"
+    baselines  further trajectories
     """
     found = [_named_row(front, row) for row in rows if row != VIEW]
     count = len(found) + (VIEW in rows) + len(baselines)

@@ -65,9 +65,12 @@ PAIRS = "preference"
 class Design:
     """Design of a study, fixed before it begins; made by :meth:`of`, or read by :meth:`load`.
 
-    front_sha256 SHA-256 of the front (:func:`hpop.study.front_digest`) conditions in the order of their letters
-    enrolled the participants, as planned questionnaires forms, in the order in which they are asked order
-    "permutations", "williams", "latin" or "random" left participants who left; not part of the design's digest
+    front_sha256  SHA-256 of the front (:func:`hpop.study.front_digest`)
+    conditions    in the order of their letters
+    enrolled      the participants, as planned
+    questionnaires  forms, in the order in which they are asked
+    order         "permutations", "williams", "latin" or "random"
+    left          participants who left; not part of the design's digest
     """
 
     front_sha256: str

@@ -104,8 +104,8 @@ STOP_RULE = (
 class Protocol:
     """Rules of a session between the stimuli.
 
-    rest_s s, least rest after each stimulus; longer if the participant does not yet feel as before stop_rule text about
-    stopping; the default is translated to the language of the pages
+    rest_s     s, least rest after each stimulus; longer if the participant does not yet feel as before
+    stop_rule  text about stopping; the default is translated to the language of the pages
     """
 
     rest_s: float = 180.0

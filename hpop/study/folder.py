@@ -51,9 +51,11 @@ def prepare(
     It contains design.json, schedule.csv, front.json (a copy, so that the study does not depend on the original),
     stimuli/, and a page for each participant in pages/. Only the folder's owner may read it.
 
-    Parameters ---------- baselines : baselines of the design, with their trajectories words : texts of the pages, if
-    hpop has none in the design's language: a translation of its ``en.json`` progress : progress callback for videos, as
-    for :func:`hpop.view.save_video`
+    Parameters
+    ----------
+    baselines : baselines of the design, with their trajectories
+    words : texts of the pages, if hpop has none in the design's language: a translation of its ``en.json``
+    progress : progress callback for videos, as for :func:`hpop.view.save_video`
 
     Raises StudyError if the folder is in use, the front is not the design's, or texts are missing; OutputError if a
     stimulus cannot be written.
@@ -166,8 +168,8 @@ def _sweep(target: Path) -> None:
 class Checked(NamedTuple):
     """Result of checking a study's folder.
 
-    faults faults that need action: unreadable files, incomplete sessions, missing items notes information: participants
-    still expected, stimuli of unequal duration
+    faults  faults that need action: unreadable files, incomplete sessions, missing items
+    notes   information: participants still expected, stimuli of unequal duration
     """
 
     faults: tuple[str, ...]

@@ -56,8 +56,8 @@ class Absent(_Part):
 class AnswerScale(_Part):
     """Values from which an answer is chosen: low, low + step, ..., high.
 
-    labels by language: one for each value, or two for the ends absent an additional answer: that
-    the item does not apply
+    labels  by language: one for each value, or two for the ends
+    absent  an additional answer: that the item does not apply
     """
 
     low: float
@@ -108,8 +108,9 @@ class AnswerScale(_Part):
 class Item(_Part):
     """Question of a form.
 
-    subscales names of the raw sums to which its answer is added reverse whether a high answer counts as a low one: low
-    + high - value scale its own scale; by default the form's
+    subscales  names of the raw sums to which its answer is added
+    reverse    whether a high answer counts as a low one: low + high - value
+    scale      its own scale; by default the form's
     """
 
     id: Id
@@ -122,8 +123,12 @@ class Item(_Part):
 class Score(_Part):
     """Number that a form computes from answers. Exactly one of subscale, of, mean_of and sum_of is given.
 
-    subscale the raw sum of the items in this subscale of the sum of the raw sums of several subscale scores (the total
-    of the SSQ) mean_of the mean of several scores sum_of their sum times factor out_of divisor
+    subscale  the raw sum of the items in this subscale
+    of        the sum of the raw sums of several subscale scores (the total of the SSQ)
+    mean_of   the mean of several scores
+    sum_of    their sum
+    times     factor
+    out_of    divisor
     """
 
     name: Name
@@ -151,10 +156,13 @@ class Score(_Part):
 class Form(_Part):
     """Questionnaire: items, scales and scores.
 
-    id its name in designs and answers source authors and publication when asked before the first stimulus, after each,
-    or after all: one or more of these kind "ratings" on scales; "pairs": each item compares two stimuli, and the answer
-    is one of them, or none better the better end of its scores, "low" (sickness) or "high" (comfort) ask question above
-    the items scale of all items without their own
+    id      its name in designs and answers
+    source  authors and publication
+    when    asked before the first stimulus, after each, or after all: one or more of these
+    kind    "ratings" on scales; "pairs": each item compares two stimuli, and the answer is one of them, or none
+    better  the better end of its scores, "low" (sickness) or "high" (comfort)
+    ask     question above the items
+    scale   of all items without their own
     """
 
     id: Id

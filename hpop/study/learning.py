@@ -38,7 +38,8 @@ BETTER = ("high", "low")
 class Fitted:
     """Learnt weights of criteria, with their prediction error; :meth:`save` makes a criterion from them.
 
-    parts weight and criterion; zero weights are left out source origin of the ratings, with the cross-validated error
+    parts    weight and criterion; zero weights are left out
+    source   origin of the ratings, with the cross-validated error
     """
 
     parts: tuple[tuple[float, Criterion], ...]
@@ -88,11 +89,17 @@ def fit_criterion(
     cross-validated: up to ten times some trajectories are left out, and their ratings are predicted. A warning tells if
     this is no better than predicting each person's mean.
 
-    Parameters ---------- ratings : (N,) numbers trajectories : (N,) rated trajectories, or with ``front`` its rows
-    problem : the world, in which costs are evaluated criteria : candidates, all of them sums: "exposure", not its mean
-    "obstruction" people : (N,) ids of the raters; one person by default front : front of the rows in ``trajectories``
-    better : whether a "high" or a "low" rating is the better one question : the rated quality source : description of
-    the ratings (people, time, place) for users of the criterion
+    Parameters
+    ----------
+    ratings : (N,) numbers
+    trajectories : (N,) rated trajectories, or with ``front`` its rows
+    problem : the world, in which costs are evaluated
+    criteria : candidates, all of them sums: "exposure", not its mean "obstruction"
+    people : (N,) ids of the raters; one person by default
+    front : front of the rows in ``trajectories``
+    better : whether a "high" or a "low" rating is the better one
+    question : the rated quality
+    source : description of the ratings (people, time, place) for users of the criterion
 
     Raises StudyError for inconsistent ratings, CriterionError for a criterion that is not a sum.
     """

@@ -28,8 +28,10 @@ TABLES = (*CSV, SQLITE, REMARKS)
 class Withdrawal(NamedTuple):
     """Result of deleting a participant's data.
 
-    removed files, relative to the study's folder remade tables and reports that were rewritten without the participant
-    successor id of the next person in this place notes remaining tasks for the researcher
+    removed    files, relative to the study's folder
+    remade     tables and reports that were rewritten without the participant
+    successor  id of the next person in this place
+    notes      remaining tasks for the researcher
     """
 
     removed: tuple[str, ...]

@@ -42,8 +42,10 @@ MOST_WALLS = 2000
 class Ride(NamedTuple):
     """Stimulus page, taken apart so that many session pages can share its script.
 
-    text of the page, without the bundle bundle its script, deflated, in base64 scripts hashes that its policy allows
-    payload its data, JSON of the schema `hpop-stimulus`
+    text     of the page, without the bundle
+    bundle   its script, deflated, in base64
+    scripts  hashes that its policy allows
+    payload  its data, JSON of the schema `hpop-stimulus`
     """
 
     text: str
@@ -86,9 +88,12 @@ def rides_of(public: Mapping[str, Any], folder: Path) -> Rides:
 def session_page(public: Mapping[str, Any], folder: Path, *, served: bool = False, rides: Rides | None = None) -> str:
     """Return the HTML text of a participant's session page.
 
-    Parameters ---------- public : result of :meth:`Design.public` folder : folder of the study, with ``stimuli/``
-    served : whether `hpop.study.server` serves the page, which may then connect to it rides : result of `rides_of`,
-    shared by several participants
+    Parameters
+    ----------
+    public : result of :meth:`Design.public`
+    folder : folder of the study, with ``stimuli/``
+    served : whether `hpop.study.server` serves the page, which may then connect to it
+    rides : result of `rides_of`, shared by several participants
 
     Raises StudyError for missing or invalid stimuli and texts.
     """

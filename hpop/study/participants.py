@@ -42,8 +42,9 @@ WORD = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+.-]{0,19}")
 class Participant:
     """Participant of a study, known only by an id, with the order of stimuli.
 
-    id "p01", "p02", ... order letters of the stimuli, in the order of the session strata level by stratum, such as
-    {"sex": "f"}
+    id      "p01", "p02", ...
+    order   letters of the stimuli, in the order of the session
+    strata  level by stratum, such as {"sex": "f"}
     """
 
     id: str

@@ -78,7 +78,8 @@ class Refusal(Exception):
 class Study:
     """Folder of a study as the server sees it; files are read again when they change.
 
-    folder folder of the study tabs by participant, the browser window that may record: the last one opened
+    folder  folder of the study
+    tabs    by participant, the browser window that may record: the last one opened
     """
 
     folder: Path

@@ -119,8 +119,10 @@ class PairChoice(NamedTuple):
 class Video(NamedTuple):
     """Last showing of a video that a participant reported as ended.
 
-    condition letter of the video played whether the page played all of it took s, from its reported beginning to its
-    reported end lasts s, duration of the video
+    condition  letter of the video
+    played     whether the page played all of it
+    took       s, from its reported beginning to its reported end
+    lasts      s, duration of the video
     """
 
     condition: str

@@ -39,8 +39,10 @@ SAID = ("ride_begin", "ride_headset", "ride_about", "view_about", "ride_over", "
 class StimulusCondition(Protocol):
     """Interface of a condition, with what its stimulus needs.
 
-    id its letter row row of the front; None for the still view and for baselines kind "ride", "view" or "video"
-    duration s, of a still view
+    id        its letter
+    row       row of the front; None for the still view and for baselines
+    kind      "ride", "view" or "video"
+    duration  s, of a still view
     """
 
     @property
@@ -69,9 +71,11 @@ def save_stimuli(
 
     Rides and the still view are pages, ``A.html``; 360 degree videos are ``A.mp4``, and need hpop[video].
 
-    Parameters ---------- baselines : by letter, the trajectories of conditions that are not rows of the front study : a
-    study's folder, with texts in further languages progress : of videos: True shows a line in the terminal; a function
-    is called with each frame
+    Parameters
+    ----------
+    baselines : by letter, the trajectories of conditions that are not rows of the front
+    study : a study's folder, with texts in further languages
+    progress : of videos: True shows a line in the terminal; a function is called with each frame
 
     Raises StudyError for invalid or repeated letters, OutputError if a file cannot be written.
     """

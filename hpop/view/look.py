@@ -41,9 +41,10 @@ BETTER: dict[str, Any] = {
 class MapLook(NamedTuple):
     """Picture of a problem before planning, with a verdict on its start and goals.
 
-    figure refused reasons why the start or a goal is blocked, with the nearest free position; empty if all are free
-    notes how much of the map is free, and which goals are cut off no_way whether start and goals are free, but no goal
-    is in the same part of free space as the start
+    figure
+    refused  reasons why the start or a goal is blocked, with the nearest free position; empty if all are free
+    notes    how much of the map is free, and which goals are cut off
+    no_way   whether start and goals are free, but no goal is in the same part of free space as the start
     """
 
     figure: Figure
@@ -85,7 +86,9 @@ def look(problem: Problem, title: str) -> MapLook:
 
     The picture shows free space, start, goals, people, landmarks and zones.
 
-    Parameters ---------- title : title of the picture
+    Parameters
+    ----------
+    title : title of the picture
     """
     model, world = problem.model, problem.world
     ends = _ends(problem)

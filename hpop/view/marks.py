@@ -231,8 +231,9 @@ def draw_holds(
 ) -> None:
     """Draw a clock with the waiting time beside each position where the robot stands still.
 
-    width m, width of the picture: clocks of close positions are drawn side by side row number of the trajectory: the
-    clocks of each trajectory are in a row of their own face function that returns the colour of a clock's face
+    width  m, width of the picture: clocks of close positions are drawn side by side
+    row    number of the trajectory: the clocks of each trajectory are in a row of their own
+    face   function that returns the colour of a clock's face
     """
     figure = axes.get_figure(root=True)
     drawn = holds_of(trajectory)

@@ -210,7 +210,9 @@ def draw_encounters(
 class _Driven(NamedTuple):
     """Trajectory sampled over time, for the lower panel.
 
-    times (T,) s points (T, 2) m, of the body that maps show along (T,) m, distance driven until then
+    times   (T,)    s
+    points  (T, 2)  m, of the body that maps show
+    along   (T,)    m, distance driven until then
     """
 
     times: FloatArray

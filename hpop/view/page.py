@@ -95,8 +95,10 @@ CLAIM_LINE = 0.155  # height of a line of the certificate
 class PageLayout:
     """Layout of a page with a map: sizes in inches, positions as shares of the figure.
 
-    width, height of the figure map_width, map_height of the map, with its true proportions unless these are extreme
-    left, bottom of the map bars left edges of the colour bars
+    width, height          of the figure
+    map_width, map_height  of the map, with its true proportions unless these are extreme
+    left, bottom           of the map
+    bars                   left edges of the colour bars
     """
 
     width: float
@@ -111,8 +113,9 @@ class PageLayout:
     def of(cls, view: View, *, words: Sequence[float], lines: int, claim: int) -> PageLayout:
         """Compute the layout of a page for a map that shows ``view``.
 
-        words inches, width of the labels beside each colour bar lines number of lines of the longer legend claim number
-        of lines of the certificate
+        words  inches, width of the labels beside each colour bar
+        lines  number of lines of the longer legend
+        claim  number of lines of the certificate
         """
         map_width, map_height = _size(view)
         offsets = np.cumsum([GAP, *(max(PITCH, BAR + wide + GAP) for wide in words)])
@@ -174,8 +177,10 @@ Corner = Literal["upper left", "upper center"]
 class Bar:
     """Colour bar to be drawn beside a map.
 
-    of mapping from values to the colours that the bar explains words label counts whether the values are counts, with
-    whole numbers as ticks extend end that is drawn as an arrow, for values beyond the bar: "neither" or "max"
+    of      mapping from values to the colours that the bar explains
+    words   label
+    counts  whether the values are counts, with whole numbers as ticks
+    extend  end that is drawn as an arrow, for values beyond the bar: "neither" or "max"
     """
 
     of: ScalarMappable

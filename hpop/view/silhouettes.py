@@ -34,7 +34,7 @@ MINUS = "\N{MINUS SIGN}"
 class Section:
     """Vertical plane onto which a view from the side is projected.
 
-    degrees direction of the plane, counter-clockwise from x: a multiple of 15, above -90 and up to 90
+    degrees  direction of the plane, counter-clockwise from x: a multiple of 15, above -90 and up to 90
     """
 
     degrees: int
@@ -86,8 +86,9 @@ ENDLESS = 1e5  # m: drawn height of unlimited obstacles
 class PathSurroundings:
     """Area round some paths, which decides which obstacles a view from the side shows.
 
-    among convex hull of the paths, seen from above beside the hull, grown by a border heights range
-    of the paths' heights
+    among    convex hull of the paths, seen from above
+    beside   the hull, grown by a border
+    heights  range of the paths' heights
     """
 
     among: BaseGeometry

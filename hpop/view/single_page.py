@@ -78,8 +78,9 @@ def single_page(
 ) -> str:
     """Return the HTML text of a page that contains the bundled script ``script`` and its data ``payload``.
 
-    connect security policy for connections and media; nothing unless a server of hpop serves the page frames hashes of
-    the scripts of embedded pages, which must satisfy both policies language of its texts, as HTML writes it
+    connect   security policy for connections and media; nothing unless a server of hpop serves the page
+    frames    hashes of the scripts of embedded pages, which must satisfy both policies
+    language  of its texts, as HTML writes it
     """
     code = bundle(script).encode()
     scripts = " ".join(dict.fromkeys((_hash_of(LOADER.encode()), _hash_of(code), *frames)))

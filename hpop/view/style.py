@@ -66,8 +66,11 @@ def plain(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 class Mark:
     """Named trajectory of a front, with the colour, dashes and marker that all pictures use for it.
 
-    names such as "knee", "least turns" row row of the front colour of its line and marker dashes offset and on-off
-    pattern, points marker of its point
+    names   such as "knee", "least turns"
+    row     row of the front
+    colour  of its line and marker
+    dashes  offset and on-off pattern, points
+    marker  of its point
     """
 
     names: tuple[str, ...]
@@ -91,7 +94,8 @@ class Mark:
 class Quantity:
     """Column of a front, as an axis of a picture shows it.
 
-    values (n,) in the unit counts whether the values are whole numbers by nature
+    values  (n,)  in the unit
+    counts  whether the values are whole numbers by nature
     """
 
     name: str

@@ -116,7 +116,9 @@ def draw_trace(
 class CameraRates(NamedTuple):
     """Speed and rotation of a camera at N times.
 
-    speed (N,) m/s yaw_rate (N,) rad/s counter-clockwise rotation_rate (N,) rad/s about any axis, unsigned
+    speed          (N,)  m/s
+    yaw_rate       (N,)  rad/s  counter-clockwise
+    rotation_rate  (N,)  rad/s  about any axis, unsigned
     """
 
     speed: FloatArray

@@ -146,7 +146,7 @@ def test_a_prior_of_other_costs_or_units_or_bends_is_refused(tmp_path: Path) -> 
     assert len(People(bent[:2])) == 2
     with pytest.raises(StudyError, match="so their shares say nothing here"):
         People(bent[1:])
-    with pytest.raises(StudyError, match="in 'log m', here it is in 'm'"):
+    with pytest.raises(StudyError, match="in 'log m', but here it is in 'm'"):
         People([bent[0], Preference.fit(FRONT, count=1_000)])
     person = Preference.fit(stretched([3, 1, 1]), [(3, 9)], prior=prior, count=1_000)
     person.save(tmp_path / "p.json")

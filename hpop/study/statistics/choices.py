@@ -35,10 +35,12 @@ MOST_STEPS = 100
 class Strengths:
     """Strength of preference for each stimulus, as fitted by `bradley_terry`.
 
-    strengths (k,) logarithmic; only differences matter: their mean is 0, or the reference's strength is 0 errors (k,)
-    standard errors; NaN if all people answered alike, so that their variation is unknown ties nu, the weight of the
-    answer "neither"; 0 if nobody gave it side bonus to the strength of the first of a pair; NaN if not fitted
-    side_error its standard error; NaN as in errors choices number of comparisons, including ties
+    strengths   (k,)  logarithmic; only differences matter: their mean is 0, or the reference's strength is 0
+    errors      (k,)  standard errors; NaN if all people answered alike, so that their variation is unknown
+    ties        nu, the weight of the answer "neither"; 0 if it was never given
+    side        bonus to the strength of the first of a pair; NaN if not fitted
+    side_error  its standard error; NaN as in errors
+    choices     number of comparisons, including ties
     """
 
     strengths: FloatArray
@@ -242,8 +244,10 @@ MOST_PEOPLE = 1_000_000
 class Share:
     """Proportion of a total, with its confidence interval.
 
-    share count / total low lower end of the interval of shares that the exact test accepts high upper end p two-sided
-    exact p of a share of one half; below 1 - level if the interval does not contain one half
+    share  count / total
+    low    lower end of the interval of shares that the exact test accepts
+    high   upper end
+    p      two-sided exact p of a share of one half; below 1 - level if the interval does not contain one half
     """
 
     count: int
@@ -258,8 +262,8 @@ class Share:
 class Multinomial:
     """Result of a test whether k options are chosen equally often.
 
-    p probability of counts at most as likely as these, if all k are equally likely exact whether all counts were
-    enumerated; else p is from the chi-square test
+    p      probability of counts at most as likely as these, if all k are equally likely
+    exact  whether all counts were enumerated; else p is from the chi-square test
     """
 
     p: float

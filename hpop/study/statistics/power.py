@@ -52,9 +52,14 @@ Draw = Callable[[np.random.Generator, int, int], FloatArray]
 class Power:
     """Power of a study: the share of simulated studies that find a difference.
 
-    power share of the simulated studies with p below ``alpha`` low lower end of its 95 % interval, due to the
-    simulation alone high upper end people in each study test name of the test alpha significance level simulations
-    number of simulated studies seed of their random numbers
+    power        share of the simulated studies with p below ``alpha``
+    low          lower end of its 95 % interval, due to the simulation alone
+    high         upper end
+    people       in each study
+    test         name of the test
+    alpha        significance level
+    simulations  number of simulated studies
+    seed         of their random numbers
     """
 
     power: float
@@ -156,7 +161,8 @@ def _from_effect(effect: Any, k: int, correlation: float, like: Any) -> tuple[Dr
 class _Pieces(NamedTuple):
     """Scores of a pilot study as steps of a normal variable, so that each score has the frequency that it has there.
 
-    scores (m,) rising cuts (m - 1,) values of the normal variable between two scores
+    scores  (m,)      rising
+    cuts    (m - 1,)  values of the normal variable between two scores
     """
 
     scores: FloatArray

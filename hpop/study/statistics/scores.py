@@ -30,9 +30,11 @@ LEAST_STIMULI = 3
 class Related:
     """Result of a test of k scores of the same people.
 
-    statistic chi-square, with ``freedom`` degrees of freedom p by the chi-square approximation agreement Kendall's W: 0
-    if the people's rankings have nothing in common, 1 if all rankings are equal people number of people with all k
-    scores left_out number of people with missing scores
+    statistic  chi-square, with ``freedom`` degrees of freedom
+    p          by the chi-square approximation
+    agreement  Kendall's W: 0 if the people's rankings have nothing in common, 1 if all rankings are equal
+    people     number of people with all k scores
+    left_out   number of people with missing scores
     """
 
     statistic: float
@@ -111,9 +113,13 @@ def checked(values: Any, dimensions: int = 2) -> FloatArray:
 class Described:
     """Summary of the scores of some people.
 
-    people number of people with a score missing number of people without a score median NaN without scores, as are the
-    quartiles lower first quartile, by linear interpolation (type 7 of Hyndman and Fan 1996, as in R and NumPy) upper
-    third quartile least the least score greatest the greatest
+    people    number of people with a score
+    missing   number of people without a score
+    median    NaN without scores, as are the quartiles
+    lower     first quartile, by linear interpolation (type 7 of Hyndman and Fan 1996, as in R and NumPy)
+    upper     third quartile
+    least     the least score
+    greatest  the greatest
     """
 
     people: int
@@ -142,9 +148,11 @@ def describe(values: Any) -> Described:
 class Independent:
     """Result of Kruskal and Wallis' test of k groups of different people.
 
-    statistic H, corrected for ties, with ``freedom`` degrees of freedom p by the chi-square approximation epsilon2
-    effect size H / (N - 1): 0 to 1 eta2 effect size (H - k + 1) / (N - k), below 0 if H is less than expected by chance
-    sizes of the groups, without missing scores
+    statistic  H, corrected for ties, with ``freedom`` degrees of freedom
+    p          by the chi-square approximation
+    epsilon2   effect size H / (N - 1): 0 to 1
+    eta2       effect size (H - k + 1) / (N - k), below 0 if H is less than expected by chance
+    sizes      of the groups, without missing scores
     """
 
     statistic: float
@@ -159,8 +167,9 @@ class Independent:
 class Comparison:
     """Result of Dunn's comparison of two groups.
 
-    first, second numbers of the groups z mean rank of the second less that of the first, by its standard deviation p
-    two-sided, for this comparison alone
+    first, second  numbers of the groups
+    z              mean rank of the second less that of the first, by its standard deviation
+    p              two-sided, for this comparison alone
     """
 
     first: int

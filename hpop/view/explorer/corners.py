@@ -38,9 +38,10 @@ FARTHEST = 2**31 - 1  # mm
 class PathCorners(NamedTuple):
     """Corners of n camera paths, seen from above.
 
-    places (P, 2) mm from the origin, distinct, in order of first use corners (C,) indices of the places along
-    the paths, path by path counts (n,) number of corners of each path, at least one heights m, least and
-    greatest camera height
+    places   (P, 2) mm from the origin, distinct, in order of first use
+    corners  (C,)   indices of the places along the paths, path by path
+    counts   (n,)   number of corners of each path, at least one
+    heights         m, least and greatest camera height
     """
 
     places: IntArray
@@ -141,7 +142,7 @@ def _off(line: FloatArray, pieces: int) -> FloatArray:
 def _pieces(line: FloatArray) -> Iterator[tuple[int, IntArray, FloatArray]]:
     """Yield numbers of straight pieces, each with the indices of the lines that it suffices for and their inner points.
 
-    line (M, PIECES + 1, 3) m, curved lines; each gets the smallest number of pieces within tolerance
+    line  (M, PIECES + 1, 3) m, curved lines; each gets the smallest number of pieces within tolerance
     """
     left = np.arange(len(line))
     for pieces in (*FEWER, PIECES):

@@ -76,7 +76,7 @@ def world_payload(
 ) -> tuple[dict[str, Any], list[str]]:
     """Return the world in the form of the page's JSON, and notes on details that the page's map leaves out.
 
-    paths (P, 2) m, corners of the trajectories' paths
+    paths  (P, 2) m, corners of the trajectories' paths
     """
     world, rings, notes = problem.world, _Rings(), list[str]()
     obstacles = [rings.area(o.polygon) | {"z": _open_ended(o.heights)} for o in world.obstacles]
@@ -190,8 +190,9 @@ def payload(
 ) -> dict[str, Any]:
     """Return all data of the explorer page for a front, as a dict for JSON.
 
-    title of the page; by default the costs that are traded off saved file of the front, for the Python code that the
-    page offers preference of a person; the best trajectory for that person is marked
+    title       of the page; by default the costs that are traded off
+    saved       file of the front, for the Python code that the page offers
+    preference  of a person; the best trajectory for that person is marked
     """
     packer = Packer()
     origin = math.floor(problem.world.bounds[0]), math.floor(problem.world.bounds[1])

@@ -51,7 +51,8 @@ XMP = """<?xpacket begin="\N{ZERO WIDTH NO-BREAK SPACE}" id="W5M0MpCehiHzreSzNTc
 class CameraPose(NamedTuple):
     """Position and orientation of a camera.
 
-    position (3,) m axes (3, 3) unit vectors ahead, left and up, in the columns
+    position  (3,)    m
+    axes      (3, 3)  unit vectors ahead, left and up, in the columns
     """
 
     position: FloatArray
@@ -80,7 +81,10 @@ def render_360(problem: Problem, trajectory: Trajectory, t: float, *, width: int
     Obstacles are drawn as upright prisms, 3 m high if unlimited; the ``notes`` of
     :class:`hpop.view.ride.scene.ViewScene` list inexact shapes. For a tilted or rolled camera the picture is rotated.
 
-    Parameters ---------- t : s, from 0 to the end of the executed trajectory width : pixels, a multiple of 4
+    Parameters
+    ----------
+    t : s, from 0 to the end of the executed trajectory
+    width : pixels, a multiple of 4
 
     Raises OptionError for an invalid time or width.
     """

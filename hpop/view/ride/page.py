@@ -193,9 +193,11 @@ def save_ride(
     The page shows the camera's view along the executed trajectory, with people at their predicted positions; a map; and
     the rates of the criteria. Trajectories are named A, B, ... in the order of ``rows``.
 
-    Parameters ---------- path : of the page, a self-contained file; its folder is created if missing rows : up to
-    eight, by number or by name: "knee", "least turns", or "turns" for the least of a criterion blind : leave numbers,
-    criteria and names of trajectories out, for choices by the view alone
+    Parameters
+    ----------
+    path : of the page, a self-contained file; its folder is created if missing
+    rows : up to eight, by number or by name: "knee", "least turns", or "turns" for the least of a criterion
+    blind : leave numbers, criteria and names of trajectories out, for choices by the view alone
 
     Raises OptionError for invalid rows or a name that does not end in .html, UnknownName for unknown names, OutputError
     if the page cannot be written; no partial file remains.

@@ -32,7 +32,8 @@ RAYS = 2
 class Panorama:
     """Renderer of panoramas of a scene, all of one width.
 
-    scene width columns, even; there are half as many rows
+    scene
+    width  columns, even; there are half as many rows
 
     Columns are evenly spaced in bearing and rows in elevation: column c has the bearing (W/2 - c - 1/2) 2 pi / W from
     ahead, counter-clockwise positive, and row r the elevation (H/2 - r - 1/2) pi / H. A camera rotated by a whole

@@ -271,8 +271,9 @@ def _angle(x, y):
 def turned(level, columns, slopes, axes, out):
     """Fill ``out`` (H, W, 3) with the view of a tilted camera, resampled from a level picture that looks along x.
 
-    axes (3, 3) of the tilted camera: unit vectors ahead, left and up, in the columns columns (W, 2) cos and sin of the
-    bearing of each column from ahead slopes (H,) tangents of the elevations of the rows
+    axes     (3, 3)  of the tilted camera: unit vectors ahead, left and up, in the columns
+    columns  (W, 2)  cos and sin of the bearing of each column from ahead
+    slopes   (H,)    tangents of the elevations of the rows
 
     Each pixel is interpolated bilinearly, and rounded to whole numbers, halves up.
     """

@@ -47,10 +47,13 @@ BEFORE = 0.005
 class Prism:
     """Upright prism that represents an obstacle.
 
-    rings (K, 2) m corners, not closed: the outer ring counter-clockwise, then holes clockwise low, high m heights of
-    its bottom and top, finite number identifies the obstacle in ``Panorama.numbers``, from 1; shared by the prisms of
-    one obstacle colour is_wall whether it is drawn with a skirting (a dark strip at its foot) name solid the true
-    shape, if it is not upright
+    rings   (K, 2)  m  corners, not closed: the outer ring counter-clockwise, then holes clockwise
+    low, high       m  heights of its bottom and top, finite
+    number          identifies the obstacle in ``Panorama.numbers``, from 1; shared by the prisms of one obstacle
+    colour
+    is_wall         whether it is drawn with a skirting (a dark strip at its foot)
+    name
+    solid           the true shape, if it is not upright
     """
 
     rings: tuple[FloatArray, ...]
@@ -79,8 +82,10 @@ class Prism:
 class Cells:
     """Occupied cells of a raster map, merged to boxes.
 
-    boxes (B, 4) first column and row, and those after the last: x0, y0, x1, y1 in cells raster gives their positions
-    low, high m number, colour as of a prism
+    boxes   (B, 4)  first column and row, and those after the last: x0, y0, x1, y1 in cells
+    raster          gives their positions
+    low, high       m
+    number, colour  as of a prism
     """
 
     boxes: IntArray
@@ -113,7 +118,10 @@ class Cells:
 class BodyPart:
     """Body part of a drawn person, symmetric about a vertical axis: a cylinder or an ellipsoid.
 
-    shape "cylinder" or "ellipsoid" radius m low, high m colour of its front half, and ``back`` of its back half
+    shape    "cylinder" or "ellipsoid"
+    radius   m
+    low, high  m
+    colour   of its front half, and ``back`` of its back half
     """
 
     shape: str
@@ -198,9 +206,14 @@ class Area:
 class ViewScene:
     """All visible things of a world.
 
-    prisms obstacles, in order, and a wall round the map if its outside is an obstacle cells occupied cells of a raster
-    map, or None figures people plates landmarks areas zones floor the extent, as polygons of rings storey m height of
-    walls without an upper end notes notes (texts to print) on shapes that are not drawn exactly
+    prisms   obstacles, in order, and a wall round the map if its outside is an obstacle
+    cells    occupied cells of a raster map, or None
+    figures  people
+    plates   landmarks
+    areas    zones
+    floor    the extent, as polygons of rings
+    storey   m  height of walls without an upper end
+    notes    notes (texts to print) on shapes that are not drawn exactly
     """
 
     prisms: tuple[Prism, ...]

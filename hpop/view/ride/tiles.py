@@ -25,8 +25,11 @@ Rgb = tuple[float, float, float]
 class Tile(NamedTuple):
     """Surface texture, averaged for pixels of several widths (levels).
 
-    values all levels, one after the other starts (L,) first index of each level sizes (L,) side of each level in
-    pixels, a power of two widths (L,) m width of a pixel at each level period m side of the tile
+    values  all levels, one after the other
+    starts  (L,)  first index of each level
+    sizes   (L,)  side of each level in pixels, a power of two
+    widths  (L,)  m  width of a pixel at each level
+    period  m  side of the tile
     """
 
     values: NDArray[np.float32]
@@ -129,10 +132,15 @@ def _rgb(colour: surfaces.Colour) -> Rgb:
 class CameraView(NamedTuple):
     """Camera of a panorama, with the geometry of the picture.
 
-    x, y, z m pixel rad from one row or column to the next directions (N, 2) unit vectors of all rays, counter-clockwise
-    shift index of the ray at the left end of the picture per_column number of rays in a column slopes (H,) tangents of
-    the elevations of the rows' middles sky (H, 3) colour of the sky in each row hard whether each pixel shows only the
-    thing at its middle look appearance of surfaces
+    x, y, z     m
+    pixel       rad  from one row or column to the next
+    directions  (N, 2)  unit vectors of all rays, counter-clockwise
+    shift       index of the ray at the left end of the picture
+    per_column  number of rays in a column
+    slopes      (H,)  tangents of the elevations of the rows' middles
+    sky         (H, 3)  colour of the sky in each row
+    hard        whether each pixel shows only the thing at its middle
+    look        appearance of surfaces
     """
 
     x: float
@@ -151,8 +159,9 @@ class CameraView(NamedTuple):
 class ColumnBuffer(NamedTuple):
     """Column of a panorama while it is drawn.
 
-    summed (H, 3) colours so far left (H,) share of each row of the present ray that is not yet drawn numbers (H,)
-    number of the thing drawn there
+    summed   (H, 3)  colours so far
+    left     (H,)    share of each row of the present ray that is not yet drawn
+    numbers  (H,)    number of the thing drawn there
     """
 
     summed: FloatArray
@@ -163,9 +172,11 @@ class ColumnBuffer(NamedTuple):
 class DrawingBuffers(NamedTuple):
     """Working arrays for drawing a column.
 
-    sheet the column is_in (I,) whether the ray is inside each item; all False before and after a column opened (I,)
-    items that contain the ray, in the first entries order edges, body parts and plates that a ray meets, from near to
-    far away m distance of each
+    sheet   the column
+    is_in   (I,)  whether the ray is inside each item; all False before and after a column
+    opened  (I,)  items that contain the ray, in the first entries
+    order   edges, body parts and plates that a ray meets, from near to far
+    away    m  distance of each
     """
 
     sheet: ColumnBuffer

@@ -54,8 +54,13 @@ AXES = (
 class Clip:
     """Video to be made of one trajectory.
 
-    problem planned the trajectory run the executed trajectory rate frames a second width pixels workers number of
-    threads that draw told description of the trajectory and its front, for the JSON file beside the video
+    problem
+    planned  the trajectory
+    run      the executed trajectory
+    rate     frames a second
+    width    pixels
+    workers  number of threads that draw
+    told     description of the trajectory and its front, for the JSON file beside the video
     """
 
     problem: Problem
@@ -158,10 +163,14 @@ def save_video(
     ``NAME.mp4.json`` beside it has axes, times of frames, row and costs of the trajectory, and a
     description of the front.
 
-    Parameters ---------- of : a front, or a trajectory row : of the front: a number, "knee" or "least NAME"; the knee
-    by default fps : frames a second width : pixels, a multiple of 4; there are half as many rows workers : threads that
-    draw; one for each core by default. The frames are the same with any progress : True shows a line on the terminal; a
-    function is called with each frame
+    Parameters
+    ----------
+    of : a front, or a trajectory
+    row : of the front: a number, "knee" or "least NAME"; the knee by default
+    fps : frames a second
+    width : pixels, a multiple of 4; there are half as many rows
+    workers : threads that draw; one for each core by default. The frames are the same with any
+    progress : True shows a line on the terminal; a function is called with each frame
 
     Raises OutputError if PyAV, the extra ``hpop[video]``, is missing, or the disk has too little room. After an error
     or interruption no file remains.
