@@ -146,7 +146,7 @@ def test_a_wrong_scenario(
     [
         (None, "cannot be opened"),
         (b"", "empty (0 bytes)"),
-        (b"P5\n40 20\n255\n" + bytes(100), "cut off"),
+        (b"P5\n40 20\n255\n" + bytes(100), "file is complete"),
         (b"P5\n50000 50000\n255\n", "too large"),
         (b"no image", "no image that can be read"),
     ],
