@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.base.arrays import FloatArray, IntArray
-from hpop.runtime.compiled import lean
+from hpop.runtime.compiled import is_cached, lean
 
 MEETS, CLEAR, UNSURE = 0, 1, 2
+FEW = 10_000  # hulls that GEOS compares in half of the time that the loop takes to compile
 THIN = 1e-3  # area of a hull over its squared perimeter; thinner hulls are too thin for the test by half-planes
 
 
@@ -201,3 +202,17 @@ def compare_hulls(
             out[n] = MEETS
         elif unsure:
             out[n] = UNSURE
+
+
+class Uncompiled:
+    """Number of hulls that GEOS has compared in this process, before the loop was compiled."""
+
+    hulls = 0
+
+
+def is_worth_compiling(hulls: int) -> bool:
+    """Return whether the loop is compiled, on disk, or needed for so many hulls that it is to be compiled."""
+    if Uncompiled.hulls < FEW and is_cached(compare_hulls):
+        Uncompiled.hulls = FEW
+    Uncompiled.hulls += hulls
+    return Uncompiled.hulls >= FEW

@@ -217,8 +217,10 @@ class FreeSpace:
         The result equals :meth:`shapes_free`, which is slower and therefore called only for hulls whose distance from
         the border is the margin up to rounding.
         """
-        from hpop.world.geometry._hulls import CLEAR, UNSURE  # numba is slow to import
+        from hpop.world.geometry._hulls import CLEAR, UNSURE, is_worth_compiling  # numba is slow to import
 
+        if not is_worth_compiling(len(corners)):
+            return self.shapes_free(convex_hulls(corners), margin)
         relation = np.full(len(corners), CLEAR, np.uint8)
         self.compare(corners, margin - TOLERANCE if margin > TOLERANCE else 0.0, relation)
         free: BoolArray = relation == CLEAR

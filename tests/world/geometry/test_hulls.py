@@ -9,10 +9,17 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hpop.world import World
+from hpop.world.geometry._hulls import FEW, is_worth_compiling
 from hpop.world.geometry.planar import convex_hulls
 
 MARGINS = (0.0, 1e-3, 0.05, 0.3)
 AROUND = shapely.box(0, 0, 8, 8)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def compiled() -> None:
+    """Take the compiled loop from the first hull on."""
+    assert is_worth_compiling(FEW)
 
 
 def a_world(kind: str, rng: np.random.Generator) -> World:
