@@ -202,7 +202,9 @@ def _varied_values(document: Document, key: str, given: Any, folder: Path) -> Se
     if isinstance(given, str) and glob.has_magic(given):
         files = sorted(glob.glob(given, root_dir=folder, recursive=True))
         if not files:
-            raise ScenarioError(f"{document.where((VARY, key))}: no file matches {given!r} in {folder}")
+            raise ScenarioError(
+                f"{document.where((VARY, key))}: no file in {folder} matches {given!r}; correct the pattern"
+            )
         return files
     if not isinstance(given, list) or not given:
         raise ScenarioError(

@@ -194,7 +194,7 @@ def _scaled(cost: FloatArray) -> IntArray:
     """Scale a cost to a median of `MEDIAN` and round it; positive costs stay at least 1."""
     positive = cost > 0
     if not np.isfinite(cost).all() or (cost < 0).any() or not positive.any():
-        raise GraphError("a cost must be finite, not negative, and positive on some link")
+        raise GraphError("a cost must be finite, not negative, and positive on at least one link; use another column")
     counts = np.rint(cost * (MEDIAN / np.median(cost[positive]))).astype(np.int64)
     return np.where(positive, np.maximum(counts, 1), 0)
 

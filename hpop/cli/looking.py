@@ -144,8 +144,8 @@ def new(
     if reader is None and scenarios.is_scenario(path):
         shell = argument(path)
         raise OptionError(
-            f"{path} is a scenario already: hpop look {shell} draws it and hpop plan {shell} plans it; for a new one "
-            "give its map"
+            f"expected a map, but {path} is a scenario already: hpop look {shell} draws it and hpop plan {shell} plans "
+            "it; for a new scenario give its map"
         )
     given = scenarios.GivenMap.of(path, reader, resolution, scenarios.checked_options(options))
     draft = scenarios.first_draft(given.read(), radius, start, goal)

@@ -197,7 +197,7 @@ def pick(
     if len(given) > 1:
         raise click.UsageError(f"give one of {', '.join(ways)}, got {' and '.join(given)}")
     if row is not None and at_most:
-        raise click.UsageError("--row names one trajectory, so --at-most has no effect: give one of them")
+        raise click.UsageError("--row names one trajectory, so --at-most has no effect: give only one of these options")
     user_code.register(imports)
     path, front = loaded(folder)
     if also:

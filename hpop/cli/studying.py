@@ -263,7 +263,10 @@ def withdraw(folder: Path, participant: str, yes: bool) -> None:
     files = known_of(folder, participant)
     if not yes:
         if not sys.stdin.isatty():
-            raise StudyError(f"nothing was deleted: give --yes to delete all data of {participant} for good")
+            raise StudyError(
+                "nothing was deleted, because there is no terminal to confirm it: give --yes to delete all data of "
+                f"{participant}"
+            )
         echo(f"this deletes for good: {', '.join(files) or 'no file, as none is left'}; tables are made again")
         click.confirm(f"delete all data of {participant}?", abort=True)
     done = withdrawn(folder, participant)

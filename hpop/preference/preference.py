@@ -296,7 +296,7 @@ class Preference:
         return np.asarray(probability @ self.draws.shares / probability.sum())
 
     def _equal_draws(self, count: int) -> Draws:
-        """Return equally weighted draws of the posterior."""
+        """Return ``count`` equally weighted draws of the posterior of the person's weights."""
         return self.draws.equally_weighted(count, np.random.default_rng([self.seed, 3, len(self.answers), count]))
 
     def _points(self) -> Front[Any]:

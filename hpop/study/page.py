@@ -123,7 +123,7 @@ def session_page(public: Mapping[str, Any], folder: Path, *, served: bool = Fals
 
 
 def _ride(path: Path, name: str) -> Ride:
-    """Read the stimulus page of a letter, ``name``; StudyError if it is not one that hpop wrote."""
+    """Read a stimulus page from a file; StudyError unless hpop wrote it, for the stimulus with the letter ``name``."""
     try:
         text = read_regular(path, MOST_BYTES).decode()
         payload = parse(PAYLOAD.search(text)[1].encode())  # type: ignore[index]

@@ -117,7 +117,8 @@ def checked_strata(strata: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, 
         for word in (name, *words):
             if not isinstance(word, str) or not WORD.fullmatch(word):
                 raise StudyError(
-                    f"strata are given as words of at most 20 letters and digits, such as sex=f,m, got {shown(word)}"
+                    "strata and levels must be words of at most 20 letters and digits, such as sex=f,m, got "
+                    f"{shown(word)}"
                 )
         if len(words) < 2 or len(set(words)) < len(words):
             raise StudyError(f"stratum {name} must have two or more levels, each once, such as f,m, got {shown(words)}")

@@ -328,7 +328,7 @@ def _draw_progress(axes: Axes, driven: _Driven, gaps: FloatArray, moments: Float
 
 
 def _name_tube(axes: Axes, person: Person, driven: _Driven, gaps: FloatArray) -> None:
-    """Write a person's name in the lower panel where that person is nearest to the robot's path."""
+    """Write a person's name in the chart of distance over time, where that person is nearest to the robot's path."""
     touching = max(float(gaps.min()), 0.0)
     moments, places = np.nonzero((gaps <= touching).T)  # by time
     middle = moments.size // 2

@@ -93,7 +93,7 @@ def merged_rates(found: Trace, column: int, ends: IntArray) -> FloatArray:
 
 
 def _quantised_values(found: Trace, column: int, ends: IntArray) -> tuple[float, FloatArray]:
-    """Return a criterion's values (m,) in merged pieces as whole multiples of a step, and the step.
+    """Round a criterion's values in merged pieces to multiples of a step; return the step and the multiples (m,).
 
     The pieces lie between indices ``ends`` (m+1,). Sums, and criteria with memory, are given as their growth in each
     piece; means and maxima as their value there.

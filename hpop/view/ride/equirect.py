@@ -140,7 +140,7 @@ def checked_width(width: int) -> int:
 
 @lru_cache(maxsize=2)
 def panorama(problem: Problem, width: int) -> Panorama:
-    """Return the renderer for the world of a problem; the last two are cached."""
+    """Return the renderer of 360 degree pictures of a problem's world; the last two renderers are cached."""
     from hpop.view.ride.panorama import Panorama  # with kernels: half a second that pictures of the plane do not need
 
     return Panorama(ViewScene.of(problem), width)
