@@ -23,11 +23,11 @@ from hpop.criteria.costs import trajectory_costs
 from hpop.frontier import hypervolume, representative
 from hpop.frontier.choices import Preferring
 from hpop.frontier.choosing import differing
-from hpop.goals import Tour
 from hpop.motions.laws import SPEED
 from hpop.problems.evaluation import criteria_of
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
+from hpop.problems.recorded_visits import visit_order
 from hpop.runtime.status import Status
 from hpop.trajectories.trajectory import Trajectory
 
@@ -279,24 +279,10 @@ def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence
     return table
 
 
-def visit_order(front: Front, row: int) -> str:
-    """Return the order in which a trajectory visits the stops of a tour, as numbers counted from 1, such as "2 1 3"."""
-    visits = front.provenance[row].get("visits")
-    numbers = {name: i for i, name in enumerate(_stop_names(front), 1)}
-    listed = [visit for visit in visits if isinstance(visit, dict)] if isinstance(visits, list) else []
-    return " ".join(str(numbers.get(str(visit.get("stop")), "?")) for visit in listed) or "-"
-
-
 def driven_speeds(trajectory: Trajectory) -> str:
     """Return the speeds, m/s, at which a plan with speed classes drives, rising."""
     speeds = distinct(getattr(trajectory.states, SPEED, np.zeros(1)))
     return " ".join(f"{speed:g}" for speed in speeds.tolist() if speed > 0.0) or "-"
-
-
-def _stop_names(front: Front) -> tuple[str, ...]:
-    """Return the names of the stops of a front's tour; () without a tour."""
-    tour = (front.problem or {}).get("tour")
-    return () if tour is None else Tour.of(tour).names
 
 
 class MostRows(NamedTuple):

@@ -28,6 +28,7 @@ from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
+    from hpop.problems.recorded_visits import StopVisit
 
 Content = bytes | Mapping[str, bytes]
 """Content of a file, or a mapping from file names to contents for a folder."""
@@ -110,6 +111,7 @@ class Exported:
     costs       values of criteria and reported values, by name; ``units`` by name
     claim       certificate of the front
     problem     problem with the world to write, or None
+    visits      of a tour's stops, at the times of the exported motion
     """
 
     trajectory: Trajectory
@@ -123,6 +125,7 @@ class Exported:
     units: Mapping[str, str] = field(default_factory=dict)
     claim: str = ""
     problem: Problem | None = None
+    visits: tuple[StopVisit, ...] = ()
 
     @cached_property
     def poses(self) -> Poses:
@@ -157,6 +160,11 @@ class Exported:
             name: name if (unit := self.units.get(name, "1")) == "1" else f"{name} ({unit})" for name in self.costs
         }
         return {printable(headings[name]): repr(float(value)) for name, value in self.costs.items()}
+
+    @property
+    def told_visits(self) -> list[dict[str, Any]]:
+        """Return the visits as JSON: name of the stop, and when the robot arrives and leaves, s from the start."""
+        return [{"stop": visit.name, "arrival": visit.begin, "leaving": visit.end} for visit in self.visits]
 
     def statement(self, axes: str, what: str = "") -> list[str]:
         """Return lines for comments at the top of a file: title and content, axes, and costs.

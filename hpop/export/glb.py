@@ -183,7 +183,7 @@ def glb(given: Exported) -> bytes:
     - Obstacles are prisms. Walls without an upper end are a storey high.
     - People: each predicted future of a walking person is an animated node, named with the weight of this future.
       Its size is 0 while the person is absent.
-    - Costs, and notes on inexact shapes, are in ``asset.extras``.
+    - Costs, visits of a tour's stops, and notes on inexact shapes are in ``asset.extras``.
     """
     file = _File()
     seen, body = given.poses, given.frames.of(given.body)
@@ -216,6 +216,7 @@ def glb(given: Exported) -> bytes:
         "costs": dict(given.costs),
         "units": dict(given.units),
         "notes": notes,
+        **({"visits": given.told_visits} if given.visits else {}),
     }
     file.document["asset"] = {"version": "2.0", "generator": PROGRAM, "extras": extras}
     file.document["scenes"] = [{"name": given.title, "nodes": list(range(len(file.document["nodes"])))}]

@@ -19,6 +19,7 @@ from hpop.export.base import PROGRAM, Content, Exported, Format, Frames
 from hpop.frontier import strict_json
 from hpop.problems.front import Front
 from hpop.problems.named_rows import NamedRow, named_rows
+from hpop.problems.recorded_visits import stop_visits
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -80,8 +81,8 @@ def save(
     """Write rows of a front in several formats to a folder, and return the paths of the files.
 
     Files are named ``knee_70.tum``, ``row_3.unity.csv``. For each row ``knee_70.about.json`` has the costs, the front's
-    certificate, and the axes of each file. Files are written atomically and replace existing ones. If one format cannot
-    be written, the others still are, and then its error is raised.
+    certificate, the visits of a tour's stops, and the axes of each file. Files are written atomically and replace
+    existing ones. If one format cannot be written, the others still are, and then its error is raised.
 
     Parameters
     ----------
@@ -163,6 +164,7 @@ def _given(
         units=dict(zip(names, units, strict=True)),
         claim=f"{front.status}; {front.certificate}",
         problem=problem,
+        visits=tuple(stop_visits(front, row.number, executed=not planned)),
     )
 
 
@@ -199,6 +201,7 @@ def _about(front: Front, given: Exported, files: Sequence[tuple[Path, Format]]) 
         "rate": float(given.rate),
         "duration": given.run.duration,
         "poses": len(given.poses),
+        "visits": given.told_visits,
         "frames": vars(given.frames),
         "files": [{"file": path.name, "format": each.name, "axes": each.axes} for path, each in files],
     }

@@ -18,15 +18,17 @@ from hpop.base.arrays import BoolArray, FloatArray
 from hpop.base.math import norm
 from hpop.base.options import FARTHEST
 from hpop.base.text import printable
+from hpop.criteria.visits import all_visits
 from hpop.motions import Model, States, StateSpace
 from hpop.problems.evaluation import Trace
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
-from hpop.view.marks import is_held
+from hpop.view.marks import STOP, is_held
 from hpop.view.page import figure_for, whole
 from hpop.view.style import (
     COLOURS,
+    HALO,
     LARGE,
     NORMAL,
     QUIET,
@@ -44,6 +46,7 @@ from hpop.view.style import (
 SAMPLES = 3000  # of the speeds
 PLANNED, EXECUTED = COLOURS[2], COLOURS[1]
 TURN, HELD = "#e6e6e6", "#cfe3d4"
+NAME = 13  # letters of a stop's name that fit into the height of a panel
 DIGIT, GAP = 0.64 * SMALL, 11.0  # points: width of a digit at a tick, and other space between a panel and its name
 
 
@@ -56,7 +59,7 @@ def draw_trace(
 
     A sum is shown as its running total, a criterion with memory as its running value. For a time-mean or a maximum, a
     line shows the running mean or maximum, and an area the value at the time. Planned turns in place and waits are
-    shaded; their executed times differ slightly.
+    shaded; their executed times differ slightly. On a tour, each visit has the number and name of its stop.
 
     Parameters
     ----------
@@ -90,6 +93,7 @@ def draw_trace(
         _shade(axes, trajectory, turns_in_place(trajectory), TURN, "turn")
         _shade(axes, trajectory, is_held(trajectory), HELD, "hold")
         axes.tick_params(labelsize=SMALL)
+    _name_visits(panels.tolist(), problem, trajectory)
     panels[0].set_xlim(0.0, max(trajectory.duration, executed.duration) or 1.0)
     panels[-1].set_xlabel("time (s)", fontsize=NORMAL)
     _align_names(figure, panels.tolist())
@@ -192,6 +196,23 @@ def _shade(axes: Axes, trajectory: Trajectory, motions: BoolArray, colour: str, 
     """Shade the times of the motions (n,) that a mask selects."""
     for i in np.flatnonzero(motions):
         axes.axvspan(trajectory.times[i], trajectory.times[i + 1], color=colour, linewidth=0, zorder=0.5, gid=gid)
+
+
+def _name_visits(panels: Sequence[Axes], problem: Problem, trajectory: Trajectory) -> None:
+    """Write number and name of each visited stop into the first panel; draw a line for a visit without dwell."""
+    if problem.tour is None:
+        return
+    (found,) = all_visits(problem.tour, problem.world, [trajectory])
+    for visit in found.visits:
+        if visit.begin == visit.end:
+            for axes in panels:
+                axes.axvline(visit.begin, color=STOP, linestyle=":", linewidth=0.9, zorder=0.6, gid="visit")
+        name = printable(f"{visit.stop + 1} {problem.tour.names[visit.stop]}")
+        panels[0].text(
+            0.5 * (visit.begin + visit.end), 0.96, name if len(name) <= NAME else f"{name[: NAME - 1].rstrip()}…",
+            transform=panels[0].get_xaxis_transform(), rotation=90, ha="center", va="top", gid="visit",
+            fontsize=SMALL, color=STOP, path_effects=HALO, zorder=4,
+        )  # fmt: skip
 
 
 def _moments(trajectory: Trajectory) -> FloatArray:

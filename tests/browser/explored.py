@@ -44,7 +44,7 @@ def fresh(page: Page) -> None:
     page.evaluate(
         """() => {
           const { state } = window.hpop;
-          const filter = { bounds: new Map(), kept: null };
+          const filter = { bounds: new Map(), kept: null, order: null };
           const sort = { key: "row", down: false };
           const none = { flipped: new Set(), logs: new Set(), hidden: new Set(), wishes: new Map() };
           state.restore({ filter, pins: [], order: [], sort, ...none });

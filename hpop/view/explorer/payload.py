@@ -28,6 +28,7 @@ from hpop.frontier.choices import Preferring
 from hpop.frontier.union import JOINT
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
+from hpop.problems.recorded_visits import stop_visits, visit_order
 from hpop.runtime.status import Status
 from hpop.view.explorer import along
 from hpop.view.explorer.corners import MILLIMETRES, Packer, corners, millimetres
@@ -211,6 +212,7 @@ def payload(
     )
     criteria = along.columns_of(problem, front)
     rows = along.traced_rows(front, [mark.row for mark in named])
+    visits = [] if problem.tour is None else [stop_visits(front, row) for row in rows]
     return {
         "schema": SCHEMA,
         "version": VERSION,
@@ -229,8 +231,35 @@ def payload(
         "origin": list(origin),
         "paths": paths,
         "world": ground,
-        "traces": list(along.traces(problem, front, criteria, rows, packer, origin)),
+        "tour": _tour(problem, front, packer),
+        "traces": [
+            {**each, "visits": visits[rows.index(each["row"])] if visits else []}
+            for each in along.traces(problem, front, criteria, rows, packer, origin)
+        ],
         "data": packer.text(),
+    }
+
+
+def _tour(problem: Problem, front: Front, packer: Packer) -> dict[str, Any] | None:
+    """Return the stops of a tour and the order in which each trajectory visits them; None without a tour.
+
+    Orders are texts such as "2 1 3", each listed once; rows name their order by its index.
+    """
+    if problem.tour is None:
+        return None
+    found = [visit_order(front, row) for row in range(len(front))]
+    orders = sorted(set(found), key=lambda order: (order.count(" "), order))
+    return {
+        "stops": [
+            {
+                "name": printable(stop.name),
+                "place": stop.place(problem.world),
+                "within": stop.within if stop.at is not None else None,
+            }
+            for stop in problem.tour.stops
+        ],
+        "orders": orders,
+        "order": packer.integers([orders.index(order) for order in found]),
     }
 
 

@@ -27,6 +27,7 @@ from hpop.problems.evaluation import trace
 from hpop.problems.front import Front
 from hpop.problems.named_rows import NamedRow, named_rows
 from hpop.problems.problem import Problem
+from hpop.problems.recorded_visits import stop_visits
 from hpop.trajectories.poses import on_one_side, poses, quaternions_of
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.explorer.along import columns_of, merged_rates, piece_ends, words
@@ -242,6 +243,7 @@ def ride_payload(problem: Problem, front: Front, rows: Sequence[int | str], *, b
         "tracks": [
             _track(problem, front, name, row, told, blind=blind) for name, row in zip(NAMES, chosen, strict=False)
         ],
+        "stops": [] if blind or problem.tour is None else [stop.place(problem.world) for stop in problem.tour.stops],
         "notes": [] if blind else list(scene.notes),
         "licence": licence(),
     }
@@ -258,9 +260,18 @@ def _track(
         "name": name,
         "label": "" if blind else _label(front, row),
         **track(trajectory),
+        "visits": [] if blind else _visits(front, row.number),
         "rates": rates(list(told.values()), trajectory, problem.world),
         "costs": [value_text(float(column.values[row.number]), column.unit, column.counts) for column in shown],
     }
+
+
+def _visits(front: Front, row: int) -> list[dict[str, Any]]:
+    """Return the executed visits of a row as JSON: number and name of the stop, times of begin and end."""
+    return [
+        {"number": v.number, "name": printable(v.name), "begin": round(v.begin, DIGITS), "end": round(v.end, DIGITS)}
+        for v in stop_visits(front, row, executed=True)
+    ]
 
 
 def licence() -> str:

@@ -6,12 +6,14 @@ import { PIN_NAMES } from "./theme";
 /** Python code for the pinned rows, the selected part of the front, and the row nearest to the wishes. */
 export function asPython(state: State): string {
   const { model, filter } = state;
-  const numpy = filter.kept === null ? [] : ["import numpy as np", ""];
+  const listed = filter.kept !== null || filter.order !== null; // these selections have no condition in Python
+  const numpy = !listed ? [] : ["import numpy as np", ""];
   const lines = [...numpy, "import hpop", "", `front = hpop.Front.load(${quoted(model.saved ?? "front.json")})`];
   const { pinned } = state;
   for (const { pin, row } of pinned) lines.push(`${PIN_NAMES[pin]!.toLowerCase()} = front[${row}]  # ${summary(state, row)}`);
   const conditions = conditionsOf(state);
-  if (filter.kept !== null) {
+  if (filter.order !== null) lines.push(`# stops visited in the order ${filter.order}`);
+  if (listed) {
     lines.push(`chosen = front[np.isin(np.arange(len(front)), [${chosenRows(state).join(", ")}])]`);
   } else if (conditions.length > 0) {
     const both = [0, 1].map((i) => conditions.flatMap(({ name, tests }) => (tests[i] === undefined ? [] : [`${quoted(name)}: ${quoted(tests[i])}`])));
@@ -36,8 +38,8 @@ export function asCommands(state: State): string {
   );
   const wishes = [...state.wishes].map(([index, value]) => `--wish ${shell(`${state.column(index).name}=${number(value)}`)}`);
   if (most.length + wishes.length > 0) lines.push(["hpop pick", shell(folder), ...most, ...wishes].join(" "));
-  const beyond = state.filter.kept !== null || [...state.filter.bounds.values()].some(({ low }) => Number.isFinite(low));
-  if (beyond) lines.push("# bounds from below, and rows left out, are for Python alone");
+  const beyond = state.filter.kept !== null || state.filter.order !== null || [...state.filter.bounds.values()].some(({ low }) => Number.isFinite(low));
+  if (beyond) lines.push("# bounds from below, an order of stops, and rows left out are for Python alone");
   return lines.length > 0 ? lines.join("\n") + "\n" : `hpop pick ${shell(folder)} --knee\n`;
 }
 

@@ -2,8 +2,9 @@
 //
 //   b      bounds, NAME:LOW-HIGH, an open end is *        order  names of the axes
 //   pin    rows of A, B, C; empty for no pin              flip, log, hide  names
-//   wish   NAME:VALUE                                     sort   NAME, :row or :wishes; -NAME for the greatest first
+//   wish   NAME:VALUE                                     sort   NAME, :row, :wishes or :stops; -NAME for the greatest first
 //   rows   kept rows, as 0-12,17; absent if all are kept
+//   stops  order of visits of a tour, as 2-1-3
 // Names are percent-encoded, so that none holds a comma, a colon or an ampersand.
 import type { Bound } from "./selection";
 import type { SortKey, State } from "./state";
@@ -31,6 +32,7 @@ export function fragmentOf(state: State): string {
   const parts: [string, string][] = [
     ["b", [...state.filter.bounds].map(([index, { low, high }]) => `${name(index)}:${end(low)}-${end(high)}`).join(",")],
     ["rows", state.filter.kept === null ? "" : runs(state.filter.kept)],
+    ["stops", (state.filter.order ?? "").replace(/ /g, "-")],
     ["pin", state.pins.map((row) => row ?? "").join(",").replace(/,+$/, "")],
     ["wish", [...state.wishes].map(([index, value]) => `${name(index)}:${value}`).join(",")],
     ["order", String(state.order) === String(state.firstOrder) ? "" : names(state.order)],
@@ -67,9 +69,10 @@ export function restore(state: State, fragment: string): void {
     .map((row, place, all) => (all.indexOf(row) < place ? null : row)); // a row has one pin
   const wishes = new Map(valued("wish").map(([column, text]) => [column, VALUE.test(text) ? Number(text) : NaN] as const).filter(([, value]) => Number.isFinite(value)));
   const [, minus, key] = /^(-?)(.*)$/.exec(parts.get("sort") ?? ":wishes")!;
-  const sort: SortKey = key === ":wishes" && wishes.size > 0 ? "wishes" : index(key!) >= 0 ? index(key!) : "row";
+  const sort: SortKey = key === ":wishes" && wishes.size > 0 ? "wishes" : key === ":stops" && state.model.tour !== null ? "stops" : index(key!) >= 0 ? index(key!) : "row";
+  const order = state.model.tour?.orders.find((one) => one.replace(/ /g, "-") === parts.get("stops")) ?? null;
   state.restore({
-    filter: { bounds, kept: keptOf(parts.get("rows"), state.model.n) },
+    filter: { bounds, kept: keptOf(parts.get("rows"), state.model.n), order },
     pins,
     wishes,
     order: indices("order"),

@@ -1,5 +1,5 @@
 // What a map shows besides trajectories: floor, walls, zones under them; people, landmarks, start and goals above.
-import type { Area, End, Landmark, Obstacle, Person, World, Zone } from "./payload";
+import type { Area, End, Landmark, Obstacle, Person, Tour, World, Zone } from "./payload";
 import type { Theme } from "./theme";
 import type { Viewport } from "./viewport";
 
@@ -15,6 +15,8 @@ const ARROW = 1; // s of walking that the arrow of a person shows
 const MOST_NAMES = 24; // most landmarks and people in view whose names are written
 const HATCH = 7; // CSS pixels between the hatch lines of closed areas
 const PITCH = 48; // CSS pixels from one arrow of a one-way zone to the next
+const STOP = 8; // CSS pixels, radius of the disc with a stop's number
+const STOP_COLOUR = "#7a0177"; // as in hpop/view/marks.py
 const FONT = "11px system-ui, sans-serif";
 
 /** Size of a canvas, CSS pixels. */
@@ -32,7 +34,7 @@ export class Ground {
   private readonly closed: Path2D;
   private readonly zones: readonly { readonly zone: Zone; readonly path: Path2D }[];
 
-  constructor(private readonly world: World) {
+  constructor(private readonly world: World, private readonly tour: Tour | null) {
     const seen = (one: Obstacle) => isSeen(one, world);
     this.floor = pathOf(world.extent);
     this.walls = pathOf(...world.obstacles.filter(seen).map(({ area }) => area));
@@ -78,8 +80,14 @@ export class Ground {
     for (const landmark of landmarks) drawLandmark(context, landmark, viewport, theme);
     for (const person of people) drawPerson(context, person, viewport, theme);
     for (const { x, y } of targets) drawTarget(context, viewport.px(x), viewport.py(y), theme);
+    for (const { place, within } of this.tour?.stops ?? []) {
+      if (place !== null && within !== null) drawDisc(context, viewport.px(place[0]), viewport.py(place[1]), within * viewport.scale);
+    }
     for (const goal of goals) drawEnd(context, goal, viewport, GOAL, true);
     drawEnd(context, start, viewport, START, false);
+    this.tour?.stops.forEach(({ place }, i) => {
+      if (place !== null) drawStop(context, viewport.px(place[0]) - 2 * STOP, viewport.py(place[1]), String(i + 1));
+    });
     const named = [...people, ...landmarks, ...targets].filter(({ x, y, name }) => {
       const [px, py] = [viewport.px(x), viewport.py(y)];
       return name !== "" && px >= 0 && py >= 0 && px <= size.width && py <= size.height;
@@ -124,7 +132,7 @@ interface Entry {
 }
 
 /** Legend of the symbols that occur in this world. */
-export function legendOf(world: World): Entry[] {
+export function legendOf(world: World, tour: Tour | null): Entry[] {
   const middle: Places = { px: () => 8, py: () => 8, scale: 0 };
   const person: Person = { x: 0, y: 0, yaw: 0, velocity: [0, 0], radius: 0, name: "" };
   const landmark: Landmark = { x: 0, y: 0, z: 0, facing: null, name: "" };
@@ -167,6 +175,13 @@ export function legendOf(world: World): Entry[] {
         context.fillRect(2, 3, 12, 10);
       },
     },
+    ...(tour?.stops ?? []).map(({ name }, i) => ({
+      words: `stop: ${name}`,
+      here: true,
+      draw: (context: CanvasRenderingContext2D) => {
+        drawStop(context, 8, 8, String(i + 1));
+      },
+    })),
     {
       words: "to be looked at",
       here: world.targets.length > 0,
@@ -331,6 +346,31 @@ function drawTarget(context: CanvasRenderingContext2D, x: number, y: number, the
     context.lineTo(x, y + TARGET + 2);
     context.stroke();
   }
+}
+
+/** The number of a stop of a tour. */
+function drawStop(context: CanvasRenderingContext2D, x: number, y: number, number: string): void {
+  context.save();
+  context.lineWidth = 1;
+  disc(context, x, y, STOP - 1, STOP_COLOUR, "#ffffff");
+  context.font = `bold ${FONT}`;
+  context.textAlign = "center";
+  context.textBaseline = "middle";
+  context.fillStyle = "#ffffff";
+  context.fillText(number, x, y + 0.5);
+  context.restore();
+}
+
+/** The disc in which a stop is visited. */
+function drawDisc(context: CanvasRenderingContext2D, x: number, y: number, radius: number): void {
+  context.save();
+  context.strokeStyle = STOP_COLOUR;
+  context.lineWidth = 1;
+  context.setLineDash([2, 2]);
+  context.beginPath();
+  context.arc(x, y, radius, 0, 2 * Math.PI);
+  context.stroke();
+  context.restore();
 }
 
 /** Start and goals: a disc and a square, each with a tick along its heading if it has one. */

@@ -2,12 +2,21 @@
 import { button, make } from "./dom";
 import { CERTIFICATE } from "./guide";
 import { count } from "./numbers";
+import type { Tour } from "./payload";
 import type { State } from "./state";
 import type { View } from "./view";
 
 export interface Actions {
   readonly help: () => void;
   readonly copy: () => void;
+}
+
+/** An order of stops to choose: its numbers, the stops that it misses, and the number of rows. */
+function optionOf({ stops, orders, order }: Tour, one: string): HTMLOptionElement {
+  const rows = Array.from(order).filter((index) => orders[index] === one).length;
+  const missed = stops.flatMap((_, i) => (one.split(" ").includes(String(i + 1)) ? [] : [i + 1]));
+  const without = missed.length === 0 ? "" : `, without ${missed.join(" ")}`;
+  return make("option", "", `${one.replace(/ /g, " \u2192 ")}${without} (${count(rows)})`, { value: one });
 }
 
 export function headerView(state: State, actions: Actions): View {
@@ -20,6 +29,9 @@ export function headerView(state: State, actions: Actions): View {
     make("summary", "", [badge, claim], { title: `certificate: ${CERTIFICATE}` }),
     full,
   ]);
+  const order = make("select", "", [], { "aria-label": "order of stops" });
+  order.addEventListener("change", () => { state.inOrder(order.value === "" ? null : order.value); });
+  const orders = make("label", "orders", ["order of stops ", order], { title: "show only trajectories that visit the stops in this order; the map shows the numbers" });
   const back = button("\u2190 Back", "undo the last step (Alt-Left)", () => { state.back(); });
   const forward = button("Forward \u2192", "redo the step (Alt-Right)", () => { state.forward(); });
   const keep = button("Keep", "show only the selected rows (K)", () => { state.keep("selected"); });
@@ -38,7 +50,7 @@ export function headerView(state: State, actions: Actions): View {
     ],
     { role: "toolbar", "aria-label": "selection" },
   );
-  const element = make("header", "header", [make("div", "header-line", [title, counts, tools]), details]);
+  const element = make("header", "header", [make("div", "header-line", [title, counts, orders, tools]), details]);
 
   function renew(): void {
     const { model } = state;
@@ -54,6 +66,8 @@ export function headerView(state: State, actions: Actions): View {
       make("p", "hint", "Criteria: P performance, C comfort, R robot, O other people. Dashed axes are reported, not minimised."),
     );
     details.open = model.n === 0;
+    orders.hidden = model.tour === null || model.n === 0;
+    order.replaceChildren(...(model.tour === null ? [] : [make("option", "", "any", { value: "" }), ...model.tour.orders.map((one) => optionOf(model.tour!, one))]));
   }
 
   function drawBase(): void {
@@ -62,6 +76,7 @@ export function headerView(state: State, actions: Actions): View {
     counts.classList.toggle("none", state.count === 0);
     back.disabled = !history.canBack;
     forward.disabled = !history.canForward;
+    order.value = state.filter.order ?? "";
     all.disabled = !state.isFiltered;
     keep.disabled = exclude.disabled = !state.isChosen;
   }

@@ -32,7 +32,7 @@ export function mapView(state: State): View {
     state.pin(row);
   });
 
-  let ground = new Ground(state.model.world);
+  let ground = new Ground(state.model.world, state.model.tour);
   let segments: Segments = segmentsOf(state.model.paths);
   let grid = new SegmentGrid(segments);
   let density = new Density(1, 1);
@@ -87,7 +87,7 @@ export function mapView(state: State): View {
   });
 
   function renew(): void {
-    ground = new Ground(state.model.world);
+    ground = new Ground(state.model.world, state.model.tour);
     segments = segmentsOf(state.model.paths);
     grid = new SegmentGrid(segments);
     picks.take([], { x: 0, y: 0 });
@@ -188,7 +188,7 @@ export function mapView(state: State): View {
   function drawLegend(): void {
     const { caption } = state.model.world;
     const colours = theme();
-    const entries = legendOf(state.model.world).map(({ words, draw }) => {
+    const entries = legendOf(state.model.world, state.model.tour).map(({ words, draw }) => {
       const canvas = make("canvas");
       canvas.width = canvas.height = 16 * FINE;
       const context = canvas.getContext("2d")!;

@@ -133,8 +133,30 @@ export interface World {
   readonly caption: string;
 }
 
+/** A stop of a tour. */
+export interface Stop {
+  readonly name: string;
+  /** m, where maps show its number; null if it has no position. */
+  readonly place: readonly [number, number] | null;
+  /** m, radius of the disc in which it is visited; null for other stops. */
+  readonly within: number | null;
+}
+
+/** A tour: its stops, and the order in which each trajectory visits them. */
+export interface Tour {
+  readonly stops: readonly Stop[];
+  /** Distinct orders, such as "2 1 3": numbers of stops, from 1; "-" if none is visited. */
+  readonly orders: readonly string[];
+  /** (n,) index of each row's order. */
+  readonly order: ArrayLike<number>;
+}
+
+/** A visit: number of the stop from 1, its name, and from when to when, s. */
+export type Visit = readonly [number: number, name: string, begin: number, end: number];
+
 /** Values along one planned trajectory, in m pieces. */
 export interface Trace {
+  readonly visits: readonly Visit[];
   /** (m + 1,) s: ends of the pieces. */
   readonly t: Float64Array;
   /** (m + 1,) Position, m, and yaw, rad, continuous, of the camera at these times. */
@@ -167,6 +189,8 @@ export interface Model {
   readonly marks: readonly Mark[];
   readonly paths: Paths;
   readonly world: World;
+  /** null without a tour. */
+  readonly tour: Tour | null;
   /** Traces by row; not every row has one. */
   readonly traces: ReadonlyMap<number, Trace>;
   /** Path of the front's file, for Python code and commands; null if unknown. */
@@ -208,8 +232,10 @@ interface Payload {
       readonly path: readonly number[] | null;
     })[];
   };
+  readonly tour: (Omit<Tour, "order"> & { readonly order: Packed }) | null;
   readonly traces: readonly {
     readonly row: number;
+    readonly visits: readonly Visit[];
     /** s, duration of a tick of `t`. */
     readonly tick: number;
     readonly t: Packed;
@@ -248,7 +274,7 @@ export async function decode(given: unknown): Promise<Model> {
     const [low, high] = rangeOf(values);
     return { ...column, values, low, high };
   });
-  const traces = payload.traces.map(({ row, tick, t, x, y, yaw, steps, values }): [number, Trace] => {
+  const traces = payload.traces.map(({ row, visits, tick, t, x, y, yaw, steps, values }): [number, Trace] => {
     const all = numbers(values);
     const times = Float64Array.from(numbers(t), (value) => value * tick);
     const pieces = times.length - 1;
@@ -259,7 +285,7 @@ export async function decode(given: unknown): Promise<Model> {
       const step = steps[place++]!;
       return alongOf(Float64Array.from(own, (value) => value * step), times, column.adds);
     });
-    return [row, { t: times, x: metres(x, 0), y: metres(y, 1), yaw: radians(yaw), along }];
+    return [row, { visits, t: times, x: metres(x, 0), y: metres(y, 1), yaw: radians(yaw), along }];
   });
   return {
     title: payload.title,
@@ -273,6 +299,7 @@ export async function decode(given: unknown): Promise<Model> {
     marks: payload.marks,
     paths: pathsOf(payload, numbers, metres),
     world: worldOf(payload, numbers, metres),
+    tour: payload.tour && { ...payload.tour, order: numbers(payload.tour.order) },
     traces: new Map(traces),
     saved: payload.saved,
   };

@@ -12,9 +12,11 @@ export interface Bound {
 export interface Filter {
   readonly bounds: ReadonlyMap<number, Bound>;
   readonly kept: Uint8Array | null;
+  /** Order of visits of a tour, such as "2 1 3"; null for any order. */
+  readonly order: string | null;
 }
 
-export const NO_FILTER: Filter = { bounds: new Map(), kept: null };
+export const NO_FILTER: Filter = { bounds: new Map(), kept: null, order: null };
 
 // As in hpop/frontier/conditions.py: a bound as a count of quanta is off by its rounding.
 const ALIKE = 8 * Number.EPSILON;
@@ -30,6 +32,10 @@ function limits(quantum: number, { low, high }: Bound): [number, number] {
 export function select(model: Model, filter: Filter, into: Uint8Array): number {
   if (filter.kept === null) into.fill(1);
   else into.set(filter.kept);
+  if (filter.order !== null && model.tour !== null) {
+    const wanted = model.tour.orders.indexOf(filter.order);
+    for (let row = 0; row < model.n; row++) if (model.tour.order[row] !== wanted) into[row] = 0;
+  }
   for (const [index, bound] of filter.bounds) {
     const { values, quantum } = model.columns[index]!;
     const [least, most] = limits(quantum, bound);

@@ -11,8 +11,8 @@ import { ranked } from "./wishes";
 /** data: other rows. filter: other rows selected. axes: order, scale. sort: order of rows. overlay: hover, pins, time. */
 export type Change = "data" | "filter" | "axes" | "sort" | "overlay";
 
-/** Sort key of rows: a column, the row number, or the nearness to the wishes. */
-export type SortKey = number | "row" | "wishes";
+/** Sort key of rows: a column, the row number, the nearness to the wishes, or the order of a tour's stops. */
+export type SortKey = number | "row" | "wishes" | "stops";
 
 /** Choices that a link holds. */
 export interface Chosen {
@@ -74,12 +74,12 @@ export class State {
 
   /** Whether there are bounds or excluded rows. */
   get isFiltered(): boolean {
-    return this.filter.kept !== null || this.filter.bounds.size > 0;
+    return this.filter.kept !== null || this.filter.bounds.size > 0 || this.filter.order !== null;
   }
 
-  /** Whether the selected rows can be kept or excluded: bounds select some rows but not all. */
+  /** Whether the selected rows can be kept or excluded: bounds or an order of stops select some rows but not all. */
   get isChosen(): boolean {
-    return this.filter.bounds.size > 0 && this.count > 0 && this.count < this.model.n;
+    return (this.filter.bounds.size > 0 || this.filter.order !== null) && this.count > 0 && this.count < this.model.n;
   }
 
   /** The row at the focus, or null. */
@@ -140,14 +140,25 @@ export class State {
     const bounds = new Map(this.filter.bounds);
     if (bound === null) bounds.delete(column);
     else bounds.set(column, bound);
-    this.filterBy({ bounds, kept: this.filter.kept }, done);
+    this.filterBy({ ...this.filter, bounds }, done);
+  }
+
+  /** Selects the rows that visit the stops of a tour in one order; null for any order. */
+  inOrder(order: string | null): void {
+    if (order !== this.filter.order) this.filterBy({ ...this.filter, order }, true);
+  }
+
+  /** Order in which a row visits the stops of the tour, such as "2 1 3"; "" without a tour. */
+  orderOf(row: number): string {
+    const { tour } = this.model;
+    return tour === null ? "" : tour.orders[tour.order[row]!]!;
   }
 
   /** Keeps only the selected rows, or only the others, and removes all bounds. */
   keep(which: "selected" | "others"): void {
     const kept = Uint8Array.from(this.selected);
     if (which === "others") for (let row = 0; row < kept.length; row++) kept[row] = this.wasKept(row) && !kept[row] ? 1 : 0;
-    this.filterBy({ bounds: new Map(), kept }, true);
+    this.filterBy({ ...NO_FILTER, kept }, true);
   }
 
   /** Selects all rows again. */
@@ -277,11 +288,12 @@ export class State {
     const order = this.order.map(moved).filter((i) => i >= 0);
     const wishes = new Map([...this.wishes].map(([i, value]) => [moved(i), value] as const).filter(([i]) => i >= 0));
     const sort = typeof this.sort.key === "number" ? { ...this.sort, key: moved(this.sort.key) } : this.sort;
-    this.history.restart({ bounds, kept: null }); // columns and rows have other numbers now
+    const order_ = this.filter.order !== null && model.tour?.orders.includes(this.filter.order) === true ? this.filter.order : null;
+    this.history.restart({ bounds, kept: null, order: order_ }); // columns and rows have other numbers now
     this.take(model);
     this.order = [...order, ...this.order.filter((i) => !order.includes(i))];
     Object.assign(this, { hidden, flipped, logs, pins, wishes });
-    this.sort = sort.key === -1 || (sort.key === "wishes" && wishes.size === 0) ? { key: "row", down: false } : sort;
+    this.sort = sort.key === -1 || (sort.key === "stops" && model.tour === null) || (sort.key === "wishes" && wishes.size === 0) ? { key: "row", down: false } : sort;
     this.filtered("data");
   }
 
@@ -324,6 +336,9 @@ export class State {
     if (typeof key === "number") {
       const { values } = this.column(key);
       rows.sort((a, b) => values[a]! - values[b]! || a - b);
+    } else if (key === "stops" && this.model.tour !== null) {
+      const { order } = this.model.tour;
+      rows.sort((a, b) => order[a]! - order[b]! || a - b);
     }
     return down ? rows.reverse() : rows;
   }

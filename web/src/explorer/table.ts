@@ -43,6 +43,8 @@ export function tableView(state: State): TableView {
   let sortedBy = "";
 
   function renew(): void {
+    columns = []; // the head is built again: other data may have a tour
+    heads = [];
     named = new Map(state.model.marks.map((mark) => [mark.row, mark.names.join(", ")]));
     pool = [];
     body.replaceChildren();
@@ -68,10 +70,13 @@ export function tableView(state: State): TableView {
   }
 
   function buildHead(): void {
+    const { tour } = state.model;
+    const room = tour === null ? 0 : Math.max(7 * Math.max(...tour.orders.map((order) => order.length), 5) + 16, 50);
     const wished = state.wishes.size > 0 ? [headCell("wishes", "near", "sort by nearness to the wishes")] : [];
     heads = [
       headCell("row", "row", "sort by the number of the row in the front"),
       ...wished,
+      ...(tour ? [headCell("stops", "stops", "stops of the tour in the order of visits; the map shows their numbers")] : []),
       ...columns.map((index) => {
         const column = state.column(index);
         const title = `sort by ${column.label}. ${column.about}`;
@@ -80,8 +85,8 @@ export function tableView(state: State): TableView {
     ];
     const widths = columns.map((index) => Math.min(Math.max(longest(state.column(index).name) * 7 + 16, 62), 130));
     head.replaceChildren(...heads.map((one) => one.cell));
-    grid.style.setProperty("--columns", `54px ${wished.length ? "46px " : ""}${widths.map((width) => `minmax(${width}px, 1fr)`).join(" ")}`);
-    grid.style.setProperty("--least", `${54 + 46 * wished.length + widths.reduce((sum, width) => sum + width, 0)}px`);
+    grid.style.setProperty("--columns", `54px ${wished.length ? "46px " : ""}${room ? `${room}px ` : ""}${widths.map((width) => `minmax(${width}px, 1fr)`).join(" ")}`);
+    grid.style.setProperty("--least", `${54 + 46 * wished.length + room + widths.reduce((sum, width) => sum + width, 0)}px`);
     pool = [];
     body.replaceChildren();
   }
@@ -189,6 +194,7 @@ export function tableView(state: State): TableView {
   /** Text of a cell. */
   function said(key: SortKey, row: number): string {
     if (key === "row") return named.has(row) ? `${NAMED} ${row}` : String(row);
+    if (key === "stops") return state.orderOf(row);
     return key === "wishes" ? String(rank(row)) : text(state.column(key), state.column(key).values[row]!);
   }
 

@@ -89,6 +89,8 @@ export function traceView(state: State): View {
       const stored = rows.length === 0 ? "This file has no traces." : `Rows that have one: ${rows.join(", ")}.`;
       words.push(`No trace is stored of ${others.map(named).join("; ")}. ${stored}`);
     }
+    const stops = [...(shown[0]?.trace.visits ?? [])].map(([number, name]) => `${number} ${name}`);
+    if (stops.length > 0) words.push(`shaded: at stop ${stops.join(", ")}`);
     if (shown.length + others.length === 0) words.push("Point at a trajectory, or pin one, to see how its costs arise along it.");
     note.replaceChildren(...words);
     note.title = note.textContent;
@@ -190,6 +192,9 @@ function drawStrip(
   context.lineTo(x + width, y + height);
   context.stroke();
 
+  const first = shown[0];
+  if (first !== undefined) drawVisits(context, first, px, y, height);
+
   context.textAlign = "left";
   context.textBaseline = "bottom";
   context.fillStyle = colours.ink;
@@ -209,6 +214,27 @@ function drawStrip(
   }
   context.setLineDash([]);
   if (time !== null) drawCursor(context, { column, x, y, width, height }, shown, time, px, py, colours);
+  context.restore();
+}
+
+/** Shades the times at which a trajectory is at the stops of a tour, with their numbers. */
+function drawVisits(
+  context: CanvasRenderingContext2D,
+  { trace, colour }: Traced & { trace: Trace },
+  px: (t: number) => number,
+  y: number,
+  height: number,
+): void {
+  context.save();
+  context.textAlign = "center";
+  context.textBaseline = "top";
+  context.fillStyle = colour;
+  for (const [number, , begin, end] of trace.visits) {
+    context.globalAlpha = 0.16;
+    context.fillRect(px(begin), y, Math.max(px(end) - px(begin), 1.5), height);
+    context.globalAlpha = 1;
+    context.fillText(String(number), px((begin + end) / 2), y + 1);
+  }
   context.restore();
 }
 

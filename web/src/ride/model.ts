@@ -120,6 +120,14 @@ export interface Rates {
   readonly values: readonly (readonly number[])[];
 }
 
+/** A visit of a stop of a tour: its number from 1, its name, and from when to when, s. */
+export interface Visit {
+  readonly number: number;
+  readonly name: string;
+  readonly begin: number;
+  readonly end: number;
+}
+
 export interface TrackData {
   /** "A", "B", ... */
   readonly name: string;
@@ -133,6 +141,8 @@ export interface TrackData {
   /** Seven columns for each link of the robot: x, y, z and the quaternion; empty if no link is drawn. */
   readonly links: Packed;
   readonly rates: Rates | null;
+  /** Visits of a tour's stops in order of time; absent or empty without a tour, and on a blind page. */
+  readonly visits?: readonly Visit[];
   /** Cost of each criterion, as on the front, with the unit. */
   readonly costs: readonly string[];
 }
@@ -159,6 +169,8 @@ export interface Ride extends Surroundings {
   readonly blind: boolean;
   readonly criteria: readonly Criterion[];
   readonly tracks: readonly TrackData[];
+  /** Positions of a tour's stops, m, whose numbers the map shows; null for a stop without one. */
+  readonly stops: readonly (Point | null)[];
   readonly notes: readonly string[];
   /** Licence of three.js, which draws the view. */
   readonly licence: string;

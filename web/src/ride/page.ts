@@ -19,6 +19,8 @@ const VIGNETTE = 0.9;
 const FULL_PACE = 0.8;
 /** Longest time step of a frame, s, for a page that was hidden. */
 const LONGEST = 0.25;
+/** Time before and after a visit, s, at which its stop is named too: a visit without dwell would flash. */
+const PASSING = 0.5;
 
 export class Page {
   readonly clock: Clock;
@@ -342,13 +344,22 @@ export class Page {
 
   private showState(): void {
     const { clock } = this;
-    const { track } = clock;
     this.play.textContent = clock.playing ? "❚❚ Stop" : clock.atEnd ? "↺ Again" : "▶ Play";
     this.chips.forEach((chip, i) => { chip.setAttribute("aria-pressed", String(i === clock.current)); });
     this.together.textContent = clock.together === "time" ? "at equal time" : "at equal progress";
-    this.seen.replaceChildren(track.name);
-    if (!this.blind && track.label !== "") this.seen.append(element("i", "", `  ${track.label}`));
+    this.tell();
     this.moved = true;
+  }
+
+  /** Writes which trajectory is ridden, and the stop of a tour at which it is. */
+  private tell(): void {
+    const { track, t } = this.clock;
+    const visit = this.blind ? undefined : (track.data.visits ?? []).find(({ begin, end }) => begin - PASSING <= t && t <= end + PASSING);
+    const stop = visit === undefined ? "" : ` \u00b7 stop ${visit.number}: ${visit.name}`;
+    const told = this.blind ? "" : `${track.label}${stop}`;
+    if (this.seen.textContent === `${track.name}${told && `  ${told}`}`) return;
+    this.seen.replaceChildren(track.name);
+    if (told !== "") this.seen.append(element("i", "", `  ${told}`));
   }
 
   private step(now: number): void {
@@ -377,6 +388,7 @@ export class Page {
     this.stage.place(track, clock.t);
     this.scrub.value = String((1000 * clock.t) / Math.max(track.duration, 1e-9));
     this.time.textContent = this.blind ? "" : `${clock.t.toFixed(1)} / ${track.duration.toFixed(1)} s`;
+    this.tell();
     this.plan.draw();
     if (!this.blind) this.rates?.draw();
   }

@@ -87,6 +87,20 @@ export class Plan {
       pen.lineWidth = 2.2;
       pen.stroke();
     });
+    this.ride.stops.forEach((place, i) => {
+      if (place === null) return;
+      const [u, v] = this.at(...place);
+      pen.beginPath();
+      pen.arc(u, v, 8, 0, 2 * Math.PI);
+      pen.setLineDash([]);
+      pen.fillStyle = "#7a0177"; // as in hpop/view/marks.py
+      pen.fill();
+      pen.font = "bold 11px system-ui, sans-serif";
+      pen.textAlign = "center";
+      pen.textBaseline = "middle";
+      pen.fillStyle = "#ffffff";
+      pen.fillText(String(i + 1), u, v + 0.5);
+    });
     this.ground = ground;
   }
 
