@@ -1,4 +1,4 @@
-"""Choice of the method of a search, and of the order of its costs."""
+"""Choice of the method of a search ("staircase" or "general"), and of the order in which it sorts costs."""
 
 from __future__ import annotations
 
@@ -13,19 +13,21 @@ from hpop.search.graph import Graph
 if TYPE_CHECKING:
     from hpop.search.machinery.turns import Groups
 
-SMALL = 1024  # an index cost is small if some good path stays below it
-SAMPLE = 10_000  # arcs sampled to count the values of a cost
-LARGEST_TABLE = 6_000_000  # steps of staircases beyond which they are slower than sets of vectors (measured)
+SMALL = 1024  # a cost can be the index of staircases if it stays below this on some good path
+SAMPLE = 10_000  # number of arcs in which the distinct values of a cost are counted
+LARGEST_TABLE = 6_000_000  # nodes times index values: with more, "staircase" is slower than "general" (measured)
 
 
 def choose_method(graph: Graph, method: str, samples: IntArray, groups: Groups) -> tuple[str, int]:
-    """Return the method, chosen if it is "auto", and the column of the index cost, or -1.
+    """Return the method of a search, and the column of its index cost, -1 if there is none.
 
-    The index cost is the summed cost of small integers that is smallest along the paths of `samples`.
+    The index is the cost by which staircases are tabulated: a sum of small integers, such as the number of turns. Of
+    several such costs it is the one that is smallest along the paths of `samples`.
 
     samples  (k, k)  costs of the least path of each cost, of :func:`.lower_bounds`
 
-    "auto" is "staircase" if there are three costs, and turns of the index form groups or the table is small.
+    The method "auto" becomes "staircase" if there are three costs, and if arcs with an index cost are turns in groups
+    of nodes (:mod:`.machinery.turns`) or the table is small; else "general".
 
     Raises OptionError if the method is "staircase" and the graph does not fit.
     """
@@ -34,11 +36,11 @@ def choose_method(graph: Graph, method: str, samples: IntArray, groups: Groups) 
     fit = [j for j in fit if graph.largest[j] < SMALL]
     if method == "staircase":
         if graph.criteria not in (2, 3):
-            raise OptionError(f"method 'staircase' takes 2 or 3 costs, this graph has {graph.criteria}; use 'general'")
+            raise OptionError(f"method 'staircase' needs 2 or 3 costs, got {graph.criteria}; use method 'general'")
         if not fit:
             raise OptionError(
-                "method 'staircase' needs a summed cost that is a small integer "
-                f"(below {SMALL} along good paths), this graph has none; use 'general'"
+                "method 'staircase' needs a cost that is a sum of small integers (a path total below "
+                f"{SMALL}), and this graph has none; use method 'general'"
             )
     index = min(fit, key=lambda j: int(reach[j])) if fit else -1
     if method == "auto":
@@ -48,18 +50,20 @@ def choose_method(graph: Graph, method: str, samples: IntArray, groups: Groups) 
 
 
 def _is_table_small(graph: Graph, index: int, samples: IntArray) -> bool:
-    """Return whether the staircases of all nodes have few steps: nodes times values of the index on the best paths."""
+    """Return whether a table with one entry for each node and each index value on the best paths is small."""
     return len(samples) > 0 and graph.nodes * (1 + int(samples[:, index].max())) <= LARGEST_TABLE
 
 
 def choose_order(
     graph: Graph, method: str, index: int, samples: IntArray, least: IntArray, groups: Groups
 ) -> tuple[int, ...]:
-    """Return the columns of the costs in the order of the search; for "staircase" the index cost is the second.
+    """Return the columns of the costs in the order in which the search compares them.
+
+    The order affects only the speed. For "staircase" the index cost is the second.
 
     method, index  result of :func:`choose_method`
     samples        (k, k)  costs of the least path of each cost, row by row
-    least          (k,)    least value of each cost
+    least          (k,)    least value of each cost on any path
     """
     by_spread = _by_spread(samples, least)
     if method != "staircase":
@@ -70,7 +74,7 @@ def choose_order(
 
 
 def _is_raised(graph: Graph, j: int, index: int, groups: Groups) -> bool:
-    """Return whether any turn, an arc with a positive index cost, raises cost j."""
+    """Return whether any turn (an arc with a positive index cost) has a positive cost j."""
     if groups.column == index:
         return bool(groups.dearest[:, j].any())
     turns = graph.costs[:, index] > 0
@@ -78,7 +82,7 @@ def _is_raised(graph: Graph, j: int, index: int, groups: Groups) -> bool:
 
 
 def _by_spread(samples: IntArray, least: IntArray) -> list[int]:
-    """Return the columns of the costs, sorted by their least relative growth on the best path of another cost.
+    """Return the columns of the costs, first those that grow least on the best path of another cost, relatively.
 
     This order was found by measurement. On museum lattices the length comes first; the search then takes 0.6 of the
     time of a search with the exposure first. Turns never come first, as the search would take five times as long.
@@ -89,11 +93,11 @@ def _by_spread(samples: IntArray, least: IntArray) -> list[int]:
 
 
 def _with_turn_free_first(graph: Graph, by_spread: list[int], groups: Groups) -> tuple[int, ...]:
-    """Return an order that begins with the costs that no turn raises, so that turns are taken together.
+    """Return an order of costs that begins with those that turns do not raise, as groups of turns need.
 
-    Of several such costs, the sum with most distinct values comes first. The first cost drops out of the sets of
-    vectors, and these sets are smaller if the other costs have few values. Proximity before length took 0.6 to 1.2 of
-    the time of the reverse order, and less memory.
+    Of several such costs, the sum with most distinct values comes first. The first cost need not be stored in the sets
+    of vectors, and these sets are smaller if the other costs have few values. Proximity before length took 0.6 to 1.2
+    of the time of the reverse order, and less memory.
     """
     free = [j for j in by_spread if groups.column >= 0 and not groups.dearest[:, j].any()]
     sample = graph.costs[:SAMPLE]

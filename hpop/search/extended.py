@@ -1,7 +1,7 @@
-"""Graph with a few nodes and arcs beside a larger one, whose arrays of arcs are copied only when they are read.
+"""Graph that adds a few nodes and arcs to a large one, its base, without copying the arrays of the base.
 
 A query adds its start and goals to a graph that other queries use as well. With groups of turns, the exact search reads
-the arcs of the base where it needs them, and no copy is made.
+arcs of the base in place. Otherwise the arrays of all arcs are copied when they are first read.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from hpop.search.graph import Graph
 class AddedArcs(NamedTuple):
     """Arcs that a graph adds to its base, sorted by tail; they follow the arcs of the base at each tail.
 
-    before  (j,)  index in the base before which each arc is inserted
-    heads   (j,)  int32
-    costs   (j, k)
+    before  (j,)    index in the arrays of the base before which each arc is inserted
+    heads   (j,)    int32, node to which each arc leads
+    costs   (j, k)  costs of each arc
     """
 
     before: IntArray
@@ -30,18 +30,18 @@ class AddedArcs(NamedTuple):
 
     @property
     def places(self) -> IntArray:
-        """Indices (j,) of the arcs in the graph."""
+        """Indices (j,) of these arcs in the graph that has them."""
         return self.before + np.arange(self.before.size)
 
 
 class ExtendedGraph(Graph):
-    """Graph that adds nodes and arcs to its :attr:`base`."""
+    """Graph that adds nodes and arcs to its :attr:`base`; ``added`` has these arcs."""
 
     added: AddedArcs
 
     @classmethod
     def of(cls, base: Graph, part: Graph) -> ExtendedGraph:
-        """Return the graph with the nodes of ``part``, the first of which are those of the base, and both's arcs."""
+        """Return the graph that adds the arcs of ``part`` to ``base``; the nodes of ``part`` begin with those of it."""
         rows = np.append(base.indptr, np.full(part.nodes - base.nodes, base.arcs))
         indptr = _read_only(rows + part.indptr)
         graph = object.__new__(cls)
@@ -52,21 +52,21 @@ class ExtendedGraph(Graph):
 
     @cached_property
     def heads(self) -> NDArray[np.int32]:
-        """Heads (m,) of the arcs, a copy."""
+        """Heads (m,) of all arcs, copied when they are first read."""
         return _read_only(inserted(self._base.heads, self.added.before, self.added.heads))
 
     @cached_property
     def costs(self) -> IntArray:
-        """Costs (m, k) of the arcs, a copy."""
+        """Costs (m, k) of all arcs, copied when they are first read."""
         return _read_only(inserted(self._base.costs, self.added.before, self.added.costs))
 
     @cached_property
     def arc(self) -> NDArray[np.int32]:
-        """Indices (m,) of the arcs."""
+        """Indices (m,) of the arcs in this graph: 0, 1, ..."""
         return _read_only(np.arange(self.arcs, dtype=np.int32))
 
     def copied(self) -> Graph:
-        """Return this graph with arrays of its own, without a base."""
+        """Return the same graph as a plain Graph that owns all its arrays and has no base."""
         graph = object.__new__(Graph)
         own = {"heads": self.heads, "costs": self.costs, "arc": self.arc, "base": None}
         vars(graph).update({name: value for name, value in vars(self).items() if name != "added"} | own)
@@ -78,7 +78,7 @@ class ExtendedGraph(Graph):
         return self.base
 
     def ends_and_costs(self, arcs: IntArray) -> tuple[NDArray[np.int32], IntArray]:
-        """Return heads (N,) and costs (N, k) of some arcs (N,)."""
+        """Return the heads (N,) and costs (N, k) of N arcs, given by their indices, without copying other arcs."""
         if self.base is None or "costs" in vars(self):
             return super().ends_and_costs(arcs)
         places = self.added.places
@@ -92,13 +92,19 @@ class ExtendedGraph(Graph):
 
     @property
     def rows_of_turns(self) -> tuple[IntArray, NDArray[np.int32], IntArray, IntArray]:
-        """Row pointers, heads and costs that have the turns of groups, and the row pointers of this graph."""
+        """Offsets, heads and costs of arcs that include all turns of groups, and the offsets of this graph's arcs.
+
+        They are those of the base, as added arcs are no turns within groups.
+        """
         if self.base is None or "costs" in vars(self):
             return super().rows_of_turns
         return self.base.indptr, self.base.heads, self.base.costs, self.indptr
 
     def costs_of_path(self, nodes: IntArray, column: int, remaining: IntArray) -> IntArray:
-        """Return the costs (k,) of a path through nodes (N,), least in a column, with costs (n,) remaining there."""
+        """Return all costs (k,) of a path through the given nodes (N,) that is least in the cost of ``column``.
+
+        remaining  (n,)  least remaining cost of each node in this column
+        """
         sizes = (self.indptr[nodes + 1] - self.indptr[nodes])[:-1]
         step, number = numbered(sizes)
         heads, costs = self.ends_and_costs(self.indptr[nodes[step]] + number)

@@ -1,4 +1,4 @@
-"""The graph of the exact search: arcs in compressed rows, integer costs, one aggregate per cost."""
+"""The graph of the exact search: arcs in compressed sparse rows, with integer costs that are sums or maxima."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 MAX_COSTS = 6
-MOST_NODES = 100_000_000  # without a single arc they take 800 MB
+MOST_NODES = 100_000_000  # even without arcs they take 800 MB
 MAX_INDEX = 2**31 - 2  # nodes and arcs are counted in 32 bits
 MAX_SUM = 2**59  # so that a path cost, a bound of its remaining cost and two more arcs fit a key of 62 bits
 AGGREGATES = ("sum", "max")
@@ -33,7 +33,7 @@ AGGREGATES = ("sum", "max")
 class Graph:
     """Directed graph with k non-negative integer costs on every arc.
 
-    Self-loops and parallel arcs are allowed. The cost of a path is the sum of its arcs ("sum") or that of its worst arc
+    Self-loops and parallel arcs are allowed. A cost of a path is the sum over its arcs ("sum"), or the largest of them
     ("max", a bottleneck).
 
     indptr      (n + 1,)  int64  the arcs that leave node u are indptr[u] : indptr[u + 1]
@@ -44,7 +44,7 @@ class Graph:
     labels      (n,)      the caller's names of the nodes, or None
     edges                 edges and exact costs of the networkx graph, if the graph was built from one, or None
     turns                 the column of the cost that counts turns in place, if known, or None
-    base                  the graph to which this graph adds nodes and arcs (:meth:`extended`), or None
+    base                  the graph to which this graph adds nodes and arcs (:meth:`extended`), if it is reused, or None
 
     Read-only arrays of these types are used without a copy.
 
@@ -74,7 +74,7 @@ class Graph:
         if indptr.ndim != 1 or n < 1:
             raise GraphError(f"indptr must be a vector of n + 1 offsets, n at least 1; got {indptr.shape}")
         if n > MAX_INDEX or m > MAX_INDEX:
-            raise GraphError(f"at most {MAX_INDEX} nodes and arcs, got {n} nodes and {m} arcs")
+            raise GraphError(f"a graph must have at most {MAX_INDEX} nodes and arcs, got {n} nodes and {m} arcs")
         if indptr[0] != 0 or indptr[-1] != m or (np.diff(indptr) < 0).any():
             raise GraphError(f"indptr must rise from 0 to the number of arcs, {m}")
         if heads.ndim != 1 or arc.shape != heads.shape:
@@ -131,7 +131,7 @@ class Graph:
         *,
         aggregates: Sequence[str] | None = None,
     ) -> Self:
-        """Build the graph from arcs in any order; `arc` maps back to that order.
+        """Build the graph from arcs in any order; `arc` of the graph has their positions in that order.
 
         >>> Graph.from_arcs(2, [1, 0], [0, 1], [[3], [4]]).costs.tolist()
         [[4], [3]]
@@ -142,7 +142,7 @@ class Graph:
         costs_ = _integers(costs, "costs", np.int64)
         if tails_.ndim != 1 or tails_.shape != heads_.shape or costs_.shape[:1] != tails_.shape:
             raise GraphError(
-                "tails, heads and costs must have one row an arc, "
+                "tails, heads and costs must have one row for each arc, "
                 f"got {tails_.shape}, {heads_.shape} and {costs_.shape}"
             )
         _check_range(tails_, n, "tails")
@@ -185,20 +185,19 @@ class Graph:
         quanta: Mapping[str, float] | Sequence[float] | None = None,
         aggregates: Sequence[str] | None = None,
     ) -> Self:
-        """Build the graph from any networkx graph with the costs as attributes of edges, finite and not negative.
+        """Build the graph from a networkx graph; `costs` names the edge attributes that are its costs.
 
-        An undirected edge becomes two arcs, both with the index of the edge in `g.edges`; each of several parallel
-        edges of a multigraph is an arc of its own. The names of the nodes become the `labels` of source, target and
-        paths.
+        An undirected edge becomes two arcs, both with the index of the edge in `g.edges`. Each of several parallel
+        edges of a multigraph becomes an arc. The names of the nodes become `labels`, for source, target and paths.
 
-        Costs are counted in whole quanta, rounded up edge by edge (a millionth of a quantum is rounding noise).
-        `quanta` gives the quanta by name, or one per cost, in the unit of the attribute. By default the quantum of a
-        cost that is a whole number on all edges is 1, that of another cost a billionth of the largest, as a power of
-        ten (:func:`hpop.frontier.default_quanta`). The exact costs of paths, as sums of the attributes, are in
+        Costs become whole numbers of quanta, rounded up edge by edge (a millionth of a quantum is rounding noise).
+        `quanta` gives the quanta by name, or one for each cost, in the unit of the attribute. By default the quantum is
+        1 if the cost is a whole number on all edges. Else it is a power of ten, about a billionth of the largest cost
+        (:func:`hpop.frontier.default_quanta`). The exact costs of paths, summed from the attributes, are in
         :attr:`.ParetoPaths.values`.
 
-        Raises GraphError for an object that is no networkx graph, an edge without the attribute, and a cost that is
-        negative or no finite number.
+        Raises GraphError if `g` is no networkx graph, if an edge lacks an attribute, and for a cost that is negative or
+        no finite number.
 
         >>> import networkx as nx
         >>> g = nx.Graph()
@@ -235,7 +234,7 @@ class Graph:
         return g
 
     def among(self, nodes: IntArray) -> Self:
-        """Return the subgraph of some nodes, renumbered in their order; `arc` has the arcs' indices in this graph.
+        """Return the subgraph of the given nodes, numbered in their order; `arc` has the arcs' indices in this graph.
 
         >>> part = Graph.from_arcs(4, [0, 0, 1, 3], [1, 3, 2, 0], [[5], [6], [7], [8]]).among(np.array([0, 3]))
         >>> part.heads.tolist(), part.costs.tolist(), part.arc.tolist()
@@ -251,7 +250,7 @@ class Graph:
         return replace(part, arc=cast(Any, arcs[part.arc]))
 
     def without(self, left_out: BoolArray) -> Self:
-        """Return the graph without marked arcs (m,); `arc` has the indices of the other arcs in this graph.
+        """Return the graph without the marked arcs; `arc` has the indices of the remaining arcs in this graph.
 
         >>> part = Graph.from_arcs(3, [0, 0, 1], [1, 2, 2], [[5], [6], [7]]).without(np.array([True, False, False]))
         >>> part.indptr.tolist(), part.heads.tolist(), part.costs.tolist(), part.arc.tolist()
@@ -266,15 +265,15 @@ class Graph:
     def extended(
         self, nodes: int, tails: IntArray, heads: IntArray, costs: IntArray, *, is_reused: bool = False
     ) -> Graph:
-        """Return the graph with more nodes at the end, and more arcs after those of each tail.
+        """Return a larger graph: new nodes get the next numbers, and new arcs follow the old arcs of their tails.
 
-        If this graph ``is_reused``, it is the :attr:`base` of the result, which uses its cache and arcs.
+        If ``is_reused``, this graph becomes the :attr:`base` of the result, which then uses its cache and arcs.
 
         Parameters
         ----------
-        nodes : number of nodes of the result
+        nodes : number of nodes of the result, old and new
         tails, heads : (j,) of the new arcs, sorted by tail
-        costs : (j, k)
+        costs : (j, k) of the new arcs
 
         >>> more = Graph.from_arcs(2, [0, 1], [1, 0], [[5], [6]]).extended(3, [0, 2], [2, 1], [[7], [8]])
         >>> more.indptr.tolist(), more.heads.tolist(), more.costs.ravel().tolist()
@@ -289,23 +288,23 @@ class Graph:
         return graph if is_reused else graph.copied()
 
     def ends_and_costs(self, arcs: IntArray) -> tuple[NDArray[np.int32], IntArray]:
-        """Return heads (N,) and costs (N, k) of some arcs (N,)."""
+        """Return the heads (N,) and costs (N, k) of N arcs, given by their indices."""
         return self.heads[arcs], self.costs[arcs]
 
     @property
     def rows_of_turns(self) -> tuple[IntArray, NDArray[np.int32], IntArray, IntArray]:
-        """Row pointers, heads and costs that have the turns of groups, and the row pointers of this graph."""
+        """Offsets, heads and costs of arcs that include all turns of groups, and the offsets of this graph's arcs."""
         return self.indptr, self.heads, self.costs, self.indptr
 
     @cached_property
     def cache(self) -> dict[Hashable, Any]:
-        """Cache of searches, by name, for later searches of this graph and of graphs that extend it."""
+        """Cache of tables, by name, that searches reuse on this graph and on graphs that extend it."""
         return {}
 
     def node(self, label: Hashable) -> int:
         """Return the number of the node with a label; raises GraphError if there is none."""
         if self.labels is None:
-            raise GraphError("this graph has no labels; build it with Graph.from_networkx, or use the numbers")
+            raise GraphError("this graph has no labels; use node numbers, or build it with Graph.from_networkx")
         number = self.number(label)
         if number is None:
             raise GraphError(unknown_label(self.labels, label))
@@ -336,7 +335,7 @@ class Graph:
 
 
 def _integers(values: ArrayLike, name: str, dtype: Any) -> NDArray[Any]:
-    """Return a contiguous array of integers, a copy unless it is read-only; GraphError for other values."""
+    """Return values as a contiguous integer array, copied unless it is read-only; GraphError for other values."""
     try:
         array = np.asarray(values)
     except ValueError as error:  # rows of different lengths
@@ -360,13 +359,13 @@ def _integers(values: ArrayLike, name: str, dtype: Any) -> NDArray[Any]:
 
 
 def _make_read_only(*arrays: NDArray[Any]) -> None:
-    """Mark new arrays as read-only, so that they are not copied again."""
+    """Mark new arrays as read-only, so that Graph takes them without a copy."""
     for array in arrays:
         array.setflags(write=False)
 
 
 def _stable_order(nodes: IntArray) -> NDArray[np.int32]:
-    """Return a stable order of nodes, sorted in two halves, as NumPy sorts 16-bit integers by radix."""
+    """Return the stable order that sorts node numbers, by two fast radix sorts of their 16-bit halves."""
     order = np.argsort((nodes & 0xFFFF).astype(np.uint16), kind="stable").astype(np.int32)
     if nodes.max() > 0xFFFF:
         order = order[np.argsort((nodes[order] >> 16).astype(np.uint16), kind="stable")]
@@ -386,7 +385,8 @@ def _aggregates(aggregates: Sequence[str] | None, costs: IntArray) -> tuple[str,
 
 
 def _check_sums(graph: Graph) -> None:
-    """Raise GraphError for costs with sums that could overflow; a path without cycles leaves a node at most once."""
+    """Raise GraphError if a sum of costs along a path without cycles could overflow 64-bit integers."""
+    # such a path leaves each node at most once
     leaving = graph.indptr[:-1][np.diff(graph.indptr) > 0]
     for j, aggregate in enumerate(graph.aggregates):
         worst = int(graph.largest[j])
@@ -396,5 +396,5 @@ def _check_sums(graph: Graph) -> None:
             bound = sum(steps.tolist()) + 2 * worst
         if bound > MAX_SUM:
             raise GraphError(
-                f"cost {j} could overflow: a path may cost up to {bound}, the limit is {MAX_SUM}; use a coarser quantum"
+                f"cost {j} of a path must stay below {MAX_SUM}, but could reach {bound}; use a coarser quantum"
             )

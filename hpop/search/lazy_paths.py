@@ -1,10 +1,10 @@
-"""Lazy search: an arc is checked only when a path of a front uses it.
+"""Lazy search: whether an arc is free of collisions is checked only if a path of a front uses the arc.
 
-The graph is searched as if all arcs were free. Then arcs of the paths are checked until each path is known to be free
-or blocked, blocked arcs are removed, and the graph is searched again, until all paths of a front are free. That front
-is the front of the free part of the graph: only blocked arcs were removed, and the removal of unchecked arcs could not
-improve a front that keeps all its paths. Lazy roadmaps (Bohlin and Kavraki 2000, doi 10.1109/ROBOT.2000.844107) do so
-for one shortest path.
+Each round searches the graph as if all arcs were free that are not known to be blocked. Then arcs of the paths found
+are checked, until each path is known to be free or blocked. Blocked arcs are removed, and the next round begins, until
+all paths of a front are free. That front is the front of the graph without any blocked arc: only blocked arcs were
+removed, and removing more of them could not improve a front that keeps all its paths. Lazy roadmaps (Bohlin and Kavraki
+2000, doi 10.1109/ROBOT.2000.844107) do the same for one shortest path.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from hpop.search.machinery.approximation import proven_gap
 from hpop.search.machinery.checkpoint import Arrays, Keeper, invalid_checkpoint
 from hpop.search.queries import ParetoPaths
 
-# One blocked arc suffices to reject a path, so one arc of each path is checked at a time, until one is blocked. The
-# first arc is the one with the largest shares of blocked arcs at its ends: an edge selector as in LazySP (Dellin and
+# One blocked arc suffices to reject a path, so one arc of each path is checked at a time, until one is blocked. The arc
+# is chosen whose end nodes have the largest share of blocked arcs so far: an edge selector as in LazySP (Dellin and
 # Srinivasa 2016, arXiv 1603.03490), for many paths at once.
 
 
 UNKNOWN, FREE, BLOCKED = range(3)
-AT_ONCE = 1024  # most arcs checked between two looks at the clock
+AT_ONCE = 1024  # largest number of arcs checked between two looks at the clock
 
 Free = Callable[[IntArray], BoolArray]
-"""Check of arcs (N,), by their indices in the graph; returns which are free."""
+"""Function that takes indices (N,) of arcs in the graph, and returns True for each arc that is free."""
 
 
 class ArcStates:
-    """Table of the arcs of a graph that are known to be free or blocked; arcs are checked on demand.
+    """Table that knows which arcs of a graph are free, blocked or not checked yet, and checks arcs on demand.
 
     state  (m,)  UNKNOWN, FREE or BLOCKED
     """
 
     def __init__(self, graph: Graph, free: Free) -> None:
-        """Begin with unknown states; ``free`` is called at most once for each arc."""
+        """Begin with all arcs unchecked. ``free`` is the function that checks arcs, each at most once."""
         self.graph, self.free = graph, free
         self.state = np.zeros(graph.arcs, np.uint8)
         self._known = np.zeros(graph.nodes, np.int64)  # checked arcs that leave or enter each node
@@ -56,20 +56,20 @@ class ArcStates:
         return np.asarray(self.state == BLOCKED)
 
     def record(self, arcs: IntArray, free: BoolArray) -> None:
-        """Record which of some unchecked arcs (N,) are free."""
+        """Record the results ``free`` (N,) of checking some arcs (N,)."""
         self.state[arcs] = np.where(free, FREE, BLOCKED)
         for ends in self._ends(arcs):
             np.add.at(self._known, ends, 1)
             np.add.at(self._blocked, ends, ~free)
 
     def settle(self, arcs: IntArray, lengths: IntArray, late: Callable[[], bool]) -> bool:
-        """Check arcs until each path is known to be free or blocked; return False if the time is over earlier.
+        """Check arcs until each path is known to be free or blocked; return False if the time limit comes earlier.
 
         Parameters
         ----------
         arcs : (N,) arcs of all paths, path after path
         lengths : (n,) number of arcs of each path
-        late : returns whether the time is over; called every AT_ONCE arcs
+        late : returns whether the time limit has passed; called every AT_ONCE arcs
         """
         checked = 0
         while (batch := self._arcs_to_check(arcs, lengths)[:AT_ONCE]).size:
@@ -80,11 +80,11 @@ class ArcStates:
         return True
 
     def are_free(self, arcs: IntArray, lengths: IntArray) -> BoolArray:
-        """Return which paths (n,) are known to be free; arcs and lengths as in :meth:`settle`."""
+        """Return True for each path (n,) whose arcs are all known to be free; arguments as in :meth:`settle`."""
         return ~_have_marked(self.state[arcs] != FREE, lengths)
 
     def _arcs_to_check(self, arcs: IntArray, lengths: IntArray) -> IntArray:
-        """Return, for each path that may be free, the unchecked arc that is most likely to be blocked."""
+        """Return the arcs to check next: for each undecided path, the unchecked arc most likely to be blocked."""
         path = np.repeat(np.arange(lengths.size), lengths)
         unchecked = (self.state[arcs] == UNKNOWN) & ~_have_marked(self.state[arcs] == BLOCKED, lengths)[path]
         arcs, path = arcs[unchecked], path[unchecked]
@@ -92,9 +92,10 @@ class ArcStates:
         return distinct(arcs[np.unique(path, return_index=True)[1]])
 
     def _risk(self, arcs: IntArray) -> FloatArray:
-        """Return a score (N,) of arcs: the sum of the shares of blocked arcs among the checked arcs at both ends.
+        """Return a score (N,) that is higher for arcs that are more likely to be blocked.
 
-        A node without checked arcs has the share one half.
+        It is the share of blocked arcs among the checked arcs at the tail, plus the same share at the head. A node
+        without checked arcs has the share one half.
         """
         tails, heads = ((self._blocked[ends] + 0.5) / (self._known[ends] + 1.0) for ends in self._ends(arcs))
         return np.asarray(tails + heads)
@@ -106,14 +107,14 @@ class ArcStates:
 
 
 def _have_marked(marked: BoolArray, lengths: IntArray) -> BoolArray:
-    """Return which paths (n,) contain a marked arc; ``marked`` (N,) lists the arcs path after path."""
+    """Return True for each path (n,) with a marked arc; ``marked`` (N,) has the marks of all arcs, path after path."""
     path = np.repeat(np.arange(lengths.size), lengths)
     return np.asarray(np.bincount(path, marked, minlength=lengths.size) > 0)
 
 
 LEAST = 1e-9  # s: least remaining time limit, as a limit must be positive
 ROUNDS, GENERATED, EXPANDED, COUNTS = range(4)
-SAVED = ("arcs_free", "arcs_blocked", "arcs_left_out", "rounds")  # in a checkpoint
+SAVED = ("arcs_free", "arcs_blocked", "arcs_left_out", "rounds")  # names of arrays in a checkpoint
 
 
 class LazyRun:
@@ -133,8 +134,8 @@ class LazyRun:
 
         Parameters
         ----------
-        free : check of arcs, called at most once for each arc
-        search : returns the front of a graph without the removed arcs, within the remaining budget
+        free : function that checks arcs, called at most once for each arc
+        search : returns the front of a graph (the graph of a round), within the budget that remains
         tolerance : (k,) absolute tolerance of the search in each cost
         """
         self.graph, self.search, self.tolerance = graph, search, tolerance
@@ -154,7 +155,7 @@ class LazyRun:
             keeper.begin(self._arrays())
 
     def go(self) -> ParetoPaths:
-        """Repeat rounds until all paths of a front are free or a limit is passed; return the free paths."""
+        """Run rounds until all paths of a front are free, or a limit or Ctrl-C comes; return the free paths."""
         try:
             status = self._search_until_free()
         except KeyboardInterrupt:
@@ -181,7 +182,7 @@ class LazyRun:
                 self.keeper.save_if_due()
 
     def _close_blocked_arcs(self, paths: ParetoPaths) -> None:
-        """Remove the blocked arcs if the search was complete, and hand the states of all arcs to the checkpoint."""
+        """Remove the blocked arcs from the next round if this round's search was complete; update the checkpoint."""
         is_complete = paths.status.is_final
         if is_complete:
             self.cover, self.removed, self.before = paths, self.states.blocked, self.counts.copy()
@@ -191,7 +192,7 @@ class LazyRun:
     # A round
 
     def _search_unblocked(self) -> ParetoPaths:
-        """Search the graph without the removed arcs; return its front with arcs as indices of the whole graph."""
+        """Search the graph without the removed arcs; return its front, with arcs numbered as in the whole graph."""
         limit, most = self.budget.time_limit, self.budget.max_labels
         part = self.graph.without(self.removed)
         size = part.costs.nbytes + part.heads.nbytes + part.arc.nbytes + part.indptr.nbytes + self.states.state.nbytes
@@ -211,16 +212,16 @@ class LazyRun:
         return paths
 
     def _seconds(self) -> float:
-        """Return the seconds since the search began, without compiling."""
+        """Return the seconds since the search began, without the time for compiling."""
         return perf_counter() - self.began - self.compiled
 
     def _is_late(self) -> bool:
-        """Return whether the time limit is passed."""
+        """Return whether the time limit has passed."""
         limit = self.budget.time_limit
         return limit is not None and self._seconds() >= limit
 
     def _with_progress(self, free: Free) -> Free:
-        """Return a check of arcs that reports progress before each call of ``free``."""
+        """Return a function that does the same as ``free``, and reports progress before each call."""
 
         def check(arcs: IntArray) -> BoolArray:
             if self.progress is not None:
@@ -233,13 +234,13 @@ class LazyRun:
         return check
 
     def _are_free(self, paths: ParetoPaths) -> BoolArray:
-        """Return which paths (n,) are known to be free."""
+        """Return True for each path (n,) that is known to be free."""
         return self.states.are_free(paths.all_arcs, paths.lengths)
 
     # The result
 
     def _with_statistics(self, paths: ParetoPaths) -> ParetoPaths:
-        """Return the paths with the statistics of all rounds together."""
+        """Return the paths, with statistics that sum over all rounds, and with the blocked arcs."""
         rounds, generated, expanded = self.counts.tolist()
         stats = replace(
             paths.stats,
@@ -256,10 +257,11 @@ class LazyRun:
         return replace(paths, stats=stats, blocked=np.flatnonzero(self.states.blocked))
 
     def _free_part(self, paths: ParetoPaths, status: Status) -> ParetoPaths:
-        """Return the free paths of the stopped round and of the last complete front, with the gap to missing paths.
+        """Return the free paths known when a limit stopped the search, with the gap to missing paths.
 
-        The last complete front covers every missing vector within its own gap. So the total gap follows from comparing
-        the free paths with those paths of the complete front that are not known to be free.
+        They are the free paths of the stopped round and of the last round with a complete search. The front of that
+        round covers every missing vector within its own gap. So the total gap follows from comparing the free paths
+        with the paths of that front that are not known to be free.
         """
         cover = paths if self.cover is None else self.cover
         merged = paths if cover is paths else paths.and_those_of(cover)
@@ -276,7 +278,7 @@ class LazyRun:
     # A checkpoint
 
     def _arrays(self) -> Arrays:
-        """Return the states of the arcs as arrays of a checkpoint, with a checksum."""
+        """Return the states of the arcs as arrays to save in a checkpoint, with a checksum."""
         states = (np.flatnonzero(self.states.state == state) for state in (FREE, BLOCKED))
         saved = dict(zip(SAVED, (*states, np.flatnonzero(self.removed), self.before), strict=True))
         return {**saved, "known": _checksum(list(saved.values()))}
@@ -302,7 +304,7 @@ class LazyRun:
 
 
 def _checksum(arrays: list[IntArray]) -> IntArray:
-    """Return a checksum (1,) of arrays."""
+    """Return a checksum (1,) of some arrays, to detect damage of a checkpoint."""
     checksum = hashlib.blake2b(digest_size=7)
     for array in arrays:
         checksum.update(len(array).to_bytes(8, "little") + array.tobytes())

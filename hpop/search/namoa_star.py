@@ -2,7 +2,7 @@
 
 Accepts: every :class:`~hpop.search.graph.Graph`; sums and maxima; several targets.
 
-Guarantees: every non-dominated cost vector once, each with one path that has it.
+Guarantees: every non-dominated cost vector once, each with one path of this cost.
 
 Sources: Stewart and White, "Multiobjective A*", JACM 38 (1991), MOA*; Mandow and Perez de la Cruz, "A new
 approach to multiobjective A* search", IJCAI 2005, and JACM 57 (2010), NAMOA*. Names below are NAMOA*'s: OPEN
@@ -10,8 +10,8 @@ holds the partial paths not yet extended; G_op(n), G_cl(n) are the cost vectors 
 open or closed; COSTS are the vectors found at targets. In each round the lexicographically least f in OPEN
 is chosen, which is non-dominated, and its path is extended.
 
-Deviations: of equal vectors at a node the first is kept, not all parents (one representative per vector); for
-a maximum g grows by max(g, c, h), so f = g (a maximum may include a lower bound of the remaining cost at once).
+Deviations: of several paths with equal vectors at a node, only the first is kept. For a cost that is a maximum, g
+becomes max(g, c, h): it already includes the lower bound of the remaining cost, so f = g.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Vector = tuple[int, ...]
 
 
 class Partial(NamedTuple):
-    """Partial path: its cost g, its last node, and the path that it extends."""
+    """Partial path: its cost vector g, its last node, and the partial path that it extends by one arc."""
 
     g: Vector
     node: int
@@ -36,7 +36,9 @@ class Partial(NamedTuple):
 
 
 def namoa_star(graph: Graph, source: int, targets: int | Iterable[int]) -> list[tuple[Vector, list[int]]]:
-    """Return the non-dominated cost vectors, in lexicographic order, each with the nodes of one path.
+    """Return the non-dominated cost vectors from source to targets, in lexicographic order, with one path each.
+
+    A path is a list of nodes.
 
     >>> graph = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 5], [1, 5], [9, 1]])
     >>> namoa_star(graph, 0, 2)
@@ -49,7 +51,7 @@ def namoa_star(graph: Graph, source: int, targets: int | Iterable[int]) -> list[
     is_max = [aggregate == "max" for aggregate in graph.aggregates]
 
     def bound(node: int) -> Vector | None:
-        """Return the ideal point of the cost-to-go, or None if no target can be reached."""
+        """Return the least remaining value of each cost from a node, or None if it reaches no target."""
         return tuple(h_j[node] for h_j in h) if node in h[0] else None
 
     def estimate(g: Vector, node: int) -> Vector:
@@ -105,7 +107,7 @@ def covers(a: Vector, b: Vector) -> bool:
 
 
 def ideal_cost_to_go(graph: Graph, targets: set[int], j: int) -> dict[int, int]:
-    """Return the least cost j from every node that can reach a target to its best target, by backward Dijkstra."""
+    """Return the least remaining cost j for every node that can reach a target, by backward Dijkstra."""
     predecessors: dict[int, list[tuple[int, int]]] = {}
     for tail, successors in enumerate(_successors(graph)):
         for head, arc in successors:

@@ -1,4 +1,4 @@
-"""Graphs of networkx as arrays: rows of edges, with costs in whole quanta, and labels of nodes."""
+"""Conversion of networkx graphs to arrays: arcs with costs in whole quanta, and labels of nodes."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from hpop.frontier import default_quanta
 if TYPE_CHECKING:
     import networkx as nx
 
-WHOLE = 1e-6  # of a quantum: rounding error allowed before a cost is rounded up
-MOST_QUANTA = 2**53  # of one edge: beyond, float64 cannot represent all whole numbers
+WHOLE = 1e-6  # share of a quantum: rounding error allowed before a cost is rounded up
+MOST_QUANTA = 2**53  # largest cost of one edge in quanta: beyond, float64 cannot represent all whole numbers
 Edge = tuple[Hashable, ...]
 
 
@@ -29,7 +29,7 @@ Edge = tuple[Hashable, ...]
 class Edges:
     """Edges of the networkx graph from which a graph was built, with their exact costs.
 
-    ends    E       (tail, head), or (tail, head, key) in a multigraph: keys of `g.edges[...]`
+    ends    E       (tail, head), or (tail, head, key) in a multigraph, as in `g.edges[...]`
     names   k       names of the attributes that are the costs
     values  (E, k)  exact costs: int64 if all are whole numbers, else float64
     quanta  (k,)    value of one count of each integer cost, in the unit of the attribute
@@ -67,15 +67,16 @@ def is_network(graph: object) -> bool:
 def network_arrays(
     g: nx.Graph[Any], costs: Sequence[str], quanta: Mapping[str, float] | Sequence[float] | None = None
 ) -> NetworkArrays:
-    """Convert a networkx graph to arrays; an undirected edge becomes two arcs, each parallel edge an arc of its own.
+    """Convert a networkx graph to arrays. An undirected edge becomes two arcs, and parallel edges stay apart.
 
-    costs   names of the attributes; quanta as in :meth:`.Graph.from_networkx`
+    costs   names of the edge attributes that are the costs
+    quanta  value of one count of each cost, as in :meth:`.Graph.from_networkx`
 
     Raises GraphError for an object of another type, a missing attribute, and invalid costs or quanta.
     """
     if not is_network(g):
         raise GraphError(
-            f"expected a networkx graph, got {_type_of(g)}; Graph.from_arcs(n, tails, heads, costs) takes arrays"
+            f"graph must be a networkx graph, got {_type_of(g)}; for arrays use Graph.from_arcs(n, tails, heads, costs)"
         )
     labels = tuple(g.nodes)
     index = {label: i for i, label in enumerate(labels)}
@@ -99,14 +100,14 @@ def _names(costs: Sequence[str], data: Sequence[Mapping[str, Any]]) -> tuple[str
     names = (costs,) if isinstance(costs, str) else tuple(costs) if isinstance(costs, Iterable) else ()
     if not names or len(set(names)) < len(names) or not all(isinstance(name, str) for name in names):
         raise GraphError(
-            f"costs names the attributes of edges to minimise, such as costs=['length', 'risk'], none twice, got "
+            f"costs must name the attributes of edges to minimise, each once, such as costs=['length', 'risk'], got "
             f"{shown(costs) if costs else 'none'}{_attributes(data)}"
         )
     return names
 
 
 def _column(name: str, ends: Sequence[Edge], data: Sequence[Mapping[str, Any]]) -> FloatArray | IntArray:
-    """Return the values (E,) of an attribute; raise GraphError unless all are finite numbers of at least 0."""
+    """Return the values (E,) of an attribute on all edges; raise GraphError unless all are finite and at least 0."""
     values = [python_value(row.get(name)) for row in data]
     lacking = [edge for edge, value in enumerate(values) if value is None]
     if lacking:
@@ -118,7 +119,8 @@ def _column(name: str, ends: Sequence[Edge], data: Sequence[Mapping[str, Any]]) 
         )
     for edge, value in enumerate(values):
         if not isinstance(value, Real) or not math.isfinite(value) or value < 0:
-            hint = "; shift or flip what is to be maximised" if isinstance(value, Real) and value < 0 else ""
+            negative = isinstance(value, Real) and value < 0
+            hint = "; to maximise a quantity, pass its largest value minus the quantity as cost" if negative else ""
             raise GraphError(
                 f"costs must be finite numbers of at least 0, got {shown(value)} as {shown(name)} of "
                 f"{_edge_text(ends[edge])}{hint}"
@@ -128,13 +130,15 @@ def _column(name: str, ends: Sequence[Edge], data: Sequence[Mapping[str, Any]]) 
             return np.array(values, np.int64)
         return np.array([float(cast(Real, value)) for value in values])
     except OverflowError:
-        raise GraphError(f"{shown(name)} is beyond 64 bits on some edge; give it in a larger unit") from None
+        raise GraphError(
+            f"{shown(name)} must fit 64 bits, but is larger on some edge; give it in a larger unit"
+        ) from None
 
 
 def _quanta(
     quanta: Mapping[str, float] | Sequence[float] | None, names: tuple[str, ...], columns: Sequence[NDArray[Any]]
 ) -> FloatArray:
-    """Return the quantum (k,) of each cost, by default derived from its values."""
+    """Return the quantum (k,) of each cost: the caller's, or a default derived from the cost's values."""
     own = {
         name: 1.0 if column.dtype.kind == "i" else float(default_quanta(column[:, None])[0])
         for name, column in zip(names, columns, strict=True)
@@ -142,15 +146,14 @@ def _quanta(
     if quanta is not None and not isinstance(quanta, Mapping):
         if np.ndim(quanta) != 1 or len(quanta) != len(names):
             raise GraphError(
-                f"quanta has a quantum for each of {', '.join(names)}, or gives some by name, such as "
+                f"quanta must have one number for each of {', '.join(names)}, or give some by name, such as "
                 f"{{{names[0]!r}: 0.01}}, got {shown(quanta)}"
             )
         quanta = dict(zip(names, quanta, strict=True))
     for name, quantum in (quanta or {}).items():
         if name not in own:
             raise GraphError(
-                f"quanta has {shown(name)}, which is no cost here; these are {', '.join(names)}."
-                f"{did_you_mean(name, names)}"
+                f"quanta must name costs ({', '.join(names)}), got {shown(name)}.{did_you_mean(name, names)}"
             )
         if not is_number(quantum) or not 0 < quantum < math.inf:
             raise GraphError(f"the quantum of {shown(name)} must be a positive finite number, got {shown(quantum)}")
@@ -159,7 +162,7 @@ def _quanta(
 
 
 def _counts(name: str, column: NDArray[Any], quantum: float, ends: Sequence[Edge]) -> IntArray:
-    """Return the values of a cost (E,) as counts of the quantum, rounded up."""
+    """Return the values (E,) of a cost as whole numbers of its quantum, rounded up."""
     if quantum == 1.0 and column.dtype.kind == "i":
         return column
     with np.errstate(over="ignore"):
@@ -167,15 +170,15 @@ def _counts(name: str, column: NDArray[Any], quantum: float, ends: Sequence[Edge
     if (beyond := np.flatnonzero(quotients > MOST_QUANTA)).size:
         edge = int(beyond[0])
         raise GraphError(
-            f"{shown(name)} of {_edge_text(ends[edge])} is {column[edge]:.6g}, more quanta of {quantum:.6g} than "
-            "float64 tells apart; use a coarser quantum"
+            f"{shown(name)} must be at most 2^53 quanta, but is {column[edge]:.6g} on {_edge_text(ends[edge])}, with "
+            f"the quantum {quantum:.6g}; use a coarser quantum"
         )
     counts: IntArray = np.ceil(quotients - WHOLE).astype(np.int64)
     return counts
 
 
 def unknown_label(labels: Sequence[Hashable], label: object) -> str:
-    """Return the message for a label that no node has."""
+    """Return the error message for a label that no node of a graph has, with similar labels."""
     examples = ", ".join(map(shown, labels[:4])) + (", ..." if len(labels) > 4 else ".")
     near = did_you_mean(label, [name for name in labels if isinstance(name, str)])
     return f"no node is called {shown(label)}; the {len(labels):,} nodes are called {examples}{near}"
@@ -187,7 +190,7 @@ def _edge_text(edge: Edge) -> str:
 
 
 def _attributes(data: Iterable[Mapping[str, Any]]) -> str:
-    """Return the attributes of edges, for a message."""
+    """Return the names of all attributes that edges have, as a clause of an error message."""
     names = sorted({name for row in data for name in row if isinstance(name, str)})
     return f"; edges have {', '.join(map(shown, names[:12]))}{', ...' if len(names) > 12 else ''}" if names else ""
 

@@ -1,4 +1,4 @@
-"""All non-dominated cost vectors from a source to a set of targets, with one path each: the main function."""
+"""The main function of exact search: all non-dominated cost vectors from a source to targets, with one path each."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class SearchQuery:
-    """Query of a search: the paths of a graph from a source to targets.
+    """Query of a search: the front of the paths of a graph from a source to any of some targets.
 
-    source     node
-    targets    (t,)  nodes
-    precision  precision of the front
-    at_most    (k,)  upper bounds on the costs of a path, or empty
+    source     number of a node
+    targets    (t,)  numbers of nodes
+    precision  error that the front may have
+    at_most    (k,)  upper bounds on the costs of a path; empty if there are none
     """
 
     graph: Graph
@@ -56,13 +56,13 @@ class SearchQuery:
     def search(
         self, method: str, order: tuple[int, ...], h: IntArray, groups: Groups, clock: Clock, *, jointly: bool
     ) -> Search:
-        """Set up the search of a method for this query; raise TooWide if the costs do not fit "staircase".
+        """Return a new search for this query; raise TooWide if the costs do not fit the tables of "staircase".
 
         method   "staircase" or "general"
-        order    columns of the costs, of :func:`choose_order`
-        h        (k, n)  lower bounds of the remaining costs
-        groups   groups of turns; for "staircase" those of the index cost, or single nodes
-        jointly  whether the search may use joint bounds
+        order    columns of the costs in the order of the search, of :func:`choose_order`
+        h        (k, n)  lower bounds of the remaining costs of each node
+        groups   groups of nodes joined by turns; for "staircase" by arcs with an index cost, or else single nodes
+        jointly  whether the search may use bounds of several costs together, which are tighter
         """
         ends = self.graph, self.source, self.targets
         if method == "staircase":
@@ -76,7 +76,7 @@ class SearchQuery:
 
 
 METHODS = ("auto", "staircase", "general")
-MOST_COMPARED = 500_000  # costs of open labels from which the gap is computed within a tenth of a second
+MOST_COMPARED = 500_000  # costs of open labels; the gap to so many is computed within a tenth of a second
 
 
 @checked_arguments
@@ -99,34 +99,35 @@ def pareto_paths(
 ) -> ParetoPaths:
     """Return every non-dominated cost vector of the paths from source to target, each with one path.
 
-    Vectors are compared componentwise, smaller is better; of paths with equal vectors one is returned. With several
-    targets, a path may end at any of them, and all paths compete in one front. A path without arcs costs 0.
+    A vector is dominated if another one is at most as large in every cost. Of paths with equal vectors, one is
+    returned. With several targets, a path may end at any of them, and all paths compete in one front. A path without
+    arcs costs 0.
 
     Accepts: any :class:`Graph` with 1 to 6 costs, each a sum or a maximum; source and targets are labels if the graph
-    has labels, else numbers. Or a graph of networkx, directed or not, also with parallel edges: `costs` then names the
-    attributes to minimise, `quanta` and `aggregates` are those of :meth:`.Graph.from_networkx`, and costs with
+    has labels, else numbers. Or a networkx graph, directed or not, also with parallel edges: `costs` then names the
+    attributes to minimise, and `quanta` and `aggregates` are those of :meth:`.Graph.from_networkx`. Costs with
     fractions are rounded up to quanta, edge by edge; see :attr:`.ParetoPaths.values`.
 
-    Guarantees: exact in integers. With `eps` or `tolerance` (counts, one per cost) every non-dominated vector p is
-    covered by a returned one, r <= (1 + eps) p + tolerance, which need not be non-dominated itself. If a limit of
-    `budget` or Ctrl-C stops it, the first vectors in the order of the search are returned, and `gap` says how much
-    better missing ones may be. With `at_most` (one bound per cost, or None) all this holds for the paths within it.
+    Guarantees: exact in integers. With `eps` or `tolerance` (whole numbers, one for each cost), every non-dominated
+    vector p is covered by a returned one, r <= (1 + eps) p + tolerance, which need not be non-dominated itself. If a
+    limit of `budget` or Ctrl-C stops the search, the vectors found by then are returned, and `gap` says how much better
+    missing ones may be. With `at_most` (a bound or None for each cost), all this holds for the paths within the bounds.
 
-    Cost: `method` "staircase" (:mod:`.staircase.search`) needs two or three costs, one of them a sum that is a small
-    integer; "general" (:mod:`.general.search`) takes all graphs. "auto" takes "staircase" for three costs if one
-    of them counts turns in groups of nodes (:mod:`.machinery.turns`). On other graphs with three costs it takes
-    "staircase" if the table of all staircases is small (:mod:`.choice`). The order of the costs is always chosen.
+    Cost: `method` "staircase" (:mod:`.staircase.search`) needs two or three costs, one of them a sum of small integers;
+    "general" (:mod:`.general.search`) takes all graphs. "auto" takes "staircase" for three costs if one of them counts
+    turns in groups of nodes (:mod:`.machinery.turns`), or if the table of all staircases is small (:mod:`.choice`). The
+    order in which costs are compared is always chosen.
 
     `checkpoint` is a file, or a :class:`.Checkpoint`, in which the search saves its state. The same query with the same
-    file resumes the search, after a limit, Ctrl-C or kill -9, with the same result as without the stop; a time limit
-    counts anew, a limit of labels does not. A complete search leaves the file: remove it when the front is saved.
+    file resumes the search after a limit, Ctrl-C or kill -9, with the same result as without the stop. A time limit
+    begins again, a limit of labels does not. A complete search leaves the file: remove it when the front is saved.
     Raises CheckpointError for a file that is damaged, of another query or of another version of hpop. Resume only
     from files that you trust: :mod:`.checkpoint`.
 
-    `free` returns which of some arcs (N,), by their indices in the graph, are free. All this then holds for the graph
-    without its blocked arcs. Only arcs on paths of a front are checked, once each, and not all of a blocked path
-    (:mod:`.lazy_paths`). Limits hold for all rounds together. All returned paths are free, also after a limit. After
-    a resume this relies on the file, and different arcs may have been checked.
+    `free` is a function that takes indices (N,) of arcs in the graph, and returns which of these arcs are free. All
+    this then holds for the graph without its blocked arcs. Only arcs on paths of a front are checked, each at most once
+    (:mod:`.lazy_paths`). Limits hold for all rounds together. All returned paths are free, also after a limit. After a
+    resume this relies on the file, and different arcs may have been checked.
 
     >>> graph = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 5], [1, 5], [9, 1]])
     >>> paths = pareto_paths(graph, 0, 2)
@@ -143,7 +144,7 @@ def pareto_paths(
     ([[8.0, 0.2], [12.25, 0.1]], ['hall', 'stairs', 'room'])
     """
     if not isinstance(method, str) or method not in METHODS:
-        raise OptionError(f"method must be one of {', '.join(METHODS)}; got {shown(method)}")
+        raise OptionError(f"method must be one of {', '.join(METHODS)}, got {shown(method)}")
     graph = _converted(graph, costs, quanta, aggregates)
     start, targets = checked_node(graph, source, "source"), checked_targets(graph, target)
     from hpop.search.machinery.checkpoint import Keeper
@@ -174,10 +175,10 @@ def pareto_paths(
 
 
 class _ParetoRun:
-    """Run of one query: lower bounds, choice of the method and of the order of costs, search.
+    """One run of a query: it computes lower bounds, chooses the method and the order of costs, and searches.
 
-    search        search of the query, None before it is set up
-    after_bounds  s, time at which the lower bounds were complete
+    search        the search, None before it is set up
+    after_bounds  s   time at which the lower bounds were complete
     """
 
     def __init__(
@@ -199,7 +200,7 @@ class _ParetoRun:
         self.after_bounds = 0.0
 
     def go(self, clock: Clock) -> Status:
-        """Run the query; the results are in ``search``."""
+        """Run the query and return its status; the paths are in ``search``."""
         prepared = self._prepare(clock)
         if isinstance(prepared, Status):
             return prepared
@@ -213,7 +214,7 @@ class _ParetoRun:
             return self.go(clock)
 
     def _prepare(self, clock: Clock) -> Search | Status:
-        """Return the search, set up with tables of its own, or the status that ends the query before a search."""
+        """Compute bounds and choose the method; return the new search, or the status if the query ends before it."""
         from hpop.search.machinery.bounds import UNREACHABLE
         from hpop.search.machinery.plain_bounds import plain_bounds
         from hpop.search.machinery.turns import Groups, NoRoom
@@ -244,9 +245,10 @@ class _ParetoRun:
         return query.search(self.method, self.order, h, groups, clock, jointly=False)
 
     def result(self, clock: Clock, status: Status, *, proven: bool = True) -> ParetoPaths:
-        """Return the paths found so far; compute the gap only if ``proven``, and after Ctrl-C only if it is quick.
+        """Return the paths found so far, with statistics and, if a limit stopped the search, the gap to missing paths.
 
-        The gap takes seconds for millions of open labels.
+        The gap takes seconds for millions of open labels. After Ctrl-C it is computed only if that is quick; if
+        ``proven`` is False, it is not computed (inf).
         """
         k = self.graph.criteria
         costs = np.zeros((0, k), np.int64)
@@ -282,18 +284,21 @@ class _ParetoRun:
 
 
 def _converted(graph: Any, costs: Any, quanta: Any, aggregates: Any) -> Graph:
-    """Return the graph to search; convert a graph of networkx."""
+    """Return the graph to search: a Graph as it is, or a networkx graph converted with the given options."""
     if isinstance(graph, Graph):
         if costs is not None or quanta is not None or aggregates is not None:
-            raise OptionError("costs, quanta and aggregates are for graphs of networkx; this Graph has its own")
+            raise OptionError(
+                "costs, quanta and aggregates are only for networkx graphs, but graph is a Graph; leave them out"
+            )
         return graph
     return Graph.from_networkx(graph, () if costs is None else costs, quanta=quanta, aggregates=aggregates)
 
 
 def main_kernels(aggregates: Sequence[str], turns: int) -> tuple[Any, Any]:
-    """Return the slowest kernel of the search that costs of these kinds will use, and the kernel of a first answer.
+    """Return two kernels of a search with costs of these kinds: the slowest to compile, and that of a first result.
 
-    turns  column of the cost that counts turns, or -1
+    aggregates  "sum" or "max" for each cost
+    turns       column of the cost that counts turns, or -1
     """
     from hpop.search.supported.weighted_path import weighted_path
 

@@ -1,4 +1,4 @@
-"""Queries of all searches, checked, with bounds and precision, and their results."""
+"""Checks of the arguments that all searches take (graph, nodes, bounds, precision), and their result."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ class SearchStats:
     """Statistics of a search.
 
     method            "staircase" or "general"; "auto" if a limit came before the choice
-    order             columns of the costs in the order of the search
-    labels_generated  count  partial paths put into the heap
-    labels_expanded   count  partial paths taken out of it and followed
-    labels_open       count  partial paths in the heap at the end
-    peak_memory       bytes  arrays of the search
-    seconds_bounds    s      lower bounds
-    seconds_search    s      the search itself, with its tables
-    seconds_compiled  s      compiling or loading kernels; 0 if they were in memory
-    arcs_checked      count  arcs checked by a lazy search
+    order             columns of the costs, in the order in which the search compares them
+    labels_generated  count  labels (partial paths) put into the queue
+    labels_expanded   count  labels taken out of the queue and extended
+    labels_open       count  labels in the queue at the end
+    peak_memory       bytes  largest size of the search's arrays
+    seconds_bounds    s      time for the lower bounds
+    seconds_search    s      time for the search itself, with its tables
+    seconds_compiled  s      time for compiling or loading kernels; 0 if they were in memory
+    arcs_checked      count  arcs whose freedom a lazy search checked
     arcs_blocked      count  blocked arcs among them
-    rounds            count  searches of a lazy search, each without the arcs known to be blocked
+    rounds            count  rounds of a lazy search, each on the graph without the arcs known to be blocked
     """
 
     method: str
@@ -59,14 +59,14 @@ class SearchStats:
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class ParetoPaths:
-    """Front of cost vectors with their paths.
+    """Result of a search: the non-dominated cost vectors, each with one path.
 
     costs   (n, k)  int64  columns as in the graph, rows in lexicographic order
     status  COMPLETE, NO_PATH, or the limit that stopped the search
     stats   statistics of the search
-    gap     relative: every missing vector p has a returned r <= (1 + gap) p + tolerance
-    blocked (b,)  indices of the checked arcs that are blocked
-    asked   tolerance and bounds of the query, in words, for the certificate
+    gap     relative: for every missing vector p there is a returned r <= (1 + gap) p + tolerance
+    blocked (b,)  indices of the arcs that a lazy search found to be blocked
+    asked   text for the certificate: tolerance and bounds of the query
     """
 
     KIND: ClassVar[str] = "all non-dominated vectors of paths"
@@ -85,39 +85,39 @@ class ParetoPaths:
         return len(self.costs)
 
     def select(self, costs: IntArray, rows: IntArray) -> ParetoPaths:
-        """Return the paths of some rows, in that order, with ``costs`` (n, k) instead of their costs."""
+        """Return only the paths of the given rows, in that order, with their rows of ``costs`` (n, k) as new costs."""
         return replace(self, costs=costs[rows], _paths=tuple(self._paths[row] for row in rows))
 
     def on(self, graph: Graph) -> ParetoPaths:
-        """Return these paths of a part, made by :meth:`.Graph.without`, with arcs of the whole graph."""
+        """Return the same paths on ``graph``, from which :meth:`.Graph.without` made the graph of this result."""
         return replace(self, _graph=graph, _paths=tuple(self._graph.arc[path].astype(np.int64) for path in self._paths))
 
     def and_those_of(self, other: ParetoPaths) -> ParetoPaths:
-        """Return the paths of both fronts, which are on the same graph; dominated paths stay."""
+        """Return the paths of this result and then those of another on the same graph, also dominated ones."""
         return replace(self, costs=np.concatenate([self.costs, other.costs]), _paths=self._paths + other._paths)
 
     def nodes(self, i: int) -> IntArray:
-        """Return the nodes of path i, with source and target."""
+        """Return the numbers of the nodes of path i, from source to target."""
         heads, _ = self._graph.ends_and_costs(self._paths[i])
         return np.append(np.array([self._source], np.int64), heads)
 
     def path(self, i: int) -> list[Hashable]:
-        """Return the labels of the nodes of path i, with source and target; numbers for a graph without labels."""
+        """Return the nodes of path i from source to target, as labels, or as numbers if the graph has no labels."""
         labels = self._graph.labels
         return [node if labels is None else labels[node] for node in self.nodes(i).tolist()]
 
     def edges(self, i: int) -> list[tuple[Hashable, ...]]:
-        """Return the edges of path i as (tail, head), with the key in a multigraph: each is one of `g.edges`."""
+        """Return the edges of path i as pairs (tail, head); in a multigraph as (tail, head, key), as in `g.edges`."""
         nodes, edges = self.path(i), self._graph.edges
         keys = [() if edges is None else edges.ends[arc][2:] for arc in self.arcs(i).tolist()]
         return [(tail, head, *key) for tail, head, key in zip(nodes[:-1], nodes[1:], keys, strict=True)]
 
     @property
     def values(self) -> FloatArray | IntArray:
-        """Exact costs (n, k) of the paths in the caller's units, from the attributes of the edges.
+        """Exact costs (n, k) of the paths in the units of the caller's edge attributes.
 
-        A value is at most its integer cost times the quantum, and smaller by less than a quantum per edge. If all
-        attributes are whole numbers with the quantum 1, these are `costs`.
+        `costs` are rounded up: times the quantum, they exceed a value by less than a quantum for each edge. If all
+        attributes are whole numbers with the quantum 1, and for a graph without networkx edges, values equal `costs`.
         """
         edges = self._graph.edges
         if edges is None:
@@ -129,13 +129,13 @@ class ParetoPaths:
         return cast(FloatArray | IntArray, table.reshape(self.costs.shape))
 
     def front(self, *, names: Sequence[str] | None = None, units: Sequence[str] | None = None) -> Front[list[Hashable]]:
-        """Return the front of these paths, to choose from and save: `values` as costs, paths as lists of nodes.
+        """Return the result as a Front, to choose from and to save: costs are `values`, items are lists of nodes.
 
-        Paths with values that are dominated by another path's are left out; this may occur because roundings along a
-        path add up to more than a quantum.
+        Paths whose exact values are dominated are left out. There may be some, because roundings along a path can add
+        up to more than a quantum.
 
-        names  k  of the costs; by default the attributes of a graph from networkx, or "f1", "f2", ...
-        units  k  of the costs; by default "1"
+        names  k  names of the costs; by default the attributes of a graph from networkx, or "f1", "f2", ...
+        units  k  units of the costs; by default "1"
         """
         edges = self._graph.edges
         if names is None and edges is not None:
@@ -151,7 +151,7 @@ class ParetoPaths:
         )
 
     def _claim(self) -> str:
-        """Return the certificate."""
+        """Return the certificate: a sentence that says how complete the front is, and how costs were rounded."""
         edges = self._graph.edges
         kind = self.KIND if self.status.is_final else f"not complete: some of {self.KIND}"
         steps = "" if edges is None else ", ".join(f"{n} {q:g}" for n, q in zip(edges.names, edges.quanta, strict=True))
@@ -161,21 +161,21 @@ class ParetoPaths:
 
     @property
     def lengths(self) -> IntArray:
-        """Numbers (n,) of arcs of the paths."""
+        """Number (n,) of arcs of each path."""
         return np.array([path.size for path in self._paths], dtype=np.int64)
 
     @property
     def places(self) -> list[IntArray]:
-        """Indices in the graph of the arcs of each path."""
+        """Arcs of each path, as indices into the arrays of the graph (`arcs` gives the caller's indices)."""
         return list(self._paths)
 
     @property
     def all_arcs(self) -> IntArray:
-        """Indices (N,) in the graph of the arcs of all paths, path after path."""
+        """Arcs (N,) of all paths, path after path, as indices into the arrays of the graph."""
         return np.concatenate([np.zeros(0, np.int64), *self._paths])
 
     def through(self, rows: IntArray) -> tuple[IntArray, IntArray]:
-        """Return the nodes (N,) of the paths of some rows (r,), path after path, and the number (r,) of nodes."""
+        """Return the nodes (N,) of the paths in r given rows, path after path, and the numbers (r,) of their nodes."""
         paths = [self._paths[row] for row in rows]
         sizes = np.array([path.size for path in paths], dtype=np.int64) + 1
         nodes = np.full(sizes.sum(), self._source, dtype=np.int64)
@@ -184,7 +184,7 @@ class ParetoPaths:
         return nodes, sizes
 
     def suffixes(self, node: int) -> list[IntArray]:
-        """Return, for each path through a node, the arcs after this node, as indices in the graph."""
+        """Return the remaining arcs after a node for each path through it, as indices into the graph's arrays."""
         suffixes = []
         for i, path in enumerate(self._paths):
             at = np.flatnonzero(self.nodes(i) == node)
@@ -193,7 +193,7 @@ class ParetoPaths:
         return suffixes
 
     def arcs(self, i: int) -> IntArray:
-        """Return the arcs of path i, as indices in the caller's arcs."""
+        """Return the arcs of path i, as indices into the arcs or edges from which the caller built the graph."""
         return self._graph.arc[self._paths[i]].astype(np.int64)
 
     def __repr__(self) -> str:
@@ -203,7 +203,7 @@ class ParetoPaths:
 
 
 def costs_along(graph: Graph, paths: Sequence[IntArray]) -> IntArray:
-    """Return the costs (n, k) of n paths, each an array of indices of arcs; a path without arcs costs 0."""
+    """Return the costs (n, k) of n paths, each given by the indices of its arcs; a path without arcs costs 0."""
     worst = np.array(graph.aggregates) == "max"
     costs = np.zeros((len(paths), graph.criteria), np.int64)
     for row, arcs in zip(costs, paths, strict=True):
@@ -213,18 +213,19 @@ def costs_along(graph: Graph, paths: Sequence[IntArray]) -> IntArray:
 
 
 def checked_graph(graph: Any) -> Graph:
-    """Return a graph of :mod:`hpop.search`; raises GraphError for another object."""
+    """Return the argument ``graph`` if it is a Graph of :mod:`hpop.search`; raise GraphError for any other object."""
     if not isinstance(graph, Graph):
         raise GraphError(
-            f"expected a Graph of hpop.search, got {shown(graph)}; Graph.from_networkx and Graph.from_arcs make one"
+            f"graph must be a Graph of hpop.search, got {shown(graph)}; make one with Graph.from_networkx or "
+            "Graph.from_arcs"
         )
     return graph
 
 
 def checked_node(graph: Graph, node: Any, name: str) -> int:
-    """Return the number of a node, given by its label if the graph has labels; raise QueryError for an unknown node.
+    """Return the number of a node that a caller gives by its label, or by its number if the graph has no labels.
 
-    ``name`` says in the error which argument is wrong.
+    Raises QueryError for an unknown node; ``name`` is the name of the argument in the message.
     """
     if graph.labels is None:
         hint = "only a graph from networkx has names"
@@ -236,7 +237,10 @@ def checked_node(graph: Graph, node: Any, name: str) -> int:
 
 
 def checked_targets(graph: Graph, target: Any) -> IntArray:
-    """Return the sorted numbers (t,) of one node or several; raise QueryError for an unknown node."""
+    """Return the sorted numbers (t,) of the targets, which a caller gives as one node or as several.
+
+    Raises QueryError for an unknown node.
+    """
     target = python_value(target)
     if graph.number(target) is not None or isinstance(target, int | str):
         return np.array([checked_node(graph, target, "target")], np.int64)
@@ -254,9 +258,12 @@ def checked_targets(graph: Graph, target: Any) -> IntArray:
 
 
 def bounds_of(graph: Graph, at_most: Any) -> tuple[int, ...]:
-    """Return the upper bound of each cost in counts, ANYTHING for no bound; () if no cost is bounded."""
+    """Return the upper bounds (k,) of the option `at_most` in whole quanta, ANYTHING for a cost without a bound.
+
+    The result is () if no cost is bounded. Raises OptionError for invalid bounds.
+    """
     values = _value_per_cost(graph, at_most, "at_most", "a whole number or None", None)
-    name = f"at_most is a whole number or None for each of {graph.criteria} costs: a bound"
+    name = f"at_most must be a whole number or None for each of {graph.criteria} costs: a bound"
     first = "" if graph.edges is None else graph.edges.names[0]
     hint = f"or give bounds by name, in units, such as {{{first!r}: 30.0}}" * bool(first)
     bounds = tuple(ANYTHING if b is None else min(whole(name, b, 0, 2**63 - 1, hint=hint), ANYTHING) for b in values)
@@ -264,12 +271,15 @@ def bounds_of(graph: Graph, at_most: Any) -> tuple[int, ...]:
 
 
 def precision_of(graph: Graph, eps: float, tolerance: Any) -> Precision:
-    """Return the precision of a factor and of a tolerance per cost; raises OptionError for invalid values."""
+    """Return the precision of a front from the options `eps` (a factor) and `tolerance` (one for each cost).
+
+    Raises OptionError for invalid values.
+    """
     return Precision(eps, _value_per_cost(graph, tolerance, "tolerance", "a whole number", 0))
 
 
 def query_text(graph: Graph, precision: Precision, at_most: tuple[int, ...]) -> str:
-    """Return the bounds and the tolerance of a query as text, for the certificate."""
+    """Return a text for the certificate that states the bounds and the tolerance of a query, "" if it has none."""
     names = graph.edges.names if graph.edges is not None else [f"cost {j}" for j in range(graph.criteria)]
     quanta = graph.edges.quanta.tolist() if graph.edges is not None else [1] * graph.criteria
     steps, bounds = precision.of(range(graph.criteria)).tolist(), at_most or [ANYTHING] * graph.criteria
@@ -279,25 +289,27 @@ def query_text(graph: Graph, precision: Precision, at_most: tuple[int, ...]) -> 
 
 
 def _value_per_cost(graph: Graph, values: Any, name: str, kind: str, missing: int | None) -> tuple[Any, ...]:
-    """Return one count per cost, from a list of counts, or from amounts by name of the cost.
+    """Return one whole number of quanta for each cost, from a list of them, or from amounts by the name of the cost.
 
-    name, kind  of the argument, for errors
-    missing     value of a cost that is not named
+    name     name of the option, for messages
+    kind     description of valid values, for messages
+    missing  value for a cost that is not named
     """
     if isinstance(values, Mapping):
         if graph.edges is None:
             raise OptionError(
-                f"{name} is {kind} for each of {graph.criteria} costs: the costs of this graph have no names"
+                f"{name} must be {kind} for each of {graph.criteria} costs, got values by name; the costs of this "
+                "graph have no names, so give a list"
             )
         counts: dict[str, int | None] = dict.fromkeys(graph.edges.names, missing)
         for cost, amount in amounts(name, values, MOST_COUNTED).items():
             if cost not in counts:
                 names = ", ".join(counts)
-                raise OptionError(f"{name} has {shown(cost)}; the costs are {names}.{did_you_mean(cost, counts)}")
+                raise OptionError(f"{name} must name costs ({names}), got {shown(cost)}.{did_you_mean(cost, counts)}")
             quantum = graph.edges.quanta[graph.edges.names.index(cost)]
             counts[cost] = min(math.floor(amount / quantum + WHOLE), 2**62)
         return tuple(counts.values())
     listed = isinstance(values, Sequence) and not isinstance(values, str)
     if not (listed or (isinstance(values, np.ndarray) and values.ndim)) or len(values) not in (0, graph.criteria):
-        raise OptionError(f"{name} is {kind} for each of {graph.criteria} costs, got {shown(values)}")
+        raise OptionError(f"{name} must be {kind} for each of {graph.criteria} costs, got {shown(values)}")
     return tuple(values)

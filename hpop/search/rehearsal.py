@@ -1,7 +1,8 @@
-"""Program of a background process that compiles kernels: the search of a tiny graph, with the types of a real one.
+"""Program of a background process that compiles kernels by searching a tiny graph, with the types of a real search.
 
-Its parts are "search" (queue and dominance), "bounds" and "weights" (of first answers). Kernels of earlier parts run as
-plain Python, since the planning process compiles them.
+A process compiles the kernels of one or more parts: "search" (queue and dominance), "bounds" (lower bounds) and
+"weights" (weighted sums, for a first result). Kernels that a part needs from other parts run as plain Python, since
+other processes compile them.
 """
 
 from __future__ import annotations
@@ -23,13 +24,15 @@ from hpop.search.machinery.slices import Clock, Search
 from hpop.search.machinery.turns import Groups
 from hpop.search.supported.supported_paths import SupportedRun
 
-SIDE, HEADINGS = 3, 8  # of the lattice
-FAR = 2000  # least cost of a move, so that only turns are a small integer cost
-NICENESS = 5
+SIDE, HEADINGS = 3, 8  # positions along each side of the lattice, and headings
+FAR = 2000  # least cost of a move, so that only the number of turns is a small integer cost
+NICENESS = 5  # added to the process's niceness, so that it yields to a search
 
 
 class _Rehearsal(Clock):
-    """Clock that compiles kernels and prints their names, or runs kernels as plain Python.
+    """Clock through which the tiny search calls its kernels: it compiles and names them, or runs them as Python.
+
+    The name of a kernel is printed before it is compiled, and an empty line after that.
 
     compiles  whether kernels are compiled
     """
@@ -55,7 +58,8 @@ class _Rehearsal(Clock):
 def rehearse(part: str, aggregates: Sequence[str], turns: int) -> None:
     """Search a tiny lattice, and compile the kernels of one part: "search", "bounds" or "weights".
 
-    turns  column of the cost that counts turns, or -1
+    aggregates  "sum" or "max" for each cost
+    turns       column of the cost that counts turns, or -1
     """
     graph, target = lattice(aggregates, turns), np.array([SIDE * SIDE * HEADINGS - 1])
     clock = _Rehearsal()
@@ -86,7 +90,7 @@ def rehearse(part: str, aggregates: Sequence[str], turns: int) -> None:
 
 
 def lattice(aggregates: Sequence[str], turns: int) -> Graph:
-    """Return a small lattice of positions and headings with random costs; column ``turns`` counts turns."""
+    """Return the graph of a small lattice of positions and headings, with random costs; cost ``turns`` counts turns."""
     rng = np.random.default_rng(0)
     positions = np.arange(SIDE * SIDE)[:, None] * HEADINGS
     a, b = np.nonzero(~np.eye(HEADINGS, dtype=bool))
@@ -101,8 +105,8 @@ def lattice(aggregates: Sequence[str], turns: int) -> Graph:
 
 
 def main() -> None:
-    """Compile the parts named on the command line, for the costs that it describes."""
-    if os.cpu_count() == 1 and hasattr(os, "nice"):  # with more processors a search waits for it
+    """Compile the kernels of the parts named on the command line, for the kinds of costs that it lists."""
+    if os.cpu_count() == 1 and hasattr(os, "nice"):  # with more processors the search waits, so no yielding
         os.nice(NICENESS)
     garbage.collect_rarely()
     parts, turns, *aggregates = sys.argv[1:]

@@ -154,7 +154,7 @@ def test_the_checkpoint_of_another_problem_a_damaged_one_and_none_are_refused_an
         ({"goal": [8.1, 0.6, "any"]}, content, "is of another problem"),
         ({"criteria": ["turns", "length"]}, content, "is of another problem"),
         ({}, content[:-9], "truncated or damaged"),
-        ({}, b"my notes", "is no checkpoint of hpop"),
+        ({}, b"my notes", "is neither, so it is not overwritten"),
     ]:
         file.write_bytes(text)
         result = plan(write(tmp_path, limited, **changes), "out", "--checkpoint", file)

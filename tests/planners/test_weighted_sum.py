@@ -140,7 +140,7 @@ def test_a_start_in_collision_is_refused() -> None:
         ({"divisions": 3, "weights": [[1, 1]]}, "not both"),
         ({"weights": []}, "must be a list of weight vectors"),
         ({"weights": 3}, "must be a list of weight vectors"),
-        ({"weights": [[0, 0]]}, "weights are all zero"),
+        ({"weights": [[0, 0]]}, "at least one number above 0"),
         ({"weights": [[-1, 2]]}, "a weight must be a number of at least 0, got -1"),
         ({"time_limit": 0}, "time_limit"),
     ],

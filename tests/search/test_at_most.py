@@ -62,5 +62,5 @@ def test_a_bound_below_the_least_leaves_no_path(lattice):
 
 @pytest.mark.parametrize("at_most", [(1,), (1, -1, None), (1, 0.5, None), (True, None, None)])
 def test_bounds_that_are_none_are_refused(lattice, at_most):
-    with pytest.raises(OptionError, match="at_most is a whole number or None for each of 3 costs"):
+    with pytest.raises(OptionError, match="at_most must be a whole number or None for each of 3 costs"):
         pareto_paths(lattice(0, 4), 0, 1, at_most=at_most)

@@ -45,7 +45,7 @@ def test_unsigned_and_small_integers_are_taken():
         ((2, [0], [1], [[1] * 7]), "1 to 6 columns"),
         ((2, [0], [1], [[]]), "1 to 6 columns"),
         ((2, [0], [1], [1]), "columns"),
-        ((2, [0, 1], [1], [[1]]), "one row an arc"),
+        ((2, [0, 1], [1], [[1]]), "one row for each arc"),
         ((0, [], [], np.zeros((0, 1), int)), "1 to"),
         ((2, [0], [1], [["a"]]), "must be integers"),
         ((2, [0], [1], [[2**63]]), "must not exceed"),
@@ -65,7 +65,7 @@ def test_sums_that_could_overflow_are_refused_but_single_dear_arcs_are_not():
     costs[7] = 2**55
     graph = Graph.from_arcs(n, tails, tails + 1, costs)
     assert pareto_paths(graph, 0, n - 1).costs.tolist() == [[2**55 + n - 2]]
-    with pytest.raises(GraphError, match="cost 0 could overflow"):
+    with pytest.raises(GraphError, match="cost 0 of a path must stay below"):
         Graph.from_arcs(n, tails, tails + 1, np.full((n - 1, 1), 2**55))
     worst = Graph.from_arcs(n, tails, tails + 1, np.full((n - 1, 1), 2**55), aggregates=["max"])
     assert pareto_paths(worst, 0, n - 1).costs.tolist() == [[2**55]]

@@ -314,7 +314,7 @@ def test_a_name_that_is_no_method_is_refused():
 
 def test_staircase_refuses_costs_that_are_not_small():
     graph = Graph.from_arcs(2, [0], [1], [[5000, 70000]])
-    with pytest.raises(OptionError, match="use 'general'"):
+    with pytest.raises(OptionError, match="use method 'general'"):
         pareto_paths(graph, 0, 1, method="staircase")
     with pytest.raises(OptionError, match="2 or 3 costs"):
         pareto_paths(Graph.from_arcs(2, [0], [1], [[1]]), 0, 1, method="staircase")

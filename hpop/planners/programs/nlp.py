@@ -153,7 +153,7 @@ class _Moment(Motions):
     at: float = 0.0
 
     def worst(self, rate: Rate, *, detail: float | None = None) -> Column:
-        """Return the value of ``rate`` (M,) at that moment, not its maximum over the motion."""
+        """Return the value of ``rate`` (M,) at the chosen moment of the M motions, instead of its maximum over time."""
         return rate(self._instants(self.phases[self.phase], self.at, None))
 
 

@@ -1,1 +1,1 @@
-"""Exact search for one to six costs on any graph (:mod:`.general.search`)."""
+"""The search "general": exact, for one to six costs on any graph (:mod:`.general.search`)."""

@@ -2,19 +2,21 @@
 
 Accepts: every :class:`~hpop.search.graph.Graph`.
 
-Guarantees: every non-dominated cost vector once, each with one path that has it.
+Guarantees: every non-dominated cost vector once, each with one path of this cost.
 
-Label setting in lexicographic order of f = g + h with consistent h (NAMOA*, Mandow and Perez de la Cruz 2010; for a
-maximum f = g = max(g, c, h)). Labels that were closed before at a node have no larger first cost, so the dominance test
+A label is a partial path with costs g; f = g + h is its estimate, with consistent lower bounds h of the remaining
+costs. Labels leave the heap in lexicographic order of f (NAMOA*, Mandow and Perez de la Cruz 2010; for a maximum
+f = g = max(g, c, h)). Labels that were closed before at a node have no larger first cost, so the dominance test
 compares the other k - 1 costs only (NAMOA*dr, Pulido et al. 2015). It is made when a label is generated and again when
-it leaves the heap (the lazy check of BOA*, Hernandez et al. 2023, and of LTMOA*, Hernandez et al. 2023). k = 1 is A*,
-and for k = 2 the set of a node is one number, as in BOA*; for k >= 3 see :mod:`.general.tables`. At one node f differs
-from g by a constant, so the sets hold f, and the set of the targets, which tests every label, is one more of them.
+it leaves the heap (the lazy check of BOA*, Hernandez et al. 2023, and of LTMOA*, Hernandez et al. 2023). For k = 1 this
+is A*. For k = 2 the set of a node is one number, as in BOA*; for k >= 3 see :mod:`.general.tables`. At one node f
+differs from g by a constant, so the sets hold f. The solutions, which are compared with every label, form one more set.
 
-If turns form groups of nodes (:mod:`.machinery.turns`) and do not raise the first cost, they are taken at once: a label
-that leaves the heap is expanded together with its turns. These enter the sets of their nodes. They need not wait, as
-their first cost is equal, nor turn again, as no turn costs more than two. On lattices with four to six costs this
-leaves a quarter of the labels. Only turns to a target wait as other arcs do, as solutions must be found in order.
+If turns form groups of nodes (:mod:`.machinery.turns`) and do not raise the first cost, a label that leaves the heap is
+expanded together with its turns. The labels after the turns enter the sets of their nodes. They need not wait in the
+heap, as their first cost is equal, and need not turn again, as no turn costs more than two. On lattices with four to
+six costs this leaves a quarter of the labels. Only turns to a target wait in the heap, as solutions must be found in
+order.
 
 One heap with all open labels was measured against that of T-MDA (one label per node in the heap, the others at their
 arcs) and against buckets on the first cost: see docs/benchmarks.md.
@@ -68,7 +70,7 @@ from hpop.search.machinery.turns import SIZE as GROUP_SIZE
 from hpop.search.machinery.turns import Groups
 
 MAX_KEY = 2**WORD_BITS - 1
-WORD, SORTED = 8, 256  # members of a set compared in one elementary step, and of a sorted set
+WORD, SORTED = 8, 256  # numbers of members that count as one elementary step, in a plain and in a sorted set
 
 
 @lean
@@ -82,7 +84,11 @@ def extend_label(
     after: NDArray[Any],
     f: NDArray[Any],
 ) -> None:
-    """Extend a label with costs g (k,) by arc a to node x; write the new costs to `after` and the estimate to f."""
+    """Extend a label (partial path) with costs g (k,) by arc a to node x; write new costs to `after`, estimate to f.
+
+    arcs, nodes  tables of :func:`.general.tables.build_tables`
+    is_max       (k,)  True for a cost that is a maximum
+    """
     for j in range(len(g)):
         if is_max[j]:
             after[j] = max(g[j], arcs[a, j + 1], nodes[x, j])
@@ -118,9 +124,11 @@ def advance(
     bound: int,
     scratch: tuple[IntArray, tuple[NDArray[Any], ...]],
 ) -> int:
-    """Expand labels until the queue is empty, `work` steps are done or an array is full; return the code of the reason.
+    """Run the search for a slice of `work` steps: take labels (partial paths) from the heap, and extend them.
 
-    The other arguments are the arrays of :class:`General`, which the kernel changes in place.
+    It ends early if the heap is empty or an array is full. Returns the code of the reason (:mod:`.machinery.slices`).
+    Other arguments are the arrays of :class:`General`, which the kernel changes in place, and the precision and the
+    bound of the first cost.
     """
     word, shift, limit, words = plan
     key, (f, g, turned, moved, reach) = scratch
@@ -219,9 +227,9 @@ def advance(
 
 
 class General(HeapSearch):
-    """Label-setting search on one graph for one query.
+    """Search of one query on one graph, by the kernel :func:`advance`.
 
-    Tables are those of :func:`.general.tables.build_tables`; costs are in the order of the search.
+    Its tables are those of :func:`.general.tables.build_tables`, with costs in the order of the search.
     """
 
     def __init__(
@@ -262,7 +270,7 @@ class General(HeapSearch):
         turns, plain = self.plain - self.start[:-1], self.start[1:] - self.plain
         super().__init__(f, rise, (1 + int(turns.max())) * int(plain.max()))
         self.most = at_most[order[0]] if at_most else ANYTHING
-        for j in range(1, k):  # bounds enter as solutions that exceed them by 1
+        for j in range(1, k):  # a bound is represented by a solution that exceeds it by 1 in this cost, 0 in others
             if not at_most or at_most[order[j]] == ANYTHING:
                 continue
             beyond = np.zeros(k, self.dtype)
@@ -271,7 +279,7 @@ class General(HeapSearch):
             self.counters[N_ROWS] = clock.call(add_to_set, *room)
 
     def advance(self, clock: Clock, work: int) -> int:
-        """Run the kernel."""
+        """Run the kernel for ``work`` elementary steps, and return its code."""
         vectors = tuple(np.zeros(len(self.order), self.dtype) for _ in range(5))
         scratch = (np.zeros(self.plan[3], np.int64), vectors)
         code = clock.call(
@@ -303,26 +311,26 @@ class General(HeapSearch):
         return int(code)
 
     def close(self, arcs: BoolArray) -> None:
-        """Close arcs (m,) of the graph: they become loops, which no path uses."""
+        """Close the marked arcs (m,) of the graph before a search: they become loops, which no path uses."""
         rows = np.flatnonzero(arcs[self.origin[: self.start[-1]]])
         self.table[rows, 0] = np.searchsorted(self.start, rows, side="right") - 1
 
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
-        """Write the nodes (n,) of labels to `at`; return n and their estimates (n, k), see :meth:`.Search.retrace`."""
+        """Compute the last nodes and the estimates of saved labels (partial paths), see :meth:`.Search.retrace`."""
         f = np.zeros((len(values), len(self.order)), self.dtype)
         most = np.full(f.shape[1], INT32_LIMIT if self.dtype is np.int32 else MAX_KEY)
         graph = (self.start, self.table[:, 0], self.table[:, 1:], self.nodes, self.is_target, self.is_max)
         return clock.call(retrace, values, closed, *graph, self.source, most, at, f), f
 
     def widen(self) -> bool:
-        """Use 64 bits for costs; return False if they have 64 bits already."""
+        """Store costs in 64 bits from now on; return False if they have 64 bits already."""
         narrow = self.dtype is np.int32
         while self.dtype is np.int32:
             self._widen_keys()
         return narrow
 
     def enter(self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solved: NDArray[Any], clock: Clock) -> None:
-        """Fill the sets of the nodes and the set of the targets."""
+        """Fill the sets of all nodes from closed labels, and the set of solutions, see :meth:`.Search.enter`."""
         eps, tolerance = float(self.precision.eps), self.precision.of(self.order)
         reach = np.zeros_like(solved)
         for j in range(solved.shape[1]):
@@ -343,12 +351,12 @@ class General(HeapSearch):
         return int(clock.call(checksum_of_sets, self.sets, self.pool, len(self.order) - 1))
 
     def arrays(self) -> list[NDArray[Any]]:
-        """Return the tables of the graph, the sets and the heap."""
+        """Return the tables of the graph, the sets and the heap, so that their bytes are counted."""
         tables = [self.table, self.nodes, self.origin, self.start, self.plain, self.is_target]
         return [*tables, self.sets, self.pool, *super().arrays()]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Return the bytes to add, and a function that doubles the pool of the sets or grows the heap."""
+        """Return how many bytes more are needed, and a function that doubles the pool of the sets or grows the heap."""
         if code == ROWS:
             return self.pool.nbytes, self._grow_pool
         extra, grow = super().growth(code)
@@ -367,6 +375,6 @@ class General(HeapSearch):
                 setattr(self, name, getattr(self, name).astype(np.int64))
 
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
-        """Return the indices of the arcs of solutions in the graph, from the source on."""
+        """Return the path of each solution label, as indices of arcs in the graph, from the source on."""
         ends, steps = clock.call(trace_paths, self.origin, self.closed, labels)
         return [part[::-1] for part in np.split(steps, ends)[:-1]]

@@ -1,4 +1,4 @@
-"""Tables of the general search: nodes and arcs in its order of costs, paths of labels, and sets of vectors."""
+"""Tables of the search "general": nodes and arcs, paths of labels, and the sets of vectors for dominance tests."""
 
 from __future__ import annotations
 
@@ -26,11 +26,13 @@ def build_tables(
     nodes: NDArray[Any],
     origin: NDArray[np.int32],
 ) -> tuple[IntArray, IntArray]:
-    """Fill the tables of arcs and nodes, without arcs that reach no target; the arcs of a node begin with its turns.
+    """Fill the tables of nodes and arcs that a search reads, with costs in its order.
+
+    Arcs to nodes that reach no target are left out. The arcs of each node begin with its turns.
 
     order    (k,)         columns of the graph's costs, in the order of the search
-    turn                  column of the cost that turns raise; -1 if turns are not taken at once
-    group    (n,)         group of each node; turns within a group are taken at once
+    turn                  column of the cost that turns raise; -1 if turns are not taken together with a label
+    group    (n,)         group of each node; turns are arcs within a group
     arcs     (m, 1 + k)   output: head and costs of each arc
     nodes    (n, k)       output: lower bounds of the remaining costs of each node
     origin   (m,)         output: index of each arc in the graph
@@ -65,10 +67,10 @@ def build_tables(
 
 @kernel
 def trace_paths(origin: NDArray[np.int32], closed: IntArray, labels: IntArray) -> tuple[IntArray, IntArray]:
-    """Follow labels (n,) back to the source.
+    """Follow labels (n,) back to the source, to find the arcs of their paths.
 
-    Returns the arcs (N,) of all paths, path after path, each from its last arc to its first; before them the end (n,)
-    of each path in this array.
+    Returns the end (n,) of each path in the second array, and this array (N,): the arcs of all paths, path after path,
+    each from its last arc to its first.
     """
     ends = np.empty(len(labels), np.int64)
     steps = np.empty(1024, np.int64)
@@ -85,17 +87,18 @@ def trace_paths(origin: NDArray[np.int32], closed: IntArray, labels: IntArray) -
     return ends, steps[:size]
 
 
-# The members of a set are stored cost by cost: cost j of its members is pool[start + j * room :][:size]. So a dominance
-# test is a loop without branches over neighbouring numbers, which the compiler vectorises: about twenty times as fast
-# as comparing member by member up to the first larger cost, with a wrong branch prediction at each (measured: 512
-# members of three costs in 46 ns instead of 1340). The newest piece is tested first, as it dominates most often.
+# A set holds the cost vectors of labels closed at a node. Its members are stored cost by cost: cost j of its members is
+# pool[start + j * room :][:size]. So a dominance test is a loop without branches over neighbouring numbers, which the
+# compiler vectorises. This is about twenty times as fast as comparing member by member up to the first larger cost,
+# with a wrong branch prediction at each (measured: 512 members of three costs in 46 ns instead of 1340). The newest
+# members are tested first, as they dominate most often.
 #
-# Members have no first cost, as the order of the search compares it. With two costs a set is one number. With three
-# costs the two others form a staircase: members are sorted, and a binary search finds the one member that may dominate.
+# The first cost is not stored, as labels leave the heap in its order. So with two costs a set is one number. With three
+# costs, the other two form a staircase: members are sorted, and a binary search finds the one that may dominate.
 
 
 START, SIZE, ROOM, SET_COLUMNS = range(4)  # columns of the table of sets
-PIECE = 64  # members compared at a time
+PIECE = 64  # number of members that are compared at a time
 
 # Indices below are unsigned: numba then leaves out the check for negative ones, so that loops are vectorised.
 _0, _1, _PIECE = np.uint64(0), np.uint64(1), np.uint64(PIECE)
@@ -103,7 +106,10 @@ _0, _1, _PIECE = np.uint64(0), np.uint64(1), np.uint64(PIECE)
 
 @lean
 def covers(pool: NDArray[Any], start: int, room: int, size: int, f: tuple[Any, ...]) -> bool:
-    """Return whether some member of a set is at most f in every cost; f has the integer type of the pool."""
+    """Return whether some member of a set is at most f in every cost; f has the integer type of the pool.
+
+    start, room, size  place of the set in the pool: first number, numbers reserved for each cost, number of members
+    """
     begin, stride, end = np.uint64(start), np.uint64(room), np.uint64(size)
     while end > _0:
         piece = (end - _1) // _PIECE * _PIECE
@@ -121,7 +127,10 @@ def covers(pool: NDArray[Any], start: int, room: int, size: int, f: tuple[Any, .
 
 @lean
 def drop_covered(pool: NDArray[Any], start: int, room: int, size: int, f: tuple[Any, ...]) -> int:
-    """Remove the members of a set that f covers; return the number of remaining members."""
+    """Remove the members of a set that are nowhere smaller than f; return the number of remaining members.
+
+    Arguments are those of :func:`covers`.
+    """
     begin, stride, end = np.uint64(start), np.uint64(room), np.uint64(size)
     left = end
     while end > _0:
@@ -148,7 +157,7 @@ def drop_covered(pool: NDArray[Any], start: int, room: int, size: int, f: tuple[
 
 @lean
 def smaller(pool: NDArray[Any], start: int, size: int, value: int) -> int:
-    """Return the number of sorted numbers pool[start:][:size] that are smaller than a value, without branches."""
+    """Return how many of the sorted numbers pool[start:][:size] are smaller than a value, by a binary search."""
     low, left = np.uint64(start), np.uint64(size)
     while left > _1:
         half = left >> _1
@@ -188,7 +197,7 @@ def add_all_to_sets(
     counters: IntArray,
     used: int,
 ) -> int:
-    """Add vectors (n, k) from index `begin` on, each to its set.
+    """Add saved vectors (n, k), from index `begin` on, each to its set.
 
     where   (n,)    set of each vector
     tested  (n, k)  vectors that no member of the set may cover yet; (0, k) for no test
@@ -208,7 +217,7 @@ def add_all_to_sets(
 
 @kernel
 def checksum_of_sets(sets: IntArray, pool: NDArray[Any], width: int) -> int:
-    """Return a checksum of the members of all sets, with ``width`` costs each; overflow is harmless."""
+    """Return a checksum of all sets, with members of ``width`` costs, that does not depend on the members' order."""
     total = np.int64(0)
     for s in range(len(sets)):
         start, size, room = sets[s, START], sets[s, SIZE], sets[s, ROOM]
@@ -221,7 +230,7 @@ def checksum_of_sets(sets: IntArray, pool: NDArray[Any], width: int) -> int:
 
 @lean
 def rows_needed(sets: IntArray, s: int, k: int) -> int:
-    """Return the largest size by which :func:`add_to_set` may extend the used part of the pool."""
+    """Return how many numbers of the pool :func:`add_to_set` may need at most, to add a vector of k costs to set s."""
     return int(max(1, 2 * sets[s, ROOM]) * (k - 1))
 
 
@@ -254,7 +263,7 @@ def add_to_set(sets: IntArray, pool: NDArray[Any], s: int, f: NDArray[Any], used
 
 @lean
 def move(sets: IntArray, pool: NDArray[Any], s: int, width: int, used: int) -> int:
-    """Move a full set to the end of the pool, with twice the room; return the size of the pool in use."""
+    """Move a full set to the end of the used part of the pool, with twice the room; return the new used size."""
     start, size = sets[s, START], sets[s, SIZE]
     twice = max(1, 2 * size)
     for j in range(width):
@@ -266,7 +275,7 @@ def move(sets: IntArray, pool: NDArray[Any], s: int, width: int, used: int) -> i
 
 @lean
 def enter_sorted(sets: IntArray, pool: NDArray[Any], s: int, f: NDArray[Any], used: int) -> int:
-    """Add f (3,) as :func:`add_to_set` does, where the second cost of members rises and the third falls."""
+    """Add f (3,) like :func:`add_to_set`, but to a sorted set: the second cost of members rises, the third falls."""
     start, size, room = sets[s, START], sets[s, SIZE], sets[s, ROOM]
     at = smaller(pool, start, size, np.int64(f[1]))
     if at > 0 and pool[start + room + at - 1] <= f[2]:

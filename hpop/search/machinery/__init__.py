@@ -1,1 +1,1 @@
-"""Machinery of all searches: labels, slices of time, bounds, groups of turns, checkpoints, approximation."""
+"""Modules that all searches share: labels, time slices, lower bounds, groups of turns, checkpoints, approximation."""

@@ -1,9 +1,10 @@
-"""Approximation with a certificate: coverage within a precision, and the gap of a search that was stopped.
+"""Approximate fronts with a guarantee: the precision of a front, and the gap of a search that was stopped.
 
-A vector r covers a vector p if r <= (1 + eps) p + tolerance in every cost. A label with an estimate f that a solution
-covers need not be followed: f is a lower bound of all its completions, so the solution covers these too. To use this
-with the tests of the exact search, the front holds, for each solution, the least estimate that it covers. Source:
-Warburton, "Approximation of Pareto optima in multiple-objective, shortest-path problems", 1987.
+A vector r covers a vector p if r <= (1 + eps) p + tolerance in every cost. A label (partial path) has an estimate f, a
+lower bound of the costs of all paths that begin with it. If a solution covers f, it covers all these paths, so the
+label need not be extended. To use the dominance tests of the exact search for this, the front stores for each solution
+the least estimate that the solution covers. Source: Warburton, "Approximation of Pareto optima in multiple-objective,
+shortest-path problems", 1987.
 """
 
 from __future__ import annotations
@@ -18,16 +19,16 @@ from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.options import MOST, MOST_COUNTED, set_reals, whole
 from hpop.frontier import is_nondominated
 
-ANYTHING = MOST_COUNTED  # bound that no cost of a path exceeds: no bound
-CHUNK = 1024  # open labels compared with the front at once
+ANYTHING = MOST_COUNTED  # bound that no path exceeds: it means that there is no bound
+CHUNK = 1024  # number of open labels that are compared with the front at once
 
 
 @dataclass(frozen=True)
 class Precision:
-    """Precision of a front: every non-dominated vector p is covered by a returned r <= (1 + eps) p + tolerance.
+    """Precision of a front: for every non-dominated vector p there is a returned r <= (1 + eps) p + tolerance.
 
     eps        relative error, the same for all costs
-    tolerance  (k,) absolute error of each cost, in counts; () means 0 for all costs
+    tolerance  (k,) absolute error of each cost, in whole quanta; () means 0 for all costs
 
     Raises OptionError for values that are negative or no numbers.
     """
@@ -42,11 +43,14 @@ class Precision:
 
     @property
     def is_exact(self) -> bool:
-        """True if the precision is 0, so that every non-dominated vector is returned."""
+        """True if no error is allowed, so that every non-dominated vector is returned."""
         return self.eps == 0 and not any(self.tolerance)
 
     def of(self, columns: Sequence[int]) -> IntArray:
-        """Return the tolerances (j,) of some columns (j,); column -1, a cost that is always 0, has the tolerance 0."""
+        """Return the tolerances (j,) of the costs in the given columns (j,).
+
+        The column -1 stands for a cost that is always 0, and has the tolerance 0.
+        """
         return np.array([self.tolerance[j] if self.tolerance and j >= 0 else 0 for j in columns], np.int64)
 
 
@@ -54,10 +58,14 @@ EXACT = Precision()
 
 
 def thin_front(costs: IntArray, chosen: IntArray, eps: float, tolerance: IntArray) -> IntArray:
-    """Return indices of rows that, together with the ``chosen`` vectors (m, k), cover all rows of ``costs``.
+    """Select rows of a front that cover all of its rows within a precision, together with vectors chosen before.
 
-    ``costs`` (n, k) is in lexicographic order. Greedy rule: take the last row that covers the first uncovered row;
-    repeat until all rows are covered.
+    Returns the indices of the selected rows. The rule is greedy: take the last row that covers the first uncovered row,
+    and repeat until all are covered.
+
+    costs      (n, k)  the front, in lexicographic order
+    chosen     (m, k)  vectors that are returned anyway
+    eps, tolerance     precision, see :class:`Precision`
     """
     most = costs + np.floor(np.minimum(eps * costs, ANYTHING)).astype(np.int64) + tolerance
     left = np.ones(len(costs), np.bool_)
@@ -72,7 +80,9 @@ def thin_front(costs: IntArray, chosen: IntArray, eps: float, tolerance: IntArra
 
 
 def proven_gap(front: IntArray, estimates: IntArray) -> float:
-    """Return the least gap such that each estimate has a vector of the front of at most (1 + gap) times the estimate.
+    """Return how much better than a front missing vectors may be: the relative gap.
+
+    It is the least gap such that for each estimate p the front has a vector r <= (1 + gap) p.
 
     front      (n, k)  vectors found so far; without vectors the gap is infinite
     estimates  (m, k)  lower bounds of all missing vectors; without estimates the gap is 0
@@ -89,7 +99,7 @@ def proven_gap(front: IntArray, estimates: IntArray) -> float:
 
 
 def _excess(front: FloatArray, estimates: FloatArray) -> FloatArray:
-    """Return the relative excess (m,) of the nearest vector of the front over each estimate."""
+    """Return for each estimate (m,) by how much the nearest vector of the front exceeds it, relatively."""
     best = np.full(len(estimates), math.inf)
     positive = estimates > 0
     divisor = np.where(positive, estimates, 1.0)

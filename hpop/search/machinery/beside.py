@@ -1,8 +1,9 @@
 """Compilation of kernels in background processes, which share numba's cache with this process.
 
-Threads would not help, as numba compiles under Python's lock. A background process runs a rehearsal (:mod:`.rehearsal`)
-and prints the name of the kernel that it compiles. This process waits for a kernel only while a background process
-compiles it, and compiles other kernels itself. So no kernel is compiled twice, and a failing process does no harm.
+Threads would not help, as numba compiles under Python's lock. A background process searches a tiny graph
+(:mod:`.rehearsal`), and prints the name of each kernel that it compiles. This process waits for a kernel only while a
+background process compiles it, and compiles other kernels itself. So no kernel is compiled twice, and a process that
+fails does no harm.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import Any, NamedTuple
 
 from hpop.runtime.interrupts import interrupts_held
 
-PARTS = ("search", "bounds", "weights")  # of a rehearsal, the most urgent first
+PARTS = ("search", "bounds", "weights")  # groups of kernels, the most urgent first
 # The kernels of a search in the order of their use.
 ORDER = (
     "number_groups",
@@ -37,7 +38,7 @@ Kernels = Callable[[Sequence[str], int], tuple[Any, Any]]
 POLL = 0.02  # s between two looks at the output of processes
 
 _processes: list[_Compiler] = []
-_missing: list[_MissingKernels] = []  # not empty while kernels are to be compiled
+_missing: list[_MissingKernels] = []  # not empty if the cache lacks kernels of the search
 
 
 class _Compiler:
@@ -64,7 +65,7 @@ class _Compiler:
         return self.current == name and not self.ended
 
     def _read_output(self) -> None:
-        """Read the new output of the process."""
+        """Read the new output of the process, and update ``current`` and ``ended``."""
         while not self.ended:
             with suppress(BlockingIOError):
                 more = os.read(self._output.fileno(), 4096)
@@ -75,25 +76,25 @@ class _Compiler:
             return
 
     def stop(self) -> None:
-        """End the process."""
+        """Kill the process and wait for its end."""
         self._process.kill()
         self._process.wait()
         self._output.close()
 
 
 class Onset(StrEnum):
-    """Time at which background processes begin to compile, in words for the user."""
+    """Choice of when background processes begin to compile; the values are words for the user."""
 
     AT_ONCE = "from now on"
     AFTER_FIRST = "after a first answer and its map"
 
 
 class _MissingKernels(NamedTuple):
-    """Kernels that the cache lacks, described by the costs of the query.
+    """Description of the search whose kernels the cache lacks.
 
     aggregates  "sum" or "max" for each cost
     turns       column of the cost that counts turns, or -1
-    first       kernel of a first answer
+    first       kernel that computes a first result
     """
 
     aggregates: Sequence[str]
@@ -105,12 +106,12 @@ class _MissingKernels(NamedTuple):
 def compiling_beside(aggregates: Sequence[str], turns: int, onset: Onset, kernels: Kernels) -> Iterator[Onset | None]:
     """Compile the missing kernels of a search in background processes while a ``with`` block runs.
 
-    The value of the block is ``onset``, or None if all kernels are cached. With ``Onset.AFTER_FIRST``, compilation
-    starts only when :func:`start_compilers` is called, so that a first answer and its map come sooner.
+    The ``with`` statement yields ``onset``, or None if all kernels are cached. With ``Onset.AFTER_FIRST``, compilation
+    starts only when :func:`start_compilers` is called, so that a first result and its map come sooner.
 
     aggregates  "sum" or "max" for each cost
     turns       column of the cost that counts turns, or -1
-    kernels     returns, for these costs, the kernel that takes longest to compile and the kernel of a first answer
+    kernels     returns, for these costs, the kernel that takes longest to compile and the kernel of a first result
     """
     from hpop.runtime.compiled import can_be_cached, is_cached  # numba: on first use
 
@@ -128,7 +129,7 @@ def compiling_beside(aggregates: Sequence[str], turns: int, onset: Onset, kernel
 
 
 def start_compilers() -> None:
-    """Start the background processes, unless no kernel is missing or processes are running."""
+    """Start the background processes if kernels are missing and no process runs yet."""
     if not _missing or _processes:
         return
     aggregates, turns, _ = _missing[0]
@@ -143,7 +144,7 @@ def is_compiling() -> bool:
 
 
 def is_first_kernel_missing() -> bool:
-    """Return whether the kernel of a first answer is not compiled yet; the answer then comes from SciPy."""
+    """Return whether the kernel that computes a first result is not compiled yet; SciPy then computes that result."""
     if not _missing:
         return False
     from hpop.runtime.compiled import is_cached
@@ -152,7 +153,7 @@ def is_first_kernel_missing() -> bool:
 
 
 def wait_for(compiled: Any, report: Callable[[], None]) -> None:
-    """Wait while a background process compiles a kernel, with progress reports."""
+    """Wait while a background process compiles a kernel; call ``report`` again and again meanwhile."""
     if not _processes:
         return
     from hpop.runtime.compiled import compiling_elsewhere

@@ -1,11 +1,12 @@
-"""Consistent lower bounds of the cost-to-go: one backward scalar search per cost, from all targets at once.
+"""Lower bounds of the remaining costs of each node: one backward search for each cost, from all targets at once.
 
-h_j(v) is the least cost j of any path from v to a target, by Dijkstra for a sum and bottleneck Dijkstra for a maximum.
-It is exact for each cost and therefore consistent: h(u) <= c(u, v) + h(v), and h(u) <= max(c(u, v), h(v)). If turns
-form groups (:mod:`.machinery.turns`), no path needs two turns in a row, so the backward search does not turn to a node
-with a path that begins with a turn. If all turns of a group have equal costs, it turns only to the node that is reached
-first: later nodes are farther from the target and could not improve the others. Source: Mandow and Perez de la Cruz,
-"Multiobjective A* search with consistent heuristics", JACM 2010 (the ideal-point heuristic of Tung and Chew 1992).
+h_j(v) is the least cost j of any path from v to a target, found by Dijkstra for a sum and by bottleneck Dijkstra for a
+maximum. It is exact for each cost alone, and therefore consistent: h(u) <= c(u, v) + h(v), and
+h(u) <= max(c(u, v), h(v)). If turns form groups (:mod:`.machinery.turns`), no path needs two turns in a row. So the
+backward search does not add a turn before a path that begins with a turn. If all turns of a group have equal costs, it
+adds turns only at the node of the group that it reaches first: other nodes are farther from the target, and could not
+improve the rest. Source: Mandow and Perez de la Cruz, "Multiobjective A* search with consistent heuristics", JACM 2010
+(the ideal-point heuristic of Tung and Chew 1992).
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups, NoRoom
 
 UNREACHABLE = np.int64(2**62)
-PILES = 63  # costs have up to 62 bits
+PILES = 63  # of the radix heap: costs have up to 62 bits
 ARC, COST = 4, 8  # bytes of a reversed arc, and of each of its costs
 NODE, NODE_COST = 24, 29  # bytes of a node, and for each cost: bound, next node, dearest turn, 9 of the search backward
 
@@ -40,10 +41,12 @@ def sort_arcs_by_head(
     tails: NDArray[np.int32],
     weights: IntArray,
 ) -> None:
-    """Sort arcs by head with a counting sort; write their tails (m,) and their costs (k, m) to `weights` in that order.
+    """Sort arcs by head, by a counting sort, for a search backward from the targets.
 
-    start (n + 1,), heads (m,)  arcs by tail; origin (m,) their rows in the table of costs
-    first (n + 2,)              must be 0; its first n + 1 entries receive the offset of each head
+    start (n + 1,), heads (m,)      arcs sorted by tail
+    origin (m,), costs              rows of these arcs in the table of costs, and this table
+    first (n + 2,)                  must be 0; its first n + 1 entries receive the offset of each head
+    tails (m,), weights (k, m)      output: tails and costs of the arcs, sorted by head
     """
     n, m = len(start) - 1, len(heads)
     for a in range(m):
@@ -61,13 +64,16 @@ def sort_arcs_by_head(
 
 @lean
 def bits(x: int) -> int:
-    """Return the number of bits of a non-negative number, from the exponent of a double without rounding."""
+    """Return the bit length of a non-negative integer, read from the exponent of a float without rounding."""
     return max(0, int(np.float64(x & ~(x >> 1)).view(np.int64) >> 52) - 1022)
 
 
 @lean
 def put_on_pile(v: int, pile: int, tops: IntArray, above: NDArray[np.int32], below: NDArray[np.int32]) -> None:
-    """Put node v on top of a pile; piles are linked lists: `tops` of each pile, neighbours `above` and `below`."""
+    """Put node v on top of a pile of the radix heap.
+
+    Piles are linked lists: `tops` has the top node of each pile, `above` and `below` (n,) the neighbours of each node.
+    """
     top = tops[pile]
     above[v], below[v] = -1, top
     if top >= 0:
@@ -77,7 +83,7 @@ def put_on_pile(v: int, pile: int, tops: IntArray, above: NDArray[np.int32], bel
 
 @lean
 def take_from_pile(v: int, pile: int, tops: IntArray, above: NDArray[np.int32], below: NDArray[np.int32]) -> None:
-    """Remove node v from its pile."""
+    """Remove node v from its pile of the radix heap; arguments as in :func:`put_on_pile`."""
     if above[v] >= 0:
         below[above[v]] = below[v]
     else:
@@ -111,12 +117,12 @@ def cost_to_go(
 ) -> int:
     """Search backward from the targets by one cost; write the least remaining cost of each node and its next node.
 
-    Stops before nodes that are farther than `until`, or than the source; returns the distance of the nearest open node,
-    or UNREACHABLE where none is left. The next call goes on from there.
+    The search stops before nodes that are farther than `until`, or than the source. Returns the distance of the nearest
+    open node, or UNREACHABLE if none is left. The next call continues from there.
 
-    start, tails, weights   arcs by head, of :func:`sort_arcs_by_head`, with this cost alone
+    start, tails, weights   arcs sorted by head, of :func:`sort_arcs_by_head`, with this cost alone
     group (n,), rows        group of each node, and the table of groups
-    dearest, uniform, turns this cost of the turns, see :class:`.Groups`
+    dearest, uniform, turns this cost of the turns, see :class:`.Groups` (`uniform` is an entry of `alike`)
     out, parent (n,)        output: least cost, and next node on such a path or -1
     turned (g,)             groups that have turned, 0 before the call
     turning (n,)            nodes with a path that begins with a turn, 0 before the call
@@ -125,8 +131,8 @@ def cost_to_go(
     source                  node in the order of the groups, or -1
 
     Open nodes are in a radix heap (Ahuja, Mehlhorn, Orlin and Tarjan 1990). Let d be the cost of the last node taken.
-    Pile b holds the nodes with a cost that differs from d first in bit b, counted from 1; pile 0 those of cost d. When
-    pile 0 is empty, d becomes the least cost of the next pile, and the nodes of that pile are distributed again.
+    Pile 0 holds the open nodes of cost d. Pile b holds those whose cost differs from d in bit b, counted from 1, and in
+    no higher bit. When pile 0 is empty, d becomes the least cost in the next pile, whose nodes are distributed again.
     """
     n = len(start) - 1
     lowest = np.int64(0)  # not 0: numba would compile the helpers once for that number alone
@@ -205,9 +211,10 @@ def costs_of_least_path(
     source: int,
     total: IntArray,
 ) -> None:
-    """Add to `total` (k,) all costs of the path that is least in the cost of `column`.
+    """Add up all k costs of the path from the source that is least in one cost, that of `column`, into `total` (k,).
 
-    The path follows `parent` (n,) from the source; h (n,) are the least remaining costs of that column.
+    h (n,)       least remaining cost of each node, in that column
+    parent (n,)  next node on the path; -1 at its end
     """
     k = costs.shape[1]
     u = source
@@ -230,10 +237,11 @@ def costs_of_least_path(
 def lower_bounds(
     graph: Graph, source: int, targets: IntArray, clock: Clock, groups: Groups | None = None
 ) -> tuple[IntArray, IntArray, Status | None]:
-    """Return bounds h (k, n), the cost vectors (k, k) of the least path of each cost, and the limit passed or None.
+    """Return lower bounds of the remaining costs of all nodes, and the costs of the best path for each cost.
 
-    h is UNREACHABLE at nodes that reach no target; a source that reaches no target has no vectors, (0, k). If memory
-    does not suffice, h is (k, 0).
+    The first value has the bounds (k, n), UNREACHABLE at nodes that reach no target; it is (k, 0) if memory does not
+    suffice. Row j of the second, (k, k), has all costs of the path from the source that is least in cost j; it is
+    (0, k) if the source reaches no target. The third value is the limit that was passed, or None.
     """
     k = graph.criteria
     clock.report("bounds")
@@ -250,7 +258,7 @@ def lower_bounds(
 
 
 def memory_of_searches(graph: Graph, groups: Groups) -> int:
-    """Return the bytes that the searches of all costs take, groups included."""
+    """Return how many bytes the backward searches for all costs need, groups included."""
     n, k, m = graph.nodes, graph.criteria, len(groups.heads)
     return m * (ARC + COST * k) + n * (NODE + NODE_COST * k) + groups.nbytes
 
@@ -258,9 +266,9 @@ def memory_of_searches(graph: Graph, groups: Groups) -> int:
 def costs_to_go(
     graph: Graph, targets: IntArray, clock: Clock, groups: Groups, columns: Sequence[int] | None = None
 ) -> tuple[IntArray, NDArray[np.int32]]:
-    """Return the least remaining costs (j, n) in some columns, by default all, and the next nodes (j, n), or -1.
+    """Return the least remaining cost (j, n) of each node in j columns, by default all, and its next node (j, n).
 
-    The next node of a node is its successor on a path of the least cost in that column.
+    The next node is the successor on a path that is least in this cost; it is -1 at targets.
     """
     searches = BackwardSearches(graph, targets, clock, groups, columns)
     searches.settle(-1, np.full(len(searches.columns), UNREACHABLE))
@@ -268,14 +276,14 @@ def costs_to_go(
 
 
 class BackwardSearches:
-    """Searches backward from targets, one for each cost; they stop at distances, and go on from there."""
+    """Backward searches from the targets, one for each cost, that can stop at a distance and continue later."""
 
     def __init__(
         self, graph: Graph, targets: IntArray, clock: Clock, groups: Groups, columns: Sequence[int] | None = None
     ) -> None:
-        """Sort the plain arcs by head.
+        """Prepare the searches: sort the plain arcs by head.
 
-        columns  costs of the searches, by default all
+        columns  columns of the costs for which there is a search, by default all
         """
         self.clock, self.groups = clock, groups
         self.columns = range(graph.criteria) if columns is None else columns
@@ -303,16 +311,16 @@ class BackwardSearches:
         self._searches = [arguments(row, j) for row, j in enumerate(self.columns)]
 
     def settle(self, source: int, until: IntArray) -> IntArray:
-        """Go on up to distances (k,), or to a source unless it is -1; return the distances (k,) of the open nodes.
+        """Continue each search up to a distance (k,), or up to that of the source, unless ``source`` is -1.
 
-        A distance is UNREACHABLE where no node is open.
+        Returns for each search the distance (k,) of its nearest open node, UNREACHABLE if none is open.
         """
         end = source if source < 0 else int(self.groups.new_number[source])
         calls = [(*search, end, distance) for search, distance in zip(self._searches, until.tolist(), strict=True)]
         return np.array(self.clock.call_all(cost_to_go, calls), np.int64)
 
     def results(self) -> tuple[IntArray, NDArray[np.int32]]:
-        """Return the remaining costs (k, n) and the next nodes (k, n) so far, nodes in the order of the graph."""
+        """Return the least remaining cost (k, n) of each node so far, and its next node (k, n), for each search."""
         groups = self.groups
         if (groups.nodes[:-1] < groups.nodes[1:]).all():  # no node was renumbered
             return self.h, self.parents
@@ -321,7 +329,9 @@ class BackwardSearches:
 
 
 def costs_of_least_paths(graph: Graph, source: int, h: IntArray, onward: NDArray[np.int32], clock: Clock) -> IntArray:
-    """Return the cost vectors (k, k) of the least path of each cost from a source; (0, k) if no target is reached.
+    """Return all costs of the best path for each cost: row j (k,) is for the path from the source least in cost j.
+
+    The result is (0, k) if the source reaches no target.
 
     h, onward (k, n)  least remaining costs and next nodes, of :func:`costs_to_go`
     """
@@ -337,7 +347,7 @@ def costs_of_least_paths(graph: Graph, source: int, h: IntArray, onward: NDArray
 
 
 def _path(onward: NDArray[np.int32], source: int) -> IntArray:
-    """Return the nodes of the path from a source along the next nodes (n,)."""
+    """Return the nodes of the path from a source that follows the next node ``onward`` (n,) of each node."""
     nodes = [source]
     while (node := int(onward[nodes[-1]])) >= 0:
         nodes.append(node)

@@ -1,4 +1,4 @@
-"""Groups of turns after a local change of a graph: only those of nodes with changed arcs are computed again."""
+"""Update of the groups of turns after a local change of a graph: only groups with changed arcs are computed again."""
 
 from __future__ import annotations
 
@@ -26,11 +26,12 @@ MOST_UNUSED = 2  # size of a table of turns relative to what its groups need, ab
 
 
 def take_over_groups(before: Graph, graph: Graph, nodes: IntArray) -> None:
-    """Cache the groups of turns of a graph that differs from the graph ``before`` in the arcs of some nodes.
+    """Derive the groups of turns of a graph from those of the graph ``before`` a local change, and cache them.
 
-    The groups equal those that are computed from scratch. Nothing is cached where a change splits a group.
+    The groups are the same as if they were computed from scratch. Nothing is cached if a change splits a group.
 
-    nodes  (n,)  node of ``before`` with the same arcs, apart from the numbers of their heads; -1 for changed arcs
+    nodes  (n,)  for each node of ``graph``, the node of ``before`` with the same arcs, or -1 if its arcs changed;
+                 the heads of the arcs may have other numbers
     """
     for key, groups in list(before.cache.items()):
         if isinstance(groups, Groups) and key == ("groups", groups.column):
@@ -40,7 +41,7 @@ def take_over_groups(before: Graph, graph: Graph, nodes: IntArray) -> None:
 
 
 def _updated(groups: Groups, before: Graph, graph: Graph, nodes: IntArray) -> Groups | None:
-    """Return the groups of the changed graph; None if they must be computed from scratch."""
+    """Return the groups of the changed graph, arguments as above; None if they must be computed from scratch."""
     clock, n = Clock(Budget(), None), graph.nodes
     whole, new_sizes = _whole_groups(groups, nodes), _sizes_of_changed_groups(groups, graph, nodes, clock)
     if whole is None or new_sizes is None:
@@ -89,7 +90,10 @@ def _updated(groups: Groups, before: Graph, graph: Graph, nodes: IntArray) -> Gr
 
 
 def _whole_groups(groups: Groups, nodes: IntArray) -> IntArray | None:
-    """Return the groups that stay with all their nodes, in order; None if only a part of one stays, or nodes move."""
+    """Return the indices of the groups whose nodes are all unchanged, in order.
+
+    The result is None if only a part of a group is unchanged, or if the order of nodes changed.
+    """
     kept = np.flatnonzero(nodes >= 0)
     old = nodes[kept]
     number = np.repeat(np.arange(len(groups.rows)), groups.rows[:, SIZE])[old]
@@ -103,7 +107,7 @@ def _whole_groups(groups: Groups, nodes: IntArray) -> IntArray | None:
 
 
 def _sizes_of_changed_groups(groups: Groups, graph: Graph, nodes: IntArray, clock: Clock) -> IntArray | None:
-    """Return the numbers of nodes of the groups of changed nodes, in order; None if their turns do not fit."""
+    """Return the sizes of the groups that the changed nodes form, in order; None if their turns form no groups."""
     changed, group = np.flatnonzero(nodes < 0), np.full(graph.nodes, -1)
     entered = np.zeros(graph.nodes, np.bool_)
     entered[graph.heads] = True
@@ -124,7 +128,7 @@ def _sizes_of_changed_groups(groups: Groups, graph: Graph, nodes: IntArray, cloc
 def _written_turns(
     groups: Groups, whole: IntArray, rows: IntArray, is_new: BoolArray, tables: tuple[Any, ...], clock: Clock
 ) -> IntArray:
-    """Return the table of turns of the groups that stay (``whole``) and of new groups, and write their offsets to rows.
+    """Return the table of turn costs for unchanged groups (``whole``) and new groups, and write offsets to ``rows``.
 
     tables  first arguments of :func:`write_turn_costs`, with the rows of the new groups
     """
@@ -145,7 +149,7 @@ def _written_turns(
 
 @lean
 def turns_differ(rows: IntArray, dearest: IntArray, turns: IntArray, column: int) -> bool:
-    """Return whether the turns of some group have different costs in a column."""
+    """Return whether in any group two turns differ in the cost of a column."""
     for g in range(len(rows)):
         size = rows[g, SIZE]
         for u in range(size):

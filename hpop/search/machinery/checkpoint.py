@@ -1,17 +1,17 @@
-"""Checkpoints: the labels of a search in a file, from which the search resumes without a loss.
+"""Checkpoints: a file with the labels (partial paths) of a search, from which the search can resume.
 
-Costs, keys and sets follow from the query and the labels and are computed again (:mod:`.machinery.labels`). A
-fingerprint of the graph, its ends and the options identifies the query. A search runs in slices of equal work and is
-saved between two slices, so a resumed search makes the same expansions in the same order, and ends with the same front,
-paths and numbers of labels.
+Only labels are saved. Costs, heap keys and sets follow from the query and the labels, and are computed again
+(:mod:`.machinery.labels`). A fingerprint of the graph, source, targets and options identifies the query. A search runs
+in slices of equal work, and is saved between two slices. So a resumed search makes the same expansions in the same
+order, and ends with the same front, paths and numbers of labels.
 
-The file has MAGIC, the length of a header, the header in JSON (format, version of hpop, method, fingerprint, name, type
-and shape of each array), the arrays one after the other, and a checksum of all this. It is written to a temporary file
-and moved to its place when it is complete and on the disk, so a killed process leaves the last complete file.
+The file has MAGIC, the length of a header, the header in JSON (format, version of hpop, method, fingerprint, and name,
+type and shape of each array), the arrays one after the other, and a checksum of all this. It is written to a temporary
+file, which replaces the old one when it is complete and on the disk. So a killed process leaves the last complete file.
 
-The checksum detects accidents, not forgery. Whatever the numbers in a file are, no code in it is run, no table is read
-out of its range, and the paths of the resumed search are paths of the graph with their true costs. But missing labels
-can be detected only by searching again: after a resume from a forged file, a front may lack points. A lazy search also
+The checksum detects accidents, not forgery. Whatever a file contains, no code in it is run, no table is read beyond its
+ends, and the paths of the resumed search are paths of the graph with their true costs. But missing labels could be
+detected only by searching again, so after a resume from a forged file, a front may lack points. A lazy search also
 takes from the file which arcs are free. Resume only from files that you trust.
 """
 
@@ -49,24 +49,23 @@ LENGTH = 8  # bytes of the header's length
 CHECKSUM = 32  # bytes
 MAX_HEADER = 2**20  # bytes
 TYPE = np.dtype(np.int64).str  # of all numbers
-NONE = ""  # method of a checkpoint without a search
-SHARE = 30  # least pause between two checkpoints, in times of writing the last one: 3 % of the time
+NONE = ""  # name of the method in a checkpoint that was saved before a search began
+SHARE = 30  # the pause between two checkpoints is at least 30 times the time for writing one, so 3 % of the time
 
 Arrays = dict[str, NDArray[Any]]
 
 
 class CheckpointError(OutputError):
-    """Error of a checkpoint that cannot be read or written, or belongs to another search."""
+    """Error raised for a checkpoint file that cannot be read or written, or belongs to another query."""
 
 
 @checked_arguments
 @dataclass(frozen=True)
 class Checkpoint:
-    """File in which a search saves its state; only one run at a time may use it.
+    """File in which a search saves its state, to resume later; only one run at a time may use it.
 
     path   path of the file; if the file exists, the search resumes from it
-    every  s, interval between two checkpoints, longer if writing takes long; the last one is written when the search
-           stops
+    every  s   pause between two writes, longer if writing takes long; a search that a limit stops writes once more
     """
 
     path: str | os.PathLike[str]
@@ -79,7 +78,7 @@ class Checkpoint:
 
     @classmethod
     def of(cls, spec: CheckpointSpec) -> Checkpoint:
-        """Return the checkpoint at a path; return a Checkpoint unchanged."""
+        """Return a Checkpoint for a path, with default options; return a Checkpoint unchanged."""
         return spec if isinstance(spec, Checkpoint) else cls(spec)
 
     def checked_path(self) -> Path:
@@ -100,15 +99,18 @@ class Checkpoint:
 
 
 def _refuse_other(path: Path) -> None:
-    """Raise CheckpointError if the path is a folder or a file that is no checkpoint, so that it is not overwritten."""
+    """Raise CheckpointError for a folder or a file other than a checkpoint, so that a search never overwrites it."""
     if not path.exists():
         return
     if not path.is_file():
         kind = "a folder" if path.is_dir() else "no ordinary file"
-        raise CheckpointError(f"the checkpoint {path} is {kind}; give the path of a file")
+        raise CheckpointError(f"checkpoint must be the path of a file, but {path} is {kind}; give another path")
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
-            raise CheckpointError(f"{path} is no checkpoint of hpop, so it is not overwritten; choose another file")
+            raise CheckpointError(
+                f"checkpoint must be a new file or a checkpoint of hpop, but {path} is neither, so it is not "
+                "overwritten; choose another file"
+            )
 
 
 CheckpointSpec: TypeAlias = str | os.PathLike[str] | Checkpoint
@@ -119,12 +121,12 @@ class Keeper:
 
     question  fingerprint of the query, see :func:`fingerprint`
     saved     content of the file, until a search has resumed from it; None if there is no file
-    due       s, time of the next checkpoint
-    extra     arrays beside the labels of the search, such as the states of arcs of a lazy search
+    due       s   time at which the next checkpoint is written
+    extra     arrays that are saved beside the labels, such as the states of arcs of a lazy search
     """
 
     def __init__(self, checkpoint: Checkpoint, question: str) -> None:
-        """Read the file if it exists; raise CheckpointError if the file is of another query or not writable."""
+        """Read the file if it exists; raise CheckpointError if it belongs to another query or is not writable."""
         self.question, self.every = question, checkpoint.every
         self.path = checkpoint.checked_path()
         self.begin({})
@@ -133,21 +135,27 @@ class Keeper:
         if self.saved is not None and self.saved.question != question:
             raise CheckpointError(
                 f"the checkpoint {self.path} is of another problem: its graph, start, goal or options differ. "
-                "Give another file, or remove this one if its search is no longer wanted"
+                "Give another file, or remove this one if you no longer need its search"
             )
 
     @classmethod
     def of(cls, checkpoint: CheckpointSpec | None, graph: Graph, *question: Any) -> Self | None:
-        """Return the keeper for a query on a graph, or None if the query has no checkpoint."""
+        """Return the keeper for a query on a graph, or None if ``checkpoint`` is None.
+
+        ``question`` has all other arguments that identify the query, see :func:`fingerprint`.
+        """
         return None if checkpoint is None else cls(Checkpoint.of(checkpoint), fingerprint(graph, *question))
 
     @property
     def method(self) -> str | None:
-        """Name of the search method in the file, or None."""
+        """Name of the search method that the file was saved by; None if there is no file."""
         return None if self.saved is None else self.saved.method
 
     def run(self, search: Search, method: str, clock: Clock) -> Status:
-        """Run a search; resume it from the file if possible, save it at intervals and when a limit stops it."""
+        """Run a search: resume it from the file if there is one, save it at intervals, and when a limit stops it.
+
+        ``method`` is its name; a file that another method saved is not used.
+        """
         if self.saved is not None and self.saved.method == method:
             began = clock.seconds()
             own = {name: array for name, array in self.saved.arrays.items() if name not in self.extra}
@@ -169,30 +177,30 @@ class Keeper:
         return status
 
     def begin(self, extra: Arrays) -> None:
-        """Set the extra arrays before a search, and store only these until the search runs."""
+        """Set the extra arrays before a search begins; until it runs, a save writes only these."""
         self.extra = extra
         self.snapshot = lambda: Saved(NONE, self.question, self.extra)
 
     def update_extra(self, extra: Arrays) -> None:
-        """Replace the extra arrays of a search that was stopped; its labels stay."""
+        """Replace the extra arrays of a search that was stopped; the next save writes them with its labels."""
         self.extra = extra
 
     def save_if_due(self) -> None:
-        """Write a checkpoint if the interval has passed."""
+        """Write the checkpoint file if the interval has passed."""
         began = perf_counter()
         if began >= self.due:
             self.save()
             self.due = perf_counter() + max(self.every, SHARE * (perf_counter() - began))
 
     def save(self) -> None:
-        """Write a checkpoint. If writing fails, warn and leave the last checkpoint, so that the search can continue."""
+        """Write the checkpoint file. If that fails, warn and keep the last file, so that the search can go on."""
         if self.saved is not None:  # not resumed yet
             return
         try:
             if Saved.question_in(self.path) not in (None, self.question):
                 warnings.warn(
                     f"the checkpoint {self.path} was overwritten by another search, so this one is not saved; give "
-                    "each search a file of its own",
+                    "each search its own file",
                     HpopWarning,
                     stacklevel=2,
                 )
@@ -211,7 +219,7 @@ class Saved:
 
     method    name of the search method, or NONE
     question  fingerprint of the query
-    arrays    name -> array of int64
+    arrays    int64 arrays by name
     """
 
     method: str
@@ -219,7 +227,7 @@ class Saved:
     arrays: Arrays
 
     def write(self, path: Path) -> None:
-        """Write the checkpoint, completely or not at all."""
+        """Write the content to a file; an interrupted write leaves the old file."""
         header = {
             "format": FORMAT,
             "hpop": __version__,
@@ -262,9 +270,7 @@ class Saved:
     @classmethod
     def _parsed(cls, file: BufferedReader, path: Path) -> Saved:
         size = os.fstat(file.fileno()).st_size
-        damaged = CheckpointError(
-            f"the checkpoint {path} is truncated or damaged; remove it, the search then begins anew"
-        )
+        damaged = CheckpointError(f"the checkpoint {path} is truncated or damaged; remove it to begin the search anew")
         begin = file.read(len(MAGIC) + LENGTH)
         length = int.from_bytes(begin[len(MAGIC) :], "little")
         if length > min(MAX_HEADER, size - len(begin)):
@@ -278,7 +284,7 @@ class Saved:
         if (form, version) != (FORMAT, __version__):
             raise CheckpointError(
                 f"the checkpoint {path} is of hpop {version}, format {form}; this is hpop {__version__}, format "
-                f"{FORMAT}. Go on with that version, or remove the file to begin anew"
+                f"{FORMAT}. Resume with that version of hpop, or remove the file to begin anew"
             )
         try:
             tables = [_array_header(*entry) for entry in header["arrays"]]
@@ -300,14 +306,17 @@ class Saved:
 
 
 def _array_header(name: Any, dtype: Any, shape: Any) -> tuple[str, np.dtype[Any], tuple[int, ...]]:
-    """Return the name, type and shape of an array in a header; raise ValueError or TypeError for an invalid entry."""
+    """Return the name, type and shape of one array, from its entry in the header of a file.
+
+    Raises ValueError or TypeError for an invalid entry.
+    """
     if dtype != TYPE or not all(type(n) is int and 0 <= n < 2**40 for n in shape) or len(shape) > 2:
         raise ValueError
     return str(name), np.dtype(dtype), tuple(shape)
 
 
 def fingerprint(graph: Graph, *question: Any) -> str:
-    """Return a hash of a graph and of the parts of a query: numbers, strings and arrays."""
+    """Return a hash that identifies a query: of its graph and of all parts of ``question`` (numbers, texts, arrays)."""
     tables = (graph.indptr, graph.heads, graph.costs)
     checksum = hashlib.blake2b(digest_size=CHECKSUM)
     for part in (graph.aggregates, *tables, *question):
@@ -319,7 +328,7 @@ def fingerprint(graph: Graph, *question: Any) -> str:
 
 
 def restore(search: Search, arrays: Arrays, clock: Clock, path: Path) -> None:
-    """Resume a new search from the arrays of its labels; raise CheckpointError if they do not belong to its query."""
+    """Put a new search into the state that was saved as arrays; raise CheckpointError if they do not fit its query."""
     from hpop.search.machinery.labels import Labels, Unsound  # numba: on first use
 
     try:
@@ -329,9 +338,9 @@ def restore(search: Search, arrays: Arrays, clock: Clock, path: Path) -> None:
 
 
 def invalid_checkpoint(path: Path, why: object) -> CheckpointError:
-    """Return the error for a file with invalid content."""
+    """Return the error to raise for a file whose content does not fit the query, for the reason ``why``."""
     return CheckpointError(
-        f"the checkpoint {path} does not fit this search ({why}); remove it, the search then begins anew"
+        f"the checkpoint {path} does not fit this search ({why}); remove it to begin the search anew"
     )
 
 

@@ -1,4 +1,4 @@
-"""Base of searches with all open labels in one heap, ordered by all their costs."""
+"""Base class of searches that keep all open labels (partial paths) in one heap, ordered by all their costs."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from hpop.search.machinery.slices import HEAP, KEYS, N_OPEN, Clock, Search
 
 
 class HeapSearch(Search):
-    """Search with a 4-ary heap of open labels.
+    """Search with a 4-ary heap of open labels (partial paths), sorted by their estimates (lower bounds of costs).
 
-    keys    (capacity * words,)  estimates of open labels, packed into words in lexicographic order
-    values  (capacity,)          open labels
-    plan    packing of estimates into keys, of :func:`.plan_keys`
+    keys    (capacity * words,)  estimates, packed into words that sort in lexicographic order
+    values  (capacity,)          the labels
+    plan    how estimates are packed into keys, of :func:`.plan_keys`
     """
 
     keys: IntArray
     values: IntArray
 
     def __init__(self, f: list[int], rise: list[int], fan: int) -> None:
-        """Start with one open label at the source.
+        """Start with one open label (partial path), at the source.
 
         f     (k,)  estimate of this label
         rise  (k,)  largest growth of an estimate in one expansion
-        fan         largest number of new labels of an expansion
+        fan         largest number of new labels that one expansion adds
         """
         super().__init__(len(f), fan)
         self.rise = np.array(rise, np.int64)
@@ -45,25 +45,25 @@ class HeapSearch(Search):
         return [self.keys, self.values]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Return the additional bytes, and a function that doubles the heap or widens its keys."""
+        """Return how many bytes more are needed, and a function that doubles the heap or widens its keys."""
         if code == HEAP:
             return self.keys.nbytes + self.values.nbytes, self._grow_heap
         if code == KEYS:
             return self.values.nbytes * self._wider_packing()[3], self._widen_keys
-        raise AssertionError(f"a kernel asks for room {code} that no search has, please report")
+        raise AssertionError(f"a kernel returned {code}, which names no array of its search; please report this bug")
 
     def estimates(self) -> IntArray:
-        """Return the estimates (m, k) of open labels."""
+        """Return the estimates (m, k) of all open labels (partial paths), unpacked from the heap's keys."""
         word, shift, limit, words = self.plan
         keys = self.keys[: int(self.counters[N_OPEN]) * words].reshape(-1, words)
         return (keys[:, word] >> shift) & limit
 
     def open_labels(self) -> tuple[IntArray, IntArray]:
-        """Return the open labels of the heap, and no labels of buckets."""
+        """Return the open labels (partial paths) in the heap, and an empty array, as this search has no buckets."""
         return self.values[: int(self.counters[N_OPEN])], np.zeros(0, np.int64)
 
     def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
-        """Fill the heap with labels (h,) and their estimates, costs (h, k); raise Unsound for an invalid heap."""
+        """Fill the heap with saved labels (h,) and their estimates ``costs`` (h, k); raise Unsound if it is invalid."""
         if len(waiting):
             raise Unsound("labels wait outside the heap")
         n = len(heap)

@@ -1,4 +1,4 @@
-"""Kernels that searches share: compilation, a 4-ary heap with keys of one or more words, coverage, the gap."""
+"""Kernels that searches share, and their compilation: a 4-ary heap, coverage of vectors, the gap of a front."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from hpop.runtime.interrupts import interrupts_held
 # Imported on first use only, because importing numba takes half a second.
 
 
-WORD_BITS = 62  # of a key word, so that it is non-negative as int64
+WORD_BITS = 62  # bits used of each key word, so that it is non-negative as int64
 
 
-# Kernels assign arrays element by element: for an assignment of arrays, numba compiles the error message for different
-# shapes, which takes two seconds.
+# Kernels assign arrays element by element. If they assigned whole arrays, numba would also compile the error message
+# for different shapes, which takes two seconds.
 
 
 def signature(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -29,10 +29,10 @@ def signature(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def is_ready(compiled: Any, *arguments: Any) -> bool:
-    """Return whether a kernel is in memory for arguments of these types.
+    """Return whether a kernel is compiled and in memory for arguments of these types.
 
-    numba takes a third of a millisecond to find the types of a search's arguments, which is long for a slice. So
-    kernels that are ready are remembered by the layout of their arguments.
+    numba takes a third of a millisecond to find the types of a search's arguments, which is long for a slice. So the
+    layouts of arguments are remembered for which a kernel is ready.
     """
     key = compiled, _argument_layout(arguments)
     if key in _ready:
@@ -57,7 +57,7 @@ def _argument_layout(argument: Any) -> Any:
 def make_ready(compiled: Any, *arguments: Any) -> None:
     """Compile a kernel for these arguments, or load it from the cache.
 
-    Ctrl-C waits for a load, which is short, as llvmlite drops exceptions that are raised during it.
+    During a load Ctrl-C is delayed, because llvmlite drops exceptions that are raised in it; a load is short.
     """
     with interrupts_held() if is_cached(compiled) else nullcontext():
         compiled.compile(signature(arguments))
@@ -65,7 +65,11 @@ def make_ready(compiled: Any, *arguments: Any) -> None:
 
 @lean
 def push(keys: IntArray, values: IntArray, size: int, words: int, key: IntArray, value: int) -> None:
-    """Add an entry, `key` (words,) and `value`, to a heap of `size` entries with keys (capacity * words,)."""
+    """Add an entry, with a `key` of some words and a `value`, to a 4-ary heap of `size` entries.
+
+    keys    (capacity * words,)  keys of the entries, compared lexicographically; the heap's first entry is the least
+    values  (capacity,)
+    """
     i = size
     if words == 1:
         first = key[0]
@@ -99,7 +103,7 @@ def push(keys: IntArray, values: IntArray, size: int, words: int, key: IntArray,
 
 @lean
 def drop_first(keys: IntArray, values: IntArray, size: int, words: int) -> None:
-    """Remove the first entry of a heap of `size` entries."""
+    """Remove the first (least) entry of a heap of `size` entries; arguments as in :func:`push`."""
     n = size - 1
     value = values[n]
     i = 0
@@ -144,7 +148,7 @@ def drop_first(keys: IntArray, values: IntArray, size: int, words: int) -> None:
 
 @lean
 def precedes(keys: IntArray, i: int, j: int, words: int) -> bool:
-    """Return whether entry i of a heap is lexicographically less than entry j."""
+    """Return whether the key of entry i of a heap is lexicographically less than that of entry j."""
     for w in range(words):
         a, b = keys[i * words + w], keys[j * words + w]
         if a != b:
@@ -153,9 +157,9 @@ def precedes(keys: IntArray, i: int, j: int, words: int) -> bool:
 
 
 def plan_keys(largest: list[int]) -> tuple[IntArray, IntArray, IntArray, int]:
-    """Return a packing of columns of non-negative integers into few key words that keep the lexicographic order.
+    """Plan how to pack columns of non-negative integers into few 62-bit words that sort in the same order.
 
-    ``largest`` are the largest values of the columns. Returns the word, the bit shift and the largest packed value of
+    ``largest`` has the largest value of each column. Returns the word, the bit shift and the largest value that fits of
     each column, and the number of words.
 
     >>> word, shift, limit, words = plan_keys([1000, 63, 5])
@@ -186,7 +190,10 @@ def repack(
     new: tuple[IntArray, IntArray, IntArray, int],
     out: IntArray,
 ) -> None:
-    """Write the keys of a heap to `out`, which must be 0, in the packing `new` instead of `old`."""
+    """Write the keys of a heap, packed by the plan `old`, to `out` by the plan `new`; `out` must be 0 before.
+
+    Plans are results of :func:`plan_keys`.
+    """
     for i in range(size):
         for j in range(len(old[0])):
             value = (keys[i * old[3] + old[0][j]] >> old[1][j]) & old[2][j]
@@ -195,7 +202,7 @@ def repack(
 
 @lean
 def excess(vector: FloatArray, least: FloatArray) -> float:
-    """Return the largest relative excess of a vector (k,) over an estimate `least` (k,) in any cost."""
+    """Return by how much a vector (k,) exceeds an estimate `least` (k,): the largest relative excess in any cost."""
     worst = 0.0
     for j in range(len(vector)):
         if least[j] > 0:
@@ -207,9 +214,10 @@ def excess(vector: FloatArray, least: FloatArray) -> float:
 
 @lean
 def largest_gap(front: FloatArray, estimates: FloatArray, most: float) -> float:
-    """Return the least gap within which the front (n, k) covers each estimate (m, k); stop early at a gap of `most`.
+    """Return the least gap such that each estimate (m, k) has a vector of the front (n, k) within (1 + gap) times it.
 
-    Neighbours in a queue are similar, so the vector that covered one estimate is tried first for the next estimate.
+    The computation stops as soon as the gap reaches `most`. Neighbouring estimates are similar, so the vector that was
+    nearest to one estimate is tried first for the next.
     """
     gap = 0.0
     last = 0
@@ -231,7 +239,10 @@ def largest_gap(front: FloatArray, estimates: FloatArray, most: float) -> float:
 
 
 def proven_gap(front: IntArray, estimates: IntArray, most: float) -> float:
-    """Return :func:`.approximation.proven_gap` of a front (n, k) and estimates (m, k); stop early at `most`."""
+    """Return the gap of a front (n, k) to estimates (m, k), like :func:`.approximation.proven_gap`, but faster.
+
+    As soon as the gap reaches `most`, the computation stops and returns the gap found by then.
+    """
     if not len(estimates):
         return 0.0
     if not len(front):
@@ -241,7 +252,10 @@ def proven_gap(front: IntArray, estimates: IntArray, most: float) -> float:
 
 @kernel
 def least_covered(cost: int, eps: float, tolerance: int) -> int:
-    """Return the least estimate that a cost covers: the smallest f >= 0 with f + floor(eps f) + tolerance >= cost."""
+    """Return the least estimate that a found cost covers within the precision of a front.
+
+    This is the smallest f >= 0 with f + floor(eps f) + tolerance >= cost.
+    """
     if cost <= tolerance:
         return 0
     rounding = 2 + (cost >> 50)  # bound on the rounding of the quotient

@@ -1,15 +1,15 @@
-"""The labels of a search, from which a checkpoint restores its state.
+"""The labels (partial paths) of a search as arrays, from which a checkpoint restores the state of the search.
 
-A label has its parent and its arc, so its costs, its key in the queue and the sets of its node follow from the graph. A
-label in a file is therefore a path of this graph with its true costs, or it is refused; no number in a file is used as
-an index before it is checked. A resumed search checks that
+A label stores its parent label and its last arc. Its costs, its key in the queue and the sets of vectors at its node
+follow from the graph. So a label in a file is either a path of this graph with its true costs, or it is refused. No
+number in a file is used as an index before it is checked. A resumed search checks that
 
-- the arc of each label leaves its parent's node, its parent was closed before it, and all labels differ;
-- labels were closed, and solutions found, in the order of the search, none covered by earlier ones;
-- the open labels form a heap, and none should have been closed before a closed label;
-- the checksums are right: of the costs of open labels, of the front, and of the sets.
+- the arc of each label leaves the node of its parent, the parent was closed before, and all labels differ;
+- labels were closed, and solutions found, in the order of the search, and none is covered by earlier ones;
+- the open labels form a heap, and none of them precedes a closed label in the order of the search;
+- the checksums of the costs of open labels, of the front, and of the sets are right.
 
-It does not check whether open labels are missing, as that would take the whole search.
+It does not check whether open labels are missing, as that would take as long as the search itself.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ OPEN, FRONT, SETS, EVIDENCE = range(4)
 
 
 class Unsound(ValueError):
-    """Error of labels that do not belong to the search that resumes from them; the message says why."""
+    """Error raised for saved labels (partial paths) that do not fit the search that resumes; the message says why."""
 
 
 @dataclass(frozen=True, eq=False)
 class Labels:
-    """State of a search: its labels, each as one int64 (:mod:`.slices`).
+    """State of a search: its labels (partial paths), each encoded as one int64 (:mod:`.slices`).
 
-    closed     (c,)  closed labels in the order of closing; the parent part of a label is 1 + an index into this array
+    closed     (c,)  labels that were extended (closed), in order; other labels refer to their parents by index here
     heap       (h,)  open labels in the heap, in its order
     waiting    (w,)  open labels in buckets, not yet in the heap, in the order of their buckets
     solutions  (s,)  labels of the front, in the order in which they were found
@@ -57,33 +57,35 @@ class Labels:
 
     @classmethod
     def of(cls, arrays: dict[str, NDArray[Any]]) -> Self:
-        """Return the labels stored in arrays, by name of the field; raise Unsound for invalid arrays."""
+        """Return the labels from arrays by the names of the fields; raise Unsound if arrays are missing or invalid."""
         names = [field.name for field in fields(cls)]
         if sorted(arrays) != sorted(names) or any(a.dtype != np.int64 or a.ndim != 1 for a in arrays.values()):
-            raise Unsound("its arrays are other ones")
+            raise Unsound("its arrays have other names or types")
         labels = cls(**arrays)
         if len(labels.counts) != COUNTS or len(labels.evidence) != EVIDENCE:
-            raise Unsound("its arrays are other ones")
+            raise Unsound("its arrays have other sizes")
         if not 0 <= labels.counts[EXPANDED] <= labels.counts[GENERATED] + 1 <= 2**62:
             raise Unsound("its counts of labels are impossible")
         return labels
 
     @property
     def all(self) -> IntArray:
-        """Concatenation of closed labels, open labels and solutions."""
+        """All labels (partial paths) in one array: closed labels, then open labels, then solutions."""
         return np.concatenate([self.closed, self.heap, self.waiting, self.solutions])
 
 
 def checksum_of_labels(values: IntArray, costs: IntArray) -> int:
-    """Return a checksum of labels (n,) and their costs (n, k); overflow is harmless."""
+    """Return a checksum of labels (n,) and their costs (n, k) that does not depend on their order."""
     parts = np.arange(3, 3 + 2 * costs.shape[1], 2, dtype=np.int64)
     return int(((2 * values + 1) * (costs.astype(np.int64) @ parts)).sum(dtype=np.int64))
 
 
 def check_order(closed: NDArray[Any], opened: NDArray[Any], solved: NDArray[Any]) -> None:
-    """Raise Unsound if the estimates (., k) of closed labels, open labels and solutions contradict the search's order.
+    """Raise Unsound if saved labels (partial paths) are not in the order in which a search takes labels.
 
-    Closed labels are ordered by the first cost alone, as some of them come from turns that are taken at once.
+    closed, opened, solved  (., k)  estimates of closed labels, open labels and solutions
+
+    Closed labels need to be in order only by the first cost, as some of them come from turns, which are not queued.
     """
     if not (_are_in_order(closed[:, :1]) and _are_in_order(solved)):
         raise Unsound("its labels are not in the order of the search")
@@ -100,10 +102,12 @@ def check_order(closed: NDArray[Any], opened: NDArray[Any], solved: NDArray[Any]
 
 
 def check_solutions(is_target: NDArray[np.uint8], nodes: Nodes, ends: Nodes, first: NDArray[Any], most: int) -> None:
-    """Raise Unsound if a closed label is at a target, a solution is not, or a solution exceeds the first bound.
+    """Raise Unsound if a closed label (partial path) ends at a target, or a solution elsewhere or beyond a bound.
 
+    is_target     mask of nodes
     nodes (c,)    nodes of closed labels
-    ends (s,)     nodes of solutions, and `first` (s, 1) their first costs
+    ends (s,)     nodes of solutions
+    first (s, 1)  first costs of solutions
     most          upper bound on the first cost
     """
     if is_target[nodes].any() or not is_target[ends].all() or (first > most).any():
@@ -111,10 +115,11 @@ def check_solutions(is_target: NDArray[np.uint8], nodes: Nodes, ends: Nodes, fir
 
 
 def enter_in_batches(count: int, enter: Callable[[int], int], grow: Callable[[], None]) -> None:
-    """Enter ``count`` labels into sets with a kernel; grow the sets whenever they are full.
+    """Enter ``count`` saved labels into the sets of their nodes, and grow the sets whenever they are full.
 
-    ``enter`` takes the index of the first label to enter and returns the index of the first that found no room. Raises
-    Unsound if ``enter`` returns a negative number, for a label that the search would not have closed.
+    ``enter`` calls a kernel: it takes the index of the first label to enter, and returns the index of the first one for
+    which there was no room, or a negative number for a label that the search would not have closed. Then Unsound is
+    raised. ``grow`` enlarges the sets.
     """
     begin = 0
     while begin < count:
@@ -126,7 +131,7 @@ def enter_in_batches(count: int, enter: Callable[[int], int], grow: Callable[[],
 
 
 def _are_in_order(rows: NDArray[Any]) -> bool:
-    """Return whether rows (n, k) are in lexicographic order."""
+    """Return whether rows (n, k) are in ascending lexicographic order; equal rows may follow each other."""
     before, after = rows[:-1], rows[1:]
     less = np.zeros(len(before), np.bool_)
     equal = np.ones(len(before), np.bool_)
@@ -151,7 +156,7 @@ def retrace(
     at: NDArray[np.int32],
     f: NDArray[Any],
 ) -> int:
-    """Write the node of each label to `at` (n,) and its estimate to f (n, k).
+    """Compute the last nodes and the estimates of saved labels (partial paths); write them to `at` (n,) and f (n, k).
 
     values   (n,)      labels, closed labels first; `closed` is their number
     start    (v + 1,)  offsets of the arcs of nodes; heads (m,) and costs (m, k), `arcs`, of these arcs
@@ -159,7 +164,7 @@ def retrace(
     is_last  (v,)      nodes at which a path ends: targets
     most     (k,)      largest estimates that fit
 
-    Returns n, or i for an invalid label i, or -1 - i for a label i with too large costs.
+    Returns n, or i if label i is invalid, or -1 - i if the costs of label i are too large.
     """
     for i in range(len(values)):
         value = values[i]
@@ -190,7 +195,7 @@ def retrace(
 
 @kernel
 def is_heap(keys: IntArray, size: int, words: int) -> bool:
-    """Return whether no entry of a 4-ary heap precedes its parent."""
+    """Return whether keys form a 4-ary heap: no entry has a smaller key than its parent."""
     sound = True
     for i in range(1, size):
         sound &= not precedes(keys, i, (i - 1) >> 2, words)

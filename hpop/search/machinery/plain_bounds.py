@@ -1,10 +1,10 @@
-"""Lower bounds of one query: searches stop early, and reversed arcs of graphs without groups of turns are cached.
+"""Fast lower bounds of the remaining costs for one query.
 
-A backward Dijkstra search for each cost runs until it reaches the source. This gives the path that is least in the
-cost. Let U be the largest cost j of these k paths. Search j goes on until all open nodes are farther than U, and stops
-at a distance D > U. The bound of every other node is D, if D is less than its open distance. The minimum of a
-consistent bound and a constant is consistent, so the front remains exact. A label at such a node exceeds U in cost j,
-as only few labels of a front do.
+A backward Dijkstra search for each cost runs until it reaches the source. This gives the path that is least in that
+cost. Let U be the largest cost j of these k paths. Search j goes on until all open nodes are farther than U, and then
+stops at a distance D > U. Every node that it has not settled gets the bound D, or its tentative distance if that is
+less. The minimum of a consistent bound and a constant is consistent, so the front remains exact. A label at such a node
+exceeds U in cost j, and only few labels of a front do. Reversed arcs of graphs without groups of turns are cached.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from hpop.search.machinery.kernels import WORD_BITS
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import CACHED, Groups
 
-FARTHEST = 2**61  # distance that no path has
+FARTHEST = 2**61  # larger than the distance of any path
 
 
 @lean
@@ -45,9 +45,14 @@ def settle(
     out: IntArray,
     parent: NDArray[np.int32],
 ) -> int:
-    """Go on with a backward search up to a distance, or to that of the source; return the number of heap entries left.
+    """Continue a backward Dijkstra search to the distance ``until`` or that of the source, whichever is less.
 
-    An entry of the 4-ary heap is distance << bits | node. An entry is obsolete if its node has a smaller distance.
+    Returns the number of entries that remain in the heap. An entry of the 4-ary heap is distance << bits | node; it is
+    obsolete if its node has a smaller distance by now.
+
+    begin (n + 1,), tails (m,), weights (m,)  arcs sorted by head: offsets of each head, tails, costs
+    size, heap                                number of entries, and the heap
+    out, parent (n,)                          output: least distance of each node, and next node towards the target
     """
     mask = (1 << bits) - 1
     while size > 0:
@@ -94,9 +99,10 @@ def settle(
 def plain_bounds(
     graph: Graph, source: int, targets: IntArray, clock: Clock, groups: Groups
 ) -> tuple[IntArray, IntArray, Status | None]:
-    """Return the results of :func:`.lower_bounds` for searches from the source; bounds of far nodes may be smaller.
+    """Return lower bounds like :func:`.lower_bounds`, but faster, and smaller for nodes far from the targets.
 
-    With costs that do not fit a heap entry, they are those of :func:`.lower_bounds`.
+    They suffice for a search from this source. With costs that do not fit a heap entry, on a graph without groups of
+    turns, the result is that of :func:`.lower_bounds`.
     """
     if groups.column >= 0:
         return _bounds_with_groups(graph, source, targets, clock, groups)
@@ -134,7 +140,7 @@ def plain_bounds(
 def _bounds_with_groups(
     graph: Graph, source: int, targets: IntArray, clock: Clock, groups: Groups
 ) -> tuple[IntArray, IntArray, Status | None]:
-    """Return the bounds of :func:`plain_bounds` on a graph with groups of turns."""
+    """Return the result of :func:`plain_bounds` for a graph with groups of turns."""
     clock.report("bounds")
     k, memory = graph.criteria, memory_of_searches(graph, groups)
     status = clock.exceeded(0, memory)
@@ -152,7 +158,11 @@ def _bounds_with_groups(
 
 
 def _bound_open_nodes(h: IntArray, nearest: IntArray) -> None:
-    """Lower the bounds h (k, n) of open nodes to the distance (k,) of the nearest one, UNREACHABLE if none is open."""
+    """Turn tentative distances h (k, n) of stopped searches into lower bounds.
+
+    nearest  (k,)  distance of the nearest open node of each search: no bound of an open node is larger; UNREACHABLE if
+                   no node is open, and then nodes that are not reached have no path to a target
+    """
     unreached = np.zeros(h.shape[1], np.bool_)
     for bounds, distance in zip(h, nearest, strict=True):
         if distance < UNREACHABLE:
@@ -163,7 +173,7 @@ def _bound_open_nodes(h: IntArray, nearest: IntArray) -> None:
 
 
 def _reversed(graph: Graph, groups: Groups, clock: Clock) -> tuple[IntArray, NDArray[np.int32], IntArray]:
-    """Return the offsets of the arcs that enter each node, their tails (m,) and their costs (k, m)."""
+    """Return the arcs sorted by head: the offsets (n + 1,) of each head, and the arcs' tails (m,) and costs (k, m)."""
     if "reversed" in graph.cache:
         arcs: tuple[IntArray, NDArray[np.int32], IntArray] = graph.cache["reversed"]
         return arcs

@@ -1,8 +1,8 @@
-"""Base of searches in slices: a kernel runs for a while, then Python reports progress, checks the budget, grows arrays.
+"""Base class of searches in slices: a kernel runs briefly, then Python reports progress, checks limits, grows arrays.
 
-The kernels (:mod:`.general.search`, :mod:`.staircase.search`) have a heap of open labels, the closed labels and the
-front. A label is one int64: (closed parent + 1) << 32 | (arc + 1), and 0 is the source. Its costs are its key in the
-heap, so a closed label takes eight bytes.
+A search has a queue of open labels (partial paths to extend), the closed labels (already extended), and the front. A
+label is one int64: (index of its closed parent + 1) << 32 | (last arc + 1), and 0 for the source. Its costs are only in
+the keys of the queue, so a closed label takes eight bytes.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from hpop.search.machinery import beside
 from hpop.search.machinery.kernels import is_ready, make_ready
 from hpop.search.machinery.labels import Labels, Nodes, Unsound, check_order, checksum_of_labels
 
-# Return values of a kernel: the first two, or the array that has too little room for the next expansion.
+# Return values of a kernel: DONE, SLICE (the slice is over), or the array that is too full for the next expansion.
 DONE, SLICE, HEAP, CLOSED, FRONT, WIDTH, ROWS, KEYS, CHUNKS, BUCKETS = range(10)
-# The counters that a kernel and its driver share.
+# Indices of the counters that a kernel and Python share.
 N_OPEN, N_CLOSED, N_FRONT, N_GENERATED, N_EXPANDED, N_ROWS, COUNTERS = range(7)
-PARTS = 8  # of a table, computed in parallel
+PARTS = 8  # number of parts of a table that are computed in parallel
 WORK = 2_000_000  # elementary steps per slice: about 20 milliseconds
 SMALL = 2**18  # bytes of arrays below which a call is faster than starting a thread
 INT32_LIMIT = 2**30  # smaller costs and sums are stored in 32 bits
 
 
 class Clock:
-    """Clock and budget of one search. Compiling is reported and measured, but not charged to the time limit.
+    """Clock, limits and progress reports of one search. The time for compiling kernels does not count as search time.
 
     begin     s, time at which the search began
     compiled  s, time spent on compiling kernels
@@ -53,7 +53,7 @@ class Clock:
         self.peak = 0
 
     def silent(self, labels: int, memory: int) -> Clock:
-        """Return a clock without reports for a part of the search; ``labels`` and ``memory`` are spent already."""
+        """Return a clock without progress reports for a part of the search, with limits less what is used already."""
         most, room = self.budget.max_labels, self.budget.max_memory
         remaining = replace(
             self.budget,
@@ -70,18 +70,18 @@ class Clock:
         return WORK
 
     def seconds(self) -> float:
-        """Return the seconds since the search began, without compiling."""
+        """Return the seconds since the search began, without the time for compiling."""
         return perf_counter() - self.begin - self.compiled
 
     def report(self, stage: str, counters: Sequence[int] | IntArray | None = None, memory: int = 0) -> None:
-        """Call the progress callback with a stage, counters of the kernel, and bytes in use."""
+        """Call the progress callback with the name of a stage, counters of the kernel, and bytes in use."""
         if self.progress is None:
             return
         c = [0] * COUNTERS if counters is None else [int(x) for x in counters]
         self.progress(Progress(stage, c[N_GENERATED], c[N_OPEN], c[N_FRONT], memory, self.seconds()))
 
     def prepare(self, compiled: Any, *arguments: Any) -> None:
-        """Compile a kernel for arguments of these types, unless it is in memory; report and measure the time."""
+        """Compile or load a kernel for arguments of these types if it is not in memory; report and measure that."""
         if is_ready(compiled, *arguments):
             return
         began = perf_counter()
@@ -97,12 +97,12 @@ class Clock:
         self.compiled += perf_counter() - began
 
     def call(self, compiled: Any, *arguments: Any) -> Any:
-        """Call a kernel, compiled first if necessary."""
+        """Call a kernel, after compiling it if necessary, and return its result."""
         self.prepare(compiled, *arguments)
         return compiled(*arguments)
 
     def call_all(self, compiled: Any, calls: Sequence[tuple[Any, ...]]) -> list[Any]:
-        """Call a kernel once per tuple of arguments, all of equal types; use all cores if the arrays are large."""
+        """Call a kernel once for each tuple of arguments, on all cores if arrays are large; return the results."""
         self.prepare(compiled, *calls[0])
         with interrupts_held():
             if sum(x.nbytes for x in calls[0] if isinstance(x, np.ndarray)) < SMALL:
@@ -111,7 +111,7 @@ class Clock:
                 return list(threads.map(lambda arguments: compiled(*arguments), calls))
 
     def exceeded(self, labels: int, memory: int, *, record: bool = True) -> Status | None:
-        """Return the limit that is passed, or None; ``record``: ``memory`` bytes are in use, not only requested."""
+        """Return the limit that these labels and bytes or the time pass, or None; ``record`` the bytes in the peak."""
         if record:
             self.peak = max(self.peak, memory)
         limit = self.budget
@@ -125,9 +125,9 @@ class Clock:
 
 
 class Search(ABC):
-    """Search with labels, front and the loop over slices; a subclass adds the kernel, the queue and dominance tests.
+    """Search that runs a kernel in slices; a subclass adds the kernel, the queue and the dominance tests.
 
-    counters  numbers that kernel and loop share, at the indices N_OPEN to N_ROWS
+    counters  numbers that kernel and Python share, at the indices N_OPEN to N_ROWS
     closed    (capacity,) closed labels, in the order of closing
     """
 
@@ -138,7 +138,7 @@ class Search(ABC):
     order: tuple[int, ...]  # (k,)       columns of the graph's costs, in the order of the search
 
     def __init__(self, costs: int, fan: int) -> None:
-        """Start with one open label; `fan` is the largest number of new labels of an expansion."""
+        """Start with one open label (partial path); one expansion adds at most `fan` labels."""
         self.fan = fan
         self.counters = np.zeros(COUNTERS, np.int64)
         self.closed = np.zeros(1024, np.int64)
@@ -152,17 +152,17 @@ class Search(ABC):
 
     @abstractmethod
     def arrays(self) -> list[np.ndarray[Any, Any]]:
-        """Return the arrays of the subclass, to count their bytes."""
+        """Return the arrays that the subclass adds, so that their bytes are counted."""
 
     @abstractmethod
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Return the additional bytes for the full array of a code, and a function that grows this array."""
+        """Return how many bytes more the full array of a code needs, and a function that grows this array."""
 
     def run(self, clock: Clock, keep: Callable[[], None] | None = None) -> Status:
-        """Search until the end or a limit; Ctrl-C leaves the front found so far.
+        """Run slices until the search is complete or a limit is passed; return the status.
 
-        ``keep`` is called between slices, to save a checkpoint. If it is set, Ctrl-C waits for the end of a slice, so
-        that the arrays are consistent.
+        After Ctrl-C, the front found so far can be read. ``keep`` is called between slices, to save a checkpoint. If it
+        is given, Ctrl-C waits for the end of a slice, so that the arrays are consistent.
         """
         guarded = nullcontext if keep is None else interrupts_held
         memory = self.memory()
@@ -189,12 +189,12 @@ class Search(ABC):
         return status
 
     def slice_work(self, clock: Clock) -> int:
-        """Return the number of steps of the next slice, fewer near the label limit, so that few labels exceed it."""
+        """Return the number of steps of the next slice; near the label limit fewer, so that few labels exceed it."""
         limit = clock.budget.max_labels
         return clock.work if limit is None else min(clock.work, max(1, limit - int(self.counters[N_GENERATED])))
 
     def memory(self) -> int:
-        """Return the bytes of all arrays."""
+        """Return the size of all arrays in bytes."""
         own = (self.closed, self.front, self.solutions)
         return sum(a.nbytes for a in own) + sum(a.nbytes for a in self.arrays())
 
@@ -220,22 +220,22 @@ class Search(ABC):
 
     @abstractmethod
     def estimates(self) -> IntArray:
-        """Return the estimates (m, k) of open labels, rows as in :meth:`open_labels`, columns in the search's order."""
+        """Return lower bounds (m, k) of the costs of paths that extend open labels, rows as in :meth:`open_labels`."""
 
     @abstractmethod
     def open_labels(self) -> tuple[IntArray, IntArray]:
-        """Return the open labels in the heap (h,), in its order, and the open labels in buckets (w,)."""
+        """Return open labels (partial paths): those in the heap (h,), in its order, and those in buckets (w,)."""
 
     @abstractmethod
     def weight_of_sets(self, clock: Clock) -> int:
-        """Return a checksum of the sets, independent of their order in memory."""
+        """Return a checksum of the sets of vectors used for dominance tests, whatever their order in memory."""
 
     def solution_labels(self) -> IntArray:
-        """Return the labels of the solutions, without those that are closed labels."""
+        """Return the labels of the solutions, for a checkpoint; a subclass leaves out those that are closed labels."""
         return self.solutions[: int(self.counters[N_FRONT])]
 
     def labels(self, clock: Clock) -> Labels:
-        """Return the state from which the search can resume."""
+        """Return the state of the search as labels (partial paths), from which a new search can resume."""
         heap, waiting = self.open_labels()
         counts = self.counters[[N_GENERATED, N_EXPANDED]]
         closed = self.closed[: int(self.counters[N_CLOSED])]
@@ -244,12 +244,12 @@ class Search(ABC):
         )
 
     def resume(self, labels: Labels, clock: Clock) -> None:
-        """Resume from the labels of an earlier search of this query; raise Unsound if they are invalid.
+        """Put this new search into the state of an earlier one, saved as labels; raise Unsound if they are invalid.
 
-        This search must be new. It takes over the labels only after all of them are checked.
+        All labels are checked before any is taken over.
         """
         if labels.order.tolist() != list(self.order):
-            raise Unsound("it takes the costs in another order")
+            raise Unsound("it compares the costs in another order")
         values, c, o = labels.all, len(labels.closed), len(labels.heap) + len(labels.waiting)
         if not len(values) or (np.diff(np.sort(values)) == 0).any() or (c > 0 and labels.closed[0] != 0):
             raise Unsound("a label occurs twice, or the first is missing")
@@ -283,7 +283,7 @@ class Search(ABC):
         return np.array([open_labels, front, self.weight_of_sets(clock)], np.int64)
 
     def _nodes_and_estimates(self, values: IntArray, closed: int, clock: Clock) -> tuple[Nodes, NDArray[Any]]:
-        """Return the nodes (n,) and estimates (n, k) of labels (n,); the first ``closed`` ones are closed labels."""
+        """Return the last nodes (n,) and estimates (n, k) of labels (n,); the first ``closed`` ones are closed."""
         at = np.zeros(len(values), np.int32)
         while True:
             reached, f = self.retrace(values, closed, at, clock)
@@ -294,49 +294,49 @@ class Search(ABC):
 
     @abstractmethod
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
-        """Write the nodes of labels (n,) to ``at`` (n,); return n and the estimates (n, k) of the labels.
+        """Write the last nodes of n labels (partial paths) to ``at`` (n,); return n and their estimates (n, k).
 
         The first ``closed`` labels are closed labels. Instead of n, i is returned if label i is invalid, and -1 - i if
         its costs do not fit the integer type of the search.
         """
 
     def widen(self) -> bool:
-        """Store costs with more bits; return False if the search cannot do so."""
+        """Store costs in wider integers from now on; return False if the search cannot do so."""
         return False
 
     @abstractmethod
     def enter(
         self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solution_labels: NDArray[Any], clock: Clock
     ) -> None:
-        """Fill the sets of the dominance tests; raise Unsound for labels that the search would not have closed.
+        """Fill the sets of vectors for dominance tests; raise Unsound for labels that the search would not have closed.
 
-        nodes, closed  (c,), (c, k)  nodes and estimates of closed labels
-        ends, solved   (s,), (s, k)  nodes and estimates of solutions
+        nodes, closed          (c,), (c, k)  nodes and estimates of closed labels
+        ends, solution_labels  (s,), (s, k)  nodes and estimates of solutions
         """
 
     @abstractmethod
     def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
-        """Fill the queue with labels (h,) and (w,) and their estimates (h + w, k); raise Unsound if out of order."""
+        """Fill the queue with open labels (h,), (w,), with estimates (h + w, k); raise Unsound if out of order."""
 
     @abstractmethod
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
-        """Return the path of each label (n,): indices of arcs in the graph, from the source on."""
+        """Return the whole path of each of n labels, as indices of arcs in the graph, from the source on."""
 
 
-STEPS = 6e6  # per second, at least; it depends on the speed of the memory
+STEPS = 6e6  # steps per second at least; it depends on the speed of the memory
 SHORT_SLICE, LEAST = 120_000, 2_000  # steps of a slice, 2 to 20 ms, and the fewest that are worth a call
-END, LABEL = 1.5e-3, 16e-9  # s for a result, and in addition per label, for its gap and paths
-ROOM = 1.2e-9  # s per byte of an array that grows, for the copy
+END, LABEL = 1.5e-3, 16e-9  # s for preparing a result, and in addition per label, for its gap and paths
+ROOM = 1.2e-9  # s per byte for copying an array that grows
 
 
 class DeadlineClock(Clock):
-    """Clock that ends a search early enough for its result, with gap and paths, to be ready at a deadline.
+    """Clock that stops a search early, so that its result (with gap and paths) is ready at a deadline.
 
-    Compiling is not charged.
+    Time is processor time of this thread. Compiling does not count.
 
     share   share of each limit that the search may use for now, from 0 to 1
-    labels  labels generated by other searches of this query
-    memory  bytes of other searches of this query
+    labels  number of labels that other searches of this query generated
+    memory  bytes that other searches of this query use
     """
 
     def __init__(self, seconds: float | None, budget: Budget, progress: ProgressCallback | None) -> None:
@@ -349,40 +349,40 @@ class DeadlineClock(Clock):
 
     @property
     def is_limited(self) -> bool:
-        """True if the query has a deadline, a time limit or a limit of labels."""
+        """True if the query has a deadline, a time limit or a limit of labels (partial paths)."""
         limits = self.deadline, self.budget.time_limit, self.budget.max_labels
         return any(limit is not None for limit in limits)
 
     @property
     def remaining(self) -> float:
-        """Remaining seconds; inf without a deadline."""
+        """Remaining seconds of the present share of the time; inf without a deadline."""
         if self.deadline is None:
             return float("inf")
         return self.share * self.deadline - (thread_time() - self.started)
 
     @property
     def work(self) -> int:
-        """Number of elementary steps of the next slice, so few that slow steps also meet the deadline."""
+        """Number of elementary steps of the next slice, few enough to meet the deadline on a slow machine."""
         if self.deadline is None:
             return super().work
         return int(min(SHORT_SLICE, max(LEAST, (self.remaining - self._answer) * STEPS)))
 
     def silent(self, labels: int, memory: int) -> DeadlineClock:
-        """Return a clock without reports for a part of the search, with the same deadline."""
+        """Return a clock without progress reports for a part of the search, with the same deadline."""
         plain = super().silent(self.labels + labels, self.memory + memory)
         clock = DeadlineClock(self.deadline, plain.budget, None)
         clock.begin, clock.started, clock.share = plain.begin, self.started, self.share
         return clock
 
     def prepare(self, compiled: Any, *arguments: Any) -> None:
-        """Compile a kernel, or load it, outside of the deadline."""
+        """Compile or load a kernel; the deadline is moved by the time for this."""
         before, spent = thread_time(), self.compiled
         super().prepare(compiled, *arguments)
         if self.compiled > spent:
             self.started += thread_time() - before
 
     def exceeded(self, labels: int, memory: int, *, record: bool = True) -> Status | None:
-        """Return the limit that is passed, or None; the deadline is passed when preparing the result must begin."""
+        """Return the limit that is passed, or None; TIME_LIMIT also if the result must be prepared now."""
         labels += self.labels
         status = super().exceeded(labels, memory + self.memory, record=record)
         if status is not None:

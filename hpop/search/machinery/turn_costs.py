@@ -1,4 +1,4 @@
-"""Costs of the turns of groups (:mod:`.machinery.turns`), in a table whose columns equal groups share.
+"""Table of the costs of turns within groups of nodes (:mod:`.machinery.turns`); equal groups share its columns.
 
 On a lattice most positions have the same turns, so the table is small and stays in the processor's cache.
 """
@@ -16,25 +16,29 @@ from hpop.runtime.status import Status
 from hpop.search.machinery.slices import Clock
 
 OFFSET, SIZE, TURNS, GROUP_COLUMNS = range(4)
-FEW_PAIRS = 2**16  # columns of the table of turns at first; with shared offsets they suffice for most graphs
-SLOTS, PROBES = 2**12, 8  # of the hash table of groups
+FEW_PAIRS = 2**16  # number of columns of the table at first; as groups share them, they suffice for most graphs
+SLOTS, PROBES = 2**12, 8  # size of the hash table of groups, and number of slots that are tried for a group
 CHECKSUM = 2**40 - 1
 
 
 class NoRoom(Exception):
-    """Error of groups that need more memory than the budget of the search has."""
+    """Error raised if tables of groups need more memory than the search's limit allows."""
 
 
 def check_room(clock: Clock, memory: int) -> None:
-    """Raise NoRoom if some bytes exceed the clock's memory budget."""
+    """Raise NoRoom if ``memory`` bytes exceed the memory limit of the clock."""
     if clock.exceeded(0, memory, record=False) is Status.MEMORY_LIMIT:
         raise NoRoom
 
 
 def shared_turns(criteria: int, tables: tuple[Any, ...], memory: int, clock: Clock) -> IntArray:
-    """Return the table of turns of all groups, and write their offsets; equal groups share an offset.
+    """Return the table (k, t) of turn costs of all groups, and write each group's offset in it to ``rows``.
 
-    tables  first arguments of :func:`write_turn_costs`; memory  bytes in use
+    Groups with equal costs share an offset.
+
+    criteria  k
+    tables    first arguments of :func:`write_turn_costs`, up to ``rows``
+    memory    bytes in use already
     """
     rows = tables[-1]
     pairs = int((rows[:, SIZE] ** 2).sum())
@@ -66,11 +70,11 @@ def write_turn_costs(
     turns: IntArray,
     slots: IntArray,
 ) -> tuple[int, int]:
-    """Write the costs of turns from group `first` on to `turns` (k, t), and their offsets to `rows`.
+    """Write the costs of turns to the table `turns` (k, t), and the offset of each group to `rows`.
 
-    Groups with equal costs share an offset where :data:`PROBES` slots suffice to find it. Returns the number of groups
-    that are done, fewer than all where `turns` is full, and the number of columns in use; other arguments are as in
-    :class:`Groups`.
+    Begins with group `first`; `used` columns are in use. Groups with equal costs share an offset if it is found within
+    PROBES slots of a hash table. Returns the number of groups that are done, fewer than all if the table is full, and
+    the number of columns in use. Other arguments are as in :class:`Groups`.
 
     slots  (SLOTS, 3)  hash table of groups: checksum + 1, offset, size; 0 before the first call
     """
@@ -112,9 +116,10 @@ def write_turn_costs(
 
 @kernel
 def no_dearer_than_two(rows: IntArray, turns: IntArray, alike: NDArray[np.bool_], worst: NDArray[np.bool_]) -> bool:
-    """Return whether no turn costs more than two turns in a row between the same nodes, in any cost.
+    """Return whether no turn costs more, in any cost, than two turns in a row between the same nodes.
 
-    worst  (k,)  True for a cost that is a maximum
+    rows, turns, alike  groups, see :class:`.Groups`
+    worst               (k,)  True for a cost that is a maximum
     """
     dearer = False
     for j in range(len(alike)):

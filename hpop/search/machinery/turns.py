@@ -1,22 +1,23 @@
-"""Groups of nodes that are joined by turns, by which a search saves labels.
+"""Groups of nodes that are joined by turns, which save labels (partial paths) in a search.
 
-Call the arcs with a positive cost in one chosen column (the index) turns, except those from a node that no arc enters
-or to a node that no arc leaves: a start and a goal outside of the groups may be joined to them by arcs that turn and
-move. Turns form groups if every ordered pair of nodes joined by turns is joined by exactly one, all raise the index by
-the same amount, and no turn costs more, in any cost, than two turns from and to the same nodes. All of this is checked
-arc by arc, so nothing is assumed of the graph. Then
+An example is the lattice of Becerra et al. 2020 (arXiv 2002.10696): the nodes of a group are the headings at one
+position, and the arcs between them are turns in place.
+
+Choose one cost, the index. Arcs with a positive index cost are called turns, other arcs plain. Arcs from a node that no
+arc enters, and to a node that no arc leaves, are plain in any case, since arcs from a start and to a goal may turn and
+move. Turns form groups if each node of a group is joined to each other one by exactly one turn, if all turns have the
+same index cost, and if no turn costs more, in any cost, than two turns in a row between the same nodes. All of this is
+checked arc by arc, so nothing is assumed of the graph. Then
 
 - a path never needs two turns in a row. So a label is generated only where a plain arc arrives (or a turn reaches a
   target); its successors are "an arc" and "a turn, then an arc".
-- if turns do not raise the first cost of the search, a label g at a node of a group is also dominated if a closed label
-  of any node of the group is nowhere larger after the dearest turn of the group, as that label could turn to this node.
-  First costs are comparable, because their bound is the same at all nodes of a group.
-- likewise a label after a turn counts as closed at its node, as all its successors are generated at once.
-- if moreover all turns of a group have equal costs, a label that is no better than a closed one of its group, at any
-  node, needs no turns: the other label has made them. For lower bounds likewise, the best node of a group represents
-  all.
-
-Becerra et al. 2020 (arXiv 2002.10696) have such turns between the headings of a cell.
+- if turns do not raise the first cost of the search, a label g can also be dominated by a closed label at another node
+  of its group: if that label, plus the dearest turn of the group, is nowhere larger than g, as it could turn to this
+  node. First costs are comparable, because their bound is the same at all nodes of a group.
+- a label after a turn likewise counts as closed at its node, as all its successors are generated at once.
+- if moreover all turns of a group have equal costs, a label needs no turns if it is no better than a closed label at
+  any node of its group: the other label has made these turns. For lower bounds, the best node of a group likewise
+  represents all.
 """
 
 from __future__ import annotations
@@ -45,25 +46,26 @@ from hpop.search.machinery.turn_costs import (
 
 __all__ = ["GROUP_COLUMNS", "OFFSET", "SIZE", "TURNS", "Groups", "NoRoom"]
 
-MOST = 1024  # a turn raises its cost by less
-CACHED = 2**26  # bytes of tables up to which a graph keeps them for its next query
-NODE, ARC = 24, 8  # bytes of a node in groups, also while they are searched, and of an arc that is no turn
+MOST = 1024  # upper bound of the index cost of a turn
+CACHED = 2**26  # bytes: smaller tables are cached with the graph for its next query
+NODE, ARC = 24, 8  # bytes that groups need for each node, also while they are searched, and for each plain arc
 
 
 @dataclass(frozen=True, eq=False)
 class Groups:
-    """Groups of nodes that turns join, and the plain arcs: the arcs that are no turns.
+    """Groups of nodes that are joined by turns, and the plain arcs: all arcs that are no turns.
 
     Nodes are renumbered so that each group is a range of numbers. A node without turns is a group of its own.
 
-    column      column of the cost that turns raise; -1 if there are no turns
-    step        amount by which a turn raises this cost
+    column      column of the index, the cost that turns raise; -1 if there are no turns
+    step        amount by which every turn raises this cost
     nodes       (n,)      node of the graph at each new number
     new_number  (n,)      new number of each node of the graph
     rows        (g, 3)    for each group: first node, number of nodes, offset in ``turns``; groups may share an offset
     dearest     (g, k)    for each group and cost: the largest cost of a turn
-    alike       (k,)      for each cost: True if the turns of each group cost the same
-    turns       (k, t)    costs of turns, one per ordered pair of nodes of a group, then a column of 0; empty if alike
+    alike       (k,)      for each cost: True if within every group all turns cost the same
+    turns       (k, t)    costs of turns, one for each ordered pair of nodes of a group, then a column of 0; empty if
+                          all costs are alike
     start       (n + 1,)  the plain arcs of node v are start[v] : start[v + 1]
     heads       (m,)      heads of the plain arcs, in new numbers
     origin      (m,)      indices of the plain arcs in the graph
@@ -85,23 +87,23 @@ class Groups:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the arrays."""
+        """Size of all arrays, bytes."""
         arrays = (self.nodes, self.new_number, self.rows, self.dearest, self.turns, self.start, self.heads, self.origin)
         return sum(array.nbytes for array in arrays) + (0 if self.plain is None else self.plain.nbytes)
 
     def costs_of_arcs(self, graph: Graph) -> tuple[IntArray, NDArray[np.int32]]:
-        """Return a table of costs, and its row (m,) for each plain arc."""
+        """Return a table with the costs of the plain arcs, and the row of this table for each plain arc (m,)."""
         if self.plain is None:
             return graph.costs, self.origin
         return self.plain, np.arange(len(self.plain), dtype=np.int32)
 
     @classmethod
     def of(cls, graph: Graph, clock: Clock) -> Self:
-        """Return the groups of turns; single nodes if there are none.
+        """Return the groups of turns of a graph; if its turns form no groups, each node is a group.
 
-        Turns are those of the graph's column of turns, or else of the sum with the smallest largest arc cost.
+        The index is the cost that ``graph.turns`` names, or else the sum whose largest arc cost is smallest.
 
-        Raises NoRoom, before memory is allocated, if the clock's budget does not suffice.
+        Raises NoRoom, before memory is allocated, if the clock's memory limit does not suffice.
         """
         most = graph.largest.tolist()
         sums = [j for j, aggregate in enumerate(graph.aggregates) if aggregate == "sum" and 0 < most[j] < MOST]
@@ -110,7 +112,7 @@ class Groups:
 
     @classmethod
     def of_turns(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
-        """Return the groups of turns that raise the cost of a column, or None if these turns form no groups."""
+        """Return the groups of turns with ``column`` as index, or None if these turns form no groups."""
         if not isinstance(graph, ExtendedGraph) or graph.base is None or not _turns_are_at_ends(graph, column):
             if ("groups", column) in graph.cache:
                 return None
@@ -158,7 +160,7 @@ class Groups:
         )
 
     def unshared(self) -> Self:
-        """Return the same groups, each with its own columns of turns, and the costs of arcs in the graph's table."""
+        """Return the same groups, each with its own columns of turn costs, and arc costs in the graph's own table."""
         if not self.turns.size:
             return replace(self, plain=None)
         rows = self.rows.copy()
@@ -189,7 +191,7 @@ class Groups:
 
     @classmethod
     def single_nodes(cls, graph: Graph, clock: Clock) -> Self:
-        """Return groups of one node each; all arcs are plain."""
+        """Return groups of one node each, so that all arcs are plain."""
         groups: Self | None = graph.cache.get("single nodes")
         if groups is not None:
             check_room(clock, groups.nbytes)
@@ -222,9 +224,10 @@ class Groups:
 
 
 def _turns_are_at_ends(graph: ExtendedGraph, column: int) -> bool:
-    """Return whether all added arcs that raise a column leave an added source or enter an added sink.
+    """Return whether added turns are only at added ends, so that the groups of the base stay valid.
 
-    A source is a node that no added arc enters, a sink a node that no added arc leaves.
+    Each added arc with a positive cost in ``column`` must leave an added node that no added arc enters, or enter an
+    added node that no added arc leaves.
     """
     assert graph.base is not None
     added = graph.added
@@ -245,13 +248,13 @@ def number_groups(
     size: IntArray,
     last_tail: IntArray,
 ) -> tuple[int, Any, int]:
-    """Write the group of each node; return the number of groups, the index cost of a turn, and the number of turns.
+    """Find the groups of nodes that turns join, and check that each pair of nodes has one turn of the same index cost.
 
-    All three are 0 if the turns form no groups.
+    Returns the number of groups, the index cost of a turn, and the number of turns; all 0 if turns form no groups.
 
     index      column of the cost that turns raise
     entered    (n,)  True for nodes that some arc enters
-    group      (n,)  output; -1 before the call
+    group      (n,)  output, group of each node; -1 before the call
     size       (n,)  scratch, number of nodes of each group; 0 before the call
     last_tail  (n,)  scratch; -1 before the call
     """
@@ -299,9 +302,10 @@ def separate_turns(
     dearest: IntArray,
     alike: NDArray[np.bool_],
 ) -> int:
-    """Write the plain arcs without loops, the dearest turns, and whether turns are alike; return the number of arcs.
+    """Separate arcs into turns and plain arcs; return the number of plain arcs, without loops from a node to itself.
 
-    The arguments are the fields of :class:`Groups`; `plain` receives the heads of the plain arcs.
+    Written are `start`, `plain` (heads of the plain arcs), `origin`, `dearest` and `alike`, see :class:`Groups` for
+    these and the other arguments.
     """
     k = costs.shape[1]
     m = 0

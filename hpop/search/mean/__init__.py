@@ -1,1 +1,1 @@
-"""Exact means under a cap: a cost that is the ratio of two sums (:mod:`.capped_mean`)."""
+"""Exact search if one cost is a mean, the ratio of two sums, within limits on the duration (:mod:`.capped_mean`)."""

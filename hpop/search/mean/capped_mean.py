@@ -1,6 +1,6 @@
-"""Exact means under a cap: a cost that is the ratio of two sums, an integral over a duration, with other costs.
+"""Exact search if one cost is a mean: the ratio of two sums, an integral and a duration, beside other costs.
 
-The cap bounds the duration, or other sums that make it finite (:mod:`.mean.limits`).
+The duration must be limited, by a cap or by bounds on other sums (:mod:`.mean.limits`).
 """
 
 from __future__ import annotations
@@ -33,15 +33,16 @@ METHOD = "capped mean"
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class MeanPaths(ParetoPaths):
-    """Walks that are non-dominated in the mean S / T and the other costs; see :class:`ParetoPaths`.
+    """Result of a search with a mean: walks that are non-dominated in the mean S / T and the other costs.
 
-    Rows of ``costs`` are sorted by the mean. If the search was stopped, the walks are within the limits and mutually
-    non-dominated, but the exact front may have better walks.
+    S is the integral and T the duration. Rows of ``costs`` are sorted by the mean. If a limit stopped the search, the
+    walks are within the limits and do not dominate each other, but the exact front may have better walks. Other fields
+    and methods are those of :class:`ParetoPaths`.
 
     integral  column of S
     duration  column of T
     cap       upper bound on T that follows from the limits
-    notes     reasons if there is no walk
+    notes     lines for the user, such as why there is no walk
     """
 
     integral: int
@@ -50,20 +51,20 @@ class MeanPaths(ParetoPaths):
     notes: tuple[str, ...]
 
     def front(self, *, names: Sequence[str] | None = None, units: Sequence[str] | None = None) -> NoReturn:
-        """Raise OptionError, as a front of summed costs would leave out walks with the best means."""
+        """Raise OptionError: a front of the summed costs would leave out walks with the best means."""
         raise OptionError(
-            "a mean is no sum of costs: hpop.frontier.Front.of takes the columns that are wanted, such as those of "
-            "paths.means and paths.values, with paths.path(i) as items"
+            "front() needs costs that are sums, but one cost here is a mean; call hpop.frontier.Front.of with the "
+            "columns that you want, such as paths.means and columns of paths.values, and with paths.path(i) as items"
         )
 
     @property
     def means(self) -> FloatArray:
-        """Means S / T (n,), in quanta of S per quantum of T; 0 for a walk that takes no time."""
+        """Mean S / T (n,) of each walk, in quanta of S per quantum of T; 0 for a walk that takes no time."""
         total, time = self.costs[:, self.integral], self.costs[:, self.duration]
         return np.asarray(total / np.maximum(1, time), dtype=np.float64)
 
     def mean(self, i: int) -> Fraction:
-        """Return S / T of one walk, exactly."""
+        """Return the mean S / T of walk i as an exact fraction."""
         total, time = self.costs[i, [self.integral, self.duration]].tolist()
         return Fraction(total, max(1, time))
 
@@ -84,27 +85,27 @@ def capped_mean_paths(
 ) -> MeanPaths:
     """Return every non-dominated vector (S/T, other costs) of the walks from source to target within limits.
 
-    S and T are the sums of two columns, ``integral`` and ``duration``; all other columns are costs of their own (to
-    minimise the duration as well, give it a second column). Walks may pass nodes, and targets, more than once: time
-    spent at low cost lowers a mean, so that without limits the front may be infinite. Of walks with equal vectors one
-    is returned. A walk without arcs has the mean 0.
+    S and T are the sums of two columns, ``integral`` and ``duration``; all other columns are further costs. To minimise
+    the duration as well, give it a second column. Walks may pass nodes, also targets, more than once: time spent at low
+    cost lowers a mean, so without limits the front may be infinite. Of walks with equal vectors one is returned. A walk
+    without arcs has the mean 0.
 
     cap      T <= cap; may be left out if every arc that takes time raises a sum that ``at_most`` bounds
-    at_most  one bound per cost, or None, as in :func:`pareto_paths`; None for S and T
+    at_most  a bound or None for each cost, as in :func:`pareto_paths`; None for S and T
 
-    First :func:`pareto_paths` quickly finds the front of T and the other costs, without S; the means of these paths are
-    a first front. Then the search of :mod:`.mean.kernel` completes it, pruning by the means found so far.
+    First :func:`pareto_paths` quickly finds the front of T and the other costs, without S. The means of its paths are a
+    first front. Then the search of :mod:`.mean.kernel` completes it, and prunes by the means found so far.
 
     Accepts: any :class:`Graph` with sums S and T in which arcs without duration add nothing to S; up to four other
     costs, each a sum or a maximum.
 
-    Guarantees: exact in integers, means compared as fractions. If a limit of ``budget`` or Ctrl-C stops it, it returns
-    walks within the limits that may be dominated by others.
+    Guarantees: exact in integers, with means compared as fractions. If a limit of ``budget`` or Ctrl-C stops the
+    search, it returns walks within the limits; better ones may be missing.
 
-    `checkpoint`: as in :func:`pareto_paths`, for the search of the mean; the first search is repeated.
+    `checkpoint`: as in :func:`pareto_paths`, but only for the second search; the first one is repeated.
 
-    Cost: labels differ in T as well as in the other costs, and T need not be a cost: many times the work of the
-    additive search, growing steeply with the limits.
+    Cost: many times that of :func:`pareto_paths` on sums, and growing steeply with the limits, because labels with
+    different T must be kept even if T is no cost.
 
     >>> arcs = [[4, 4], [1, 2], [0, 2]]  # (S, T): a costly arc, a shorter one, and waiting before it
     >>> graph = Graph.from_arcs(2, [0, 0, 0], [1, 1, 0], arcs)
@@ -134,9 +135,9 @@ def capped_mean_paths(
 
 
 class _MeanRun:
-    """Run of a query, after the first search found the front without the integral.
+    """One run of a query, after a first search found the front without the integral.
 
-    columns  of the duration, the integral, then the other costs
+    columns  columns of the graph's costs: the duration, the integral, then the other costs
     """
 
     def __init__(
@@ -158,7 +159,10 @@ class _MeanRun:
         self.seconds_bounds = first.stats.seconds_bounds
 
     def go(self, source: int, targets: IntArray, clock: Clock) -> Status:
-        """Run the search of the mean; the walks found are in ``search``, or in this run if no search was needed."""
+        """Run the search for the mean, and return its status.
+
+        The walks found are in ``search``, or in ``front`` if the run ended before that search.
+        """
         from hpop.search.machinery.bounds import lower_bounds
         from hpop.search.machinery.slices import N_GENERATED
         from hpop.search.mean.kernel import insert_all
@@ -204,7 +208,7 @@ class _MeanRun:
         integral, duration = self.columns[1], self.columns[0]
         notes: tuple[str, ...] = ()
         if status is Status.NO_PATH and len(self.first):
-            notes = (f"the cap of {self.limits.cap} on the duration is below the least, {self.least}; raise it",)
+            notes = (f"cap must be at least {self.least}, the shortest duration, got {self.limits.cap}; raise it",)
         return MeanPaths(
             costs,
             status,
@@ -219,7 +223,7 @@ class _MeanRun:
         )
 
     def _path(self, label: int, clock: Clock) -> IntArray:
-        """Return the arcs of a walk, as indices in the graph; a negative label is a walk of the first search."""
+        """Return the arcs of a solution's walk, as indices in the graph; the first search has negative labels."""
         if label < 0:
             return self.first._paths[int(self.rows[-1 - label])]
         if self.search is None:
@@ -235,13 +239,13 @@ def _without_column(graph: Graph, column: int) -> Graph:
 
 
 def _columns(graph: Graph, integral: Any, duration: Any) -> tuple[int, ...]:
-    """Return the columns of the duration, the integral, then the other costs."""
+    """Check the options ``integral`` and ``duration``; return the columns: duration, integral, then the other costs."""
     last = graph.criteria - 1
     integral = whole("integral", integral, 0, last, "a column")
     duration = whole("duration", duration, 0, last, "a column")
     for name, column in (("integral", integral), ("duration", duration)):
         if graph.aggregates[column] != "sum":
-            raise GraphError(f"a mean is the ratio of two sums, but {name}, cost {column}, is a 'max'")
+            raise GraphError(f"{name} must be the column of a cost that is a sum, but cost {column} is a 'max'")
     if integral == duration:
         raise OptionError(f"integral and duration must be two columns, got {integral} for both")
     return (duration, integral, *(j for j in range(graph.criteria) if j not in (integral, duration)))

@@ -1,21 +1,23 @@
-"""The kernel of the search for exact means within limits, and the sets of its dominance tests.
+"""The kernel of the search for exact means within limits, and the blocks of vectors for its dominance tests.
 
-A label has the duration T, the integral S and the other costs of a walk from the source; f = g + h bounds those of its
-completions from below. Labels leave the heap in the order of (f_T, f_S, ...), so labels that were closed before at a
-node have no longer duration.
+A label has the duration T, the integral S and the other costs of a walk from the source. A completion is a walk to a
+target that begins with it; f = g + h bounds the costs of all completions from below. V = S / T is the mean of a
+completion. Labels leave the heap in the order of (f_T, f_S, ...), so labels that were closed before at a node have no
+longer duration.
 
-Dominance by a shifted cost. Let lam be a mean that no useful completion of b exceeds. A closed label a at the same node
-prunes b if its other costs are nowhere larger, T_a <= T_b, and S_a - lam T_a <= S_b - lam T_b. Proof: with the same
-completion, S_a' - lam T_a' <= S_b' - lam T_b' = (V_b' - lam) T_b' <= (V_b' - lam) T_a', as V_b' <= lam and
-T_b' >= T_a'; hence V_a' <= V_b', and a' keeps every limit that b' keeps, as it lasts no longer and costs no more.
+Dominance by a shifted cost. Let lam be a mean that no useful completion of label b exceeds. A closed label a at the
+same node prunes b if its other costs are nowhere larger, T_a <= T_b, and S_a - lam T_a <= S_b - lam T_b. Proof:
+complete both labels in the same way, to a' and b'. Then S_a' - lam T_a' <= S_b' - lam T_b' = (V_b' - lam) T_b' <=
+(V_b' - lam) T_a', as V_b' <= lam and T_b' >= T_a'. Hence V_a' <= V_b'. And a' keeps every limit that b' keeps, as it
+lasts no longer and costs no more.
 
-If lam is the largest rate of any arc, this is the componentwise rule R = S - phi_max T. A smaller lam prunes more, and
-the means found so far give one: for each walk within the limits, the front always has a point that is nowhere larger in
-the other costs. If a point is nowhere larger than f_b, a useful completion of b has a smaller mean than the point;
-otherwise its mean is no larger than the largest on the front.
+If lam is the largest rate S / T of any arc, this is the componentwise rule with R = S - lam T. A smaller lam prunes
+more, and the means found so far give one. For each walk within the limits, the front always has a point that is nowhere
+larger in the other costs. If a point is nowhere larger than f_b, a useful completion of b has a smaller mean than this
+point; otherwise its mean is no larger than the largest on the front.
 
 Bound. A completion of b has at least the mean f_S / T, where T is the longest duration of b within the limits
-(:mod:`.mean.limits`), so b is useless if this mean reaches lam.
+(:mod:`.mean.limits`). So b is useless if this mean is lam or more.
 """
 
 from __future__ import annotations
@@ -58,9 +60,9 @@ def is_nowhere_larger(rows: IntArray, i: int, f: IntArray) -> bool:
 
 @kernel
 def row_to_improve(front: IntArray, size: int, f: IntArray) -> int:
-    """Return the row of the front with the mean that a label of estimate f (k,) must improve to be useful.
+    """Return the row of the front whose mean a label (partial walk) with the estimate f (k,) must improve to be useful.
 
-    This row is the first one, in the order of means, that is at most f in the other costs, or else the last one.
+    It is the first row, in the order of means, that is at most f in all other costs, or else the last row.
 
     front  (size, k)  sorted by the mean
     """
@@ -72,7 +74,7 @@ def row_to_improve(front: IntArray, size: int, f: IntArray) -> int:
 
 @kernel
 def longest_duration(f: IntArray, h: IntArray, v: int, most: IntArray, rates: FloatArray) -> int:
-    """Return the longest total duration, within the limits, of a walk through node v with the estimate f (k,).
+    """Return the longest duration that a label at node v with the estimate f (k,) can reach within the limits.
 
     h            (n, k)      lower bounds of the remaining costs
     most, rates  (k,), (k,)  of :class:`.MeanLimits`
@@ -88,11 +90,15 @@ def longest_duration(f: IntArray, h: IntArray, v: int, most: IntArray, rates: Fl
 def is_pruned(
     front: IntArray, size: int, longest: int, blocks: IntArray, vectors: IntArray, b: int, f: IntArray
 ) -> tuple[bool, int]:
-    """Return whether the front or block b of labels prunes a label of estimate f (k,), and the number of rows read.
+    """Return whether a label (partial walk) with estimate f (k,) can be dropped, and the number of rows compared.
 
-    front             (size, k)  walks found so far, sorted by the mean
-    longest           longest total duration of a completion of the label
-    blocks, vectors   range of rows of each node, and the estimates (r, k) of closed labels
+    It can if its mean cannot improve the front, or if a label closed at the same node dominates it.
+
+    front      (size, k)  walks found so far, sorted by the mean
+    longest    longest duration that the label can reach within the limits
+    blocks     (n, 3)     for each node the block of rows in ``vectors``: first row, number of rows, room
+    vectors    (r, k)     estimates of closed labels
+    b          index of the block, the node of the label
     """
     i = row_to_improve(front, size, f)
     total, time = front[i, INTEGRAL], max(1, front[i, TIME])
@@ -111,10 +117,10 @@ def is_pruned(
 
 @kernel
 def enter_row(blocks: IntArray, vectors: IntArray, b: int, f: IntArray, used: int) -> int:
-    """Add the estimate f (k,) to block b and drop the rows that f makes superfluous; return the number of used rows.
+    """Add the estimate f (k,) of a closed label to block b, and drop rows that f replaces; return the used rows.
 
-    A row is superfluous if f is at most the row in the integral and the other costs. Durations need no comparison:
-    later labels last at least as long as both.
+    `used` is the number of rows in use before. A row is replaced if f is at most the row in the integral and the other
+    costs. Durations need no comparison, as all later labels last at least as long as both.
     """
     begin = blocks[b, START]
     used_rows = begin
@@ -142,12 +148,12 @@ def enter_row(blocks: IntArray, vectors: IntArray, b: int, f: IntArray, used: in
 
 @kernel
 def insert(front: IntArray, solutions: IntArray, size: int, f: IntArray, label: int) -> int:
-    """Add a walk with costs f (k,) to the front, unless the front covers it; drop the walks that it covers.
+    """Add a walk with costs f (k,) to the front unless it is dominated there, and drop walks that it dominates.
 
-    Returns the new size of the front.
+    Means count instead of integrals and durations. Returns the new size of the front.
     """
     time = max(1, f[TIME])
-    position = 0  # behind all rows with a mean that is not larger
+    position = 0  # after all rows whose mean is not larger
     while position < size and front[position, INTEGRAL] * time <= f[INTEGRAL] * max(1, front[position, TIME]):
         if is_nowhere_larger(front, position, f):
             return size
@@ -173,7 +179,10 @@ def insert(front: IntArray, solutions: IntArray, size: int, f: IntArray, label: 
 
 @kernel
 def insert_all(walks: IntArray, front: IntArray, solutions: IntArray) -> int:
-    """Insert walks (s, k) into an empty front, as solutions -1, -2, ...; return the size of the front."""
+    """Insert the walks (s, k) of the first search into an empty front; return the size of the front.
+
+    Their numbers as solutions are -1, -2, ...
+    """
     size = 0
     for i in range(len(walks)):
         size = insert(front, solutions, size, walks[i], -1 - i)
@@ -204,9 +213,10 @@ def advance(
     front: IntArray,
     solutions: IntArray,
 ) -> int:
-    """Expand labels until the queue is empty, `work` steps are done or an array is full; return the code of the reason.
+    """Run the search for a slice of `work` steps: take labels (partial walks) from the heap, and extend them.
 
-    The other arguments are the arrays of :class:`.CappedMean`, which the kernel changes in place.
+    It ends early if the heap is empty or an array is full. Returns the code of the reason (:mod:`.machinery.slices`).
+    Other arguments are the arrays of :class:`.CappedMean`, which the kernel changes in place.
     """
     word, shift, limit, words = plan
     k = len(word)
@@ -296,9 +306,9 @@ def enter_all(
     solutions: IntArray,
     counters: IntArray,
 ) -> int:
-    """Enter closed labels from index `begin` on into blocks and front, as the search did when it closed them.
+    """Enter saved closed labels, from index `begin` on, into blocks and front, as the search did when it closed them.
 
-    nodes, costs  (n,), (n, k)  node and costs of each label
+    nodes, costs  (n,), (n, k)  node and estimate of each label
 
     Returns n, or the index of the label for which the blocks or the front have too little room.
     """
@@ -315,7 +325,7 @@ def enter_all(
 
 @kernel
 def checksum_of_blocks(blocks: IntArray, vectors: IntArray) -> int:
-    """Return a checksum of the rows of all blocks, independent of their order; overflow is harmless."""
+    """Return a checksum of the rows of all blocks that does not depend on their order."""
     total = np.int64(0)
     for b in range(len(blocks)):
         total += (b + 1) * blocks[b, SIZE]

@@ -1,12 +1,12 @@
-"""The limits on walks with a minimised mean: on the duration itself, or on other sums that make it finite.
+"""Limits on the duration of walks whose mean cost is minimised: given directly, or derived from bounds on other sums.
 
-Let every arc that takes time raise some bounded sum, and assign the arc to the first such sum. Let rate_j be the
-largest ratio of an arc's duration to its cost in sum j, over the arcs assigned to j. Then the remaining duration of a
-walk is at most the sum over j of rate_j times the remainder of bound j. So bounds on both the length and the number of
-turns make the duration finite, if moves have a length and turns are counted. Neither bound alone does: turning in place
-adds no length, and moving no turns.
+Bounds on other sums limit the duration as follows. Every arc that takes time must raise some bounded sum; the arc is
+assigned to the first such sum. Let rate_j be the largest ratio of an arc's duration to its cost in sum j, over the arcs
+assigned to j. Then the remaining duration of a walk is at most the sum over j of rate_j times the unused part of bound
+j. For example, bounds on both the length and the number of turns limit the duration, if moves have a length and turns
+are counted. Neither bound alone does, as turning in place adds no length, and moving adds no turns.
 
-A bound on the duration is the special case of rate 1, with all arcs assigned to the duration.
+A bound on the duration itself is the special case of rate 1, with all arcs assigned to the duration.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ class MeanLimits:
     """Limits on walks, with costs in the order of the search: duration, integral, other costs.
 
     most   (k,)  largest cost of a walk, ANYTHING for no limit; the duration always has a limit
-    rates  (k,)  largest duration of an arc per count of the bounded sum to which the arc is assigned; 0 if no arc is
+    rates  (k,)  for each bounded sum: largest ratio of an arc's duration to its cost in this sum, over the arcs
+                 assigned to it; 0 if no arc is assigned
     """
 
     most: IntArray
@@ -44,12 +45,13 @@ class MeanLimits:
 
     @classmethod
     def of(cls, graph: Graph, columns: tuple[int, ...], cap: Any, at_most: Sequence[Any]) -> Self:
-        """Return the limits that follow from a cap on the duration, or None, and from bounds on the costs.
+        """Return the limits that follow from the options of a query.
 
-        columns  of the graph's costs, in the order of the search
-        at_most  one bound or None per cost of the graph
+        columns  columns of the graph's costs, in the order of the search
+        cap      upper bound of the duration, or None
+        at_most  a bound or None for each cost of the graph
 
-        Raises OptionError for invalid limits, GraphError if no limit makes the duration finite, or if sums or means
+        Raises OptionError for invalid options, and GraphError if they do not limit the duration, or if sums or means
         could overflow.
         """
         if cap is not None:
@@ -57,8 +59,8 @@ class MeanLimits:
         bounds = [None if b is None else whole("at_most", b, 0, MOST_BOUND) for b in at_most] or [None] * graph.criteria
         if len(bounds) != graph.criteria or any(bounds[j] is not None for j in columns[:OTHERS]):
             raise OptionError(
-                f"at_most is a whole number or None for each of {graph.criteria} costs, None for the integral and the "
-                f"duration, which cap bounds; got {shown(at_most)}"
+                f"at_most must be a whole number or None for each of {graph.criteria} costs, and None for the integral "
+                f"and the duration (use cap for the duration), got {shown(at_most)}"
             )
         most = np.array([ANYTHING if b is None else min(b, ANYTHING) for b in (bounds[j] for j in columns)], np.int64)
         rates = np.zeros(len(columns))
@@ -74,12 +76,15 @@ class MeanLimits:
 
     @property
     def cap(self) -> int:
-        """Bound on the duration of walks."""
+        """Upper bound on the duration of walks, in quanta."""
         return int(self.most[TIME])
 
 
 def _rates(graph: Graph, columns: tuple[int, ...], most: IntArray) -> FloatArray:
-    """Return, for each bounded sum (k,), the largest duration per count over the arcs assigned to it."""
+    """Assign each arc to the first bounded sum that it raises; return the rates (k,) of :class:`MeanLimits`.
+
+    Raises GraphError for an arc that takes time but raises no bounded sum.
+    """
     time = graph.costs[:, columns[TIME]]
     unpaid = time > 0
     rates = np.zeros(len(columns))
@@ -90,28 +95,31 @@ def _rates(graph: Graph, columns: tuple[int, ...], most: IntArray) -> FloatArray
             unpaid &= ~pays
     if unpaid.any():
         raise GraphError(
-            f"arc {graph.arc[unpaid][0]} takes time but raises no sum that at_most bounds: walks may last for ever, "
-            "and their mean fall; give cap, or bound such a sum"
+            f"the duration must be limited, but arc {graph.arc[unpaid][0]} takes time and raises no sum that at_most "
+            "bounds, so walks could repeat it without end; give cap, or bound a sum that this arc raises"
         )
     return rates
 
 
 def _refuse_overflow(graph: Graph, columns: tuple[int, ...], cap: int) -> None:
-    """Raise GraphError if sums or products under the cap could overflow, or an arc without duration has an integral."""
+    """Raise GraphError if sums or products of walks within the cap could overflow 64-bit integers.
+
+    It is also raised for an arc without duration that adds to the integral.
+    """
     time, total = graph.costs[:, columns[TIME]], graph.costs[:, columns[INTEGRAL]]
     lasts = time > 0
     free = np.flatnonzero(~lasts & (total > 0))
     if free.size:
         raise GraphError(
-            f"arc {graph.arc[free[0]]} takes no time but adds {total[free[0]]} to the integral, so the mean has no "
-            "bound; give it a duration, or a finer quantum of the duration"
+            f"arc {graph.arc[free[0]]} takes no time but adds {total[free[0]]} to the integral, so the mean could be "
+            "infinite; give the arc a duration, or use a finer quantum of the duration"
         )
     rate = float(np.max(total[lasts] / time[lasts], initial=1.0))
     largest = int(Fraction(1.01 * rate) * cap**2)  # of an integral and a duration under the cap
     if largest > MAX_PRODUCT:
         raise GraphError(
-            f"means could overflow: they are compared by products of up to {largest}, the limit is "
-            f"{MAX_PRODUCT}; use a coarser quantum of cost {columns[TIME]} or {columns[INTEGRAL]}, or smaller limits"
+            f"products of integral and duration, by which means are compared, must stay below {MAX_PRODUCT}, but could "
+            f"reach {largest}; use a coarser quantum of cost {columns[TIME]} or {columns[INTEGRAL]}, or smaller limits"
         )
     # A useful walk has no loop without duration.
     shortest = int(time[lasts].min()) if lasts.any() else cap + 1
@@ -120,6 +128,6 @@ def _refuse_overflow(graph: Graph, columns: tuple[int, ...], cap: int) -> None:
         worst = int(graph.largest[j])
         if graph.aggregates[j] == "sum" and worst * arcs > MAX_SUM:
             raise GraphError(
-                f"cost {j} could overflow: a walk under the cap may cost up to {worst * arcs}, the limit is {MAX_SUM}; "
-                "use a coarser quantum, or a smaller cap"
+                f"cost {j} of a walk must stay below {MAX_SUM}, but could reach {worst * arcs} within the cap; use a "
+                "coarser quantum, or a smaller cap"
             )

@@ -1,4 +1,4 @@
-"""The search for exact means within limits: its arrays and labels; its kernel is :mod:`.mean.kernel`."""
+"""The search for exact means within limits: its arrays and labels. Its kernel is in :mod:`.mean.kernel`."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from hpop.search.mean.limits import MeanLimits
 
 
 class CappedMean(HeapSearch):
-    """Search for exact means within limits, on one graph for one query.
+    """Search of one query on one graph for the least mean (integral / duration) and other costs, within limits.
 
-    columns  of the duration, the integral, then the other costs
-    first    front of an earlier search: rows, solutions and size. Solutions are negative numbers; those of this search
-             are 1 + the index of a closed label. For each walk within the limits, this front must have a row that is
-             at most the walk in all other costs.
+    columns  columns of the graph's costs: the duration, the integral, then the other costs
+    first    front of an earlier search: rows of costs, solutions, and their number. Its solutions are negative numbers;
+             a solution of this search is 1 + the index of a closed label. For each walk within the limits, this front
+             must have a row that is nowhere larger in the other costs.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class CappedMean(HeapSearch):
         self.front, self.solutions, self.counters[N_FRONT] = first
 
     def advance(self, clock: Clock, work: int) -> int:
-        """Run the kernel."""
+        """Run the kernel for ``work`` elementary steps, and return its code."""
         code = clock.call(
             advance,
             self.counters,
@@ -80,11 +80,11 @@ class CappedMean(HeapSearch):
         return int(code)
 
     def solution_labels(self) -> IntArray:
-        """Return no labels, since all solutions are closed labels at targets."""
+        """Return no labels: here all solutions are closed labels at targets, which a checkpoint has anyway."""
         return self.solutions[:0]
 
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
-        """Write the nodes (n,) of labels to `at`; return n and their estimates (n, k), see :meth:`.Search.retrace`."""
+        """Compute the last nodes and the estimates of saved labels (partial paths), see :meth:`.Search.retrace`."""
         f = np.zeros((len(values), len(self.order)), np.int64)
         passed = np.zeros_like(self.is_target)  # a walk may go on from a target
         graph = (self.graph.indptr, self.graph.heads, self.costs, self.h, passed, self.is_max)
@@ -93,7 +93,7 @@ class CappedMean(HeapSearch):
     def enter(
         self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solution_labels: NDArray[Any], clock: Clock
     ) -> None:
-        """Fill the blocks and the front from closed labels."""
+        """Fill the blocks (the sets of vectors at nodes) and the front from saved closed labels (partial paths)."""
         if len(ends):
             raise Unsound("it lists solutions beside the closed labels")
 
@@ -108,22 +108,22 @@ class CappedMean(HeapSearch):
         enter_in_batches(len(nodes), enter, grow)
 
     def weight_of_sets(self, clock: Clock) -> int:
-        """Return a checksum of the rows of all blocks."""
+        """Return a checksum of the vectors in all blocks."""
         return int(clock.call(checksum_of_blocks, self.blocks, self.vectors))
 
     def arrays(self) -> list[NDArray[Any]]:
-        """Return the tables of the graph and the sets."""
+        """Return the tables of the graph, the blocks and the heap, so that their bytes are counted."""
         return [self.costs, self.h, self.is_target, self.blocks, self.vectors, *super().arrays()]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Return the additional bytes, and a function that doubles the rows of the blocks or grows the heap."""
+        """Return how many bytes more are needed, and a function that doubles the rows of blocks or grows the heap."""
         return (self.vectors.nbytes, self._grow_rows) if code == ROWS else super().growth(code)
 
     def _grow_rows(self) -> None:
         self.vectors.resize((2 * len(self.vectors), self.vectors.shape[1]), refcheck=False)
 
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
-        """Return the indices of the arcs of solutions in the graph, from the source on."""
+        """Return the walk of each solution, as indices of arcs in the graph, from the source on."""
         return [self._path(int(label)) for label in labels]
 
     def _path(self, label: int) -> IntArray:

@@ -1,4 +1,4 @@
-"""A graph prepared for many searches to the same targets, while arcs are closed and opened."""
+"""A graph prepared for many searches to the same targets, in which arcs can be closed and opened again."""
 
 from hpop.search.prepared.prepared import Prepared
 

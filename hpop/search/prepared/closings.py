@@ -1,4 +1,4 @@
-"""Data of a prepared graph before a query: closed arcs, known paths, and bounds on the remaining costs."""
+"""Data that a prepared graph keeps between queries: closed arcs and lower bounds; and checks of known paths."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from hpop.search.staircase.turn_hull import IntLanes, TurnHull, directions, turn
 
 
 class ClosedArcs:
-    """Mask of the closed arcs of a graph, with groups of turns that follow it.
+    """The closed arcs of a graph, with the groups of turns that remain valid without them.
 
     closed  (m,)  True for a closed arc
-    whole         groups of turns while all arcs are open, unshared, as the costs of closed turns change
+    whole         groups of turns of the graph with all arcs open; each has its own costs, as closed turns change them
     turns   (g,)  number of closed turns of each group
     """
 
@@ -41,12 +41,12 @@ class ClosedArcs:
 
     @property
     def groups(self) -> Groups:
-        """Groups for the next search: single nodes while only some turns of a group are closed."""
+        """Groups for the next search: ``whole``, or single nodes while only some of the turns of a group are closed."""
         several = self.whole.rows[:, SIZE] * (self.whole.rows[:, SIZE] - 1)
         return self._single_nodes if ((self.turns > 0) & (self.turns < several)).any() else self.whole
 
     def without_closed(self) -> Groups:
-        """Return the groups for the next search, without closed arcs and without the turns of closed groups."""
+        """Return the groups for the next search without closed arcs, and with infinite costs for closed turns."""
         groups, turns_closed = self.groups, self.turns > 0
         free = ~self.closed[groups.origin]
         start = np.concatenate([np.zeros(1, np.int64), np.cumsum(free)])[groups.start]
@@ -66,7 +66,7 @@ class ClosedArcs:
         return np.repeat(np.arange(self.graph.nodes, dtype=np.int32), np.diff(self.graph.indptr))
 
     def set_closed(self, arcs: ArrayLike, closed: bool) -> IntArray:
-        """Close or open arcs (N,), given by their indices in the graph; return the indices that changed."""
+        """Close or open arcs (N,), given by their indices in the graph; return the indices of arcs that changed."""
         indices = self._arc_indices(arcs)
         indices = np.compress(self.closed[indices] != closed, indices)
         self.closed[indices] = closed
@@ -79,15 +79,21 @@ class ClosedArcs:
             return np.zeros(0, np.int64)
         if indices.ndim != 1 or indices.dtype.kind not in "iu":
             raise GraphError(
-                f"arcs are closed and opened by their indices in the graph, (N,) integers; got {shown(arcs)}"
+                f"arcs must be a list of integers, indices of arcs in the graph, to close or open; got {shown(arcs)}"
             )
         if indices.min() < 0 or indices.max() >= self.graph.arcs:
-            raise GraphError(f"indices of arcs are 0 to {self.graph.arcs - 1}; got {indices.min()} to {indices.max()}")
+            raise GraphError(
+                f"indices of arcs must be from 0 to {self.graph.arcs - 1}, got {indices.min()} to {indices.max()}; use "
+                "those of this graph"
+            )
         unique: IntArray = np.unique(indices.astype(np.int64))
         return unique
 
     def _count_turns(self, arcs: IntArray, by: int) -> None:
-        """Add ``by`` (1 or -1) to the closed turns of groups, for turns among the arcs; update their costs."""
+        """Update the numbers and costs of closed turns for the turns among arcs that were closed or opened.
+
+        ``by`` is 1 for arcs that were closed, -1 for arcs that were opened.
+        """
         groups = self.whole
         if groups.column < 0:
             return
@@ -108,7 +114,7 @@ class ClosedArcs:
         return np.repeat(np.arange(len(self.whole.rows), dtype=np.int32), self.whole.rows[:, SIZE])
 
     def close_arcs_of(self, search: Search) -> None:
-        """Close the closed arcs in the tables of a search."""
+        """Exclude the closed arcs from a new search, by changing its tables."""
         if isinstance(search, General):
             search.close(self.closed)
         elif isinstance(search, Staircase):
@@ -119,7 +125,7 @@ class ClosedArcs:
 
 
 class KnownPaths(NamedTuple):
-    """Paths that are known before a search.
+    """The n paths that are known before a search, with their costs.
 
     costs  (n, k)
     paths  n arrays: indices of the arcs of each path in the graph
@@ -132,24 +138,30 @@ class KnownPaths(NamedTuple):
 def known_paths(
     graph: Graph, source: int, is_target: BoolArray, paths: Sequence[IntArray], closed: BoolArray
 ) -> KnownPaths:
-    """Return those paths that use no closed arc, with their costs.
+    """Check paths that a caller knows; return those that use no closed arc, with their costs.
 
     is_target (n,), closed (m,)  masks of nodes and arcs
-    paths                        indices of arcs in the graph
+    paths                        paths, each given by the indices of its arcs in the graph
 
     Raises QueryError for a path that does not lead from the source to a target.
     """
     several = [np.asarray(path) for path in paths]
     listed = [arcs.ndim == 1 and (arcs.dtype.kind in "iu" or not arcs.size) for arcs in several]
     if not all(listed):
-        raise QueryError(f"known path {listed.index(False)} must list indices of arcs, whole numbers; see suffixes")
+        raise QueryError(
+            f"known path {listed.index(False)} must be a list of indices of arcs, whole numbers, got "
+            f"{shown(paths[listed.index(False)])}; ParetoPaths.suffixes returns such lists"
+        )
     sizes = np.array([path.size for path in several], np.int64)
     ends = np.cumsum(sizes)
     arcs = np.concatenate([np.zeros(0, np.int64), *several]).astype(np.int64)
     row = np.repeat(np.arange(len(several)), sizes)
     strange = row[(arcs < 0) | (arcs >= graph.arcs)]
     if strange.size:
-        raise QueryError(f"known path {strange[0]} must list indices of arcs, from 0 to {graph.arcs - 1}")
+        raise QueryError(
+            f"known path {strange[0]} must list indices of arcs from 0 to {graph.arcs - 1}, got another one; use those "
+            "of this graph"
+        )
     heads = graph.heads[arcs].astype(np.int64)
     tails = np.append(source, heads)[:-1] if arcs.size else arcs
     tails[(ends - sizes)[sizes > 0]] = source
@@ -158,7 +170,9 @@ def known_paths(
     last[sizes > 0] = heads[ends[sizes > 0] - 1]
     wrong = np.concatenate([row[~leads], np.flatnonzero(~is_target[last])])
     if wrong.size:
-        raise QueryError(f"known path {wrong.min()} does not lead from node {source} to a target, arc by arc")
+        raise QueryError(
+            f"known path {wrong.min()} must lead from node {source} to a target, arc by arc, but does not; leave it out"
+        )
     costs = np.zeros((len(several), graph.criteria), np.int64)
     for j, aggregate in enumerate(graph.aggregates):
         if arcs.size:
@@ -181,9 +195,11 @@ def least_path(
     source: int,
     arcs: IntArray,
 ) -> int:
-    """Follow the next nodes `onward` (n,) from the source to a target; write the arcs, and return their number.
+    """Follow a path from the source to a target, node by node; write its arcs to `arcs`, and return their number.
 
-    Of parallel arcs, the open arc with the least cost in `column` is taken.
+    onward  (n,)  next node on the path from each node; -1 at its end
+    column        of parallel open arcs, the one with the least cost in this column is taken
+    closed  (m,)  mask of closed arcs
     """
     size = 0
     u = np.int64(source)
@@ -198,22 +214,24 @@ def least_path(
     return size
 
 
-# Bounds by turns (:func:`.staircase.tables.costs_by_turns`) serve the exact search, joint bounds (:mod:`.turn_hull`)
-# the approximate one. Both take longer than a small search, and neither depends on the source. They are computed while
-# all arcs are open, and stay valid when arcs are closed, as fewer paths are no better. Joint bounds are stored as
-# excess over the least costs, so they belong to the bounds with which they were computed.
+# The exact search uses bounds for each number of remaining turns (:func:`.staircase.tables.costs_by_turns`), the
+# approximate one joint bounds of two costs (:mod:`.turn_hull`). Both take longer to compute than a small search, but do
+# not depend on the source. They are computed while all arcs are open. When arcs are closed they stay valid, as the best
+# of fewer paths is no better. Joint bounds are stored as excess over the least costs, so they can only be used with the
+# bounds h with which they were computed.
 
 
 ROOM = 200 * 2**20  # bytes for joint bounds, scratch included
-NEAR, FEW = 1.025, 0.02  # more turns are not added once bounds are this near to the least ones, at all but a few nodes
+# No more layers are added once bounds are within NEAR times the least costs, at all but the share FEW of the nodes.
+NEAR, FEW = 1.025, 0.02
 
 
 @dataclass(frozen=True, eq=False)
 class StaircaseBounds:
-    """Lower bounds of the remaining costs for a staircase search, computed while all arcs are open.
+    """Lower bounds of the remaining costs for staircase searches, computed while all arcs are open.
 
     h       (k, n)       least remaining value of each cost
-    layers  (n, LAYERS)  least remaining third cost by the number of turns, nodes in the order of the groups; or None
+    layers  (n, LAYERS)  least remaining third cost for each number of turns, nodes in the order of groups; or None
     hull                 joint bounds of the first and third cost, or None
     """
 
@@ -232,9 +250,14 @@ class StaircaseBounds:
         groups: Groups,
         clock: Clock,
     ) -> Self:
-        """Compute the bounds for the farthest source.
+        """Compute the bounds.
 
-        layers and hull need groups of turns that raise the index cost by 1, and costs that are sums.
+        ``layers`` and ``hull`` need groups of turns that raise the index cost by 1, and costs that are sums; otherwise
+        they are None.
+
+        source  node with the largest remaining costs, from which the range of costs is taken
+        order   columns of the costs in the order of the search: first, index and third cost
+        h       (k, n)  least remaining value of each cost
         """
         first, index, rest = order
         sums = [graph.aggregates[j] == "sum" for j in (first, rest)]

@@ -1,11 +1,11 @@
-"""Repair of joint bounds after arcs were closed, only where the bounds change.
+"""Repair of joint bounds after arcs were closed: only bounds that change are computed again.
 
-A layer of a hull (:mod:`.staircase.turn_hull`) has the least weighted remaining costs with a given number of turns, and
-the arcs that the best paths take. When an arc is closed, only nodes with a best path through it are affected. Layer
-after layer, these nodes are marked and their values computed again from repaired ones: the layer with one turn less,
-and nodes ahead. The results are always lower bounds, and none decreases. Old values are stored: when arcs are opened
-again they are restored, and arcs that are still closed are processed again. A repair may stop after any layer and
-continue later.
+A hull of joint bounds (:mod:`.staircase.turn_hull`) has a layer for each number of turns. The layer holds the least
+weighted remaining costs of each node, for several weights (lanes), and the arcs that the best paths take. When an arc
+is closed, only nodes with a best path through it are affected. Layer after layer, these nodes are marked, and their
+values are computed again from repaired ones: from the layer with one turn less, and from the next nodes of paths. The
+results are always lower bounds, and none decreases. Old values are stored. When arcs are opened again, the old values
+are restored, and arcs that are still closed are processed again. A repair may stop after any layer, and continue later.
 """
 
 from __future__ import annotations
@@ -23,21 +23,23 @@ from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups
 from hpop.search.staircase.turn_hull import DOWN, FAR, LANES, MOST_STEPS, STEP_BITS, UP, IntLanes, Steps, TurnHull
 
 ALL = np.uint8(2**LANES - 1)
-LAYER, LAST = 120e-9, 600e-9  # s a node for a layer, and for the last one, which allows any number of turns
+LAYER, LAST = 120e-9, 600e-9  # s for each node of a layer, and of the last one, which allows any number of turns
 Places = NDArray[np.int32]
 
 
 class HullTables(NamedTuple):
-    """Tables of a hull for kernels. Nodes are in the order of the groups, plain arcs (m,) in the order of the chains.
+    """Tables from which kernels repair a hull: nodes in the order of groups, plain arcs in the order of chains.
 
-    tails, heads           (m,)    nodes of each arc
-    first, rest            (m,)    first and third cost of each arc
-    least                  (2, n)  least remaining first and third cost when the hull was computed
-    groups, alike                  ``rows`` of :class:`.Groups`; whether all turns of each group cost the same
+    Chains are sequences of arcs, see :class:`.staircase.tables.ArcChains`.
+
+    tails, heads           (m,)    nodes of each plain arc
+    first, rest            (m,)    first and third cost of each plain arc
+    least                  (2, n)  least remaining first and third cost of each node when the hull was computed
+    groups, alike                  ``rows`` of :class:`.Groups`; whether all turns within each group cost the same
     group                  (n,)    group of each node
     turn_first, turn_rest          first and third cost of turns, one per group if alike, else one per pair of nodes
     weights                (LANES, 2)  weights of the two costs
-    is_target              (n,)    mask
+    is_target              (n,)    mask of nodes
     """
 
     tails: IntArray
@@ -55,9 +57,9 @@ class HullTables(NamedTuple):
 
 
 class HullRepair:
-    """Repair of a hull of joint bounds for closed arcs.
+    """A hull of joint bounds that can be repaired for closed arcs and restored.
 
-    arcs          (m,)  indices in the graph of the plain arcs, in the order of the chains
+    arcs          (m,)  indices in the graph of the plain arcs, in the order of chains
     closed        (m,)  plain arcs that are closed in the repaired layers
     turns_closed  (g,)  groups with closed turns in the repaired layers
     """
@@ -71,10 +73,10 @@ class HullRepair:
         least: IntArray,
         is_target: BoolArray,
     ) -> None:
-        """Build the tables.
+        """Build the tables for repairs of ``hull``.
 
-        costs      (m, k)  of the graph's arcs
-        columns            of the first and the third cost of the search
+        costs      (m, k)  costs of the graph's arcs
+        columns            columns of the first and the third cost of the search
         least      (k, n)  least remaining costs with which the hull was computed
         is_target  (n,)    mask of the graph's nodes
         """
@@ -109,7 +111,7 @@ class HullRepair:
         self.marks: NDArray[np.uint8] | None = None  # marked lanes of the previous layer; None after a complete repair
 
     def arrays(self) -> list[np.ndarray[Any, Any]]:
-        """Return all arrays that this repair owns, without views of other arrays."""
+        """Return all arrays that this object owns, without views of other arrays, to count their bytes."""
         arrays: list[Any] = [*self.tables, self.arcs, self.closed, self.turns_closed, self.new, self.marks]
         arrays += [part for each in (*self.old_steps, *self.bits) for part in each]
         return [array for array in arrays if isinstance(array, np.ndarray) and array.base is None]
@@ -120,11 +122,11 @@ class HullRepair:
         return self.marks is None and bool(same)
 
     def close(self, closed: BoolArray, turns_closed: BoolArray, clock: DeadlineClock) -> bool:
-        """Repair the hull for closed arcs (m,) of the graph, layer after layer; return False if time runs out.
+        """Repair the hull for the closed arcs (m,) of the graph, layer after layer; return False if time runs out.
 
-        ``turns_closed`` (g,) are the groups with all turns closed. Repaired values may depend on these; they are
-        restored when the turns open. Layers that are not repaired yet belong to a graph with fewer closed arcs, so they
-        are lower bounds too. The next call continues with them.
+        ``turns_closed`` (g,) marks groups with closed turns. Repaired values may depend on these turns, so old values
+        are restored when the turns open. Layers that are not repaired yet are for a graph with fewer closed arcs, so
+        they are lower bounds too. The next call continues with them.
         """
         now = closed[self.arcs]
         if (
@@ -148,7 +150,7 @@ class HullRepair:
         return True
 
     def _restore(self) -> None:
-        """Restore the hull of the graph with all arcs open."""
+        """Restore the joint bounds to their values with all arcs open."""
         for layer, nodes, steps in reversed(self.old_steps):
             self.hull.layers[layer, nodes] = steps
         for layer, arcs, bits in reversed(self.bits):
@@ -157,9 +159,9 @@ class HullRepair:
         self.closed, self.turns_closed = np.zeros_like(self.closed), np.zeros_like(self.turns_closed)
 
     def _repair_layer(self, m: int, before: NDArray[np.uint8], clock: DeadlineClock) -> bool:
-        """Repair layer m; return False if time runs out.
+        """Repair layer m; return False without a repair if the remaining time does not suffice.
 
-        before  (n,)  lanes of each node that changed in the previous layer, as bits
+        before  (n,)  for each node, the lanes (weights) that changed in the previous layer, as bits
         """
         layers, tables = self.hull.layers, self.tables
         last = m == len(layers) - 1
@@ -189,9 +191,9 @@ class HullRepair:
 def mark_affected_lanes(
     tables: HullTables, moved: NDArray[np.uint8], new: BoolArray, before: NDArray[np.uint8], marks: NDArray[np.uint8]
 ) -> None:
-    """Mark, for each node, the lanes of a layer with a best path that uses a closed arc, as bits.
+    """Mark for each node the lanes (weights) in which its best path in a layer uses a closed arc, as bits.
 
-    moved   (m,)  lanes in which this layer improves on the previous layer by each arc, as bits
+    moved   (m,)  for each arc, the lanes in which paths of this layer take it, as bits
     new     (m,)  newly closed arcs
     before  (n,)  marks of the previous layer, with one turn less
     marks   (n,)  output; 0 before the call
@@ -213,7 +215,7 @@ def mark_affected_lanes(
 
 @lean
 def write_remaining_costs(tables: HullTables, steps: Steps, v: int, rest: IntLanes, row: int) -> None:
-    """Write the weighted remaining costs from node v, decoded from the steps of a layer, to `rest[row]`."""
+    """Decode the weighted remaining costs of node v from the steps of a layer, and write them to `rest[row]`."""
     first, last = np.float64(tables.least[0, v]), np.float64(tables.least[1, v])
     for k in range(LANES):
         least = (tables.weights[k, 0] * first + tables.weights[k, 1] * last) * DOWN - 2.0
@@ -234,12 +236,14 @@ def improve_by_turns(
     rests: IntLanes,
     least: IntLanes,
 ) -> None:
-    """Lower the weighted remaining costs `now` (n, LANES) of marked nodes by a turn, or by no turn.
+    """Lower the weighted remaining costs `now` (n, LANES) of marked nodes by paths that begin with a turn.
 
-    steps    (n, LANES)  the layer from which turned paths continue
-    within   whether that layer is the layer under repair; the values of marked nodes are then in `now`
+    Paths of the layer `steps` without another turn count as well.
+
+    steps    (n, LANES)  layer in which paths continue after the turn
+    within   whether this is the layer under repair; the values of marked nodes are then in `now`
     came     (n,)  nodes that a move improved; only their groups are processed; 0 after the call
-    turned   (n,)  set to 1 where a turn improves
+    turned   (n,)  set to 1 for nodes that a turn improves
     rests    (g, LANES), least (1, LANES)  scratch; g is the number of nodes of the largest group
     """
     weights = tables.weights
@@ -294,11 +298,13 @@ def improve_by_moves(
     turned: NDArray[np.uint8],
     rests: IntLanes,
 ) -> bool:
-    """Lower the weighted remaining costs `now` (n, LANES) of marked nodes by moves; return whether any value improved.
+    """Lower the weighted remaining costs `now` (n, LANES) of marked nodes by paths that begin with a plain arc.
+
+    Returns whether any value improved.
 
     arcs           (a,)  arcs from marked nodes; closed arcs are skipped
-    moved          (m,)  output: lanes that each arc improved, as bits
-    came, turned   (n,)  nodes that a move or a turn improved; moves to others are skipped; `turned` is 0 afterwards
+    moved          (m,)  output: for each arc the lanes that it improved, as bits
+    came, turned   (n,)  nodes that a move or a turn improved; arcs to other nodes are skipped; `turned` is 0 afterwards
     """
     weights = tables.weights
     better = np.uint8(0)
@@ -341,7 +347,7 @@ def recompute_layer(
     room: IntLanes,
     fresh: NDArray[np.uint8],
 ) -> None:
-    """Recompute layer m at the marked nodes; the last layer has any number of turns.
+    """Recompute layer m at the marked nodes, from values that are valid; the last layer allows any number of turns.
 
     nodes, arcs  (a,), (b,)      marked nodes, and the arcs that leave them
     now          (n, LANES)      scratch

@@ -1,10 +1,10 @@
-"""A graph prepared for one set of targets: groups and bounds are computed once, closed arcs are masked.
+"""A graph prepared for fast searches to the same targets from any node, while arcs are closed and opened again.
 
-A drive repeats one query from many nodes, while doors close and open. Most of the time of a small query goes into the
-groups of turns and the lower bounds on remaining costs, which do not depend on the source. Closed arcs need no new
-graph: in the tables of a search they cost more than any solution, or lead back to their tails, so the kernels are the
-same. Bounds are repaired where they change (:mod:`.repair`); without a repair they would stay valid after a closing,
-but would lead the search to the closed door.
+A driving robot repeats one query from many nodes, while doors close and open. Most of the time of a small query goes
+into the groups of turns and the lower bounds of remaining costs. These do not depend on the source, so they are
+computed once. Closed arcs need no new graph: in the tables of a search they cost more than any solution, or lead back
+to their tails. Lower bounds are repaired where they change (:mod:`.repair`). Without a repair they would still be valid
+after a closing, but would lead the search to the closed door.
 
 All turns of a group can be closed together. If only some are closed, a path may need two turns in a row, which groups
 exclude. The search then does without groups until these turns are open again, which is exact but slower.
@@ -39,24 +39,25 @@ from hpop.search.queries import UNLIMITED, ParetoPaths, SearchStats, checked_gra
 from hpop.search.staircase.search import Staircase
 from hpop.search.staircase.tables import TooWide
 
-# Most queries of a drive are small, and the exact search answers them in milliseconds. If it has spent a part of its
-# limits without ending, it is interrupted by an approximate search. That one first repairs the cached joint bounds for
-# the closed arcs, as far as time allows. With them and all known paths it needs some thousands of labels, and proves a
-# gap that the exact search, which is ordered by its first cost, would prove only at its end. Then the exact search goes
-# on. On small graphs joint bounds are not repaired: while arcs are closed, the exact search has all the time.
+# Most queries of a driving robot are small, and the exact search ends in milliseconds. If it has used a share of its
+# limits without ending, it pauses for an approximate search. This search first repairs the cached joint bounds (lower
+# bounds of two costs together) for the closed arcs, as far as time allows. With these bounds and all known paths it
+# needs some thousands of labels, and proves a gap that the exact search, which is ordered by its first cost, would
+# prove only at its end. Then the exact search goes on. On small graphs joint bounds are not repaired: while arcs are
+# closed, the exact search has all the time.
 
 
 FIRST, SECOND = 0.4, 0.7  # shares of the limits at which the approximate search begins and ends
-SOON, REPAIRED, LATE = 0.15, 0.55, 0.95  # shares if joint bounds are repaired: begin, end of repair, end
-GAP = 0.1  # its precision, relative
-AHEAD = 150e-9  # s a node, before its first label
+SOON, REPAIRED, LATE = 0.15, 0.55, 0.95  # shares if joint bounds are repaired: begin, end of the repair, end
+GAP = 0.1  # relative precision of the approximate search
+AHEAD = 150e-9  # s for each node, that the approximate search needs before its first label
 
 
 class PreparedRun:
-    """Run of one query on a prepared graph.
+    """One run of a query on a prepared graph.
 
     exact        exact search, None before it is set up
-    approximate  search within GAP by joint bounds, which interrupts the exact search; None if it does not run
+    approximate  search with the precision GAP, which runs while the exact search pauses; None if it does not run
     """
 
     def __init__(self, prepared: Prepared, source: int, known: KnownPaths) -> None:
@@ -67,7 +68,7 @@ class PreparedRun:
         self.method, self.order = prepared.plans[0]
 
     def go(self, clock: DeadlineClock) -> Status:
-        """Run the searches to the end, or until a limit."""
+        """Run the searches to the end or until a limit, and return the status."""
         if self.prepared.bounds[0, self.source] >= UNREACHABLE:
             return Status.NO_PATH
         status = clock.exceeded(0, 0)
@@ -100,7 +101,10 @@ class PreparedRun:
         return search.run(clock)
 
     def _run_approximate(self, exact: Staircase, clock: DeadlineClock) -> None:
-        """Repair the joint bounds, then run the approximate search, which begins with all paths so far."""
+        """Repair the joint bounds, then run the approximate search, starting from all known paths.
+
+        The paths found by the exact search so far are among them.
+        """
         prepared, staircase_bounds = self.prepared, self.prepared.staircase_bounds
         graph, groups, hull = prepared.graph, prepared.closed_arcs.whole, staircase_bounds.hull
         h = staircase_bounds.h.copy()
@@ -133,7 +137,7 @@ class PreparedRun:
         clock.memory = 0 if self.approximate is None else self.approximate.memory()
 
     def result(self, clock: DeadlineClock, status: Status) -> ParetoPaths:
-        """Return the non-dominated ones of all found and known paths, with the gap to missing paths."""
+        """Return the non-dominated paths among all found and known ones, with the gap to missing paths."""
         graph = self.prepared.graph
         costs, paths = self.known
         generated = expanded = waiting = 0
@@ -160,7 +164,7 @@ class PreparedRun:
         return ParetoPaths(costs, status, stats, graph, self.source, tuple(paths[row] for row in rows), gap=gap)
 
     def _own_bytes(self, search: Search) -> int:
-        """Return the bytes of a search, without the arrays that all searches share."""
+        """Return the bytes of a search's arrays, without those that it shares with the prepared graph."""
         staircase_bounds, groups = self.prepared.staircase_bounds, self.prepared.closed_arcs.whole
         shared = [staircase_bounds.layers, *vars(groups).values(), *vars(staircase_bounds.hull or object).values()]
         places = {array.__array_interface__["data"][0] for array in shared if isinstance(array, np.ndarray)}
@@ -168,7 +172,7 @@ class PreparedRun:
         return sum(array.nbytes for array in arrays if array.__array_interface__["data"][0] not in places)
 
     def _gap(self, costs: IntArray) -> float:
-        """Return the smallest gap that the searches prove for the returned costs (n, k)."""
+        """Return the smallest gap to missing paths that either search proves for the returned costs (n, k)."""
         if self.exact is None:
             return proven_gap(costs, self.prepared.bounds[:, self.source][None], math.inf)
         gap = GAP if self.is_approximate_complete else math.inf
@@ -190,22 +194,22 @@ def _non_dominated_rows(costs: IntArray) -> IntArray:
 
 
 MANY = 100_000  # nodes: on smaller graphs the exact search mostly ends before joint bounds are needed
-SHARE = 0.2  # of the nodes: where a closing changes more bounds, computing all again is faster
+SHARE = 0.2  # share of the nodes: if a closing changes more bounds, computing all bounds again is faster
 
 
 @checked_arguments
 class Prepared:
-    """A graph prepared for searches from any node to the same targets.
+    """A graph prepared for searches from any node to the same targets, in which arcs can be closed and opened.
 
-    bounds  (k, n)  least value of each cost over the open paths from a node to a target
+    bounds  (k, n)  least value of each cost over the paths of open arcs from each node to a target
     onward  (k, n)  next node on such a path, -1 if there is none
 
     Accepts: any :class:`Graph`, 1 to 6 costs, each a sum or a maximum.
 
-    Guarantees: :meth:`paths` returns the result of :func:`pareto_paths` on the graph without the closed arcs.
+    Guarantees: :meth:`paths` returns the same front as :func:`pareto_paths` on the graph without the closed arcs.
 
-    Cost: groups and bounds once, and repairs of the bounds after each closing and opening. A search then takes the time
-    of its labels; the first search that needs joint bounds repairs them, as far as its limits allow.
+    Cost: groups and bounds are computed once, and bounds are repaired after each closing and opening. A search then
+    takes only the time for its labels. The first search that needs joint bounds repairs them, as its limits allow.
 
     >>> graph = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 5], [1, 5], [9, 1]])
     >>> prepared = Prepared(graph, 2)
@@ -251,12 +255,12 @@ class Prepared:
 
     @property
     def closed(self) -> BoolArray:
-        """Mask (m,) of the closed arcs; a copy."""
+        """Mask (m,), True for each closed arc; a copy."""
         return self.closed_arcs.closed.copy()
 
     @property
     def memory(self) -> int:
-        """Bytes of all arrays beside the graph."""
+        """Size of all arrays except those of the graph, bytes."""
         staircase_bounds, entering = self.staircase_bounds, self._entering or ()
         arrays = [self.bounds, self.onward, staircase_bounds.h, *entering, *vars(self.closed_arcs.whole).values()]
         arrays += [self.closed_arcs.closed, staircase_bounds.layers, *vars(staircase_bounds.hull or object).values()]
@@ -265,7 +269,7 @@ class Prepared:
 
     @property
     def outdated_hull(self) -> HullRepair | None:
-        """Joint bounds that must be repaired for the closed arcs; None if they are up to date or do not exist."""
+        """Joint bounds that are not repaired yet for the present closed arcs; None if up to date or not in use."""
         closed_arcs = self.closed_arcs
         return (
             None
@@ -274,15 +278,15 @@ class Prepared:
         )
 
     def close(self, arcs: ArrayLike) -> None:
-        """Close arcs, given by their indices (N,) in the graph, until they are opened."""
+        """Close arcs, given by their indices (N,) in the graph: no path uses them until they are opened."""
         self._repair(raise_bounds, self.closed_arcs.set_closed(arcs, closed=True))
 
     def open(self, arcs: ArrayLike) -> None:
-        """Open closed arcs, given by their indices (N,) in the graph."""
+        """Open closed arcs again, given by their indices (N,) in the graph."""
         self._repair(lower_bounds_of_opened, self.closed_arcs.set_closed(arcs, closed=False))
 
     def _repair(self, kernel: Any, changed: IntArray) -> None:
-        """Repair the bounds after arcs (a,) were closed or opened; ``kernel`` is the repair of one cost."""
+        """Repair the bounds of all costs after arcs (a,) were closed or opened; ``kernel`` does so for one cost."""
         graph, clock, n = self.graph, Clock(UNLIMITED, None), self.graph.nodes
         if self._entering is None:
             self._entering = np.zeros(n + 2, np.int64), np.empty(graph.arcs, np.int32)
@@ -313,15 +317,15 @@ class Prepared:
         """Find every non-dominated cost vector of the paths from a source to the targets, each with one path.
 
         Paths with closed arcs do not count. The search ends after `deadline` seconds of this thread's processor time,
-        at a limit of `budget`, or at Ctrl-C.
-        Then the paths found so far are returned, and `gap` bounds how much better missing ones may be. The deadline
-        includes the computation of the result and the gap, but not the first compilation of kernels.
+        at a limit of `budget`, or at Ctrl-C. Then the paths found so far are returned, and `gap` bounds how much better
+        missing ones may be. The deadline includes the computation of the result and the gap, but not the first
+        compilation of kernels.
 
-        `known` are paths from the source, by the indices of their arcs in the graph, such as
-        :meth:`.ParetoPaths.suffixes`. Known paths without a closed arc are returned even after a deadline of 0; the gap
-        is that of found and known paths together.
+        `known` are paths from the source that the caller knows, such as the remaining parts of earlier results
+        (:meth:`.ParetoPaths.suffixes`), given by the indices of their arcs in the graph. If they have no closed arc,
+        they count as found, even with a deadline of 0.
 
-        Raises QueryError for a source that is no node, and for a known path that does not lead from it to a target.
+        Raises QueryError if the source is no node, and if a known path does not lead from it to a target.
         """
         start = checked_node(self.graph, source, "source")
         if deadline is not None:
@@ -337,7 +341,7 @@ class Prepared:
         return run.result(clock, status)
 
     def least_paths(self, source: int) -> list[IntArray]:
-        """Return the least path of each cost from a node, as indices of arcs; [] if no target can be reached."""
+        """Return for each cost the path from a node that is least in it, as indices of arcs; [] if there is no path."""
         if self.bounds[0, source] >= UNREACHABLE:
             return []
         graph, clock, paths = self.graph, Clock(UNLIMITED, None), []

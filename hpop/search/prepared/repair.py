@@ -1,10 +1,10 @@
-"""Repair of bounds after arcs were closed or opened, only where the bounds change.
+"""Repair of lower bounds after arcs were closed or opened: only bounds that change are computed again.
 
-h_j(v) is the least cost j of any path from v to a target, and the next node on such a path is stored for each node.
-When an arc is closed, only the bounds of nodes with paths through it may rise; they are computed again from those of
-their neighbours (Ramalingam and Reps, "An incremental algorithm for a generalization of the shortest-path problem",
-1996). When an arc u -> v is opened, h(u) may fall to c + h(v), and so on backward. Both continue like the search of
-:mod:`.machinery.bounds` from the changed nodes.
+The bound h_j(v) is the least cost j of any path from v to a target, and the next node on such a path is stored for each
+node. When an arc is closed, only the bounds of nodes with paths through it may rise. They are computed again from those
+of their neighbours (Ramalingam and Reps, "An incremental algorithm for a generalization of the shortest-path problem",
+1996). When an arc from u to v with cost c is opened, h(u) may fall to c + h(v), and so may the bounds of nodes before
+u. In both cases the search of :mod:`.machinery.bounds` then continues backward from the changed nodes.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from hpop.search.machinery.bounds import PILES, UNREACHABLE, bits, put_on_pile, 
 
 @lean
 def sort_by_head(heads: NDArray[np.int32], first: IntArray, arcs: NDArray[np.int32]) -> None:
-    """Sort arcs (m,) by their heads, with a counting sort.
+    """Sort arcs by their heads, by a counting sort, and write their indices in this order to `arcs` (m,).
 
     first (n + 2,) must be 0 before the call; its first n + 1 entries receive the offset of each head.
     """
@@ -47,7 +47,10 @@ def propagate_bounds(
     is_open: NDArray[np.uint8],
     piles: Any,
 ) -> None:
-    """Propagate lowered bounds h (n,) backward from the nodes in the piles, until no open arc lowers any bound."""
+    """Propagate changed bounds h (n,) backward from the nodes in the piles, until no open arc lowers any bound.
+
+    This is Dijkstra's algorithm with a radix heap (`piles`). Arguments are those of :func:`lower_bounds_of_opened`.
+    """
     _, _, costs, tails = graph
     first, arcs = entering
     tops, above, below = piles
@@ -101,14 +104,14 @@ def lower_bounds_of_opened(
     piles: Any,
     scratch: NDArray[np.int32],
 ) -> bool:
-    """Lower the bounds of one cost where opened arcs (a,) shorten a path to a target; return True.
+    """Lower the bounds of one cost where opened arcs (a,) give a better path to a target; return True.
 
     graph      indptr (n + 1,), heads (m,), costs (m, k) and tails (m,)
-    entering   the arcs that enter each node: offsets and arcs of :func:`sort_by_head`
-    column     of the cost, a maximum if `is_max`
+    entering   arcs sorted by head: offsets and arcs of :func:`sort_by_head`
+    column     column of the cost, a maximum if `is_max`
     closed     (m,)  mask of the closed arcs
     h, onward  (n,)  bounds of this cost, and next nodes; changed in place
-    is_open    (n,)  0 before the call
+    is_open    (n,)  scratch, 0 before the call: nodes that are in a pile
     piles      (PILES,) -1 before the call, (n,) and (n,) scratch
     """
     _, heads, costs, tails = graph
@@ -141,12 +144,12 @@ def raise_bounds(
     piles: Any,
     affected: NDArray[np.int32],
 ) -> bool:
-    """Raise the bounds of one cost where paths used newly closed arcs (a,).
+    """Raise the bounds of one cost at nodes whose best path used newly closed arcs (a,).
 
-    affected  (most,)  scratch for the affected nodes
+    affected  (most,)  scratch for these nodes
 
-    Other arguments as in :func:`lower_bounds_of_opened`. Returns False if more than `most` nodes are affected; h and
-    onward are then invalid.
+    Other arguments as in :func:`lower_bounds_of_opened`. Returns False if there are more than `most` such nodes; h and
+    onward are then invalid, and must be computed from scratch.
     """
     indptr, heads, costs, tails = graph
     first, arcs = entering

@@ -1,1 +1,1 @@
-"""Exact search where one cost is a small integer, with a staircase per node (:mod:`.staircase.search`)."""
+"""The search "staircase": exact and fast if one of two or three costs is a small integer (:mod:`.staircase.search`)."""

@@ -1,4 +1,4 @@
-"""Base of searches with open labels in buckets of their first cost, with joint bounds or without."""
+"""Base classes of the staircase search: a queue with a bucket for each range of first costs, and joint bounds."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from hpop.search.staircase.labels import UncoveredCorners
 from hpop.search.staircase.tables import H_FIRST, H_REST
 from hpop.search.staircase.turn_hull import LANES, ROOM, HullBounds, IntLanes, TurnHull, directions, turn_hull
 
-# Nearly all labels wait long before they are expanded, and most successive labels tie in the first cost. So a label is
-# only appended to its bucket, 16 bytes per entry, and a bucket becomes a heap when it is opened. That heap is small and
-# stays in the processor's cache (Dial 1969; Barrett, Maristany and others use buckets on the first cost in NWMOA*,
-# 2023). Entries leave in lexicographic order, as from one heap.
+# Nearly all labels wait long before they are expanded, and most successive labels have equal first costs. So a new
+# label is only appended to the bucket of its first cost, 16 bytes for each entry. When the search reaches a bucket, its
+# entries become a heap, which is small and stays in the processor's cache (Dial 1969; Barrett, Maristany and others use
+# buckets on the first cost in NWMOA*, 2023). Entries leave in lexicographic order, as from one heap.
 
 
-CHUNK = 32  # entries
+CHUNK = 32  # number of entries in a chunk; a bucket is a linked list of chunks
 # State of the queue: open bucket, entries in its heap, first free chunk, number of free chunks, chunks ever used.
 OPEN, IN_HEAP, FREE, N_FREE, USED, QUEUE = range(6)
 Waiting = tuple[NDArray[np.int32], NDArray[np.int32], IntArray]
@@ -40,8 +40,10 @@ Heap = tuple[IntArray, IntArray]
 def open_next(queue: IntArray, waiting: Waiting, heap: Heap) -> int:
     """Move the entries of the next non-empty bucket into the empty heap; return the number of entries.
 
+    queue    state of the queue, with indices OPEN to USED
     waiting  tops (b, 2): top chunk of each bucket, or -1, and the number of entries in it; below (c,): next chunk
              below each chunk; entries (e, 2): key and label
+    heap     keys and labels of the heap
 
     Returns 0 if all buckets are empty. If the heap has too little room, nothing is moved, and minus the number of
     entries is returned.
@@ -84,7 +86,7 @@ def open_next(queue: IntArray, waiting: Waiting, heap: Heap) -> int:
 
 @lean
 def sift_down(keys: IntArray, values: IntArray, i: int, size: int) -> None:
-    """Move entry i of a 4-ary heap of `size` entries down to its position."""
+    """Move entry i of a 4-ary heap of `size` entries down to its position by its key."""
     key, value = keys[i], values[i]
     while True:
         child = 4 * i + 1
@@ -106,7 +108,10 @@ def sift_down(keys: IntArray, values: IntArray, i: int, size: int) -> None:
 
 
 def waiting_entries(tops: NDArray[np.int32], below: NDArray[np.int32], entries: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the entries of all buckets (n, 2) and their buckets (n,), lowest bucket first, oldest entry first."""
+    """Return all entries that wait in buckets (n, 2), and the bucket (n,) of each.
+
+    They are sorted by bucket, and in a bucket by age, the oldest first.
+    """
     counts = np.zeros(len(tops), np.int64)
     n = int(count_entries(tops, below, counts))
     out, buckets = np.empty((n, 2), np.int64), np.repeat(np.arange(len(tops)), counts)
@@ -116,7 +121,7 @@ def waiting_entries(tops: NDArray[np.int32], below: NDArray[np.int32], entries: 
 
 @lean
 def count_entries(tops: NDArray[np.int32], below: NDArray[np.int32], counts: IntArray) -> int:
-    """Write the number of entries of each bucket to `counts` (b,); return the sum."""
+    """Count the entries of each bucket, write the numbers to `counts` (b,), and return their sum."""
     total = np.int64(0)
     for bucket in range(len(tops)):
         chunk, filled = np.int64(tops[bucket, 0]), np.int64(tops[bucket, 1])
@@ -131,7 +136,7 @@ def count_entries(tops: NDArray[np.int32], below: NDArray[np.int32], counts: Int
 def copy_entries(
     tops: NDArray[np.int32], below: NDArray[np.int32], entries: IntArray, counts: IntArray, out: IntArray
 ) -> None:
-    """Copy the entries of all buckets to `out` (n, 2), bucket after bucket, the top chunk of a bucket last."""
+    """Copy the entries of all buckets to `out` (n, 2), bucket after bucket, in each the oldest entries first."""
     end = np.int64(0)
     for bucket in range(len(tops)):
         end += counts[bucket]
@@ -148,7 +153,7 @@ def copy_entries(
 def fill_buckets(
     tops: NDArray[np.int32], below: NDArray[np.int32], entries: IntArray, buckets: IntArray, waiting: IntArray
 ) -> None:
-    """Fill empty buckets with entries `waiting` (n, 2), sorted by their `buckets` (n,)."""
+    """Fill empty buckets with saved entries `waiting` (n, 2), which are sorted by their `buckets` (n,)."""
     which, first, counts = np.unique(buckets, return_index=True, return_counts=True)
     chunks = -(-counts // CHUNK)
     begin = np.cumsum(chunks) - chunks
@@ -160,14 +165,14 @@ def fill_buckets(
     tops[which, 1] = counts - (chunks - 1) * CHUNK
 
 
-MOST_BUCKETS = 2**24  # for labels of a checkpoint
+MOST_BUCKETS = 2**24  # largest number of buckets for labels of a checkpoint
 
 
 class BucketSearch(Search):
-    """Search with three costs and a queue of buckets: labels of the lowest bucket of first costs are in a heap.
+    """Search with three costs whose open labels (partial paths) wait in buckets by first cost; the lowest is a heap.
 
-    packing  (5,)  packing of keys: bits of the first cost within a bucket, bits of the last cost, bit position of the
-                   first cost, least bucket, largest last cost
+    packing  (5,)  how estimates are packed into keys: bits of the first cost within a bucket, bits of the last cost,
+                   bit position of the first cost, least bucket, largest last cost
     rise     (3,)  largest growth of an estimate in one expansion
     """
 
@@ -175,7 +180,7 @@ class BucketSearch(Search):
     rise: IntArray
 
     def _make_queue(self, f: list[int], packing: IntArray) -> None:
-        """Set up the queue with one label of estimate f (3,)."""
+        """Set up the queue with one label (partial path) of the estimate f (3,), at the source."""
         self.packing = packing
         shift, bits, top = packing[:3].tolist()
         buckets = 2 * ((int(self.rise[0]) >> shift) + 2)
@@ -189,7 +194,7 @@ class BucketSearch(Search):
         self.keys[0] = ((f[0] & ((1 << shift) - 1)) << top) | (f[1] << bits) | f[2]
 
     def estimates(self) -> IntArray:
-        """Return the estimates (m, 3) of open labels."""
+        """Return the estimates (m, 3) of all open labels (partial paths), unpacked from their keys."""
         shift, bits, top, origin, _ = self.packing.tolist()
         entries, buckets = waiting_entries(self.tops, self.below, self.entries)
         key = np.concatenate([self.keys[: self.queue[IN_HEAP]], entries[:, 0]])
@@ -198,12 +203,12 @@ class BucketSearch(Search):
         return np.stack([first, (key >> bits) & ((1 << (top - bits)) - 1), key & ((1 << bits) - 1)], axis=1)
 
     def open_labels(self) -> tuple[IntArray, IntArray]:
-        """Return the open labels in the heap, and those in buckets, lowest bucket first."""
+        """Return the open labels (partial paths) in the heap, and those in buckets, lowest bucket first."""
         entries, _ = waiting_entries(self.tops, self.below, self.entries)
         return self.values[: self.queue[IN_HEAP]], entries[:, 1]
 
     def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
-        """Fill the heap and the buckets with labels and their estimates."""
+        """Fill the heap and the buckets with saved labels and their estimates, see :meth:`.Search.reopen`."""
         shift, bits, top, origin, _ = self.packing.tolist()
         n = len(heap)
         buckets = (costs[:, 0] >> shift) - origin
@@ -241,20 +246,20 @@ class BucketSearch(Search):
         self.tops = np.concatenate([self.tops, np.full_like(self.tops, -1)])
 
 
-# See :mod:`.turn_hull` and :mod:`.labels`.
+# Joint bounds are explained in :mod:`.turn_hull`, and pruning by them in :mod:`.labels`.
 
 
-NEAR = 4  # the front on paths of the bounds, and the bounds by turns, have the precision eps / NEAR
-THIN = 3  # the thinned front covers it within eps / THIN
+NEAR = 4  # the first front, of paths on the best paths of joint bounds, and these bounds have the precision eps / NEAR
+THIN = 3  # a part of the first front, which covers it within eps / THIN, becomes solutions
 
 
 class JointSearch(BucketSearch):
-    """Base of the staircase search: pruning by joint bounds of its first and its rest cost.
+    """Part of the staircase search that prunes by joint bounds: lower bounds of first and third cost together.
 
-    has_tried_bounds  whether further bounds were computed, or could not be
+    has_tried_bounds  whether further bounds were computed, or were found not to be possible
     hull              joint bounds in use, or None
-    corners_size      size of the front at the last update of the corners
-    hull_paths        arcs of those solutions that joint bounds gave instead of labels
+    corners_size      size of the front when the corners of the uncovered region were last updated
+    hull_paths        arcs of the first solutions, which come with joint bounds and have no labels
     closed_arcs       (m,) mask of closed arcs of the graph, or None
     """
 
@@ -279,10 +284,13 @@ class JointSearch(BucketSearch):
     def _search_on(
         self, part: Graph, source: int, targets: IntArray, h: IntArray, groups: Groups, clock: Clock, near: Precision
     ) -> BucketSearch:
-        """Set up a search with precision ``near`` on a part of the graph."""
+        """Return a new search with the precision ``near`` on a part of the graph."""
 
     def _compute_joint_bounds(self, clock: Clock) -> bool:
-        """Compute joint bounds and first solutions; return False if the graph or the memory does not allow them."""
+        """Compute joint bounds and first solutions, and use them from now on.
+
+        Returns False if the graph does not allow joint bounds, or memory or time do not suffice.
+        """
         limit = clock.budget.max_memory
         room = ROOM if limit is None else limit - self.memory()
         columns = (self.order[0], self.order[2])
@@ -302,7 +310,10 @@ class JointSearch(BucketSearch):
         return True
 
     def front_near_hull(self, hull: TurnHull, clock: Clock) -> tuple[IntArray, list[IntArray]]:
-        """Return the approximate front (n, 3) of paths through the nodes on best paths of a hull, and their arcs."""
+        """Return a first approximate front (n, 3), and the arcs of its paths.
+
+        It is the front of the paths that use only nodes on best paths of joint bounds.
+        """
         columns = (self.order[0], self.order[2])
         nodes_on_best_paths = hull.nodes_on_best_paths(
             self.groups, columns, self.nodes, self.start, self.arcs, self.source, clock
@@ -310,10 +321,10 @@ class JointSearch(BucketSearch):
         return self._front_through(nodes_on_best_paths, clock)
 
     def take_joint_bounds(self, hull: TurnHull, costs: IntArray, paths: Sequence[IntArray], clock: Clock) -> None:
-        """Add known solutions to the front; from now on prune labels by these and by the bounds of a hull.
+        """Add known paths to the solutions, and prune labels (partial paths) by these and by joint bounds from now on.
 
-        costs  (n, 3)    in the order of the search, rows in lexicographic order
-        paths  n arrays  indices of the arcs of each solution in the graph
+        costs  (n, 3)    costs of the paths, columns in the order of the search, rows in lexicographic order
+        paths  n arrays  indices of the arcs of each path in the graph
         """
         self.has_tried_bounds = True
         size = int(self.counters[N_FRONT])
@@ -329,7 +340,10 @@ class JointSearch(BucketSearch):
         self._update_corners(HullBounds(hull.layers, hull.weights, *no_corners, ahead, reached, scratch), clock)
 
     def _front_through(self, nodes_on_best_paths: IntArray, clock: Clock) -> tuple[IntArray, list[IntArray]]:
-        """Return the approximate front (n, 3) of the paths that use only the given nodes, and their arcs."""
+        """Search the part of the graph with the given nodes only; return its front (n, 3), and the paths' arcs.
+
+        The front has the precision eps / NEAR. It is empty if a limit came too early.
+        """
         nodes = np.sort(self.groups.nodes[nodes_on_best_paths])
         part = self.graph.among(nodes)
         if self.closed_arcs is not None:
@@ -358,13 +372,13 @@ class JointSearch(BucketSearch):
         return costs, hull_paths
 
     def _least_covered(self, costs: IntArray) -> IntArray:
-        """Return, for each vector of costs (n, 3), the least estimate that it covers within the precision."""
+        """Return the least estimate (n, 3) that each cost vector (n, 3) covers within the precision."""
         eps, tolerance = float(self.precision.eps), self.tolerance.tolist()
         table = [[least_covered(c, eps, t) for c, t in zip(row, tolerance, strict=True)] for row in costs.tolist()]
         return np.array(table, np.int64).reshape(-1, 3)
 
     def _update_corners(self, hull: HullBounds, clock: Clock) -> None:
-        """Compute the corners of the region that the front leaves uncovered, within the bounds on solutions."""
+        """Compute the corners of the region of costs that the front does not cover, within the query's bounds."""
         self.corners_size = int(self.counters[N_FRONT])
         covered = self._least_covered(self.front[: self.corners_size])
         if self.at_most:

@@ -1,4 +1,4 @@
-"""The inner loop of the staircase search: labels leave the queue, are tested, and their successors enter it."""
+"""The inner loop of the staircase search: labels leave the queue and are tested, and their successors enter it."""
 
 from __future__ import annotations
 
@@ -76,9 +76,10 @@ def advance(
     tolerance: IntArray,
     bound: int,
 ) -> int:
-    """Expand labels until the queue is empty, `work` steps are done or an array is full; return the code of the reason.
+    """Run the search for a slice of `work` steps: take labels (partial paths) from the queue, and extend them.
 
-    The other arguments are the arrays of :class:`.Staircase`, which the kernel changes in place.
+    It ends early if the queue is empty or an array is full. Returns the code of the reason (:mod:`.machinery.slices`).
+    Other arguments are the arrays of :class:`.Staircase`, which the kernel changes in place.
     """
     nodes, start, arcs, arc_heads, groups, rows, dearest, turns, source, first, rest = graph
     step, shared, alike, max_first, max_rest = turn

@@ -1,4 +1,4 @@
-"""Labels of a staircase search: costs, staircases of nodes, and corners that no solution covers."""
+"""Checks of saved labels of a staircase search, and the test by joint bounds whether solutions cover a label."""
 
 from __future__ import annotations
 
@@ -43,15 +43,15 @@ def retrace(
     at: NDArray[np.int32],
     f: NDArray[Any],
 ) -> int:
-    """Write the node of each label to `at` (n,) and its estimate to f (n, 3).
+    """Compute the last nodes and the estimates of saved labels (partial paths); write them to `at` (n,) and f (n, 3).
 
     values       (n,)  labels, closed labels first; `closed` is their number
     root         (3,)  estimate of the source
-    graph, turn        tables of the kernel of the search
+    graph, turn        arguments of the search's kernel
     tails        (m,)  tails of the arcs
     most         (3,)  largest estimates that fit
 
-    Returns n, or i for an invalid label i, or -1 - i for a label i with too large costs.
+    Returns n, or i if label i is invalid, or -1 - i if the costs of label i are too large.
     """
     nodes, _, arcs, arc_heads, groups, rows, dearest, turns, source, first, rest = graph
     step, _, alike, max_first, max_rest = turn
@@ -118,11 +118,11 @@ def enter_all(
     share: NDArray[Any],
     width: int,
 ) -> int:
-    """Enter closed labels from index `begin` on into the staircases, as the search did when it closed them.
+    """Enter saved closed labels, from index `begin` on, into the staircases, as the search did when it closed them.
 
     at, f  (n,), (n, 3)  nodes and estimates of the labels
 
-    Returns n, or i if there are too few rows for label i, or -1 - i if label i is covered.
+    Returns n, or i if there is too little room for label i, or -1 - i if label i is dominated already.
     """
     nodes, _, _, _, groups, rows, _, turns, _, _, rest = graph
     step, shared, alike, _, max_rest = turn
@@ -156,7 +156,10 @@ def enter_all(
 
 @kernel
 def enter_goal(goal: NDArray[Any], solved: NDArray[Any], eps: float, tolerance: IntArray) -> int:
-    """Lower the staircase of the targets by solutions (n, 3); return n, or -1 - i if solution i is covered already."""
+    """Enter saved solutions (n, 3) into the staircase of the solutions.
+
+    Returns n, or -1 - i if solution i is covered already. `eps` and `tolerance` are the precision of the search.
+    """
     end = len(goal) - 1
     for i in range(len(solved)):
         if goal[solved[i, 1] if solved[i, 1] < end else end] <= solved[i, 2]:
@@ -168,7 +171,7 @@ def enter_goal(goal: NDArray[Any], solved: NDArray[Any], eps: float, tolerance: 
 
 @kernel
 def checksum_of_stairs(stairs: NDArray[Any], groups: NDArray[Any], width: int, empty: int) -> int:
-    """Return a checksum of the steps of all staircases, independent of their positions and widths.
+    """Return a checksum of the steps of all staircases that does not depend on their positions and widths.
 
     empty  height of a step without a closed label
     """
@@ -186,15 +189,17 @@ def checksum_of_stairs(stairs: NDArray[Any], groups: NDArray[Any], width: int, e
     return int(total)
 
 
-# Represent each solution with at most N turns by the least estimate that it covers: x in the first cost, y in the rest
-# cost. Sorted by rising x and falling y, they leave a staircase uncovered: every vector with at least N turns that none
-# of them covers is nowhere larger than one of its corners (x_i - 1, y_{i-1} - 1), where x or y is infinite at its ends.
+# This explains the test of :func:`may_improve`. Represent each solution with at most N turns by the least estimate that
+# it covers: x in the first cost, y in the rest cost. Sort them by rising x and falling y. The region of vectors (first,
+# rest) that none of them covers is bounded by a staircase: each such vector, with N turns or more, is nowhere larger
+# than one of the corners (x_i - 1, y_{i-1} - 1), where x or y is infinite at the ends.
 #
-# Let a label with n turns and costs g have a completion with m turns and costs c, and let the sum not be covered. Then
-# w.g + w.c, and so w.g + H_m, is at most w.corner for one corner of N = n + m and all weights w >= 0. If no m and
-# corner satisfy this for the weights of :mod:`.turn_hull`, all completions of the label are covered, and it is pruned.
-# H_m is stored as its excess over w.h, with the least remaining costs h; w.g + w.h is w.f, with the label's estimate f.
-# Weighted labels are rounded down and corners up, so that rounding never prunes.
+# Let a label have n turns and costs g, and let m turns and costs c lead from it to a target. If no solution covers the
+# whole path, then w.g + w.c <= w.corner for one corner of N = n + m and for all weights w >= 0. H_m is a lower bound of
+# w.c, so w.g + H_m <= w.corner as well. If no m and corner satisfy this for all weights of :mod:`.turn_hull`, every
+# path that begins with the label is covered, and the label is pruned. H_m is stored as its excess over w.h, with the
+# least remaining costs h; w.g + w.h is w.f, with the label's estimate f. Weighted labels are rounded down and corners
+# up, so rounding never prunes a label wrongly.
 
 
 NEVER = 2**31 - 1  # larger than any bound
@@ -202,11 +207,12 @@ NEVER = 2**31 - 1  # larger than any bound
 
 @dataclass(frozen=True, eq=False)
 class UncoveredCorners:
-    """Corners of the region of vectors that no solution covers, for each number of turns.
+    """Corners of the region of cost vectors that no solution covers, for each number of turns (comment above).
 
     N is the largest number of turns of a solution, p the number of solutions.
 
-    values  (N + 1, p + 1, LANES)  weighted corners for at most 0, 1, ... N turns, by rising first cost
+    values  (N + 1, p + 1, LANES)  weighted costs of the corners if solutions have at most 0, 1, ... N turns, sorted by
+                                   rising first cost
     last    (N + 1,)               index of the last corner for each number of turns
     """
 
@@ -215,7 +221,11 @@ class UncoveredCorners:
 
     @classmethod
     def of(cls, covered: IntArray, weights: FloatArray, clock: Clock) -> UncoveredCorners:
-        """Return the corners that solutions leave; ``covered`` (p, 3): the least estimate that each solution covers."""
+        """Return the corners for p solutions.
+
+        covered  (p, 3)      least estimate that each solution covers: first cost, turns, rest cost
+        weights  (LANES, 2)  weights of first and rest cost
+        """
         order = np.lexsort((covered[:, 2], covered[:, 0]))
         most = int(covered[:, 1].max(initial=0))
         values = np.empty((most + 1, len(covered) + 1, LANES), np.int32)
@@ -226,7 +236,10 @@ class UncoveredCorners:
 
 @kernel
 def fill_corners(covered: IntArray, weights: FloatArray, values: IntLanes, last: IntArray) -> None:
-    """Write the fields of :class:`UncoveredCorners`; `covered` (p, 3) is sorted by first cost, then rest cost."""
+    """Compute the fields `values` and `last` of :class:`UncoveredCorners`.
+
+    covered (p, 3) is sorted by first cost, then rest cost.
+    """
     infinite = float(NEVER)
     for n in range(len(last)):
         corner = 0
@@ -259,11 +272,13 @@ def may_improve(
     last: IntArray,
     scratch: IntLanes,
 ) -> bool:
-    """Return whether a label at node v may have a completion that no solution covers.
+    """Return False if joint bounds prove that solutions cover every path that begins with a label (partial path).
 
-    n, first, rest   turns so far, and estimates of the first and the rest cost
+    v, n             last node of the label, and its number of turns so far
+    first, rest      estimates of its first and its rest (third) cost
     fewest           least number of further turns; may exceed the number of layers
-    layers, weights  of :class:`.TurnHull`; values and last of :class:`UncoveredCorners`
+    layers, weights  fields of :class:`.TurnHull`
+    values, last     fields of :class:`UncoveredCorners`
     scratch          (2, LANES)
     """
     label, bound = scratch[0], scratch[1]

@@ -1,25 +1,27 @@
-"""Exact search where one cost is a small integer (turns): a staircase per node makes dominance one look-up.
+"""Exact search if one cost is a small integer, such as the number of turns: a dominance test is one look-up.
 
-Accepts: two or three costs, one of them (the index, a sum) small along good paths; the others sum or max.
+Accepts: two or three costs, one of them (the index, a sum) small along good paths; the others are sums or maxima.
 
-Guarantees: every non-dominated cost vector once, each with one path that has it.
+Guarantees: every non-dominated cost vector once, each with one path of this cost.
 
-Labels leave the queue in lexicographic order of f = g + h (for a maximum f = g, which includes h), so labels closed
-before at a node have no larger first cost, which drops out of the dominance test (Pulido, Mandow, Perez de la Cruz,
-"Dimensionality reduction in multiobjective shortest path search", 2015). Of the two remaining costs (n, d), n is a
-small integer. So each node has a staircase best[n] = the least d closed with at most n: a label is dominated iff
-best[n] <= d. The same staircase over f at the targets prunes labels without better solutions. Both tests are made at
-generation and again at expansion ("lazy", as in BOA*, Hernandez et al. 2023).
+A label is a partial path with costs g, and f = g + h is its estimate, with lower bounds h of the remaining costs (for a
+maximum f = g, which includes h). Labels leave the queue in lexicographic order of f. So labels closed before at a node
+have no larger first cost, and the dominance test ignores this cost (Pulido, Mandow, Perez de la Cruz, "Dimensionality
+reduction in multiobjective shortest path search", 2015). Let n be the index cost, a small integer, and d the remaining
+one, the rest cost. Each node has a table best[n], its staircase: the least d of labels closed there with an index cost
+of at most n. A label is dominated if and only if best[n] <= d. One more staircase, of the solutions, prunes labels that
+cannot lead to better solutions. Both tests are made when a label is generated and again when it is expanded ("lazy", as
+in BOA*, Hernandez et al. 2023).
 
 If the arcs that raise the index form groups of nodes (turns in place, see :mod:`.machinery.turns`), labels are
-generated only where other arcs arrive, and one shared staircase per group represents turns from any of its nodes. The
-staircases of a group are stored side by side, in one cache line. After many expansions, the search adds bounds for each
-number of remaining turns (:mod:`.staircase.tables`).
+generated only where other arcs arrive, and one shared staircase for each group represents turns from any of its nodes.
+The staircases of a group are stored side by side, in one cache line. After many expansions, the search adds bounds for
+each number of remaining turns (:mod:`.staircase.tables`).
 
-A search within a precision uses joint bounds of both other costs instead (:mod:`.turn_hull`). The best paths of these
-bounds pass few nodes, and the front on these nodes alone is found soon and near the whole front. A part that covers it
-within a share of the precision enters the front, and only labels remain that the bounds cannot prove covered
-(:mod:`.staircase.labels`): often thousands instead of millions.
+A search within a precision uses joint bounds of the first and the rest cost instead (:mod:`.turn_hull`). The best paths
+of these bounds pass few nodes. The front of the paths through these nodes alone is found soon, and is near the whole
+front. A part of it, which covers it within a share of the precision, becomes the first solutions. Then only labels
+remain that the bounds cannot prove to be covered (:mod:`.staircase.labels`): often thousands instead of millions.
 """
 
 from __future__ import annotations
@@ -67,16 +69,16 @@ from hpop.search.staircase.tables import (
     trace_paths,
 )
 
-STEPS = 64  # arcs per path for which there is room at first
+STEPS = 64  # number of arcs per path for which there is room at first
 INDEX_BITS = 14
 KEY_BITS = 62
 BUCKET_BITS = 15  # bits of buckets for the first cost of a whole path, or of a long arc
-LONG = 4  # labels expanded per node after which a search uses bounds by turns
-SOON = 0.1  # labels expanded per node after which it uses joint bounds
+LONG = 4  # number of expanded labels per node after which a search uses bounds by turns
+SOON = 0.1  # number of expanded labels per node after which it uses joint bounds
 
 
 class Staircase(JointSearch):
-    """Staircase search on one graph for one query.
+    """Search of one query on one graph, by the kernel :func:`.staircase.kernel.advance`.
 
     order  columns of the first cost, the index cost and the rest cost; the last is -1 if there are two costs
     """
@@ -97,14 +99,14 @@ class Staircase(JointSearch):
         width: int = 16,
         jointly: bool = True,
     ) -> None:
-        """Set up the tables of a query.
+        """Set up the tables of a query; raise TooWide if its costs do not fit them.
 
         targets  (t,)    nodes
         h        (k, n)  lower bounds of the remaining costs
-        groups           groups of the turns that raise the index cost, or single nodes
+        groups           groups of nodes joined by turns, arcs that raise the index cost; or single nodes
         at_most  (k,)    upper bounds on the costs of a path, or ()
-        width            first number of steps of a staircase
-        jointly          whether joint bounds are allowed; checkpoints do not store them
+        width            number of steps of a staircase at first
+        jointly          whether joint bounds may be used; checkpoints do not store them
         """
         self.precision, self.tolerance = precision, precision.of(order)
         worst = [j >= 0 and graph.aggregates[j] == "max" for j in order]
@@ -148,9 +150,9 @@ class Staircase(JointSearch):
         self._make_packed_queue(f)
 
     def close(self, arcs: BoolArray, groups: BoolArray) -> None:
-        """Close arcs, a mask (m,) of the graph's arcs, and all turns of groups, a mask (g,).
+        """Close arcs before a search: the marked arcs (m,) of the graph, and all turns of the marked groups (g,).
 
-        Closed arcs get a rest cost larger than that of any solution, so that every dominance test rejects them.
+        Closed arcs get a larger rest cost than any solution, so that every dominance test rejects labels after them.
         """
         self.closed_arcs = arcs
         infinite = self._empty_steps(1)[0]
@@ -158,11 +160,11 @@ class Staircase(JointSearch):
         self.group_table[groups, DEAREST] = infinite
 
     def _upper_bounds(self) -> list[int]:
-        """Return the upper bounds on the costs of solutions, in the order of the search."""
+        """Return the upper bounds on the three costs of solutions, in the order of the search."""
         return [self.at_most[j] if self.at_most and j >= 0 else ANYTHING for j in self.order]
 
     def _make_goal_staircase(self, width: int) -> None:
-        """Set up the staircase of the targets with the upper bounds on solutions as its first steps."""
+        """Set up the staircase of the solutions; at first it represents the upper bounds on their costs."""
         first, index, rest = self._upper_bounds()
         self.most, self.width = first, width
         while index < 1 << INDEX_BITS and self.width < index + 2:
@@ -172,7 +174,7 @@ class Staircase(JointSearch):
         self.goal[index + 1 :] = 0
 
     def _make_packed_queue(self, f: list[int]) -> None:
-        """Set up the queue with one label of estimate f (3,); raise TooWide if costs do not fit a key."""
+        """Set up the queue with one label at the source, of estimate f (3,); raise TooWide if keys are too small."""
         self.root = np.array(f, np.int64)
         shift = max(0, max(f[0], int(self.rise[0])).bit_length() - BUCKET_BITS)
         bits = KEY_BITS - INDEX_BITS - shift
@@ -186,7 +188,7 @@ class Staircase(JointSearch):
         return np.full(size, min(np.iinfo(self.dtype).max, int(UNREACHABLE)), self.dtype)
 
     def advance(self, clock: Clock, work: int) -> int:
-        """Run the kernel."""
+        """Run the kernel for ``work`` elementary steps, and return its code; add further bounds when it is time."""
         if not self.has_tried_bounds and self.counters[N_EXPANDED] > (SOON if self.jointly else LONG) * len(self.nodes):
             self._add_bounds(clock)
         if self.hull and self.corners_size < self.counters[N_FRONT]:
@@ -220,13 +222,13 @@ class Staircase(JointSearch):
         return int(code)
 
     def _tables(self) -> tuple[Any, ...]:
-        """Return the tables of the graph in the order of kernel arguments."""
+        """Return the tables of the graph that kernels take as the argument ``graph``."""
         groups = self.groups
         tables = (self.nodes, self.start, self.arcs, self.heads, self.group_table)
         return (*tables, groups.rows, groups.dearest, groups.turns, self.source, self.order[0], self.order[2])
 
     def _add_bounds(self, clock: Clock) -> None:
-        """Compute joint bounds or, failing that, bounds by remaining turns, if graph and memory allow them."""
+        """Compute joint bounds or else bounds for each number of remaining turns, if graph and memory allow them."""
         self.has_tried_bounds = True
         if self.jointly and self._compute_joint_bounds(clock):
             return
@@ -240,7 +242,7 @@ class Staircase(JointSearch):
             self.take_turn_bounds(layers)
 
     def take_turn_bounds(self, layers: NDArray[Any]) -> None:
-        """Prune from now on by bounds (n, LAYERS) for each number of remaining turns, of :func:`.costs_by_turns`."""
+        """Use bounds (n, LAYERS) for each number of remaining turns from now on, see :func:`.costs_by_turns`."""
         self.has_tried_bounds = True
         self.layers = layers
         self._lengthen_goal()
@@ -248,7 +250,7 @@ class Staircase(JointSearch):
     def _search_on(
         self, part: Graph, source: int, targets: IntArray, h: IntArray, groups: Groups, clock: Clock, near: Precision
     ) -> Staircase:
-        """Set up a search with precision ``near`` on a part of the graph."""
+        """Return a new search with the precision ``near`` on a part of the graph."""
         return Staircase(part, source, targets, h, self.order, groups, clock, near, self.at_most, jointly=False)
 
     def _lengthen_goal(self) -> None:
@@ -256,7 +258,7 @@ class Staircase(JointSearch):
         self.goal = np.concatenate([self.goal, np.repeat(self.goal[-1:], more)])
 
     def arrays(self) -> list[NDArray[Any]]:
-        """Return the tables of the graph, the staircases and the queue."""
+        """Return the tables of the graph, the staircases and the queue, so that their bytes are counted."""
         groups = self.groups
         tables = [self.nodes, self.group_table, self.start, self.arcs, self.heads, self.origin, self.is_target]
         grouped = [groups.nodes, groups.new_number, groups.rows, groups.dearest, groups.turns, groups.start]
@@ -264,7 +266,7 @@ class Staircase(JointSearch):
         return [*tables, *grouped, *(self.hull or ()), self.stairs, self.share, self.goal, self.layers, *queue]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Return the additional bytes, and a function that grows the staircases, the costs or the queue."""
+        """Return how many bytes more are needed, and a function that grows the staircases, costs or queue."""
         if code == HEAP:
             return self.keys.nbytes + self.values.nbytes, self._grow_heap
         if code == CHUNKS:
@@ -278,7 +280,7 @@ class Staircase(JointSearch):
         return self.stairs.nbytes, self._grow_rows if code == ROWS else self._grow_width
 
     def _widen_costs(self) -> None:
-        """Store costs with 64 bits; raise TooWide if they have 64 bits already."""
+        """Store costs in 64 bits from now on; raise TooWide if they have 64 bits already."""
         if self.dtype is np.int64:
             raise TooWide
         old = np.iinfo(self.dtype).max
@@ -309,21 +311,21 @@ class Staircase(JointSearch):
         return int(clock.call(checksum_of_stairs, self.stairs, self.group_table, self.width, empty))
 
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
-        """Write the nodes (n,) of labels to `at`; return n and their estimates (n, 3), see :meth:`.Search.retrace`."""
+        """Compute the last nodes and the estimates of saved labels (partial paths), see :meth:`.Search.retrace`."""
         f = np.zeros((len(values), 3), np.int64)
         tails = np.repeat(np.arange(len(self.nodes), dtype=np.int32), np.diff(self.start))
         most = np.array([ANYTHING, (1 << INDEX_BITS) - 1, self.packing[-1]])
         return clock.call(retrace, values, closed, self.root, self._tables(), self.turn, tails, most, at, f), f
 
     def widen(self) -> bool:
-        """Use 64 bits for costs; return False if they have 64 bits already."""
+        """Store costs in 64 bits from now on; return False if they have 64 bits already."""
         narrow = self.dtype is np.int32
         if narrow:
             self._widen_costs()
         return narrow
 
     def enter(self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solved: NDArray[Any], clock: Clock) -> None:
-        """Fill the staircases of the groups and of the targets."""
+        """Fill the staircases of the nodes and of the solutions from saved labels, see :meth:`.Search.enter`."""
         check_solutions(self.is_target, nodes, ends, solved[:, :1], self.most)
         while closed[:, 1].max(initial=0) >= self.width:
             self._grow_width()
@@ -345,7 +347,7 @@ class Staircase(JointSearch):
         return front, labels, generated, expanded, waiting
 
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
-        """Return the indices of the arcs of solutions in the graph, from the source on."""
+        """Return the path of each solution label, as indices of arcs in the graph, from the source on."""
         graph, groups = self.graph, self.groups
         tails = np.repeat(np.arange(len(groups.nodes), dtype=np.int32), np.diff(self.start))
         arcs = (*graph.rows_of_turns, self.order[1], tails, self.heads, self.origin)

@@ -1,4 +1,4 @@
-"""Tables of the staircase search: nodes and arcs, growing staircases, paths of labels, bounds by remaining turns."""
+"""Tables of the search "staircase": nodes and arcs, staircases, paths of labels, and bounds by remaining turns."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from hpop.search.machinery.slices import N_ROWS, Clock
 from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups
 
 HEAD, FIRST, INDEX, REST, ARC_COLUMNS = range(5)
-# Columns of the table of nodes: lower bounds, and the group, ~group for a target: 16 bytes, as memory limits the speed.
+# Columns of the table of nodes: three lower bounds, and the group (~group for a target). A row has 16 bytes, as memory
+# access limits the speed.
 H_FIRST, H_INDEX, H_REST, GROUP, NODE_COLUMNS = range(5)
 # Columns of the table of groups: first row of the staircases (-1: none yet), first node, number of nodes, dearest turn.
 ROW, BEGIN, SLOTS, DEAREST, GROUP_COLUMNS = range(5)
-BELOW = 0x7FFFFFFF  # mask by which numba sees that an index is not negative
+BELOW = 0x7FFFFFFF  # mask on an index, which shows numba that the index is not negative
 
 
 class TooWide(Exception):
-    """Error of costs that do not fit a key, or staircases that do not fit an index: the general search takes over."""
+    """Error raised if costs do not fit a key or staircases do not fit an index; then "general" searches instead."""
 
 
 @kernel
@@ -39,8 +40,13 @@ def fill_tables(
     arc_heads: NDArray[np.int32],
     origin: NDArray[np.int32],
 ) -> int:
-    """Fill the tables of nodes (n, 4), groups (g, 4) and the plain arcs (m, 4) that reach a target; return m.
+    """Fill the tables of nodes (n, 4), groups (g, 4) and plain arcs (m, 4), and return m.
 
+    Arcs to nodes that reach no target are left out. Columns are named at the top of this module.
+
+    costs, order         costs of the graph's arcs; columns of first, index and rest cost
+    h          (k, n)    lower bounds of the remaining costs
+    groups               arrays of :class:`.Groups`
     start      (n + 1,)  output: offsets of the arcs of nodes
     arc_heads  (m,)      output: heads of the arcs
     origin     (m,)      output: indices of the arcs in the graph
@@ -74,7 +80,10 @@ def fill_tables(
 
 @lean
 def lower(stairs: NDArray[Any], at: int, slots: int, steps: int, d: int) -> None:
-    """Lower a staircase to height d from step `at` on."""
+    """Lower a staircase: the steps from position `at` on that are higher than d get the height d.
+
+    A staircase never rises, so this ends at the first step that is low enough. Its steps are `slots` numbers apart.
+    """
     at &= BELOW
     for _ in range(steps):
         if stairs[at] <= d:
@@ -95,9 +104,10 @@ def enter_stairs(
     d: int,
     width: int,
 ) -> int:
-    """Lower the staircases of a node (`slot` of its group) and of the group to height d from step n on.
+    """Enter a label (partial path) with index cost n and rest cost d into the staircases of its node and of its group.
 
-    Returns the first row of the group in the table of steps.
+    Their steps from n on are lowered to d. The node is at position `slot` in its group. Returns the position of the
+    group's first step in `stairs`; if the group has no staircases yet, they are added.
     """
     group, n = group & BELOW, n & BELOW
     slots = np.int64(groups[group, SLOTS]) & BELOW
@@ -116,7 +126,7 @@ def enter_stairs(
 
 @kernel
 def copy_to_double_width(old: NDArray[Any], new: NDArray[Any], groups: NDArray[Any], width: int) -> int:
-    """Copy all staircases to `new` with twice their width, the last step repeated; return the used rows."""
+    """Copy all staircases to `new` with twice as many steps, the last one repeated; return the used length of `new`."""
     used = np.int64(0)
     for g in range(len(groups)):
         row, slots = np.int64(groups[g, ROW]), np.int64(groups[g, SLOTS])
@@ -147,13 +157,14 @@ def trace_paths(
     ends: IntArray,
     steps: IntArray,
 ) -> int:
-    """Follow labels (n,) back to the source, and insert turns between arcs that do not join.
+    """Follow labels (n,) back to the source, to find the arcs of their paths, turns included.
 
-    indptr, heads, costs  arcs with the turns of groups; first  (n + 1,) row pointers of the graph, where each node has
-    these arcs before others
+    Labels store plain arcs only; a turn is inserted where an arc does not begin at the head of the one before. Writes
+    the arcs of all paths to `steps`, path after path, each from its last arc to its first, as far as there is room, and
+    the end of each path in this array to `ends` (n,). Returns the length that `steps` needs.
 
-    Writes the arcs of all paths to `steps`, path after path, each from its last arc to its first, as far as there is
-    room, and the end of each path in this array to `ends` (n,). Returns the length that `steps` needs.
+    indptr, heads, costs  arcs that include the turns of groups
+    first                 (n + 1,) offsets of the arcs of the whole graph, where each node has these arcs before others
     """
     size = 0
     for i in range(len(labels)):
@@ -179,10 +190,11 @@ def trace_paths(
     return size
 
 
-# With a fixed number of turns, straight runs are chains without cycles, so no queue is needed. One sweep along all
-# chains gives the costs with at most m turns from those with m - 1: h_m(v) = min(h_{m-1}(v), c + h_m(next of v), min
-# over turns to u of (turn + h_{m-1}(u))). A plain arc that turns as well, to a goal that no arc leaves, is left out of
-# the layers of fewer turns.
+# Bounds h_m(v): the least remaining rest cost of node v with at most m turns; a layer is h_m for all nodes. Plain arcs
+# one after the other, without turns, form straight chains without cycles, so no queue is needed. One sweep along all
+# chains gives the layer for m turns from the one for m - 1: h_m(v) = min(h_{m-1}(v), c + h_m(next node of v), min over
+# turns to u of (turn + h_{m-1}(u))). A plain arc that includes turns, to a goal that no arc leaves, is left out of the
+# layers of fewer turns.
 
 
 LAYERS = 32
@@ -197,11 +209,12 @@ def costs_by_turns(
     is_target: NDArray[np.uint8],
     clock: Clock,
 ) -> NDArray[Any] | None:
-    """Return the least remaining rest cost (n, LAYERS): column m for at most m turns, the last for any number.
-
-    column  of the rest cost; the tables are those of the staircase search
+    """Return the least remaining third cost (n, LAYERS) of each node: column m with at most m turns, the last any.
 
     Returns None if the plain arcs form no chains.
+
+    column                          column of the rest (third) cost in the graph
+    nodes, start, arcs, is_target   tables of the staircase search
     """
     chains = chain_order(start, arcs, clock) if column >= 0 else None
     if chains is None:
@@ -220,11 +233,13 @@ def costs_by_turns(
 
 
 class ArcChains(NamedTuple):
-    """Plain arcs in an order in which each arc comes after the arc that continues it.
+    """Plain arcs along chains (straight runs), sorted so that each arc comes after the next arc of its chain.
+
+    A sweep in this order propagates remaining costs backward along all chains.
 
     tails    (m,)  tails of the arcs
     indices  (m,)  indices of the arcs in the table of arcs
-    late     (l,)  number of turns of each of the first l arcs, falling; these arcs end at nodes that no arc leaves
+    late     (l,)  the first l arcs lead to nodes that no arc leaves, such as a goal: their numbers of turns, falling
     """
 
     tails: IntArray
@@ -232,12 +247,12 @@ class ArcChains(NamedTuple):
     late: IntArray
 
     def begin(self, turns: int) -> int:
-        """Return the index of the first arc that a path of at most ``turns`` turns can use."""
+        """Return the index of the first arc that a path with at most ``turns`` turns can use; it can use all later."""
         return int(np.count_nonzero(self.late > turns))
 
 
 def chain_order(start: IntArray, arcs: NDArray[Any], clock: Clock) -> ArcChains | None:
-    """Return the plain arcs in the order of chains, or None if they form no chains."""
+    """Return the plain arcs sorted along chains, or None if they form no chains."""
     if not len(arcs):
         return None
     tails, indices = np.empty(len(arcs), np.int64), np.empty(len(arcs), np.int64)
@@ -252,9 +267,9 @@ def chain_order(start: IntArray, arcs: NDArray[Any], clock: Clock) -> ArcChains 
 
 @lean
 def ends_chain(start: IntArray, arcs: NDArray[Any], v: int, a: int) -> bool:
-    """Return whether arc a of node v ends a chain.
+    """Return whether arc a of node v only ends chains, such as an arc to a goal.
 
-    No arc leaves its head, and the arc turns or is one of several arcs of v.
+    This is so if no arc leaves its head, and if it turns as well or is one of several arcs of v.
     """
     u = np.int64(arcs[a, HEAD])
     return bool(start[u + 1] == start[u] and (arcs[a, INDEX] > 0 or start[v + 1] > start[v] + 1))
@@ -262,12 +277,12 @@ def ends_chain(start: IntArray, arcs: NDArray[Any], v: int, a: int) -> bool:
 
 @kernel
 def order_chains(start: IntArray, arcs: NDArray[Any], tails: IntArray, indices: IntArray) -> int:
-    """Order arcs (m,) along chains of nodes; return the number of arcs that end chains, or -1 if there are no chains.
+    """Sort arcs (m,) along chains of nodes; return the number of arcs that only end chains, -1 if there are no chains.
 
-    The node numbers of a chain only rise or only fall. Arcs that end chains come first, then rising arcs from the last
-    node on, then falling arcs, so that a sweep goes through memory twice; chain after chain took two to three times as
-    long. A goal and a start may be joined to the chains: arcs to nodes that no arc leaves come first, several arcs of a
-    node that no arc enters come last.
+    Each node must have one arc at most, and node numbers must only rise or only fall along a chain. Arcs that only end
+    chains (to a goal) come first, then rising arcs from the last node on, then falling arcs. So a sweep goes through
+    memory twice; chain after chain took two to three times as long. A node that no arc enters (a start) may have
+    several arcs; they come last. `tails` and `indices` (m,) are the output.
     """
     n = len(start) - 1
     entered = np.zeros(n, np.bool_)
@@ -323,9 +338,10 @@ def fill_layers(
     infinite: int,
     layers: NDArray[Any],
 ) -> None:
-    """Fill the layers (LAYERS, n) of :func:`costs_by_turns` one after the other.
+    """Compute the bounds of :func:`costs_by_turns` for 0, 1, ... turns, and write them to `layers` (LAYERS, n).
 
-    begin  (LAYERS,)  first arc that each layer may use; `infinite` is the cost of a node without a path
+    begin     (LAYERS,)  index of the first arc that each layer may use
+    infinite             cost of a node without a path
     """
     count, n = layers.shape
     now = np.full(n, infinite, layers.dtype)

@@ -1,14 +1,15 @@
-"""Joint lower bounds: the least weighted remaining cost with at most m turns, for several weights of two costs.
+"""Joint lower bounds of two costs: the least weighted remaining cost with at most m turns, for several weights.
 
-The front of the remaining costs of a node lies above its supporting lines, and so do all completions of a label. If all
-vectors above these lines are covered by known solutions, the label is pruned (:mod:`.staircase.labels`). The bounds of
-:func:`.costs_by_turns` are the two axes; here LANES directions are swept at once in the same way:
-H_m(v) = min(H_{m-1}(v), w.c + H_m(next of v), min over turns to u of (w.turn + H_{m-1}(u))). The last layer, for any
-number of turns, repeats this until there is no change.
+For each weight vector w, called a lane, H_m(v) is the least w.c of all paths with at most m turns and costs c from node
+v to a target. So the remaining costs of a label lie above several lines. If known solutions cover all vectors above
+these lines, the label is pruned (:mod:`.staircase.labels`). The bounds of :func:`.costs_by_turns` are those for a
+single cost. Here LANES weights are swept at once in the same way, layer after layer:
+H_m(v) = min(H_{m-1}(v), w.c + H_m(next node of v), min over turns to u of (w.turn + H_{m-1}(u))). The last layer, for
+any number of turns, repeats this until there is no change.
 
-Weighted costs are rounded down to 31 bits, and sums stop at FAR. A layer stores the excess over the weighted least
-remaining costs of each cost, in steps of 1 / 2^15 of a whole path, up to twice a whole path: 16 bits. All rounding is
-down, so the results are lower bounds. (Memory access takes most of the time: a layer of m300 has 6 million numbers.)
+Weighted costs are rounded down to 31 bits, and sums stop at FAR. A layer stores the excess over the weighted sum of the
+least remaining costs, in steps of 1 / 2^15 of a whole path, up to twice a whole path: 16 bits. All rounding is down, so
+the results are lower bounds. (Memory access takes most of the time: a layer of m300 has 6 million numbers.)
 """
 
 from __future__ import annotations
@@ -28,11 +29,11 @@ from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups
 from hpop.search.staircase.tables import FIRST, GROUP, H_FIRST, H_REST, HEAD, REST, chain_order
 
-LANES = 8  # 32 bytes: one vector register
+LANES = 8  # number of weight vectors: 32 bytes, one vector register
 MOST_LAYERS = 64
 FEWEST_LAYERS = 16  # with fewer layers, bounds are too weak
 ROOM = 2**32  # bytes for the layers
-SPREAD = 20.0  # of the steepest direction, in units of typical costs
+SPREAD = 20.0  # largest ratio of the two weights, in units of typical costs
 UNIT = 2**27  # about the cost of a whole path; FAR is eight times as much
 FAR = 2**30
 STEP_BITS, MOST_STEPS = 12, 2**16 - 1
@@ -43,13 +44,13 @@ Steps = NDArray[np.uint16]
 
 
 class HullBounds(NamedTuple):
-    """Joint bounds and corners of uncovered vectors, for the kernel.
+    """Joint bounds and the corners of the uncovered region, as arguments of the search's kernel.
 
     layers, weights  fields of :class:`TurnHull`
     corners, last    fields ``values`` and ``last`` of :class:`.UncoveredCorners`
     ahead            (n, 3)      least estimate that each first solution covers, by rising first cost
-    reached          (1,)        number of first solutions that the search has passed
-    scratch          (2, LANES)  memory for the kernel
+    reached          (1,)        number of first solutions whose first cost the search has reached
+    scratch          (2, LANES)  scratch memory
     """
 
     layers: Steps
@@ -63,13 +64,13 @@ class HullBounds(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TurnHull:
-    """Joint bounds of the first and the rest cost: least weighted remaining costs of every node.
+    """Joint bounds of the first and the third cost: the least weighted remaining costs of all nodes, for LANES weights.
 
     weights  (LANES, 2)         weights of the two costs; each of the first two rows weighs one cost alone
     layers   (m, nodes, LANES)  the bounds for at most 0, 1, ... turns, the last for any number; stored as the excess
                                 over the weighted sum of the least remaining costs, in steps of 2^STEP_BITS
-    moved    (m, arcs)          lanes in which a layer improves on the previous layer by an arc, as bits; arcs in the
-                                order of chains
+    moved    (m, arcs)          for each layer and arc, the lanes in which the arc improved the layer, as bits; arcs in
+                                the order of chains
     step     (arcs,)            position of each arc in the order of chains
     """
 
@@ -88,9 +89,10 @@ class TurnHull:
         source: int,
         clock: Clock,
     ) -> IntArray:
-        """Return the nodes on the best paths from a source, for all weights and numbers of turns.
+        """Return the nodes that the best paths from a source pass, for all weights and numbers of turns.
 
-        columns are those of the first and the rest cost; nodes, start and arcs are tables of the staircase search.
+        columns             columns of the first and the rest (third) cost
+        nodes, start, arcs  tables of the staircase search
         """
         uniform = bool(groups.alike[list(columns)].all())
         turns = np.ascontiguousarray(groups.dearest.T) if uniform else groups.turns
@@ -111,9 +113,9 @@ class TurnHull:
 
 
 def directions(typical: tuple[int, int]) -> FloatArray:
-    """Return weights (LANES, 2): each cost alone, then mixtures with ratios evenly spaced in the logarithm.
+    """Return the weights (LANES, 2) of two costs: each cost alone, then mixtures with logarithmically spaced ratios.
 
-    typical  first and rest cost of a whole path
+    typical  first and rest cost of a whole path, by which weights are scaled
     """
     first, rest = (UNIT / max(1, t) for t in typical)
     mixtures = [(first / (1 + r), rest * r / (1 + r)) for r in np.geomspace(1 / SPREAD, SPREAD, LANES - 2)]
@@ -132,13 +134,15 @@ def turn_hull(
     room: int,
     clock: Clock,
 ) -> TurnHull | None:
-    """Compute joint bounds, layer after layer, until ``is_enough`` accepts the weighted remaining costs (n, LANES).
+    """Compute joint bounds, layer after layer.
 
-    columns  of the first and the rest cost; nodes, start and arcs are tables of the staircase search
-    weights  (LANES, 2), of :func:`directions`
-    room     bytes for the layers
+    columns             columns of the first and the rest cost
+    weights             (LANES, 2), of :func:`directions`
+    nodes, start, arcs  tables of the staircase search
+    is_enough           takes the weighted remaining costs (n, LANES) of the last layer; True if no more are needed
+    room                bytes for the layers
 
-    Returns None if plain arcs form no chains, if there is room for too few layers, or if the time is over.
+    Returns None if plain arcs form no chains, if there is room for too few layers, or if a limit is passed.
     """
     uniform = bool(groups.alike[list(columns)].all())
     turns = groups.dearest.T if uniform else groups.turns
@@ -196,7 +200,7 @@ def _weighted_costs(first: NDArray[Any], rest: NDArray[Any], weights: FloatArray
 
 @lean
 def write_weighted_costs(first: NDArray[Any], rest: NDArray[Any], weights: FloatArray, out: IntLanes) -> None:
-    """Write the weighted sums of costs `first` (m,) and `rest` (m,) to `out` (m, LANES), rounded down."""
+    """Write the weighted sums of costs `first` (m,) and `rest` (m,) for all lanes to `out` (m, LANES), rounded down."""
     for a in range(len(first)):
         for k in range(LANES):
             out[a, k] = np.int32(min(FAR - 1.0, (weights[k, 0] * first[a] + weights[k, 1] * rest[a]) * DOWN))
@@ -204,7 +208,7 @@ def write_weighted_costs(first: NDArray[Any], rest: NDArray[Any], weights: Float
 
 @lean
 def write_weighted_least(nodes: NDArray[Any], weights: FloatArray, out: IntLanes) -> None:
-    """Write the weighted least remaining costs of nodes to `out` (n, LANES), rounded up."""
+    """Write the weighted sums of the least remaining costs of each node to `out` (n, LANES), rounded up."""
     for v in range(np.uint64(len(nodes))):
         for k in range(LANES):
             least = weights[k, 0] * nodes[v, H_FIRST] + weights[k, 1] * nodes[v, H_REST]
@@ -213,7 +217,11 @@ def write_weighted_least(nodes: NDArray[Any], weights: FloatArray, out: IntLanes
 
 @lean
 def write_excess(now: IntLanes, least: IntLanes, steps: Steps) -> None:
-    """Write the excess of weighted remaining costs `now` over `least` (n, LANES) to `steps`, in steps, rounded down."""
+    """Encode a layer: write the excess of `now` over `least` (n, LANES) to `steps`, in 16-bit steps, rounded down.
+
+    now    weighted remaining costs
+    least  weighted sums of the least remaining costs
+    """
     for v in range(np.uint64(len(now))):
         for k in range(LANES):
             more = max(np.int32(0), np.int32(now[v, k] - least[v, k]))
@@ -222,11 +230,11 @@ def write_excess(now: IntLanes, least: IntLanes, steps: Steps) -> None:
 
 @lean
 def sweep_moves(now: IntLanes, order: IntArray, onward: IntArray, move: IntLanes, moved: NDArray[np.uint8]) -> bool:
-    """Improve weighted remaining costs `now` (n, LANES) by moves along whole chains; return whether any improved.
+    """Lower weighted remaining costs `now` (n, LANES) by moves along whole chains; return whether any became lower.
 
     order, onward  (m,)  tails and heads of arcs in the order of chains
-    move           (m, LANES)  weighted costs of arcs
-    moved          (m,)  output: lanes that each arc improved, as bits
+    move           (m, LANES)  weighted costs of these arcs
+    moved          (m,)  output: the lanes that each arc improved, as bits
     """
     better = np.uint8(0)
     for i in range(np.uint64(len(order))):
@@ -245,9 +253,9 @@ def sweep_moves(now: IntLanes, order: IntArray, onward: IntArray, move: IntLanes
 def sweep_turns(
     before: IntLanes, now: IntLanes, groups: IntArray, uniform: bool, turn: IntLanes, least: IntLanes
 ) -> bool:
-    """Improve weighted remaining costs `now` (n, LANES) by a turn; return whether any improved.
+    """Lower weighted remaining costs `now` (n, LANES) by paths that begin with a turn; return whether any became lower.
 
-    before  (n, LANES)  costs after the turn; may be `now` itself
+    before  (n, LANES)  remaining costs after the turn; may be `now` itself
     turn    (t, LANES)  weighted costs of turns: one per group if `uniform`, else one per pair of nodes
     """
     better = False
@@ -298,9 +306,10 @@ def mark_paths(
     source: int,
     passed: NDArray[np.uint8],
 ) -> None:
-    """Mark the nodes on a best path from the source, within one step, for each weight and number of turns.
+    """Follow a best path from the source for each lane and number of turns, and mark its nodes in `passed` (n,).
 
-    The arguments are fields of :class:`TurnHull` and tables of the staircase search; `passed` (n,) is the output.
+    Paths are best within the rounding of a step. Other arguments are fields of :class:`TurnHull` and tables of the
+    staircase search.
     """
     for layer in range(len(layers)):
         for k in range(LANES):

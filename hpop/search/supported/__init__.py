@@ -1,1 +1,1 @@
-"""The supported part of the front: one exact shortest path per weight (:mod:`.supported_paths`)."""
+"""The supported part of the front, by weighted sums: one exact shortest path for each vector of weights."""

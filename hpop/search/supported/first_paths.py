@@ -1,7 +1,7 @@
-"""A first answer without kernels: shortest paths for some weights of the costs, by SciPy.
+"""A first result without kernels: shortest paths for some weights of the costs, by SciPy.
 
-It bridges the time in which kernels are compiled for the first time (:mod:`.beside`). The paths are paths of the graph
-with exact integer costs; as weighted sums are floats, no optimality is claimed.
+It is shown while kernels are compiled for the first time (:mod:`.beside`). The costs of its paths are exact integers.
+But weighted sums are floating-point numbers, so the paths are not claimed to be optimal.
 """
 
 from __future__ import annotations
@@ -20,17 +20,18 @@ from hpop.search.graph import Graph
 from hpop.search.queries import ParetoPaths, SearchStats
 from hpop.search.supported.weights import simplex_lattice
 
-DIVISIONS = (2, 3)  # of the simplex lattices of weights, after each cost alone
-TIE = 1e-6  # weight of the other costs when one cost is minimised alone
-STEP = 1e-9  # added to each arc, so that loops of arcs without cost are avoided
+DIVISIONS = (2, 3)  # divisions of the lattices of weights that are tried after each cost alone
+TIE = 1e-6  # weight of the other costs when one cost is minimised
+STEP = 1e-9  # added to the weighted cost of each arc, so that loops of arcs without cost are avoided
 
 
 def first_paths(
     graph: Graph, source: int, targets: Sequence[int], budget: Budget, progress: ProgressCallback | None = None
 ) -> ParetoPaths:
-    """Return the non-dominated ones of the least paths of each cost and, while the time lasts, of mixed weights.
+    """Return a few good paths quickly: the best path for each cost and, while time lasts, for mixtures of costs.
 
-    If a cost is a maximum, its sum is weighted instead, and the maximum is returned.
+    Dominated paths are left out. For a cost that is a maximum, the search weights its sum along the path instead; the
+    returned cost is the maximum.
 
     >>> graph = Graph.from_arcs(2, [0, 0, 0], [1, 1, 1], [[0, 4], [1, 1], [4, 0]])
     >>> first_paths(graph, 0, [1], Budget()).costs.tolist()
@@ -65,7 +66,7 @@ def first_paths(
 
 
 def _least_paths(graph: Graph, source: int, targets: IntArray) -> Iterator[IntArray | None]:
-    """Yield the arcs of the path of least weighted cost, weight after weight; None if there is no path."""
+    """Yield the arcs of the shortest path for one vector of weights after another; None if no target is reached."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import dijkstra
 
@@ -85,7 +86,10 @@ def _least_paths(graph: Graph, source: int, targets: IntArray) -> Iterator[IntAr
 
 
 def _weights(k: int, totals: Sequence[FloatArray]) -> Iterator[FloatArray]:
-    """Yield weights (k,): each cost alone, then mixtures, scaled by the ranges of the costs `totals` of found paths."""
+    """Yield weights (k,): each cost alone, then mixtures.
+
+    Mixtures are scaled by the ranges of the costs of the paths found so far, which the caller adds to `totals`.
+    """
     yield from np.eye(k) + TIE
     ranges = np.maximum(np.ptp(np.array(totals), axis=0), TIE)
     for divisions in DIVISIONS:
@@ -95,7 +99,9 @@ def _weights(k: int, totals: Sequence[FloatArray]) -> Iterator[FloatArray]:
 
 
 def _path_to(graph: Graph, weighted: FloatArray, before: IntArray, source: int, end: int) -> IntArray:
-    """Return the arcs of the path to node `end`, from the source on; of parallel arcs, take the arc of least weight.
+    """Return the arcs of the path from the source to node `end`, traced back by the predecessors of nodes.
+
+    If arcs are parallel, the one of least weighted cost is taken.
 
     weighted  (m,)  weighted cost of each arc
     before    (n,)  predecessor of each node

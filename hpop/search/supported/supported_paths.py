@@ -1,4 +1,4 @@
-"""Weighted sums: the supported part of the front, one exact shortest path per weight."""
+"""Weighted sums: the supported part of the front, by one exact shortest path for each vector of weights."""
 
 from __future__ import annotations
 
@@ -37,21 +37,24 @@ from hpop.search.supported.weights import (
 if TYPE_CHECKING:
     from hpop.search.machinery.slices import Clock
 
-ROUND = 16  # weights tested between updates of the hull, with or without workers
-CHUNK_ARCS = 4_000_000  # arcs of the graphs of a chunk of jobs: some hundredths of a second
+ROUND = 16  # number of weights that are solved between updates of the hull, with or without workers
+CHUNK_ARCS = 4_000_000  # number of arcs in all graphs of a chunk of jobs: some hundredths of a second
 LARGEST_SUM = 2**61  # bound on sums of reduced costs along a path; see Graph
 
 
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class SupportedPaths(ParetoPaths):
-    """Supported points and their paths; see :class:`ParetoPaths`.
+    """Result of a weighted-sum search: the supported points of the front, each with a path.
 
-    weights  n         for each point, the weights (., k) of normalised costs for which it is optimal, rows sum to 1
-    ideal    (k,)      least value of each cost, or a lower bound after a limit or Ctrl-C
-    nadir    (k,)      greatest value of each cost among the lexicographic optima (an estimate for more than two costs)
-    solved   count     weights with a computed shortest path
-    notes              failures of the executor
+    A point is supported if it is optimal for some positive weights. Other fields and methods are those of
+    :class:`ParetoPaths`.
+
+    weights  n      for each point, the weights (., k) of normalised costs for which it is optimal; rows sum to 1
+    ideal    (k,)   least value of each cost, or a lower bound after a limit or Ctrl-C
+    nadir    (k,)   greatest value of each cost among the lexicographic optima (an estimate for more than two costs)
+    solved   count  weights for which a shortest path was computed
+    notes           lines for the user, such as failures of the executor
     """
 
     KIND: ClassVar[str] = "supported vectors of paths"
@@ -76,29 +79,29 @@ def supported_paths(
     executor: Executor | None = None,
     free: Free | None = None,
 ) -> SupportedPaths:
-    """Return supported cost vectors of the paths from source to target, each with one path.
+    """Return supported cost vectors of the paths from source to target: optima of weighted sums, with one path each.
 
-    Weights are those of normalised costs, (c_j - ideal_j) / (nadir_j - ideal_j). Without ``divisions`` or ``weights``
-    they are adaptive: the lexicographic optima first, then the facets of the hull of all points found so far, until
-    every facet is tested (for two costs this is the dichotomy). With ``divisions`` d they are the simplex lattice
-    (Scheffe 1958; Das and Dennis 1998): all multiples of 1/d that sum to 1. ``weights`` are non-negative rows with any
-    positive sum, taken as fractions of their largest with denominators up to a million; the lexicographic optima, which
-    normalisation needs, are returned as well. Ties under zero weights are broken by these costs in their order, so that
-    every point is efficient, not only weakly.
+    Weights apply to normalised costs, (c_j - ideal_j) / (nadir_j - ideal_j). Without ``divisions`` or ``weights`` they
+    are adaptive: the lexicographic optima first, then normals of the facets of the hull of all points found so far,
+    until every facet is tested (for two costs this is the dichotomy). With ``divisions`` d they are the simplex lattice
+    (Scheffe 1958; Das and Dennis 1998): all multiples of 1/d that sum to 1. ``weights`` are non-negative vectors with
+    any positive sum, taken as fractions of their largest with denominators up to a million. The lexicographic optima,
+    which normalisation needs, are returned as well. Ties under zero weights are broken by these costs in their order,
+    so every point is efficient, not only weakly efficient.
 
     Accepts: any :class:`Graph` with costs that are sums.
 
-    Guarantees: every vector is the optimum of positive weights among all paths, in exact integers. The complete
-    adaptive sweep has every extreme supported vector, that is every vertex of conv(front) + R^k_>=. Results do not
-    depend on the executor. After the time limit or Ctrl-C the vectors found so far, all supported, are returned.
+    Guarantees: every vector is the optimum of positive weights among all paths, in exact integers. If the adaptive
+    search is complete, it has every extreme supported vector, that is every vertex of conv(front) + R^k_>=. Results do
+    not depend on the executor. After the time limit or Ctrl-C the vectors found so far, all supported, are returned.
 
-    `free` returns which of some arcs (N,), by their indices in the graph, are free. All this then holds for the graph
-    without its blocked arcs. Only arcs on found paths are checked, once each, in this process. A weight with a blocked
-    path is solved again without the arcs known to be blocked, until its path is free; this path is the optimum, as the
-    removal of unchecked arcs could not improve it.
+    `free` is a function that takes indices (N,) of arcs in the graph, and returns which of these arcs are free. All
+    this then holds for the graph without its blocked arcs. Only arcs on found paths are checked, once each, in this
+    process. If the path for some weights is blocked, they are solved again without the arcs known to be blocked, until
+    their path is free. This path is the optimum, as the removal of unchecked arcs could not improve it.
 
-    Cost: a shortest path per weight, by A* with the bounds of all costs; the number of facets grows with the number n
-    of extreme supported points like n for up to three costs, like n^2 for four and five, n^3 for six.
+    Cost: a shortest path for each vector of weights, by A* with the bounds of all costs. The number of facets grows
+    with the number n of extreme supported points: like n for up to three costs, n^2 for four and five, n^3 for six.
 
     >>> graph = Graph.from_arcs(2, [0, 0, 0, 0], [1, 1, 1, 1], [[0, 4], [1, 3], [3, 2], [4, 0]])
     >>> paths = supported_paths(graph, 0, 1)
@@ -108,10 +111,11 @@ def supported_paths(
     checked_graph(graph)
     if "max" in graph.aggregates:
         raise GraphError(
-            f"weighted sums need costs that add up, cost {graph.aggregates.index('max')} is a 'max'; use pareto_paths"
+            f"weighted sums need costs that are sums, but cost {graph.aggregates.index('max')} is a 'max'; use "
+            "pareto_paths"
         )
     if divisions is not None and weights is not None:
-        raise OptionError("give divisions or weights, not both")
+        raise OptionError("only one of divisions and weights can be given, got both; leave one out")
     fixed = None if weights is None else [integer_weights(w, graph.criteria) for w in weights]
     if divisions is not None:
         divisions = checked_divisions(divisions, graph.criteria)
@@ -129,15 +133,15 @@ def supported_paths(
 
 @dataclass(eq=False)
 class SupportedRun:
-    """Run of one query: lower bounds, lexicographic optima, rounds of weights.
+    """One run of a query: it computes lower bounds and lexicographic optima, then solves weights in rounds.
 
-    states  states of the arcs; None if all are free
-    paths   reduced costs -> arcs of the path, and the weights for which the path is optimal
-    least   (k,)  lower bounds of the ideal, subtracted in reduced costs
+    states  which arcs are known to be free or blocked; None if all are free
+    paths   paths found: reduced costs -> arcs of the path, and the weights for which it is optimal
+    least   (k,)  lower bounds of the ideal, by which reduced costs are less than costs
     ideal   (k,)  least value of each cost
     nadir   (k,)  greatest value of each cost among the lexicographic optima
-    solved  number of weights with a computed shortest path
-    rounds  number of rounds, also those repeated for blocked arcs
+    solved  number of weights for which a shortest path was computed
+    rounds  number of rounds, also those repeated because of blocked arcs
     """
 
     graph: Graph
@@ -157,7 +161,7 @@ class SupportedRun:
         self.least = self.ideal = self.nadir = np.zeros(self.graph.criteria, np.int64)
 
     def go(self, targets: IntArray, fixed: list[Vector] | None, executor: Executor | None) -> Status:
-        """Run the query for ``fixed`` weights, or for adaptive ones if None; the results are in ``paths``."""
+        """Run the query for ``fixed`` weights, or for adaptive ones if None; return the status, fill ``paths``."""
         from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
 
         k = self.graph.criteria
@@ -185,7 +189,7 @@ class SupportedRun:
         return Status.COMPLETE
 
     def _optimum(self, j: int, unit: Vector) -> Status | None:
-        """Record the lexicographic optimum of cost j, of weights ``unit``; return the status if there is none."""
+        """Find and record the lexicographic optimum of cost j (weights ``unit``); return a status if this fails."""
         task = self._task(unit, 0 if self.states is None else self.radix[j])
         while not self._is_late():
             self.rounds += 1
@@ -203,7 +207,7 @@ class SupportedRun:
         return Status.TIME_LIMIT
 
     def _solve_round(self, weights: list[Vector], sweep: Sweep[Reduced, Task, IntArray]) -> bool:
-        """Solve weights, repeatedly while paths are blocked, and record the paths; return False if the time is over."""
+        """Solve a round of weights, again while paths are blocked, and record the paths; return False at a limit."""
         points = list(self.paths)
         nearest = (np.array(points, float) @ np.array(weights, float).reshape(-1, self.graph.criteria).T).argmin(axis=0)
         tasks = [self._task(w, _dot(w, points[i])) for w, i in zip(weights, nearest, strict=True)]
@@ -232,14 +236,14 @@ class SupportedRun:
     # Arcs that may be blocked
 
     def _without_blocked_arcs(self, tasks: list[Task]) -> list[Task]:
-        """Return the tasks with the arcs that are known to be blocked closed."""
+        """Return the tasks with all arcs excluded that are known to be blocked."""
         if self.states is None:
             return tasks
         blocked = np.flatnonzero(self.states.blocked[self.arc_index])
         return [task._replace(blocked=blocked) for task in tasks]
 
     def _check_paths(self, paths: list[IntArray]) -> bool:
-        """Check arcs until each path is known to be free or blocked; return False if the time is over earlier."""
+        """Check arcs until each path is known to be free or blocked; return False if the time limit comes earlier."""
         if self.states is None or not paths:
             return True
         lengths = np.array([arcs.size for arcs in paths])
@@ -250,7 +254,10 @@ class SupportedRun:
         return self.states is None or bool(self.states.are_free(self.arc_index[arcs], np.array([arcs.size]))[0])
 
     def _set_reduced_costs(self, h: IntArray, targets: IntArray, unreachable: np.int64) -> None:
-        """Set ``data``: the graph without arcs that reach no target, with costs reduced by the bounds h (k, n)."""
+        """Build ``data``, the graph that workers search: without arcs that reach no target, with reduced costs.
+
+        h  (k, n)  lower bounds of the remaining costs, `unreachable` if no target is reached
+        """
         from hpop.search.machinery.slices import PARTS
         from hpop.search.supported.weighted_path import arcs_onward, reduce_costs
 
@@ -268,15 +275,15 @@ class SupportedRun:
             costs = costs.astype(np.int32, copy=False)
         is_target = np.zeros(graph.nodes, np.uint8)
         is_target[targets] = 1
-        # No path costs this much, so these are radices of a lexicographic order.
+        # No path costs this much, so a weighted sum with these factors compares costs one after the other.
         self.radix = [int(min(1.001 * worst + 2, LARGEST_SUM)) for worst in np.sum(bound, axis=0)]
         self.data = Reduced(start, heads, costs, self.source, is_target, tuple(np.max(largest, axis=0).tolist()))
 
     def _task(self, weights: Vector, limit: int) -> Task:
-        """Return the task for weights, with ties broken by the costs of weight 0.
+        """Return the task for some weights, with weights added that break ties by the costs of weight 0.
 
-        In the weighted sum of the task, the leading digits are the weighted sum for ``weights``, and further digits are
-        the costs of weight 0. ``limit`` is an upper bound of the weighted sum.
+        The weighted sum of the task is like a number whose leading digits are the weighted sum for ``weights``, and
+        whose further digits are the costs of weight 0. ``limit`` is an upper bound of the former.
         """
         refined = [0] * len(weights)
         scale = 1
@@ -288,7 +295,7 @@ class SupportedRun:
         return Task(tuple(refined), (limit + 1) * scale - 1)
 
     def _adaptive_rounds(self, tested: Sequence[Vector]) -> Iterator[list[Vector]]:
-        """Yield rounds of weights until every facet of the hull of the found points is tested.
+        """Yield rounds of weights, from the facets of the hull of the points found, until every facet is tested.
 
         ``tested`` are weights that are solved already.
         """
@@ -314,9 +321,11 @@ class SupportedRun:
             yield tasks
 
     def _fixed_round(self, weights: list[Vector], ranges: list[int], units: Sequence[Vector]) -> Iterator[list[Vector]]:
-        """Yield one round of weights of normalised costs, without those of a single cost (units), already solved.
+        """Yield one round with all given weights, converted from normalised costs to costs.
 
-        ranges  nadir minus ideal of each cost
+        weights  vectors of weights for normalised costs
+        ranges   nadir minus ideal of each cost
+        units    weights of single costs, which are solved already and left out
         """
         product = math.prod(ranges)
         scaled = dict.fromkeys(
@@ -335,14 +344,14 @@ class SupportedRun:
         return self.clock.exceeded(0, 0) is not None
 
     def _report(self, done: int, waiting: int) -> None:
-        """Report progress: the numbers of weights of a round that are done, and that wait."""
+        """Report progress: how many weights of the round are ``done``, and how many are ``waiting``."""
         if self.clock.progress is not None:
             seconds, front = self.clock.seconds(), len(self.paths)
             solved = self.solved + done
             self.clock.progress(Progress("weights", labels=solved, open=waiting, front=front, seconds=seconds))
 
     def result(self, status: Status) -> SupportedPaths:
-        """Return the paths found, in lexicographic order."""
+        """Return the paths found so far, in lexicographic order of their costs, with statistics."""
         k = self.graph.criteria
         points = sorted(self.paths)
         costs = np.array(points, np.int64).reshape(len(points), k) + self.least
@@ -382,6 +391,6 @@ def _dot(weights: Vector, point: Vector) -> int:
 
 
 def _normalised(weights: Sequence[Vector], ranges: Sequence[int]) -> FloatArray:
-    """Return weights (m, k) of normalised costs, each summing to 1, from weights of the original costs."""
+    """Convert m vectors of weights of costs to weights (m, k) of normalised costs, each summing to 1."""
     scaled = [[w * r for w, r in zip(row, ranges, strict=True)] for row in weights]
     return np.array([[float(Fraction(w, sum(row))) for w in row] for row in scaled])

@@ -1,8 +1,9 @@
 """Shortest paths for integer weights of the costs, exact for weights of any size.
 
-Dijkstra's keys are w . c in words of 62 bits, most significant first, added with carry: normals of facets are
-determinants, and with three costs of 25 bits the products exceed 64 bits. Costs are reduced by the bounds of the
-cost-to-go (Johnson's potentials, one per cost and so valid for all weights), which turns Dijkstra into A*.
+Dijkstra's algorithm runs on the weighted sums w . c. Weights are determinants and can be large: with three costs of 25
+bits the products exceed 64 bits. So a sum is stored in words of 62 bits, most significant first, and added with carry.
+Costs are reduced by lower bounds of the remaining costs (Johnson's potentials, one for each cost and so valid for all
+weights), which turns Dijkstra's algorithm into A*.
 """
 
 from __future__ import annotations
@@ -23,9 +24,10 @@ UNSEEN = np.int64(-2)
 
 
 def encoded(weights: Sequence[int], limit: int, largest: Sequence[int]) -> tuple[IntArray, IntArray]:
-    """Encode weights and limit for the kernel: weights (k, L) in limbs of 31 bits, lowest first; the limit in W words.
+    """Encode large integers for the kernel: weights (k, L) in L digits of 31 bits, and the limit (W,) in W words.
 
-    W is large enough that no sum overflows. largest (k,) is the greatest cost of an arc in each column.
+    Digits are in order from the lowest, words from the highest. W is large enough that no sum overflows; ``largest``
+    (k,) is the greatest cost of an arc in each column.
 
     >>> encoded([1, 2**40], 2**62 + 5, [1, 1])[1].tolist()
     [1, 5]
@@ -40,7 +42,11 @@ def encoded(weights: Sequence[int], limit: int, largest: Sequence[int]) -> tuple
 
 @lean
 def write_weighted_cost(costs: IntArray, a: int, weights: IntArray, limbs: IntArray, step: IntArray) -> None:
-    """Write the weighted cost of arc a to `step` (W,), in words; weights (k, L); `limbs` (2 W + 3,) is scratch."""
+    """Write the weighted sum of the costs of arc a to `step` (W,), in words.
+
+    weights  (k, L)      digits of :func:`encoded`
+    limbs    (2 W + 3,)  scratch
+    """
     words = len(step)
     k, count = weights.shape
     if words == 1 and count == 1:
@@ -80,7 +86,7 @@ def compare(a: IntArray, b: IntArray) -> int:
 
 @kernel
 def arcs_onward(indptr: IntArray, heads: NDArray[np.int32], bound: IntArray, unreachable: int) -> IntArray:
-    """Return the offsets (n + 1,) of each node's arcs to nodes that reach a target.
+    """Count the arcs to nodes that reach a target; return the offsets (n + 1,) of each node if only these are listed.
 
     bound  (n,)  lower bounds of the remaining costs; `unreachable` if no target is reached
     """
@@ -103,7 +109,7 @@ def reduce_costs(
     heads: NDArray[np.int32],
     costs: IntArray,
 ) -> tuple[IntArray, NDArray[np.float64]]:
-    """Write the arcs of some nodes that reach targets, with reduced costs c(u, v) + h(v) - h(u).
+    """Write the arcs of a range of nodes, with reduced costs c(u, v) + h(v) - h(u), without arcs that reach no target.
 
     nodes   the first node, and one past the last node
     graph   indptr, heads and costs
@@ -150,9 +156,12 @@ def weighted_path(
     weights: IntArray,
     limit: IntArray,
 ) -> IntArray:
-    """Return the arcs of a path of least weighted cost to a target, or [-1] if no path is within the limit.
+    """Return the arcs of the path from the source to a target with the least weighted sum of costs.
 
-    weights, limit  of :func:`encoded`
+    The result is [-1] if no path is within the limit.
+
+    indptr, heads, costs  arcs in compressed rows, with costs (m, k)
+    weights, limit        results of :func:`encoded`
     """
     n = len(indptr) - 1
     words = len(limit)

@@ -1,4 +1,4 @@
-"""Weights of costs as integers, given or chosen from the hull of points, and the shortest path of a weight."""
+"""Integer weights of costs, given or derived from the hull of the points found, and shortest paths for weights."""
 
 from __future__ import annotations
 
@@ -17,23 +17,27 @@ from hpop.base.options import real, whole
 from hpop.base.text import shown
 from hpop.errors import OptionError
 
-# A valid inequality w . y >= b of the polyhedron conv(Y) + R^k_>= is a point (w, b) of the cone
+# Let Y be the points found so far. The weights to try next are normals of facets of the polyhedron conv(Y) + R^k_>=. An
+# inequality w . y >= b that holds on this polyhedron is a point (w, b) of the cone
 #
 #     { (w, b) : w_j >= 0 for all j,  w . y - b >= 0 for all y in Y },
 #
-# and its facets are the cone's extreme rays. The cone of one point is simplicial, so its rays are known. Each further
-# point cuts the cone with a half-space, and the double description method (Motzkin, Raiffa, Thompson and Thrall 1953;
-# Fukuda and Prodon 1996) updates the rays: those on the wrong side are dropped, and each adjacent pair across the cut
-# gives a new one. Fewer points than dimensions, points in a plane and weights of zero need no special cases, unlike in
-# a convex hull in floating point. The facets are the weights of the outer-approximation algorithms of Ehrgott, Loehne
-# and Shao (2012) and Boekler and Mutzel (2015); for two costs they are the dichotomy of Aneja and Nair (1979).
+# and the facets are the extreme rays of this cone. The cone of one point is simplicial, so its rays are known. Each
+# further point cuts the cone with a half-space, and the double description method (Motzkin, Raiffa, Thompson and Thrall
+# 1953; Fukuda and Prodon 1996) updates the rays: those on the wrong side are dropped, and each pair of adjacent rays on
+# different sides gives a new one. Fewer points than dimensions, points in a plane and weights of zero need no special
+# cases, unlike in a convex hull in floating point. The facets are the weights of the outer-approximation algorithms of
+# Ehrgott, Loehne and Shao (2012) and Boekler and Mutzel (2015); for two costs they are the dichotomy of Aneja and Nair
+# (1979).
 
 
 Vector = tuple[int, ...]
 
 
 class WeightCone:
-    """Facets of conv(Y) + R^k_>= for a growing set Y of integer points, by the double description method.
+    """Facets of the convex hull of a growing set of integer points y and of all larger points, conv(Y) + R^k_>=.
+
+    They are computed by the double description method (see the comment above).
 
     >>> cone = WeightCone((0, 4))
     >>> cone.add((4, 0))
@@ -46,7 +50,7 @@ class WeightCone:
         self._count = k + 1  # half-spaces so far: the k signs, then the points
         point = 1 << k
         signs = point - 1
-        self._rays: dict[Vector, int] = {}  # the half-spaces with (w, b) on their border, as bits
+        self._rays: dict[Vector, int] = {}  # ray (w, b) -> the half-spaces on whose border it lies, as bits
         for j in range(k):
             unit = [0] * k
             unit[j] = 1
@@ -54,11 +58,14 @@ class WeightCone:
         self._rays[(*[0] * k, -1)] = signs
 
     def facets(self) -> list[tuple[Vector, int]]:
-        """Return the facets w . y >= b as weights w and right-hand sides b, in an order independent of insertions."""
+        """Return each facet w . y >= b as a pair of its weights w and its right-hand side b.
+
+        Facets that are not cut off by new points stay in the order in which they were found.
+        """
         return [(ray[:-1], ray[-1]) for ray in self._rays if any(ray[:-1])]
 
     def add(self, point: Sequence[int]) -> None:
-        """Add a point to Y: cut the cone with the half-space of the point."""
+        """Add a point to the hull: cut the cone with the half-space of this point."""
         y = [int(value) for value in point]
         k = len(y)
         bit = 1 << self._count
@@ -77,18 +84,21 @@ class WeightCone:
         self._rays = rays
 
     def _adjacent(self, shared: int, low: Vector, high: Vector) -> bool:
-        """Return whether two rays span a face of dimension two: no other ray lies on all their shared borders."""
+        """Return whether two rays are adjacent: no other ray lies on all borders that they share (``shared``, bits)."""
         return all(zero & shared != shared or ray is low or ray is high for ray, zero in self._rays.items())
 
 
 def _ray_on_cut(high: Vector, above: int, low: Vector, below: int) -> Vector:
-    """Return the ray in which the plane of two rays, at heights ``above`` and ``below`` a cut, meets the cut."""
+    """Return the ray between two rays on different sides of a half-space's border that lies on the border.
+
+    ``above`` > 0 and ``below`` < 0 are the values of the half-space's inequality at the rays ``high`` and ``low``.
+    """
     ray = [above * a - below * b for a, b in zip(low, high, strict=True)]
     divisor = gcd(*ray)
     return tuple(value // divisor for value in ray)
 
 
-FINEST = 10**6  # denominators of given weights
+FINEST = 10**6  # largest denominator of weights that users give
 MAX_WEIGHTS = 100_000
 
 
@@ -107,21 +117,24 @@ def simplex_lattice(divisions: int, k: int) -> Iterator[Vector]:
 
 
 def checked_divisions(value: Any, k: int = 1) -> int:
-    """Return the divisions of a simplex lattice of k weights; OptionError if they are invalid or too many."""
+    """Return the option ``divisions`` if it is valid for k weights; raise OptionError if not, or if too many weights.
+
+    With d divisions, the weights are all multiples of 1/d that sum to 1.
+    """
     divisions = whole("divisions", value, 1, kind="a whole number of steps from weight 0 to weight 1,")
     count = math.comb(divisions + k - 1, k - 1)
     if count > MAX_WEIGHTS:
         raise OptionError(
-            f"{divisions} divisions of {k} weights make {count:,} weights, more than {MAX_WEIGHTS:,}; take fewer, or "
-            "leave divisions out: then weights are adaptive"
+            f"divisions must give at most {MAX_WEIGHTS:,} vectors of weights, but {divisions} divisions for {k} costs "
+            f"give {count:,}; take fewer, or leave divisions out to choose weights adaptively"
         )
     return divisions
 
 
 def integer_weights(weights: Sequence[float], k: int | None = None) -> Vector:
-    """Return the smallest integers in the proportions of k weights.
+    """Return the smallest integers in the same proportions as k given weights.
 
-    Raises OptionError for weights that are negative, not finite, all zero, or not k.
+    Raises OptionError for weights that are negative, not finite or all zero, and for another number than k.
 
     >>> integer_weights([0.1, 0.25, 0])
     (2, 5, 0)
@@ -129,17 +142,17 @@ def integer_weights(weights: Sequence[float], k: int | None = None) -> Vector:
     try:
         values = [real("a weight", w, 0, sys.float_info.max) for w in weights]
     except TypeError:
-        raise OptionError(f"weights are lists of numbers, one per cost, got {shown(weights)}") from None
+        raise OptionError(f"weights must be lists of numbers, one for each cost, got {shown(weights)}") from None
     if k is not None and len(values) != k:
-        raise OptionError(f"there are {k} costs to be weighted, got {len(values)} weights: {values}")
+        raise OptionError(f"weights must have one number for each of {k} costs, got {len(values)}: {values}")
     if not any(values):
-        raise OptionError("weights are all zero: one of them must be above")
+        raise OptionError(f"weights must have at least one number above 0, got {values}")
     fractions = [Fraction(w / max(values)).limit_denominator(FINEST) for w in values]
     return divided_by_gcd([int(f * math.lcm(*(g.denominator for g in fractions))) for f in fractions])
 
 
 def divided_by_gcd(vector: Sequence[int]) -> Vector:
-    """Return a vector of integers divided by the greatest common divisor."""
+    """Return a vector of integers divided by their greatest common divisor."""
     divisor = math.gcd(*vector)
     return tuple(v // divisor for v in vector)
 
@@ -148,10 +161,10 @@ NONE = np.zeros(0, np.int64)
 
 
 class Task(NamedTuple):
-    """Task of a worker: find a path of least weighted cost.
+    """Task of a worker: find the path with the least weighted sum of costs.
 
     weights  (k,)  integer weights of the reduced costs
-    limit    upper bound of the least weighted sum
+    limit    upper bound of the least weighted sum, by which the search prunes
     blocked  (b,)  arcs of the reduced graph that the path must not use
     """
 
@@ -162,10 +175,10 @@ class Task(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """Graph without dead ends, with costs reduced by the bounds of the cost-to-go, for workers.
+    """Graph for workers, without arcs that reach no target, and with reduced costs that speed up shortest paths.
 
-    The reduced cost of an arc, c(u, v) + h(v) - h(u), is not negative. The reduced cost of a path from the source to a
-    target is its cost minus the ideal.
+    The reduced cost of an arc, c(u, v) + h(v) - h(u), with lower bounds h of the remaining costs, is not negative. The
+    reduced cost of a path from the source to a target is its cost minus the least possible cost h(source).
 
     indptr, heads  arcs in compressed rows, see :class:`.Graph`
     costs          (m, k)  reduced costs, in int32 if they fit
@@ -183,17 +196,19 @@ class Reduced:
 
 
 def solve_weight(data: Reduced, task: Task) -> IntArray:
-    """Return the arcs, in the reduced graph, of a path of least weighted cost."""
+    """Return the path with the least weighted sum, as indices of arcs in the reduced graph; this is a worker's job."""
     arcs = least_path(data, task, lambda kernel, *arguments: kernel(*arguments))
     if arcs is None:
-        raise AssertionError(f"no path within the limit {task}: the graph's bounds are wrong, please report")
+        raise AssertionError(
+            f"a path within the limit of {task} must exist, but none was found; please report this bug"
+        )
     return arcs
 
 
 def least_path(data: Reduced, task: Task, call: Any) -> IntArray | None:
-    """Return the arcs of a path of least weighted cost, or None if no path is within the limit of the task.
+    """Return the path with the least weighted sum, as indices of arcs, or None if no path is within the task's limit.
 
-    call  calls a kernel with its arguments
+    call  function that calls a kernel with its arguments
     """
     from hpop.search.supported.weighted_path import encoded, weighted_path  # numba: on first use
 

@@ -1,4 +1,4 @@
-"""Exact search where costs depend on when an arc is taken: :mod:`.timed_paths`."""
+"""Exact search if arcs take time and their costs depend on when they are taken (:mod:`.timed_paths`)."""
 
 from hpop.search.timed.graph import PathSteps, TimedGraph, TimedPaths
 from hpop.search.timed.timed_paths import timed_paths

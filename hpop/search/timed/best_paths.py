@@ -1,4 +1,4 @@
-"""Paths on a clock: best paths for a weight, costs of a path, and paths with fewer holds."""
+"""Paths on time-dependent graphs: best paths for given weights, costs of a path, and paths with fewer holds."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from hpop.search.timed.tables import PLAIN, STAYS, TimedTables, arc_cost, free_s
 def remaining_cost_by_arc(
     tables: TimedTables, ahead: TimeWindows, work: JointSweep, lane: int, a: int, p: int, t: int
 ) -> int:
-    """Return the weighted remaining cost, for the weights of a lane, of leaving by arc a at tick t.
+    """Return the least weighted remaining cost of a path that begins with arc a at tick t; FAR if it is not allowed.
 
     p     place of the arc's tail
-    work  sweep with the table of joint bounds; a lane is one of its LANES weights
+    work  sweep with the table of joint bounds
+    lane  index of the weights in this table
     """
     u = np.int64(tables.heads[a])
     end = t + np.int64(tables.durations[a])
@@ -40,7 +41,7 @@ def remaining_cost_by_arc(
 
 @lean
 def continues_at_once(tables: TimedTables, ahead: TimeWindows, work: JointSweep, lane: int, a: int, t: int) -> bool:
-    """Return whether a best path of a lane by arc a at tick t leaves the arc's head at once for another place."""
+    """Return whether a path that is best for a lane can take arc a at tick t and go on to another place at once."""
     u, end = np.int64(tables.heads[a]), t + np.int64(tables.durations[a])
     p = np.int64(tables.place[u])
     least = np.int64(work.rows[row_of(work.offset, work.calm, u, end), lane])
@@ -62,16 +63,16 @@ def trace_best_path(
     leaves: IntArray,
     total: IntArray,
 ) -> int:
-    """Trace a best path of a lane from a node reached at a tick; write its arcs and their departures `leaves`.
+    """Trace a path to a target that is best for one lane, from a node reached at a tick.
 
-    Arcs that stay at a place may cost a lane nothing, and a path could cycle among them, so arcs that lead away are
-    preferred. The costs of the path are added to total (k,). Returns the number of arcs, or -1 if the path has a cycle
-    or does not arrive in time.
+    Writes its arcs to `arcs` and their departures to `leaves`, and adds its costs to total (k,). Returns the number of
+    arcs, or -1 if the path has a cycle or does not arrive in time. Arcs that stay at a place may cost nothing for a
+    lane, so a path could cycle among them; therefore arcs that lead to another place are preferred.
     """
     dep, now = work.dep, work.now
     hold = np.int64(tables.hold)
     v, t, count = np.int64(node), np.int64(tick), 0
-    seen = np.int64(-1)  # a node of this path, updated whenever the number of arcs has doubled
+    seen = np.int64(-1)  # a node of this path to detect cycles, updated whenever the number of arcs has doubled
     while not ahead.is_target[v]:
         if count == len(arcs) or v == seen:
             return -1
@@ -134,8 +135,9 @@ def trace_best_paths(
     totals: IntArray,
     sizes: IntArray,
 ) -> int:
-    """Trace best paths for lanes (w,) from nodes (w,), all reached at one tick; write them one after another.
+    """Trace w best paths, for lanes (w,) from nodes (w,) that are all reached at one tick, see :func:`trace_best_path`.
 
+    arcs, leaves    output: arcs and departures, path after path
     totals  (w, k)  output: the costs of the paths are added
     sizes   (w,)    output: number of arcs of each path, 0 if it does not arrive
 
@@ -152,13 +154,15 @@ def trace_best_paths(
     return len(lanes)
 
 
-EVEN = 0.25  # least share of each cost in a mixed weight, times its share in an even mixture
+EVEN = 0.25  # a mixed weight vector gives each cost at least this part of its share in an even mixture
 
 
 def lone_weights(summed: IntArray, typical: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Return weights (LANES, k) and shifts (k,): first each summed cost alone, with weight 2^-shift, then mixtures.
+    """Return the weights (LANES, k) of the first table of joint bounds: each summed cost alone, then mixtures.
 
-    summed   columns of costs that add up
+    A cost alone has the weight 2^-shift; the shifts (k,) are returned as well.
+
+    summed   columns of costs that are sums
     typical  (k,) approximate costs of a whole path
     """
     k = len(typical)
@@ -172,9 +176,11 @@ def lone_weights(summed: IntArray, typical: FloatArray) -> tuple[FloatArray, Int
 
 
 def mixed_weights(summed: IntArray, ranges: FloatArray, typical: FloatArray) -> FloatArray:
-    """Return mixed weights (LANES, k) of costs that are scaled to equal ranges (k,).
+    """Return the weights (LANES, k) of the second table of joint bounds: mixtures of costs scaled by their ranges.
 
-    No weight makes the cost of a whole path, typically ``typical`` (k,), larger than UNIT.
+    summed   columns of costs that are sums
+    ranges   (k,) ranges of the costs
+    typical  (k,) approximate costs of a whole path, whose weighted sums become UNIT
     """
     weights = np.zeros((LANES, len(ranges)))
     mixed = mixtures(len(summed), LANES) / np.maximum(1.0, ranges[summed])
@@ -184,12 +190,12 @@ def mixed_weights(summed: IntArray, ranges: FloatArray, typical: FloatArray) -> 
 
 
 def _rounded_weights(weights: FloatArray) -> FloatArray:
-    """Return weights with those of at least 1 rounded to whole numbers, so that weighted sums are exact."""
+    """Round all weights of at least 1 to whole numbers, so that their products with costs are exact."""
     return np.asarray(np.where(weights >= 1, np.rint(weights), weights))
 
 
 def mixtures(k: int, count: int) -> FloatArray:
-    """Return positive weights (count, k) with sums of 1: an even row, a row that favours each cost, then random rows.
+    """Return positive weight vectors (count, k) with the sum 1: equal weights, one favouring each cost, then random.
 
     >>> mixtures(2, 3).round(3).tolist()
     [[0.5, 0.5], [0.875, 0.125], [0.125, 0.875]]
@@ -205,12 +211,10 @@ def mixtures(k: int, count: int) -> FloatArray:
 
 @lean
 def path_cost(tables: TimedTables, source: int, begin: int, arcs: IntArray, leaves: IntArray, total: IntArray) -> int:
-    """Write the costs of a path to total (k,); return the node where the path ends.
+    """Check a path and write its costs to total (k,); return the node where it ends, or -1 if it is invalid.
 
-    The path leaves `source` at tick `begin`, takes arcs (s,) with departures `leaves` (s,), and holds between them.
-
-    Returns -1 if the numbers are no path of this graph, or if the path holds longer after the horizon than any search
-    would.
+    The path is at `source` at tick `begin`, and takes arcs (s,) with departures `leaves` (s,), with holds between them.
+    It is invalid if the graph does not allow it, or if it holds longer after the horizon than any search would.
     """
     for j in range(len(total)):
         total[j] = 0
@@ -237,16 +241,17 @@ def path_cost(tables: TimedTables, source: int, begin: int, arcs: IntArray, leav
     return int(v)
 
 
-# A search keeps the first path of each cost vector. Where waiting costs the same at several places, that path may stop
-# at each of them. So pairs of holds of each path are merged at the place of the first or second one, departures between
-# them shift, and the path is costed again. The result costs the same, and no two of its holds can be merged.
+# A search keeps the first path that it finds for each cost vector. If waiting costs the same at several places, that
+# path may stop at each of them. So pairs of its holds are merged at the place of the first or the second one,
+# departures between them shift, and the costs are computed again. The merged path costs the same, and no two of its
+# holds can be merged further.
 
 
 @kernel
 def merge_holds(tables: TimedTables, source: int, begin: int, arcs: IntArray, leaves: IntArray, costs: IntArray) -> int:
-    """Merge pairs of holds of a path as long as its costs (k,) stay equal; return the number of holds.
+    """Merge holds of a path as long as its costs (k,) stay the same; return the number of holds that remain.
 
-    The departures `leaves` (s,) are changed in place.
+    The departures `leaves` (s,) of its arcs are changed in place. Other arguments are those of :func:`path_cost`.
     """
     total = np.empty(len(costs), np.int64)
     tried = leaves.copy()

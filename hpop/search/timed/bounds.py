@@ -1,8 +1,9 @@
-"""Joint bounds of a query, computed table by table, with the best paths for their weights as first solutions.
+"""Computation of the joint bounds of a query, and of first solutions: the best paths for the weights of these bounds.
 
-Before a long sweep, a smaller one covers only nodes near a best path. Its paths are real and give early solutions. A
-node is left out of the long sweep if the least costs of paths through it, at any tick, are all no less than those of a
-solution.
+Joint bounds are lower bounds of several remaining costs together (:mod:`.joint`), computed by a sweep over all nodes
+and ticks. Before a long sweep, a smaller one covers only nodes near a best path. Its paths are paths of the graph, so
+they are early solutions. A node is left out of the long sweep if, in every cost, even the cheapest path through it, at
+any tick, costs no less than one of these solutions.
 """
 
 from __future__ import annotations
@@ -34,16 +35,16 @@ from hpop.search.timed.joint import (
 )
 from hpop.search.timed.tables import NEVER, TimedTables
 
-AT_ONCE = 4  # weights for which shortest paths are computed together
-MANY = 250_000  # states in between: fewer are swept without a smaller sweep before
-NARROW = 10  # share of the nodes that count as near a best path, as a divisor
-STEPS = 30_000  # states of a slice: some 20 milliseconds
-PRICED = 20  # bytes of an arc and a lane: its cost, and the graph for shortest paths
-FEW = 4  # mixed weights in the first table; with fewer, a second table has mixtures of equal ranges
+AT_ONCE = 4  # number of weights for which shortest paths are computed together
+MANY = 250_000  # number of rows: a smaller table is swept without a small sweep before
+NARROW = 10  # one in so many nodes counts as near a best path
+STEPS = 30_000  # number of states in a slice: some 20 milliseconds
+PRICED = 20  # bytes for each arc and lane: its cost, and the graph for shortest paths
+FEW = 4  # if the first table has no more mixed weights than this, a second one has mixtures scaled by ranges
 
 
 class Seed(NamedTuple):
-    """Known solution: the costs (k,) of a path, its arcs (s,) and their departures (s,), ticks."""
+    """Known solution: the costs (k,) of a path, the indices (s,) of its arcs, and the ticks (s,) of departures."""
 
     costs: IntArray
     arcs: IntArray
@@ -51,12 +52,12 @@ class Seed(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """Layout of the rows of a table of joint bounds: one row per state (node, tick).
+    """Layout of a table of joint bounds: which row belongs to which state, a node at a tick.
 
     needed  (n,)      mask of the nodes that may be on a new solution
     calm    (n,)      tick L(v) after which nothing changes (:mod:`.calm`); NOTHING for nodes that are not needed
     offset  (n,)      the row of node v at tick t is offset[v] + t up to tick L(v), afterwards v
-    order   (w,)      nodes with rows before L(v), grouped by place
+    order   (w,)      nodes with rows up to L(v), grouped by place
     first   (p + 1,)  index in `order` of the first node of each place
     size    number of rows
     """
@@ -70,7 +71,7 @@ class Layout(NamedTuple):
 
     @classmethod
     def of(cls, bounds: PathBounds, needed: BoolArray, place: NDArray[np.int32]) -> Layout:
-        """Return the layout for the nodes of a mask (n,), which are at places (n,)."""
+        """Return the layout for needed nodes, a mask (n,); ``place`` (n,) is the place of each node."""
         n = len(needed)
         calm = np.where(needed, bounds.calm, np.int32(NOTHING))
         between = np.maximum(calm - bounds.earliest + 1, 0)
@@ -82,12 +83,12 @@ class Layout(NamedTuple):
 
 
 class Prices(NamedTuple):
-    """Weights of LANES lanes, and weighted costs of arcs.
+    """Weights of one table of joint bounds, LANES vectors (called lanes), and the weighted costs of arcs.
 
     weights  (LANES, k)  weights
     columns  (k, LANES)  the same weights, rounded down so that products are lower bounds
-    most     (k,)        largest cost that all lanes can weigh without overflow
-    priced   (m, LANES)  weighted costs of arcs from H on
+    most     (k,)        largest cost for which no weighted sum overflows
+    priced   (m, LANES)  weighted costs of arcs from the horizon H on
     fixed    (m, LANES)  the part of these costs that is the same at all ticks
     """
 
@@ -99,10 +100,10 @@ class Prices(NamedTuple):
 
 
 class TimedJointBounds:
-    """Computation of joint bounds on a time-dependent graph, and of first solutions by best paths.
+    """Computation of the tables of joint bounds on a time-dependent graph, and of first solutions.
 
     weights, rows, sweeps  weights, rows and working arrays of each table
-    seeds                  known solutions
+    seeds                  solutions known so far
     layout                 layout of the tables' rows
     """
 
@@ -116,7 +117,7 @@ class TimedJointBounds:
         known: Iterable[Seed] = (),
         begin: int = 0,
     ) -> None:
-        """Start with known solutions, without a table; paths leave the source at tick ``begin``."""
+        """Begin without tables. ``known`` are known solutions; paths leave the source at tick ``begin``."""
         self.begin = begin
         self.graph, self.tables, self.bounds, self.source, self.targets = graph, tables, bounds, source, targets
         n = graph.graph.nodes
@@ -134,7 +135,7 @@ class TimedJointBounds:
         self.layout = Layout.of(bounds, self._needed_nodes(), graph.place)
 
     def make(self, clock: Clock) -> None:
-        """Compute tables and first solutions of one query, as far as memory and time allow."""
+        """Compute the tables of joint bounds and the first solutions of a query, as far as memory and time allow."""
         if not len(self.summed) or clock.exceeded(0, PRICED * LANES * self.graph.graph.arcs, record=False) is not None:
             return
         typical = self._typical_costs()
@@ -159,7 +160,7 @@ class TimedJointBounds:
             self._add_best_paths(work, clock)
 
     def make_for_all(self, clock: Clock) -> None:
-        """Compute the first table for all states that the source can reach, without solutions."""
+        """Compute only the first table of joint bounds, for all nodes and ticks that the source can reach."""
         if len(self.summed):
             weights, self.shift = lone_weights(self.summed, self._typical_costs())
             work = self._sweep_table(self._weigh_arcs(weights, clock), self.layout, clock)
@@ -172,7 +173,7 @@ class TimedJointBounds:
         self.sweeps.append(work)
 
     def joint(self) -> JointTables:
-        """Return all tables, stacked for the kernels."""
+        """Return all tables in the form that kernels need."""
         k = self.graph.graph.criteria
         alone = np.full(k, -1)
         if not self.rows:
@@ -184,7 +185,7 @@ class TimedJointBounds:
         return JointTables(weights, rows, self.layout.offset, self.layout.calm, alone, self.shift)
 
     def _needed_nodes(self) -> BoolArray:
-        """Return a mask (n,) of the nodes that may be on a path that no known solution covers."""
+        """Return a mask (n,) of the nodes through which a path may lead that no known solution covers."""
         through = self.bounds.through
         needed = np.asarray((through < UNREACHABLE).all(axis=0))
         for seed in self.seeds:
@@ -193,7 +194,7 @@ class TimedJointBounds:
         return needed
 
     def _near_best(self, prices: Prices, clock: Clock) -> BoolArray | None:
-        """Return a mask (n,) of the needed nodes near a best path for the costs from H on; None at a limit."""
+        """Return a mask (n,) of the needed nodes near a best path, by costs from the horizon on; None at a limit."""
         lane, needed = len(self.summed), self.layout.needed
         calm = self._calm_graph(prices, slice(lane, lane + 1), needed)
         onward, _, status = lower_bounds(calm, self.source, self.targets, clock)
@@ -209,7 +210,7 @@ class TimedJointBounds:
         return near
 
     def _calm_graph(self, prices: Prices, lanes: slice, needed: BoolArray) -> Graph:
-        """Return the graph of needed nodes with the weighted costs of some lanes, from H on, as costs."""
+        """Return a static graph of needed nodes; its costs are weighted costs of arcs from the horizon on, per lane."""
         graph = self.graph.graph
         calm = Graph.from_csr(graph.indptr, graph.heads, prices.priced[:, lanes].astype(np.int64))
         closed = (prices.priced == FAR).all(axis=1) | ~needed[graph.heads]
@@ -217,13 +218,16 @@ class TimedJointBounds:
         return calm.without(closed) if closed.any() else calm
 
     def _typical_costs(self) -> FloatArray:
-        """Return approximate costs (k,) of a path: least cost from the farthest node, or of four arcs if larger."""
+        """Return approximate costs (k,) of a whole path, by which weights are scaled.
+
+        They are the largest of the least remaining costs, or those of the four most expensive arcs if that is more.
+        """
         least = self.bounds.least.astype(np.float64)
         far = np.array([row[row < NEVER].max(initial=0.0) for row in least])
         return np.asarray(np.maximum(far, 4.0 * self.graph.largest))
 
     def _ranges(self, typical: FloatArray) -> FloatArray:
-        """Return the range (k,) of each cost over the known solutions, or the typical cost for fewer than two."""
+        """Return the range (k,) of each cost over the known solutions, or the typical costs for fewer than two."""
         if len(self.seeds) < 2:
             return typical
         costs = np.array([seed.costs for seed in self.seeds], np.float64)
@@ -231,7 +235,7 @@ class TimedJointBounds:
         return np.asarray(np.where(spread > 0, spread, np.maximum(costs.max(axis=0), 1.0)))
 
     def _weigh_arcs(self, weights: FloatArray, clock: Clock) -> Prices:
-        """Return the costs of all arcs for weights (LANES, k)."""
+        """Return the weighted costs of all arcs for the weights (LANES, k) of a table."""
         m = self.graph.graph.arcs
         priced, fixed = np.empty((m, LANES), np.int32), np.empty((m, LANES), np.int32)
         columns = np.ascontiguousarray(weights.T)
@@ -246,13 +250,13 @@ class TimedJointBounds:
         return [array for sweep in self.sweeps for array in sweep if isinstance(array, np.ndarray)]
 
     def _memory(self, layout: Layout) -> int:
-        """Return the bytes of the tables and of one further table, with scratch."""
+        """Return the bytes of all tables and of one more with the given layout, scratch included."""
         held = 8 * _next_power_of_two(self.tables.hold)
         one = LANES * (layout.size * 4 + self.graph.graph.arcs * PRICED + len(layout.order) * held)
         return one * (len(self.rows) + 1)
 
     def _sweep_table(self, prices: Prices, layout: Layout, clock: Clock) -> JointSweep | None:
-        """Compute a table in slices of time; return None at a limit, which the search then reports."""
+        """Compute one table, in slices of time; return None if a limit comes, which the search then reports."""
         if clock.exceeded(0, self._memory(layout), record=False) is not None:
             return None
         n, rows = self.graph.graph.nodes, np.empty((layout.size, LANES), np.int32)
@@ -279,7 +283,7 @@ class TimedJointBounds:
         return work
 
     def _add_best_paths(self, work: JointSweep | None, clock: Clock) -> None:
-        """Add the best path for each weight of a table to the known solutions."""
+        """Add the best path from the source for each lane (weight vector) of a table to the known solutions."""
         if work is not None:
             every = np.arange(LANES)
             nodes, costs = np.full(LANES, self.source), np.zeros((LANES, self.graph.graph.criteria), np.int64)
@@ -298,9 +302,12 @@ class TimedJointBounds:
     def best_completions(
         self, table: int, lanes: IntArray, nodes: IntArray, tick: int, costs: IntArray, clock: Clock
     ) -> list[Seed | None]:
-        """Return the best path for each lane (w,) of a table, from a node (w,) reached at a tick; None for no path.
+        """Complete w labels (partial paths) at nodes (w,) and a tick, each by a best path for a lane (w,) of a table.
 
-        costs  (w, k)  costs of the path so far, to which the best path is added
+        Returns for each label the best path to a target with the total costs, or None if there is none.
+
+        table  index of the table of joint bounds; a lane is one of its weight vectors
+        costs  (w, k)  costs of the labels
         """
         return self._trace_paths(self.sweeps[table], lanes, nodes, tick, costs, clock)
 
@@ -320,5 +327,5 @@ class TimedJointBounds:
 
 
 def _next_power_of_two(ticks: int) -> int:
-    """Return the next larger power of two."""
+    """Return the smallest power of two that is larger than a number of ticks."""
     return 1 << ticks.bit_length()

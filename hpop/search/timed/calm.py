@@ -1,4 +1,4 @@
-"""Bounds before a search on a clock: remaining costs, useful holds, and ticks from which on costs do not change."""
+"""Bounds for a search on a time-dependent graph: remaining costs, useful holds, and ticks after the last change."""
 
 from __future__ import annotations
 
@@ -26,27 +26,29 @@ from hpop.search.timed.tables import (
     worst_rate,
 )
 
-# L(v) is the latest tick of a departure from v such that an arc on some path onward still differs from its state at H.
-# A path that leaves v after L(v) has the same continuations at the same costs at any tick, and no use for holds: v is
-# calm. L(v) = max(last change of an arc that leaves v, max over arcs (v, u) of L(u) - d).
+# Let L(v) be the last tick at which a departure from v can still meet a change: some arc on a path onward then differs
+# from its state at the horizon H. L(v) = max(last change of an arc that leaves v, max over arcs (v, u) of L(u) - d). A
+# path that leaves v after L(v) finds the same arcs at the same costs, whatever the tick, and has no use for holds. Then
+# v is called calm.
 #
-# Proof: let a path leave v at t > L(v). Its first arc departs after that arc's last change, and reaches its head u at
-# t + d > L(u). By induction, each arc of the path is as at H, for any shift. Leaving out its holds, which have no
-# negative costs, only makes all later departures earlier, but still later than L of their tails.
+# Proof: let a path leave v at t > L(v). Its first arc departs after the last change of this arc, and reaches its head u
+# at t + d > L(u). By induction, each arc of the path is as at H, also if the path is shifted in time. If its holds are
+# left out, no cost rises, and all later departures become earlier, but are still later than L of their tails.
 #
 # Waiting for an arc (v, u) is useful only if the arc improves: if it opens at some tick, or costs less than a tick
 # before, or the robot must not stand at u. Its cost here includes standing at v before it, less standing at u after
 # it. After the last such tick, waiting at v is no better than going on and waiting at u.
 
 
-NOTHING = -1  # calm from tick 0 on
+NOTHING = -1  # value of L(v) if nothing ever changes, so that v is calm from tick 0 on
 
 
 @lean
 def find_settled_ticks(tables: TimedTables, whole: BoolArray, settled: NDArray[np.int32]) -> None:
-    """Write, for each place, the first tick from which on standing there is as at H, to `settled` (P,).
+    """Find for each place from which tick on standing there is as at the horizon H; write the ticks to `settled`.
 
-    whole  (P,)  output: whether the costs of a tick of standing at the place are whole counts from H on
+    settled  (P,)  output
+    whole    (P,)  output: whether the costs of a tick of standing at the place are whole quanta from H on
     """
     last = tables.since.shape[1] - 1
     for p in range(len(settled)):
@@ -73,9 +75,10 @@ def find_settled_ticks(tables: TimedTables, whole: BoolArray, settled: NDArray[n
 def last_changes(
     tables: TimedTables, leads: NDArray[np.uint8], settled: NDArray[np.int32], out: NDArray[np.int32]
 ) -> None:
-    """Write, for each node, the last tick at which an arc that leaves it differs from its state at H, to `out` (n,).
+    """Find for each node the last tick at which one of its arcs differs from its state at the horizon H.
 
-    The value is NOTHING if no arc differs. An arc that stays may differ until its place is settled.
+    It is written to `out` (n,), and is NOTHING if no arc ever differs. An arc that stays may differ until its place is
+    settled.
 
     leads    (n,)  marks the nodes from which a target can be reached
     settled  (P,)  of :func:`find_settled_ticks`
@@ -115,10 +118,10 @@ def propagate_calm_ticks(
     above: NDArray[np.int32],
     below: NDArray[np.int32],
 ) -> None:
-    """Compute L(v) from the last changes, backward over arcs, the nodes with the latest L first.
+    """Compute L(v) of all nodes from the last changes of their arcs, backward over arcs, latest ticks first.
 
-    begin, tails, ticks  arcs by head: offsets (n + 1,), tails and durations (m,)
-    calm   (n,)      last changes before the call, L afterwards
+    begin, tails, ticks  arcs sorted by head: offsets (n + 1,), tails and durations (m,)
+    calm   (n,)      last changes before the call, L(v) afterwards
     tops   (H + 1,)  -1 before the call; above and below (n,) are scratch
     """
     for v in range(len(calm)):
@@ -148,10 +151,10 @@ def last_gains(
     v: int,
     out: NDArray[np.int32],
 ) -> int:
-    """Write, for each arc of node v, the last tick at which waiting for the arc is useful, to `out` (m,); 0 if never.
+    """Find for each arc of node v the last tick at which waiting for it is useful; write it to `out` (m,), 0 if never.
 
-    Returns the largest of these ticks. Only one tick is tested if all ticks are alike: if both places of a plain arc
-    are always settled, or the arc stays at a place that is never cut, and rates are whole.
+    Returns the largest of these ticks. Only one tick is tested if all ticks are alike. This is so if rates are whole,
+    and if both places of a plain arc are always settled, or the arc stays at a place without cuts.
     """
     last = tables.since.shape[1] - 1
     p = np.int64(tables.place[v])
@@ -181,9 +184,10 @@ def last_gains(
 
 @lean
 def gains(tables: TimedTables, a: int, p: int, early: int, late: int) -> bool:
-    """Return whether leaving by arc a at tick `late` may be better than at tick `early`.
+    """Return whether waiting at the tail of arc a and leaving at tick `late` may be better than leaving at `early`.
 
-    It may be if waiting at the arc's head, instead of its tail, costs more or is not allowed. p is the tail's place.
+    It may be if the arc is closed at `early`, or if leaving then and waiting at the arc's head until the other path
+    arrives costs more or is not allowed. p is the place of the tail.
     """
     if not is_open(tables, a, p, late):
         return False
@@ -204,7 +208,7 @@ def gains(tables: TimedTables, a: int, p: int, early: int, late: int) -> bool:
     return False
 
 
-# Useful holds of a node or place are computed when a label first reaches it; most nodes are never reached.
+# Whether holds are useful is computed for a node or place when a label first reaches it; most are never reached.
 
 
 UNKNOWN = -2  # not computed yet
@@ -212,7 +216,7 @@ NEVER_OF_USE = -1
 
 
 class RemainingBounds(NamedTuple):
-    """Bounds on the remaining path from each node.
+    """Lower bounds of the remaining path from each node, and what is known about holds there.
 
     least    (k, n)  least remaining costs, over all ticks
     ticks    (n,)    fewest remaining ticks
@@ -222,7 +226,7 @@ class RemainingBounds(NamedTuple):
     whole, settled   of :func:`find_settled_ticks`
     gain     (m,)    last tick at which waiting for an arc is useful, valid once `until` of its tail is computed
     until    (n,)    last tick at which waiting at a node is useful, or UNKNOWN until it is computed
-    one_stay (P,)    1 if two arcs that stay at the place never need to follow each other (:mod:`.tables`), or UNKNOWN
+    one_stay (P,)    1 if paths never need two arcs that stay one after the other (:mod:`.tables`), else 0, or UNKNOWN
     nodes, first     needed nodes, sorted by place; those of place p are nodes[first[p] : first[p + 1]]
     """
 
@@ -242,7 +246,7 @@ class RemainingBounds(NamedTuple):
 
 @lean
 def wait_until(tables: TimedTables, rest: RemainingBounds, v: int) -> int:
-    """Return the last tick at which waiting at node v is useful, or NEVER_OF_USE."""
+    """Return the last tick at which waiting at node v is useful, or NEVER_OF_USE; the result is cached in `rest`."""
     if rest.until[v] == UNKNOWN:
         latest = last_gains(tables, rest.leads, rest.calm, rest.earliest, rest.whole, rest.settled, v, rest.gain)
         hold = np.int64(tables.hold)
@@ -252,14 +256,14 @@ def wait_until(tables: TimedTables, rest: RemainingBounds, v: int) -> int:
 
 @lean
 def needs_one_stay(tables: TimedTables, rest: RemainingBounds, p: int) -> bool:
-    """Return whether two arcs that stay at place p never need to follow each other."""
+    """Return whether paths never need two arcs that stay one after the other at place p; cached in `rest`."""
     if rest.one_stay[p] == UNKNOWN:
         rest.one_stay[p] = one_stay_suffices(tables, rest.nodes[rest.first[p] : rest.first[p + 1]])
     return bool(rest.one_stay[p] != 0)
 
 
 class PathBounds(NamedTuple):
-    """Bounds on the paths through each node; other fields as in :class:`.RemainingBounds`.
+    """Lower bounds of the paths through each node; fields not listed are as in :class:`.RemainingBounds`.
 
     through  (k, n)  least costs of a path from the source through the node to a target, over all ticks
     """
@@ -277,7 +281,10 @@ class PathBounds(NamedTuple):
 def path_bounds(
     graph: TimedGraph, tables: TimedTables, source: int, targets: IntArray, clock: Clock
 ) -> tuple[PathBounds | None, Status | None]:
-    """Return bounds on the paths through each node and None, or None and the limit that was passed."""
+    """Compute lower bounds of the paths through each node.
+
+    Returns the bounds and None, or None and the limit that was passed.
+    """
     static, n, m = graph.graph, graph.graph.nodes, graph.graph.arcs
     cheapest = _graph_of_least_costs(graph)
     least, _, status = lower_bounds(cheapest, source, targets, clock)
@@ -312,7 +319,7 @@ def path_bounds(
 
 
 def remaining_bounds(graph: TimedGraph, bounds: PathBounds, needed: BoolArray) -> RemainingBounds:
-    """Return bounds on the remaining paths; ``needed`` (n,) is a mask of nodes."""
+    """Return the bounds of remaining paths for a search; ``needed`` (n,) is a mask of the nodes that it may use."""
     n, nodes = graph.graph.nodes, np.flatnonzero(needed)
     nodes = nodes[np.argsort(graph.place[nodes], kind="stable")]
     return RemainingBounds(
@@ -330,7 +337,7 @@ def reversed_graph(graph: Graph) -> Graph:
 
 
 def _graph_of_least_costs(graph: TimedGraph) -> Graph:
-    """Return the graph with the least cost of each arc at any tick, without arcs that are never open."""
+    """Return a static graph in which each arc has its least cost at any tick, without arcs that are never open."""
     costs = graph.graph.costs.copy()
     for j, table in graph.costs.items():
         costs[graph.timed, j] = table.min(axis=1)

@@ -1,16 +1,17 @@
-"""A graph on a clock: costs of arcs, and whether they are open, depend on the tick of departure.
+"""A time-dependent graph: costs of arcs, and whether arcs are open, depend on the tick of departure.
 
 Time is counted in ticks from 0, the earliest departure from the source. From the horizon H on nothing changes: the last
 column of every table, column H, is for departures at H and at any later tick.
 
 **An arc** a = (u, v) with departure at tick t arrives at t + d_a. Its cost j is the entry of its table, if it has one,
-otherwise its static cost. An arc that `stays` adds, in the columns of `standing`, the cost of standing at its place
-meanwhile, W(t', t' + d_a), where t' = min(t, H) (for a maximum, the larger one counts). So from H on an arc has exactly
-its cost at H.
+otherwise its static cost. An arc that `stays`, such as a turn in place, also costs standing at its place meanwhile. In
+the columns of `standing` it adds W(t', t' + d_a), where t' = min(t, H) (for a maximum, the larger one counts). So from
+H on an arc has exactly its cost at H.
 
-**A hold** at a node, from t1 to t2, costs W(t1, t2) at its place. For a sum that is Omega(t2) - Omega(t1), where Omega
-is its table up to H and then Omega(H) + floor((t - H) rate / 2^20), or floor(t rate / 2^20) if it has no table. For a
-maximum it is the largest rate of the ticks t1 to t2 - 1. A hold lasts at least `hold` ticks.
+**A hold**, a pause at a node from t1 to t2, costs W(t1, t2) at its place. For a sum, W(t1, t2) is
+Omega(t2) - Omega(t1), where Omega(t) is the cost of standing from tick 0 to t: its table up to H and then
+Omega(H) + floor((t - H) rate / 2^20), or floor(t rate / 2^20) if it has no table. For a maximum, W(t1, t2) is the
+largest rate of the ticks t1 to t2 - 1. A hold lasts at least `hold` ticks.
 """
 
 from __future__ import annotations
@@ -32,10 +33,10 @@ from hpop.runtime.status import Status
 from hpop.search.graph import MAX_SUM, Graph
 from hpop.search.queries import SearchStats
 
-MAX_TICKS = 2**20  # of an arc, of a hold, of the horizon: fourteen hours at 1/20 s
+MAX_TICKS = 2**20  # longest arc, hold and horizon: fourteen hours with ticks of 1/20 s
 RATE_BITS = 20
-MAX_PRODUCT = 2**62  # of a rate and ticks
-RATE = 2**RATE_BITS  # a rate of one count a tick
+MAX_PRODUCT = 2**62  # largest product of a rate and a number of ticks
+RATE = 2**RATE_BITS  # the rate of one quantum of cost for each tick
 LEFT_OUT: Any = None
 
 
@@ -44,24 +45,26 @@ LEFT_OUT: Any = None
 class TimedGraph:
     """Time-dependent graph: arcs take time, and costs depend on the tick of departure.
 
-    graph       n nodes, m arcs by their tails, static costs (m, k); indices of arcs below are those in its tables
-    durations   (m,) int32        ticks, at least 1
+    The rules for arcs and holds are in :mod:`.timed.graph`.
+
+    graph       n nodes, m arcs sorted by tail, static costs (m, k); indices of arcs below refer to its arrays
+    durations   (m,) int32        duration of each arc, ticks, at least 1
     horizon     H                 tables have H + 1 columns, the last for H and later ticks
     timed       (q,) int32        arcs with tables of their own, rising
-    costs       {j: (q, H + 1)}   int64 or int32, cost j of each timed arc by tick; columns left out are static
+    costs       {j: (q, H + 1)}   int64 or int32, cost j of each timed arc by tick; costs left out are static
     blocked     (q, H + 1) bool   ticks at which a timed arc is closed for departures
     place       (n,) int32        place of each node; nodes of one place share the costs of standing there
-    stays       (m,) bool         arcs in place, which cost their static cost and the cost of standing meanwhile
+    stays       (m,) bool         arcs within a place, which cost their static cost and the cost of standing meanwhile
     standing    {j: (P, H + 1)}   int64: for a sum, Omega, rising from tick 0; for a maximum, the rate during [t, t + 1)
-    rate        (P, k) int64      for a sum, 2^-20 counts a tick: at all ticks if j has no Omega, else from H on; for a
-                                  maximum without a table, its counts at any tick
+    rate        (P, k) int64      cost of standing for each tick, if there is no table, or after its end H: for a sum in
+                                  units of 2^-20 quanta, for a maximum without a table in quanta
     cut         (P, H + 1) bool   ticks, [t, t + 1), during which the robot must not stand at the place: they end holds
                                   and block arcs that stay; timed arcs have `blocked` instead
     hold        least duration of a hold, ticks; None: no holds
     arrive_by   latest tick of an arrival; None: any
 
-    Read-only arrays of these types are used without a copy. Defaults: no timed arcs, every node a place of its own,
-    standing free of charge, no cuts.
+    Read-only arrays of these types are used without a copy. By default there are no timed arcs and no cuts, each node
+    has its own place, and standing costs nothing.
 
     Raises GraphError for tables that do not fit together.
 
@@ -95,7 +98,7 @@ class TimedGraph:
         timed = [] if self.timed is None else self.timed
         timed = kept["timed"] = _table(timed, "timed", np.int32, (None,), most=m - 1)
         if (np.diff(timed) <= 0).any():
-            raise GraphError("timed must list indices of arcs, each once, rising")
+            raise GraphError("timed must list indices of arcs in rising order, each once; sort it with np.unique")
         q = len(timed)
         kept["costs"] = {
             j: _table(table, f"costs[{j}]", None, (q, width), most=MAX_SUM) for j, table in _columns(self.costs, k)
@@ -122,15 +125,20 @@ class TimedGraph:
         }
         for j, table in kept["standing"].items():
             if self.graph.aggregates[j] == "sum" and (np.diff(table, axis=1) < 0).any():
-                raise GraphError(f"standing[{j}] adds up what standing costs since tick 0, so it must not fall")
+                raise GraphError(
+                    f"standing[{j}] must not fall from tick to tick, as it is the cost of standing since tick 0; pass "
+                    "running sums"
+                )
         kept["cut"] = _flags(self.cut, "cut", (places, width))
         stays = kept["stays"] = _flags(self.stays, "stays", (m,))
         if stays[timed].any():
-            raise GraphError("an arc that stays has no table of its own: leave it out of timed, or out of stays")
+            raise GraphError("an arc must not be both in timed and in stays, got one that is; leave it out of either")
         heads = self.graph.heads
         tails = np.repeat(np.arange(n), np.diff(self.graph.indptr))
         if (place[tails] != place[heads])[stays].any():
-            raise GraphError("an arc that stays leads to a node at the place of its tail")
+            raise GraphError(
+                "an arc in stays must join two nodes of the same place, got one that does not; correct place or stays"
+            )
         for name, least in (("hold", 1), ("arrive_by", 0)):
             given = getattr(self, name)
             kept[name] = None if given is None else whole(name, given, least, MAX_TICKS, "ticks", error=GraphError)
@@ -160,25 +168,27 @@ class TimedGraph:
         return most
 
     def _longest(self) -> int:
-        """Return the longest duration of an arc or, if longer, the least duration of a hold, ticks."""
+        """Return the longest duration of any arc, or the least duration of a hold if that is longer, ticks."""
         return max(int(self.durations.max(initial=1)), self.hold or 0)
 
     def _check_sums(self) -> None:
-        """Raise GraphError if sums could overflow: a path takes an arc per tick until H, then no node twice."""
+        """Raise GraphError if the costs of a path could overflow 64-bit integers.
+
+        A path takes at most one arc per tick until H, and then passes no node twice.
+        """
         for j, aggregate in enumerate(self.graph.aggregates):
             worst = int(self.largest[j])
             held = 2 * int(self.rate[:, j].max(initial=0)) * (self.horizon + (self.hold or 0)) >> RATE_BITS
             product = int(self.rate[:, j].max(initial=0)) * (self.horizon + self._longest())
             if aggregate == "sum" and product > MAX_PRODUCT:
                 raise GraphError(
-                    f"rate of cost {j}, in 2^-20 counts a tick, times the ticks until the horizon must not exceed "
+                    f"rate of cost {j}, in 2^-20 quanta per tick, times the ticks until the horizon must not exceed "
                     f"{MAX_PRODUCT}, got {product}; use a coarser quantum"
                 )
             bound = worst if aggregate == "max" else worst * (self.graph.nodes + self.horizon + 2) + held
             if bound > MAX_SUM:
                 raise GraphError(
-                    f"cost {j} could overflow: a path may cost up to {bound}, the limit is {MAX_SUM}; use a coarser "
-                    "quantum"
+                    f"cost {j} of a path must stay below {MAX_SUM}, but could reach {bound}; use a coarser quantum"
                 )
 
     def __repr__(self) -> str:
@@ -188,9 +198,12 @@ class TimedGraph:
 
 
 def _columns(tables: Any, k: int) -> list[tuple[int, Any]]:
-    """Return pairs (column, table), sorted by column; raise GraphError for a column that the graph does not have."""
+    """Return the tables of an argument as pairs (column, table), sorted by column.
+
+    Raises GraphError if the argument is no mapping from columns to tables, or has a column that the graph lacks.
+    """
     if not isinstance(tables, Mapping):
-        raise GraphError(f"tables are given by the column of their cost, {{j: table}}; got {shown(tables)}")
+        raise GraphError(f"costs and standing must map the column of a cost to its table, got {shown(tables)}")
     return [
         (whole("the column of a table", j, 0, k - 1, "a cost's", error=GraphError), tables[j]) for j in sorted(tables)
     ]
@@ -222,7 +235,7 @@ def _table(
 
 
 def _flags(values: Any, name: str, shape: tuple[int, ...]) -> BoolArray:
-    """Return a read-only array of booleans of a shape; all False for None."""
+    """Return a read-only array of booleans of the given shape, all False for None; raise GraphError for others."""
     if values is None:
         return _read_only(np.zeros(shape, np.bool_))
     array = np.asarray(values)
@@ -248,11 +261,11 @@ HOLD = -1
 
 
 class PathSteps(NamedTuple):
-    """Steps of a path: its arcs and holds in order.
+    """The s steps of a path in order: arcs and holds.
 
-    nodes       (s + 1,)  source and target included; a hold repeats its node
-    arcs        (s,)      in the caller's numbers (`graph.arc`), -1 for a hold
-    departures  (s + 1,)  ticks at which each step begins; the last is the arrival
+    nodes       (s + 1,)  nodes from source to target; a hold repeats its node
+    arcs        (s,)      index of each arc in the caller's numbering (`graph.arc`), -1 for a hold
+    departures  (s + 1,)  tick at which each step begins; the last entry is the tick of arrival
     """
 
     nodes: IntArray
@@ -263,13 +276,13 @@ class PathSteps(NamedTuple):
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class TimedPaths:
-    """Front of a time-dependent graph: cost vectors with their paths.
+    """Result of a search on a time-dependent graph: the non-dominated cost vectors, each with one path.
 
     costs   (n, k)  int64  rows in lexicographic order
     status  COMPLETE, NO_PATH, or the limit that stopped the search
     stats   statistics of the search
-    gap     relative: every missing vector p has a returned r <= (1 + gap) p + tolerance
-    asked   tolerance and bounds of the query in words, if there were any
+    gap     relative: for every missing vector p there is a returned r <= (1 + gap) p + tolerance
+    asked   text for the certificate: tolerance and bounds of the query
     begin   tick at which paths leave the source, or begin to hold there
     """
 
@@ -288,11 +301,11 @@ class TimedPaths:
 
     @property
     def places(self) -> tuple[tuple[IntArray, IntArray], ...]:
-        """Indices of the arcs of each path in the graph, and the ticks of their departures."""
+        """For each path, the indices of its arcs in the graph's arrays, and the ticks of their departures."""
         return self._paths
 
     def steps(self, i: int) -> PathSteps:
-        """Return the arcs and holds of path i."""
+        """Return the arcs and holds of path i, with nodes and departures."""
         arcs, leaves = self._paths[i]  # arcs without holds, and their departures
         source = np.array([self._source], np.int64)
         ends = leaves + self._graph.durations[arcs]

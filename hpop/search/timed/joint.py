@@ -1,14 +1,16 @@
-"""Joint lower bounds on the remaining costs, exact on the clock: least weighted remaining costs for several weights.
+"""Joint lower bounds of the remaining costs: the least weighted remaining cost of each node at each tick.
 
-Solutions from a label lie above its supporting lines: w.g + H_w(v, t), with H_w(v, t) the least weighted cost of a path
-from v at tick t. A state (v, t) leads only to later states, so one sweep over ticks, the last first, gives H_w for all
-states: over the arcs open at t, or a hold until s >= t + hold and then an arc,
+For a weight vector w, called a lane, let H_w(v, t) be the least weighted cost of a path that starts from node v at tick
+t. A label with costs g at this node and tick leads only to solutions with a weighted cost of at least w.g + H_w(v, t).
+A state (v, t), a node at a tick, leads only to later states. So one sweep over the ticks, from the last to the first,
+gives H_w for all states. A path leaves v by an arc that is open at t, or holds until s >= t + hold and then leaves:
     dep(v, t) = min over arcs (v, u) of w.c(t) + H(u, t + d),
     H(v, t) = min(dep(v, t), min over s of w.W(t, s) + dep(v, s)).
-From L(v) + 1 on (:mod:`.calm`) values do not change; they come from one Dijkstra search a weight. No state precedes the
-earliest tick of its node. So there are few states in between, with a row each after the n rows of calm nodes.
+From tick L(v) + 1 on (:mod:`.calm`) values do not change; they come from one Dijkstra search for each lane. No state is
+earlier than the first tick at which its node can be reached. So few states remain in between. A table has n rows for
+the nodes after L(v), then a row for each of these states.
 
-LANES weights are swept at once. Weighted costs are integers of 31 bits, rounded down, and sums stop at FAR; both only
+LANES weights are swept at once. Weighted costs are integers of 31 bits, rounded down, and sums stop at FAR. Both only
 decrease values, so they remain lower bounds.
 """
 
@@ -23,11 +25,11 @@ from hpop.base.arrays import FloatArray, IntArray
 from hpop.runtime.compiled import inlined, lean, wide
 from hpop.search.timed.tables import NEVER, STAYS, TimedTables, arc_cost, free_since, is_open, omega_at
 
-LANES = 8  # 32 bytes: one vector register
-UNIT = 2.0**27  # approximate cost of a whole path; FAR is eight times as much
-FAR = 2**30
-HALF = FAR / 2 - 1  # limit of the constant part of an arc's cost, and of its other part
-CUT = -1
+LANES = 8  # number of weight vectors of a table: 32 bytes, one vector register
+UNIT = 2.0**27  # approximate weighted cost of a whole path; FAR is eight times as much
+FAR = 2**30  # weighted cost that counts as infinite
+HALF = FAR / 2 - 1  # limit of the part of an arc's weighted cost that is the same at all ticks, and of the other part
+CUT = -1  # marks a weighted cost of standing where the robot must not stand
 DOWN, UP = 1 - 2.0**-40, 1 + 2.0**-40  # more than the rounding errors of a product and sums
 
 IntLanes = NDArray[np.int32]
@@ -35,14 +37,14 @@ Lanes = tuple[np.int32, np.int32, np.int32, np.int32, np.int32, np.int32, np.int
 
 
 class JointTables(NamedTuple):
-    """Tables of joint bounds: b tables with LANES weights each.
+    """Tables of joint bounds: b tables with LANES weight vectors each.
 
     weights  (b, LANES, k)  weights of the costs, 0 for maxima
-    rows     (b, r, LANES)  least weighted remaining costs, one row per state; see :class:`.Layout`
+    rows     (b, r, LANES)  least weighted remaining costs, a row for each state; see :class:`.Layout`
     offset   (n,)           the row of node v at tick t is offset[v] + t up to tick L(v), afterwards v
     calm     (n,)           L(v), see :mod:`.calm`
-    alone    (k,)           lane of the first table that weighs this cost alone, -1 if there is none
-    shift    (k,)           number of low bits of this cost that this lane drops
+    alone    (k,)           for each cost, the lane of the first table that weighs only this cost, -1 if there is none
+    shift    (k,)           number of low bits of this cost that its lane drops
     """
 
     weights: FloatArray
@@ -54,7 +56,7 @@ class JointTables(NamedTuple):
 
 
 class TimeWindows(NamedTuple):
-    """Time window of each node: the ticks between which a path can pass it.
+    """Times that limit at which ticks a path can pass each node.
 
     ticks       (n,)  fewest ticks from the node to a target
     earliest    (n,)  earliest tick at which a path reaches the node
@@ -76,7 +78,7 @@ def row_of(offset: IntArray, calm: NDArray[np.int32], v: int, t: int) -> int:
 
 @lean
 def weigh_final_arcs(tables: TimedTables, weights: FloatArray, priced: IntLanes, fixed: IntLanes) -> None:
-    """Write the weighted costs of arcs from H on to `priced` (m, LANES), FAR for arcs that are then closed.
+    """Write the weighted costs of arcs from the horizon H on to `priced` (m, LANES), FAR for arcs closed by then.
 
     weights  (k, LANES)
     fixed    (m, LANES)  output: the part of the weighted cost that is the same at all ticks
@@ -106,10 +108,10 @@ def weigh_final_arcs(tables: TimedTables, weights: FloatArray, priced: IntLanes,
 def weigh_arc(
     tables: TimedTables, weights: FloatArray, most: FloatArray, fixed: IntLanes, a: int, t: int, out: IntLanes
 ) -> None:
-    """Write the weighted cost of timed arc a at tick t to `out` (1, LANES), at most HALF.
+    """Write the weighted cost of timed arc a for a departure at tick t to `out` (1, LANES).
 
     weights  (k, LANES)
-    most     (k,)        largest cost that all lanes can weigh without overflow
+    most     (k,)        largest cost for which no weighted sum overflows
     fixed    (m, LANES)  of :func:`weigh_final_arcs`
     """
     for lane in range(LANES):
@@ -128,9 +130,9 @@ def weigh_arc(
 def weigh_stay(
     tables: TimedTables, weights: FloatArray, most: FloatArray, p: int, t: int, ticks: int, out: IntLanes
 ) -> None:
-    """Write the weighted cost of standing at place p for some ticks from tick t on to `out[ticks]` (LANES,).
+    """Write the weighted cost of standing at place p from tick t on, for a number of ticks, to `out[ticks]` (LANES,).
 
-    The first lane is CUT if the robot must not stand there so long.
+    Only costs with a table count. The first lane is CUT if the robot must not stand there so long.
     """
     t = min(t, tables.since.shape[1] - 1)
     for lane in range(LANES):
@@ -159,14 +161,14 @@ def weigh_standing(tables: TimedTables, weights: FloatArray, p: int, t: int, out
 
 
 class JointSweep(NamedTuple):
-    """Working arrays of a sweep for LANES weights.
+    """Working arrays for the sweep of one table, with LANES weight vectors.
 
     weights   (k, LANES)  weights
-    most      (k,)        largest cost that all lanes can weigh without overflow
+    most      (k,)        largest cost for which no weighted sum overflows
     fixed     (m, LANES)  part of the arcs' weighted costs that is the same at all ticks
-    rows      (r, LANES)  the table; rows from L(v) on are filled before the sweep
-    offset, calm          of :class:`JointTables`
-    order     (w,)        nodes with rows before L(v), grouped by place
+    rows      (r, LANES)  the table; rows for ticks after L(v) are filled before the sweep
+    offset, calm          fields of :class:`JointTables`
+    order     (w,)        nodes with rows up to L(v), grouped by place
     first     (p + 1,)    index in `order` of the first node of each place
     together  least duration of an arc, ticks
     held      (w, power of two, LANES)  least w.Omega(s) + dep(v, s) over s from t on, for the last ticks t
@@ -197,7 +199,7 @@ class JointSweep(NamedTuple):
 
 @inlined
 def lower(least: Lanes, rows: IntLanes, row: int, costs: IntLanes, of: int) -> Lanes:
-    """Return, lane by lane, the minimum of `least` and rows[row] + costs[of]; written out so that it is vectorised."""
+    """Return for each lane the minimum of `least` and rows[row] + costs[of]; written out so that it is vectorised."""
     return (
         min(least[0], np.int32(rows[row, 0] + costs[of, 0])),
         min(least[1], np.int32(rows[row, 1] + costs[of, 1])),
@@ -212,7 +214,7 @@ def lower(least: Lanes, rows: IntLanes, row: int, costs: IntLanes, of: int) -> L
 
 @inlined
 def lower_by_stay(least: Lanes, rows: IntLanes, row: int, fixed: IntLanes, a: int, stay: IntLanes, ticks: int) -> Lanes:
-    """Return, lane by lane, the minimum of `least` and rows[row] + fixed[a] + stay[ticks]."""
+    """Return for each lane the minimum of `least` and rows[row] + fixed[a] + stay[ticks]; written out like lower."""
     return (
         min(least[0], np.int32(rows[row, 0] + fixed[a, 0] + stay[ticks, 0])),
         min(least[1], np.int32(rows[row, 1] + fixed[a, 1] + stay[ticks, 1])),
@@ -227,7 +229,10 @@ def lower_by_stay(least: Lanes, rows: IntLanes, row: int, fixed: IntLanes, a: in
 
 @inlined
 def depart(tables: TimedTables, ahead: TimeWindows, work: JointSweep, v: int, t: int) -> None:
-    """Write the least weighted remaining costs of leaving node v at tick t to `work.dep`; later rows must be filled."""
+    """Write dep(v, t), the least weighted remaining costs of a path that leaves node v at tick t, to `work.dep`.
+
+    The rows of later ticks must be filled already.
+    """
     far = np.int32(FAR)
     least = (far, far, far, far, far, far, far, far)
     p = np.int64(tables.place[v])
@@ -262,11 +267,14 @@ def depart(tables: TimedTables, ahead: TimeWindows, work: JointSweep, v: int, t:
 
 @wide
 def sweep(tables: TimedTables, ahead: TimeWindows, work: JointSweep, state: IntArray, steps: int) -> bool:
-    """Fill the rows of about ``steps`` states before L(v); return whether all rows are filled.
+    """Go on with the sweep of a table: fill the rows of about ``steps`` states; return whether all rows are filled.
 
-    state (2,) is the progress: the latest tick of the current block of ticks, and the current place; before the first
-    call, the latest tick of all and 0. No arc is shorter than a block, so states of a block depend only on states of
-    the same node. So places are processed one after another, each for the whole block, with local memory access.
+    Ticks are processed in blocks, the last block first. No arc is shorter than a block, so within a block states depend
+    only on states of the same node. So places are processed one after another, each for the whole block, with local
+    memory access.
+
+    state  (2,)  progress: the latest tick of the current block, and the current place; before the first call, the
+                 latest tick of all, and 0
     """
     dep, now, then, later = work.dep, work.now, work.then, work.later
     hold, order, calm, rows = np.int64(tables.hold), work.order, work.calm, work.rows

@@ -1,13 +1,14 @@
-"""The inner loop of the search on a clock: tick after tick, labels arrive, leave at once, or leave after a hold.
+"""The inner loop of the search on time-dependent graphs: tick after tick, labels (partial paths) arrive and leave.
 
 At each tick, arriving labels that others make superfluous are dropped first (:mod:`.sets`). Then each of the others
 leaves by every open arc. Then, at nodes where waiting may be useful, labels that have held long enough leave by the
 arcs for which it is useful. A label that arrives at a target is a solution and ends there.
 
-**Useful holds.** Let a label that arrived at v at tick b leave by arc a = (v, u) at t >= b + hold. If it could also
-have left at an earlier s, s = b or b + hold <= s <= t - hold, and then held behind the arc until t + d at no larger
-costs (:func:`.calm.gains` is false for s and t), then that earlier arrival makes this one superfluous. This is checked
-for s = t - hold and s = b. No label waits longer than until max(L(v) + 1, b + hold), when v is left for good.
+**Useful holds.** Let a label that arrived at v at tick b leave by arc a = (v, u) at tick t >= b + hold. Suppose that it
+could also have left at an earlier tick s, with s = b or b + hold <= s <= t - hold, and then have held after the arc
+until t + d at no larger costs (:func:`.calm.gains` is false for s and t). Then that earlier arrival makes this one
+superfluous. This is checked for s = t - hold and s = b. No label waits longer than until max(L(v) + 1, b + hold), as no
+change comes after L(v) (:mod:`.calm`).
 """
 
 from __future__ import annotations
@@ -53,14 +54,14 @@ from hpop.search.timed.sets import (
 from hpop.search.timed.solutions import SolutionSet, insert_solution, is_covered, may_improve
 from hpop.search.timed.tables import STAYS, TimedTables, arc_cost, is_open, omega_at
 
-# State of the search: tick, stage, first label closed at the tick, next label or node, number of waiting nodes, first
-# free row of the queue, rows used so far, and solutions found so far.
+# Indices of the search's state: tick, stage, first label closed at the tick, next label or node, number of nodes with
+# waiting labels, first free row of the queue, rows used so far, and solutions found so far.
 NOW, STAGE, FIRST, NEXT, WAITING, FREE, USED, SOLVED, STATE = range(9)
 ARRIVE, LEAVE, HOLD_ON, STAGES = range(4)
 
 
 class Queue(NamedTuple):
-    """Labels under way, in linked lists by the tick of their arrival.
+    """Queue of labels (partial paths) that are on their way along an arc, in linked lists by the tick of their arrival.
 
     tops   (power of two,)  first row of each tick, -1 for none; a ring of more ticks than the longest arc takes
     below  (o,)             next row of the same tick, or next free row
@@ -75,14 +76,14 @@ class Queue(NamedTuple):
 
 
 class ClosedLabels(NamedTuple):
-    """Labels that have arrived.
+    """Labels (partial paths) that have arrived at a node, called closed labels, and those that wait there.
 
     values  (c,)    closed labels
     ticks   (c,)    tick of arrival of each closed label
     costs   (f, k)  costs of the labels that arrive at this tick
     kept    (f,)    1 for those labels that no other label of this tick makes superfluous
     nodes   (n,)    nodes at which labels wait, in any order
-    waits   (n,)    1 for these nodes
+    waits   (n,)    1 for a node at which labels wait
     """
 
     values: IntArray
@@ -94,12 +95,12 @@ class ClosedLabels(NamedTuple):
 
 
 class PruningBounds(NamedTuple):
-    """Bounds by which labels are pruned, besides the solutions.
+    """Joint bounds and corners of the uncovered region, by which labels (partial paths) are pruned.
 
     joint    joint bounds
-    corners  (c, k)         corners of the region that solutions leave uncovered
-    lanes    (c, b, LANES)  corners weighed by the weights of the joint bounds
-    hint     (1,)           corner that contained the last label
+    corners  (c, k)         corners of the region of costs that solutions leave uncovered
+    lanes    (c, b, LANES)  weighted sums of the corners, for the weights of the joint bounds
+    hint     (1,)           corner that did not exclude the last label
     weighed  (b, LANES)     scratch
     """
 
@@ -122,7 +123,10 @@ def is_pruned(
     g: IntArray,
     f: IntArray,
 ) -> bool:
-    """Return whether a label with costs g (k,) at node v and tick t leads to covered vectors only; f is scratch."""
+    """Return whether bounds prove that `count` solutions cover all paths that begin with a label (partial path).
+
+    The label has costs g (k,) at node v and tick t; f (k,) is scratch.
+    """
     joint = bounds.joint
     row = row_of(joint.offset, joint.calm, v, t)
     for j in range(len(g)):
@@ -151,7 +155,10 @@ def send_along(
     parent: int,
     scratch: IntArray,
 ) -> None:
-    """Send a label with costs g (k,) along open arc a, at place p, at tick t, unless the label is pruned."""
+    """Extend a label with costs g (k,) by open arc a, at place p and tick t; queue the new label unless it is pruned.
+
+    At a target, the new label becomes a solution instead.
+    """
     x = np.int64(tables.heads[a])
     end = t + np.int64(tables.durations[a])
     if rest.ticks[x] > goal.arrive_by - end:
@@ -199,11 +206,12 @@ def advance(
     source: int,
     scratch: IntArray,
 ) -> int:
-    """Run the search until it ends, `work` steps are done or an array is full; return the code of the reason.
+    """Run the search for a slice: until it is complete, `work` steps are done or an array is full.
+
+    Returns the code of the reason (:mod:`.machinery.slices`). Other arguments are the arrays of :class:`.TimedSearch`,
+    which the kernel changes in place.
 
     scratch  (4, k)
-
-    The other arguments are the arrays of :class:`.TimedSearch`, which the kernel changes in place.
     """
     k = len(tables.is_max)
     hold = np.int64(tables.hold)
@@ -314,9 +322,9 @@ def under_way(
     rows: NDArray[np.int32],
     ticks: IntArray,
 ) -> int:
-    """List the rows of labels under way and their ticks of arrival, as many as fit; return their number.
+    """List labels in the queue: write their rows and ticks of arrival, as many as fit, and return their number.
 
-    position  (2,)  progress, -1 and -1 at first: ticks from now, and the next row of that tick
+    position  (2,)  progress, -1 and -1 at first: number of ticks from now, and the next row of that tick
     """
     count = 0
     while count < len(rows):
@@ -333,7 +341,7 @@ def under_way(
 
 @lean
 def code_of_full_array(goal: SolutionSet, queue: Queue, counters: IntArray, state: IntArray, more: int) -> int:
-    """Return the code of the array that has no room for ``more`` labels, or SLICE."""
+    """Return the code of an array without room for ``more`` labels, or SLICE if there is room (:mod:`.slices`)."""
     if counters[N_FRONT] + more > len(goal.values):
         return FRONT
     if state[USED] + more > len(queue.values):
@@ -356,7 +364,7 @@ def leave_after_hold(
     t: int,
     scratch: IntArray,
 ) -> int:
-    """Send labels that have held at node v along its arcs at tick t, if the hold is useful; return the work done."""
+    """Extend labels that have held at node v by its arcs at tick t, where this is useful; return the steps of work."""
     k = len(tables.is_max)
     hold = np.int64(tables.hold)
     p = np.int64(tables.place[v])

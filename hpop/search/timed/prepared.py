@@ -1,8 +1,8 @@
-"""A graph on a clock prepared for one set of targets, for searches from many nodes and ticks.
+"""A time-dependent graph prepared for fast searches to the same targets, from many nodes and ticks.
 
-A drive repeats one query while people move as predicted. Most of the time of a small query goes into bounds on the
-remaining costs, which depend on node and tick but not on the source. So they are computed once, for all nodes and ticks
-after a first one.
+A driving robot repeats one query while people move as predicted. Most of the time of a small query goes into lower
+bounds of the remaining costs. These depend on node and tick, but not on the source. So they are computed once, for all
+nodes and ticks that the robot can reach from a first node and tick.
 """
 
 from __future__ import annotations
@@ -34,26 +34,26 @@ from hpop.search.timed.tables import TimedTables
 
 METHOD = "timed"
 FIRST, SECOND = 0.35, 0.95  # shares of the limits at which the approximate search begins and ends
-GAP = 0.1  # its precision, relative
+GAP = 0.1  # relative precision of the approximate search
 
 
 class TimedPath(NamedTuple):
-    """Known path: the indices (s,) of its arcs in the graph, and the ticks (s,) of their departures."""
+    """Path with its times: the indices (s,) of its arcs in the graph, and the ticks (s,) of their departures."""
 
     arcs: IntArray
     leaves: IntArray
 
 
 class PreparedTimed:
-    """A graph on a clock, prepared for searches from any node and tick that can follow a first one.
+    """A time-dependent graph prepared for searches from any node and tick that are reached from a first one.
 
     earliest  (n,)  earliest tick of a query from each node; UNREACHABLE for nodes that cannot be reached
 
     Accepts: any :class:`TimedGraph`, 1 to 6 costs, each a sum or a maximum.
 
-    Guarantees: :meth:`paths` returns the result of :func:`.timed_paths` on a graph with tables from that tick on.
+    Guarantees: :meth:`paths` returns the same front as :func:`.timed_paths` on a graph whose tables begin at its tick.
 
-    Cost: bounds once, for all nodes and ticks after the first one; a search then takes the time of its labels alone.
+    Cost: bounds are computed once, for all these nodes and ticks. A search then takes only the time for its labels.
 
     >>> from hpop.search import Graph
     >>> static = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 0], [1, 0], [9, 0]])
@@ -67,7 +67,7 @@ class PreparedTimed:
         self, graph: TimedGraph, source: Hashable, target: Hashable | Iterable[Hashable], *, begin: int = 0
     ) -> None:
         if not isinstance(graph, TimedGraph):
-            raise GraphError(f"expected a TimedGraph of hpop.search, got {shown(graph)}")
+            raise GraphError(f"graph must be a TimedGraph of hpop.search, got {shown(graph)}; make one from a Graph")
         self.graph = graph
         first, self.targets = checked_node(graph.graph, source, "source"), checked_targets(graph.graph, target)
         begin = whole("begin", begin, 0, MOST_COUNTED, "a tick")
@@ -87,7 +87,7 @@ class PreparedTimed:
 
     @property
     def memory(self) -> int:
-        """Bytes of all arrays beside the graph."""
+        """Size of all arrays except those of the graph, bytes."""
         arrays = [*self.tables, *self.rest, *self.joint, *(array for sweep in self.bounds.sweeps for array in sweep)]
         own = {id(array): array.nbytes for array in arrays if isinstance(array, np.ndarray)}
         return sum(own.values())
@@ -101,20 +101,24 @@ class PreparedTimed:
         budget: Budget = UNLIMITED,
         known: Sequence[TimedPath] = (),
     ) -> TimedPaths:
-        """Find every non-dominated cost vector of the paths that leave a node at a tick or hold there, each with one.
+        """Find every non-dominated cost vector of the paths that start at a node at a tick, each with one path.
 
-        A `deadline`, in seconds of this thread's processor time, a limit of `budget`, or Ctrl-C may end the search.
-        Then the paths found so far are returned, and `gap` bounds how much better missing ones may be.
+        A path may begin with a hold. The search ends after `deadline` seconds of this thread's processor time, at a
+        limit of `budget`, or at Ctrl-C. Then the paths found so far are returned, and `gap` bounds how much better
+        missing ones may be.
 
-        `known` are paths from the node. Those that the graph allows at their ticks are returned even after a deadline
-        of 0; others are ignored.
+        `known` are paths from the node that the caller knows. If the graph allows them at their ticks, they count as
+        found, even with a deadline of 0; others are ignored.
 
-        Raises QueryError for a source that is no node, or that cannot be reached by that tick.
+        Raises QueryError if the source is no node, or cannot be reached by that tick.
         """
         start = checked_node(self.graph.graph, source, "source")
         tick = whole("tick", tick, 0, MOST_COUNTED, "a tick", error=QueryError)
         if tick < self.earliest[start]:
-            raise QueryError(f"node {source!r} cannot be reached by tick {tick}: prepare the graph from that node")
+            raise QueryError(
+                f"node {source!r} cannot be reached by tick {tick} from the node for which the graph was prepared; "
+                "pass a later tick, or prepare the graph from this node"
+            )
         if deadline is not None:
             deadline = real("deadline", deadline, 0, MOST, "a number of seconds, 0 or more,")
         run = _TimedPreparedRun(self, start, tick, DeadlineClock(deadline, budget, None))
@@ -127,11 +131,11 @@ class PreparedTimed:
 
 
 class _TimedPreparedRun:
-    """Run of one query on a prepared time-dependent graph, from a node at a tick.
+    """One run of a query on a prepared time-dependent graph, from a node at a tick.
 
-    seeds        known solutions
+    seeds        solutions known so far
     exact        exact search, None before it is set up
-    approximate  search within GAP, which interrupts the exact search; None if it does not run
+    approximate  search with the precision GAP, which runs while the exact search pauses; None if it does not run
     """
 
     def __init__(self, prepared: PreparedTimed, source: int, tick: int, clock: DeadlineClock) -> None:
@@ -142,7 +146,7 @@ class _TimedPreparedRun:
         self.is_approximate_complete = False  # whether the approximate search is complete
 
     def add_known_paths(self, known: Sequence[TimedPath]) -> None:
-        """Add those known paths that the graph allows to the known solutions."""
+        """Add the paths that a caller knows to the solutions, if the graph allows them at their ticks."""
         prepared, k = self.prepared, self.prepared.graph.graph.criteria
         latest = prepared.graph.arrive_by
         for path in known:
@@ -155,7 +159,7 @@ class _TimedPreparedRun:
                 self.seeds.append(Seed(total, arcs, leaves))
 
     def go(self) -> Status:
-        """Run the searches to the end, or until a limit."""
+        """Run the searches to the end or until a limit, and return the status."""
         prepared, clock = self.prepared, self.clock
         if prepared.graph.arrive_by is not None and self.tick > prepared.graph.arrive_by:
             return Status.NO_PATH
@@ -186,7 +190,7 @@ class _TimedPreparedRun:
         return self._run_search(exact)
 
     def _add_best_paths(self) -> None:
-        """Add the best path from the source for each weight of the joint bounds to the known solutions."""
+        """Add the best path from the source for each weight vector of the joint bounds to the solutions."""
         bounds = self.prepared.bounds
         nodes, costs = np.full(LANES, self.source), np.zeros((LANES, self.prepared.graph.graph.criteria), np.int64)
         for table in range(len(bounds.sweeps)):
@@ -217,7 +221,7 @@ class _TimedPreparedRun:
         return [several[row] for row in rows[is_nondominated(costs[rows].astype(np.float64))]]
 
     def result(self, status: Status) -> TimedPaths:
-        """Return the non-dominated ones of all found and known paths, with the gap to missing paths."""
+        """Return the non-dominated paths among all found and known ones, with the gap to missing paths."""
         prepared, clock, seeds = self.prepared, self.clock, self._solutions()
         k = prepared.graph.graph.criteria
         costs = np.array([seed.costs for seed in seeds], np.int64).reshape(-1, k)
@@ -237,7 +241,7 @@ class _TimedPreparedRun:
         return TimedPaths(costs, status, stats, prepared.graph, self.source, paths, gap=gap, begin=self.tick)
 
     def _least_remaining(self) -> IntArray:
-        """Return a lower bound (k,) of each remaining cost from the source at the tick of the query."""
+        """Return a lower bound (k,) of each cost of all paths from the source at the tick of the query."""
         least, joint = self.prepared.rest.least[:, self.source].copy(), self.prepared.joint
         row = row_of(joint.offset, joint.calm, self.source, self.tick)
         for j in np.flatnonzero(joint.alone >= 0):
@@ -245,7 +249,7 @@ class _TimedPreparedRun:
         return least
 
     def _gap(self, costs: IntArray) -> float:
-        """Return the smallest gap that the searches prove for the returned costs (n, k)."""
+        """Return the smallest gap to missing paths that either search proves for the returned costs (n, k)."""
         if self.exact is None:
             return proven_gap(costs, self._least_remaining()[None], math.inf)
         gap = GAP if self.is_approximate_complete else math.inf

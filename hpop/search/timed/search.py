@@ -1,4 +1,4 @@
-"""The search on a clock for one query: arrays of the kernels, and the loop of slices."""
+"""The search on a time-dependent graph for one query: its arrays, and the loop that calls the kernel in slices."""
 
 from __future__ import annotations
 
@@ -59,13 +59,13 @@ from hpop.search.timed.solutions import (
 )
 from hpop.search.timed.tables import NEVER, TimedTables
 
-FOLLOWED = 32  # best paths that are followed after each slice of work
-BLOCK = 1 << 16  # labels with estimates computed at once
+FOLLOWED = 32  # number of labels that are completed by best paths after each slice
+BLOCK = 1 << 16  # number of labels whose estimates are computed at once
 Labels = tuple[IntArray, IntArray, IntArray]  # values, ticks of arrival, costs
 
 
 class TimedSearch:
-    """Search on a time-dependent graph for one query: arrays of the kernel, and the loop over slices."""
+    """Search of one query on a time-dependent graph: arrays of the kernel, and the loop over slices of work."""
 
     def __init__(
         self,
@@ -84,10 +84,10 @@ class TimedSearch:
     ) -> None:
         """Set up the arrays for paths that leave the source at tick ``begin``.
 
-        rest, joint  bounds of the remaining costs, and joint bounds
+        rest, joint  lower bounds of the remaining costs, and joint bounds
         at_most      (k,)  upper bounds on the costs, or ()
-        bounds       computation of the joint bounds, which also traces best paths
-        seeds        known solutions
+        bounds       object that computed the joint bounds; it also traces best paths
+        seeds        solutions known before the search
         before       numbers of labels generated and expanded by earlier searches of this query
         """
         self.bounds, self.joint = bounds, joint
@@ -136,9 +136,9 @@ class TimedSearch:
             self.state[SOLVED] += 1
 
     def _add_best_completions(self, clock: Clock) -> None:
-        """Complete some labels of this tick by best paths to a target, which gives solutions early.
+        """Complete some labels (partial paths) of this tick by best paths to a target, to find solutions early.
 
-        The labels have survived pruning, so many of these paths are solutions that no other solution covers.
+        The labels were not pruned, so many of these paths are solutions that no other solution covers.
         """
         tables, first = len(self.bounds.sweeps), int(self.state[FIRST])
         fresh = np.flatnonzero(self.kept[: int(self.counters[N_CLOSED]) - first])
@@ -160,7 +160,7 @@ class TimedSearch:
                     self.add_solution(Seed(end.costs, path, leaves))
 
     def _update_corners(self) -> None:
-        """Update the uncovered corners with new solutions."""
+        """Update the corners of the region that solutions leave uncovered, after new solutions."""
         self.corners_size = int(self.state[SOLVED])
         reach = self.reach[: int(self.counters[N_FRONT])]
         for row in reach[np.argsort(reach.sum(axis=1))]:
@@ -176,7 +176,7 @@ class TimedSearch:
         )  # fmt: skip
 
     def advance(self, clock: Clock, work: int) -> int:
-        """Run the kernel for ``work`` elementary steps; return the code of the reason for which it ended."""
+        """Run the kernel for ``work`` elementary steps, and return its code (:mod:`.machinery.slices`)."""
         if self.corners_size < self.state[SOLVED]:
             self._update_corners()
         goal, bounds = self._goal(), PruningBounds(self.joint, self.corners, self.lanes, self.hint, self.weighed)
@@ -187,9 +187,9 @@ class TimedSearch:
         return int(clock.call(advance, self.counters, self.state, work, *arguments))
 
     def run(self, clock: Clock, keep: Callable[[], None], enough: int | None = None) -> Status | None:
-        """Search until the end, a limit, or ``enough`` generated labels; return None in the last case.
+        """Run slices until the search is complete, a limit is passed, or ``enough`` labels are generated.
 
-        ``keep`` is called between slices, to save a checkpoint.
+        Returns the status, None in the last case. ``keep`` is called between slices, to save a checkpoint.
         """
         status = clock.exceeded(0, self.memory())
         while status is None:
@@ -213,7 +213,7 @@ class TimedSearch:
         return status
 
     def arrays(self) -> list[NDArray[Any]]:
-        """Return all arrays of the search and its bounds, without the graph."""
+        """Return all arrays of the search and of its bounds, without those of the graph."""
         own: list[NDArray[Any]] = [self.below, self.values, self.costs, self.closed, self.ticks, self.fresh, self.kept]
         own += [
             self.vectors,
@@ -234,7 +234,7 @@ class TimedSearch:
         return [self.front, self.reach, self.solutions, self.leaves]
 
     def memory(self) -> int:
-        """Return the bytes of all arrays, each counted once."""
+        """Return the size of all arrays in bytes, each counted once."""
         return sum({id(array): array.nbytes for array in self.arrays()}.values())
 
     def _growth_of(self, code: int) -> tuple[int, Callable[[], None]]:
@@ -253,13 +253,13 @@ class TimedSearch:
         return sum(getattr(self, name).nbytes for name in names), grow
 
     def counts(self) -> dict[str, int]:
-        """Return the labels generated, expanded and open, for :class:`.SearchStats`."""
+        """Return the numbers of labels generated, expanded and open, by their names in :class:`.SearchStats`."""
         names = {"labels_generated": N_GENERATED, "labels_expanded": N_EXPANDED, "labels_open": N_OPEN}
         return {name: int(self.counters[column]) for name, column in names.items()}
 
     @property
     def label_counts(self) -> tuple[int, int]:
-        """Numbers of labels generated and expanded."""
+        """Numbers of labels (partial paths) generated and expanded."""
         return int(self.counters[N_GENERATED]), int(self.counters[N_EXPANDED])
 
     def solutions_found(self) -> list[Seed]:
@@ -281,7 +281,7 @@ class TimedSearch:
         return self._arcs(value, leaves)
 
     def _arcs(self, value: int, leaves: int) -> tuple[IntArray, IntArray]:
-        """Return the arcs of a label and their departures, the last one at tick `leaves`."""
+        """Return the arcs of a label's path and the ticks of their departures, of which the last is `leaves`."""
         arcs, departures = [], []
         while value > 0:
             arc = (value & 0xFFFFFFFF) - 1
@@ -293,15 +293,22 @@ class TimedSearch:
         return np.array(arcs[::-1], np.int64), np.array(departures[::-1], np.int64)
 
     def estimates(self) -> Iterator[IntArray]:
-        """Yield lower bounds (m, k) on the costs of further solutions, for all open labels in blocks.
+        """Yield lower bounds (m, k) of the costs of further solutions, one row for each open label (partial path).
 
-        Open labels are under way, arrived, or waiting. One block for all would take more memory than the labels.
+        They come in blocks, as one block for all would take more memory than the labels.
+
+        Open labels are on their way along an arc, have just arrived, or wait at a node.
         """
         for values, ticks, g in chain(self._labels_under_way(), self._arrived_labels(), self._waiting_labels()):
             yield self._least_total_costs(values, ticks, g)
 
     def _least_total_costs(self, values: IntArray, ticks: IntArray, g: IntArray) -> IntArray:
-        """Return lower bounds (m, k) on the costs of solutions that continue labels with costs g (m, k)."""
+        """Return lower bounds (m, k) of the costs of solutions that continue labels.
+
+        values  (m,)    the labels
+        ticks   (m,)    their ticks of arrival
+        g       (m, k)  their costs
+        """
         arcs = (values & 0xFFFFFFFF) - 1
         nodes = np.full(len(arcs), self.source)
         nodes[arcs >= 0] = self.graph.graph.heads[arcs[arcs >= 0]]
@@ -330,7 +337,7 @@ class TimedSearch:
             yield self.closed[first + rows], np.full(len(rows), self.state[NOW]), self.fresh[rows]
 
     def _waiting_labels(self) -> Iterator[Labels]:
-        """Yield the labels that wait at nodes, with their costs at arrival."""
+        """Yield the labels (partial paths) that wait at nodes, with their costs at arrival."""
         nodes = self.nodes[: int(self.state[WAITING])]
         sizes = self.heads[nodes, SIZE]
         block = np.cumsum(sizes) // BLOCK

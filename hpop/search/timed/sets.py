@@ -1,19 +1,21 @@
-"""Sets of labels at the nodes, in the search on a clock, which make other labels superfluous.
+"""Sets of labels at the nodes of a time-dependent graph, by which a search drops superfluous labels.
 
-A label at node v that arrived at tick t with costs g is stored by gamma = g - Omega(t) in its sums: a waiting label
-keeps its gamma, and costs gamma + Omega(t') when it leaves at t'. Its maxima are stored as they are now. Label a makes
-label b at v superfluous if no stored number of a is larger, and
+A label is a partial path with costs g that arrived at node v at tick t. Its sums are stored as gamma = g - Omega(t),
+where Omega(t) is the cost of standing at v from tick 0 to t. So gamma stays the same while the label waits: if it
+leaves at t', its costs are gamma + Omega(t'). Its maxima are stored as they are now. A label b at v is superfluous if
+there is a label a at v with no larger stored number, and one of these holds:
 
-- they arrived at the same tick, or
-- a arrived at least a hold earlier, and v was not cut since (a waits, then does as b; a longer wait of b is a wait of
-  the same length for a, since Omega adds up and two holds are one), or
-- v is left for good, t_a and t_b > L(v) (:mod:`.calm`): then costs g are compared, at any ticks.
+- both arrived at the same tick.
+- a arrived earlier by a hold at least, and the robot could stand at v since. Then a can wait for b and go on like b. If
+  b waits, a waits until the same tick, since Omega adds up and two holds are one.
+- both arrived after L(v), when nothing changes any more (:mod:`.calm`). Then costs g are compared, at any ticks.
 
-From L(v) + 1 on, a node compares costs g. Labels that have waited a hold by then are stored with their costs at that
-tick, the last at which they may leave.
+From tick L(v) + 1 on, the set of v holds costs g instead of gamma. Labels that can wait until then, or for a hold if
+that is longer, are stored with their costs after this wait, the longest that is of use.
 
-The rows of a node form one block of a pool: first ripe rows, which can make any label superfluous, then green rows,
-which arrived less than a hold ago and are compared with the same tick only.
+The labels of a node are rows of one block in a pool. First come ripe rows, which arrived at least a hold ago and are
+compared with any new label. Then come green rows, which arrived less than a hold ago and are compared only with labels
+of the same tick.
 """
 
 from __future__ import annotations
@@ -27,19 +29,19 @@ from hpop.base.arrays import IntArray
 from hpop.runtime.compiled import lean
 from hpop.search.timed.tables import NEVER, TimedTables, free_since, omega_at, worst_rate
 
-# Columns of a node: begin and length of its block, ripe rows, all rows, tick of the last update, and whether it is left
-# for good.
+# Columns of a node: begin and length of its block, number of ripe rows, number of all rows, tick of the last update,
+# and whether it is calm (after L(v)).
 BEGIN, ROOM, RIPE, SIZE, SEEN, CALM, SET_COLUMNS = range(7)
 TICK, OWNER, ROW_COLUMNS = range(3)
 LEAST_ROOM = 4
 
 
 class LabelSets(NamedTuple):
-    """Sets of labels of all nodes.
+    """Sets of labels (partial paths) of all nodes.
 
-    heads   (n, SET_COLUMNS)  block of rows of each node, and its numbers of ripe and green rows
-    vectors (r, k)            gamma of each row, or costs if the node is left for good
-    rows    (r, ROW_COLUMNS)  tick of arrival and number of the closed label; a row is ripe a hold after its arrival
+    heads   (n, SET_COLUMNS)  for each node, its block of rows and the numbers of ripe and of all rows
+    vectors (r, k)            stored numbers of each row: gamma and maxima, or costs after L(v)
+    rows    (r, ROW_COLUMNS)  tick of arrival and index of the closed label of each row
     """
 
     heads: IntArray
@@ -76,9 +78,9 @@ def drop_green(sets: LabelSets, v: int, i: int) -> None:
 
 @lean
 def ripen(sets: LabelSets, v: int, i: int) -> int:
-    """Make green row i of node v ripe, or drop it if a ripe row makes it superfluous; drop rows that it makes so.
+    """Turn green row i of node v into a ripe row, and drop rows that are superfluous then, possibly row i itself.
 
-    Returns the next green row to process, if all rows before i are processed.
+    Returns the index of the next green row to process, given that all rows before i are processed.
     """
     begin = sets.heads[v, BEGIN]
     k = sets.vectors.shape[1]
@@ -110,7 +112,7 @@ def ripen(sets: LabelSets, v: int, i: int) -> int:
 
 @lean
 def is_at_most(one: IntArray, i: int, other: IntArray, j: int, k: int) -> bool:
-    """Return whether row i of `one` is at most row j of `other` in all k columns."""
+    """Return whether row i of `one` is nowhere larger than row j of `other`, in k columns."""
     below = True
     for c in range(k):
         below &= one[i, c] <= other[j, c]
@@ -119,7 +121,7 @@ def is_at_most(one: IntArray, i: int, other: IntArray, j: int, k: int) -> bool:
 
 @lean
 def is_superfluous(sets: LabelSets, v: int, t: int, vector: IntArray) -> bool:
-    """Return whether a label with `vector` (k,) that arrives at node v at tick t is superfluous."""
+    """Return whether the set of node v makes a label with numbers `vector` (k,), arriving at tick t, superfluous."""
     head = sets.heads[v]
     begin = head[BEGIN]
     for i in range(begin, begin + head[SIZE]):
@@ -137,11 +139,14 @@ def is_superfluous(sets: LabelSets, v: int, t: int, vector: IntArray) -> bool:
 def enter_label(
     sets: LabelSets, v: int, t: int, vector: IntArray, owner: int, first: int, kept: NDArray[np.uint8]
 ) -> None:
-    """Add a label that is not superfluous to the set of node v; clear labels that it makes superfluous in `kept`.
+    """Add a label (partial path) to the set of node v, and drop labels that it makes superfluous.
 
-    owner  number of the closed label
-    first  first closed label of tick t
-    kept   (f,)  flags of the closed labels of tick t
+    It must not be superfluous itself, and there must be room. Dropped labels of the same tick are cleared in `kept`.
+
+    t, vector  tick of arrival, and stored numbers (k,)
+    owner      index of the closed label
+    first      index of the first closed label of tick t
+    kept       (f,)  flags of the closed labels of tick t
     """
     head = sets.heads[v]
     begin = head[BEGIN]
@@ -179,7 +184,10 @@ def enter_label(
 
 @lean
 def make_room(sets: LabelSets, v: int, used: int) -> int:
-    """Move the full block of node v to a block twice as long at the end of the pool; return the used rows."""
+    """Make room for a row in the block of node v: if it is full, move it to a longer block at the end of the pool.
+
+    `used` is the number of used rows of the pool; the new number is returned.
+    """
     head = sets.heads[v]
     if head[SIZE] < head[ROOM]:
         return used
@@ -192,7 +200,11 @@ def make_room(sets: LabelSets, v: int, used: int) -> int:
 
 @lean
 def refresh(tables: TimedTables, calm: NDArray[np.int32], sets: LabelSets, v: int, t: int) -> None:
-    """Update the set of node v for tick t: drop labels that could not wait, ripen the others, raise their maxima."""
+    """Update the set of node v to tick t, as its labels (partial paths) have waited since the last update.
+
+    Labels that could not wait are dropped, maxima rise by the wait, and green rows become ripe. After L(v), given by
+    `calm` (n,), stored numbers become costs.
+    """
     head = sets.heads[v]
     seen, begin = head[SEEN], head[BEGIN]
     if seen == t:
@@ -248,9 +260,9 @@ def refresh(tables: TimedTables, calm: NDArray[np.int32], sets: LabelSets, v: in
 
 @lean
 def waiting(tables: TimedTables, sets: LabelSets, nodes: NDArray[np.int32], owners: IntArray, costs: IntArray) -> None:
-    """Write the labels in the sets of some nodes to `owners` (r,), and lower bounds of their costs to `costs` (r, k).
+    """List labels that wait at the given nodes: write their indices to `owners` (r,), and costs to `costs` (r, k).
 
-    The lower bounds are at least the costs at arrival.
+    The costs are those at arrival or, where labels have waited, lower bounds of their costs after the wait.
     """
     at = 0
     for v in nodes:

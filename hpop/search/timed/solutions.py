@@ -1,4 +1,4 @@
-"""Solutions of a search on a clock: coverage, corners of the uncovered region, and the checkpoint file."""
+"""Solutions of a search on a time-dependent graph: coverage, corners of the uncovered region, checkpoint file."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ if TYPE_CHECKING:
 
 
 class SolutionSet(NamedTuple):
-    """Solutions so far, and limits of further solutions.
+    """Solutions so far, and what further solutions must satisfy.
 
     costs      (s, k)  costs of solutions
-    reach      (s, k)  least estimate that each solution covers
-    values     (s,)    labels: parent and last arc; negative for known solutions
+    reach      (s, k)  least estimate that each solution covers within the precision
+    values     (s,)    labels of solutions: parent and last arc; negative for solutions known before the search
     leaves     (s,)    tick of departure by the last arc
     most       (k,)    upper bounds on the costs of solutions
     arrive_by  latest tick of an arrival
-    is_target  (n,)    mask
-    eps, tolerance     precision: a factor, and counts (k,)
+    is_target  (n,)    mask of nodes
+    eps, tolerance     precision of the front: relative, and (k,) absolute in quanta
     """
 
     costs: IntArray
@@ -50,7 +50,7 @@ class SolutionSet(NamedTuple):
 
 @lean
 def is_covered(goal: SolutionSet, count: int, f: IntArray) -> bool:
-    """Return whether one of `count` solutions covers an estimate f (k,), or f exceeds the upper bounds."""
+    """Return whether an estimate f (k,) is of no use: one of `count` solutions covers it, or it exceeds a bound."""
     k = len(f)
     for j in range(k):
         if f[j] > goal.most[j]:
@@ -66,7 +66,10 @@ def is_covered(goal: SolutionSet, count: int, f: IntArray) -> bool:
 
 @lean
 def insert_solution(goal: SolutionSet, counters: IntArray, g: IntArray, value: int, leaves: int) -> None:
-    """Add a solution with costs g (k,), label `value` and departure `leaves`; remove solutions that it dominates."""
+    """Add a solution, and remove solutions that it dominates.
+
+    It has the costs g (k,) and the label `value`, and departs by its last arc at tick `leaves`.
+    """
     k = len(g)
     kept = 0
     for i in range(counters[N_FRONT]):
@@ -90,9 +93,9 @@ def insert_solution(goal: SolutionSet, counters: IntArray, g: IntArray, value: i
     counters[N_FRONT] = kept + 1
 
 
-# Costs of stored solutions are computed again from the graph, arc by arc and hold by hold, and entries that are no path
-# of the graph on its clock are refused. So results are correct whatever the file contains, and complete as well, since
-# solutions only prune labels that they cover.
+# Costs of solutions in a file are computed again from the graph, arc by arc and hold by hold, and entries that are no
+# path of the time-dependent graph are refused. So results are correct whatever the file contains. They are complete as
+# well, since solutions only prune labels that they cover.
 
 
 METHOD = "timed"
@@ -100,10 +103,13 @@ SIZES, ARCS, LEAVES = "sizes", "arcs", "leaves"
 
 
 class StoredSolutions:
-    """Checkpoint file with the solutions of one query, if the query has one."""
+    """Checkpoint file of one query, which stores its solutions; it does nothing if the query has no checkpoint."""
 
     def __init__(self, graph: TimedGraph, checkpoint: CheckpointSpec | None, *question: Any) -> None:
-        """Read the file if it exists; raise CheckpointError if it is of another query or not writable."""
+        """Read the file if it exists; raise CheckpointError if it belongs to another query or is not writable.
+
+        ``question`` has all arguments beside the graph that identify the query.
+        """
         self.graph = graph
         self.keeper = None
         if checkpoint is not None:
@@ -114,7 +120,7 @@ class StoredSolutions:
             self.keeper = Keeper.of(checkpoint, graph.graph, METHOD, *clock, *rest, *question)
 
     def seeds(self, tables: TimedTables, source: int, targets: IntArray, clock: Clock) -> list[Seed]:
-        """Return the solutions in the file; raise CheckpointError for invalid ones."""
+        """Return the solutions in the file, checked on the graph; raise CheckpointError for invalid ones."""
         if self.keeper is None or self.keeper.saved is None:
             return []
         path, arrays = self.keeper.path, self.keeper.saved.arrays
@@ -151,13 +157,13 @@ class StoredSolutions:
         return Seed(total, arcs.copy(), leaves.copy())
 
     def save_if_due(self, solutions: Callable[[], Sequence[Seed]]) -> None:
-        """Write the solutions if the interval has passed."""
+        """Write the solutions to the file if the interval between two writes has passed."""
         if self.keeper is not None:
             self.keeper.snapshot = lambda: self._checkpoint_content(solutions())
             self.keeper.save_if_due()
 
     def save(self, solutions: Callable[[], Sequence[Seed]]) -> None:
-        """Write the solutions now."""
+        """Write the solutions to the file now."""
         if self.keeper is not None:
             self.keeper.snapshot = lambda: self._checkpoint_content(solutions())
             self.keeper.save()
@@ -173,20 +179,21 @@ class StoredSolutions:
         return Saved(METHOD, self.keeper.question, arrays)
 
 
-# Every uncovered vector lies below one of finitely many corners, the local upper bounds of the solutions. With each new
-# solution z, a corner u > z is replaced by u with u_j = z_j - 1, for each j, and corners within others are removed
-# (Klamroth, Lacour and Vanderpooten, "On the representation of the search region in multi-objective optimization", EJOR
-# 2015). A label with estimate f and costs g can become uncovered only if f <= c for a corner c, and w.g + H_w <= w.c
-# for all weights of the joint bounds (:mod:`.joint`); w.c is infinite if c is in any cost that w weighs. Labels are
-# rounded down and corners up, so rounding never prunes.
+# Every vector that no solution covers lies below one of finitely many corners, the local upper bounds of the solutions.
+# With each new solution z, a corner u > z is replaced by copies of u with u_j = z_j - 1, one for each j, and corners
+# below other corners are removed (Klamroth, Lacour and Vanderpooten, "On the representation of the search region in
+# multi-objective optimization", EJOR 2015). A label with estimate f and costs g can lead to an uncovered solution only
+# if there is a corner c with f <= c, and with w.g + H_w <= w.c for all weights w of the joint bounds H_w
+# (:mod:`.joint`). Here w.c is infinite if c is infinite in any cost that w weighs. Labels are rounded down and corners
+# up, so rounding never prunes a label wrongly.
 
 
-NEVER = 2**31 - 1  # more than any weighed label
+NEVER = 2**31 - 1  # larger than the weighted sum of any label
 MOST_CORNERS = 4096  # more corners would take too long to compare
 
 
 def cut_corners(corners: IntArray, covered: IntArray) -> IntArray:
-    """Return the corners (c, k) after a new solution that covers all vectors of at least `covered` (k,).
+    """Return the corners (c, k) of the uncovered region after a new solution, which covers vectors >= `covered` (k,).
 
     >>> cut_corners(np.array([[9, 9]]), np.array([4, 6])).tolist()
     [[3, 9], [9, 5]]
@@ -206,7 +213,7 @@ def cut_corners(corners: IntArray, covered: IntArray) -> IntArray:
 
 
 def weighed_corners(corners: IntArray, weights: FloatArray) -> NDArray[np.int32]:
-    """Return weighted sums (c, b, LANES) of corners (c, k) for weights (b, LANES, k) of joint bounds, rounded up."""
+    """Return the weighted sums (c, b, LANES) of c corners (c, k) for the weights (b, LANES, k), rounded up."""
     weighed = np.zeros((len(corners), *weights.shape[:2]))
     for j in range(corners.shape[1]):
         limit = corners[:, j, None, None]
@@ -225,11 +232,14 @@ def may_improve(
     hint: IntArray,
     weighed: NDArray[np.int32],
 ) -> bool:
-    """Return whether a label with costs g (k,) and estimate f (k,) can become a solution that no solution covers.
+    """Return False if joint bounds prove that solutions cover every path that begins with a label (partial path).
 
+    joint           joint bounds
     corners, lanes  see :class:`.PruningBounds`
-    row             row of the label's state in the joint bounds
-    hint            (1,) corner that contained the last label; weighed (b, LANES) is scratch
+    row             row of the label's node and tick in the joint bounds
+    g, f            (k,)  costs and estimate of the label
+    hint            (1,)  corner that did not exclude the last label, which is tried first
+    weighed         (b, LANES)  scratch
     """
     k = len(g)
     tables = len(joint.rows)

@@ -1,4 +1,4 @@
-"""Tables of a graph on a clock for kernels: costs of arcs by tick, and costs of standing."""
+"""Tables of a time-dependent graph as kernels need them: costs of arcs by tick, and costs of standing."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from hpop.search.timed.graph import RATE, RATE_BITS, TimedGraph
 
 PLAIN, STAYS = -1, -2  # rows of arcs without a table of their own
 NARROW = 2**31 - 1
-NEVER = 2**40  # a tick later than any
+NEVER = 2**40  # later than any tick of a search
 
 
 class TimedTables(NamedTuple):
-    """Tables of a time-dependent graph for kernels: arcs and places; see :class:`.TimedGraph` for shared fields.
+    """Tables of a time-dependent graph for kernels; see :class:`.TimedGraph` for arcs, places, cuts and holds.
 
     start, heads, durations, costs   arcs of the graph: offsets, heads, ticks and static costs
     row       (m,) int32         row of the arc in the tables of timed arcs, or PLAIN, or STAYS
@@ -28,7 +28,7 @@ class TimedTables(NamedTuple):
     omega     (s, P, H + 1)      s tables: a cost of standing at each place up to a tick
     omega_of  (k,)               index in `omega` of the table of each cost, -1 for none
     rate      (P, k)             cost of standing per tick
-    since     (P, H + 1) int32   first tick from which on the robot may stand at a place until t
+    since     (P, H + 1) int32   earliest tick such that the robot may stand at the place from then until t
     cut_on    (P,)               whether the robot must not stand at the place from H on
     is_max    (k,)               True for a cost that is a maximum
     hold      least duration of a hold, ticks; 0 if there are no holds
@@ -53,7 +53,7 @@ class TimedTables(NamedTuple):
 
     @classmethod
     def of(cls, graph: TimedGraph) -> TimedTables:
-        """Return the tables of a graph."""
+        """Return the tables of a time-dependent graph."""
         static, k, width = graph.graph, graph.graph.criteria, graph.horizon + 1
         row = np.full(static.arcs, PLAIN, np.int32)
         row[graph.stays] = STAYS
@@ -85,22 +85,23 @@ class TimedTables(NamedTuple):
 
     @property
     def own_arrays(self) -> list[NDArray[Any]]:
-        """Arrays that are not shared with the graph; a table is shared if it is the only one of its kind."""
+        """Arrays that do not belong to the graph, to count their bytes; a single table is the graph's own."""
         stacked: list[NDArray[Any]] = [table for table in (self.timed, self.omega) if len(table) > 1]
         return [self.row, self.since, *stacked]
 
 
 def own_bytes(graph: TimedGraph) -> int:
-    """Return the bytes of the arrays that a graph's tables do not share with the graph, including scratch."""
+    """Return how many bytes :meth:`TimedTables.of` needs for a graph, beside the graph itself, scratch included."""
     columns = [table for table in (graph.costs, graph.standing) if len(table) > 1]
     stacked = sum(table.nbytes for tables in columns for table in tables.values())
     return stacked + 4 * graph.graph.arcs + 2 * 4 * graph.cut.size
 
 
 def _stacked(tables: Any, k: int, shape: tuple[int, int], dtype: Any) -> tuple[NDArray[Any], IntArray]:
-    """Return the tables stacked, and the index (k,) of the table of each column; a single table is not copied.
+    """Stack tables by column into one array; return it, and the index (k,) of each column's table, -1 for none.
 
-    The result is read-only, as kernels would be compiled again, for half a minute, for writable tables.
+    A single table is not copied. The result is read-only, as kernels would be compiled again, for half a minute, for
+    writable tables.
     """
     places = np.full(k, -1)
     places[list(tables)] = np.arange(len(tables))
@@ -117,7 +118,7 @@ def _stacked(tables: Any, k: int, shape: tuple[int, int], dtype: Any) -> tuple[N
 
 @inlined
 def omega_at(tables: TimedTables, p: int, j: int, t: int) -> int:
-    """Return summed cost j of standing at place p from tick 0 to t."""
+    """Return cost j, a sum, of standing at place p from tick 0 to t: Omega(t)."""
     rate = tables.rate[p, j]
     s = tables.omega_of[j]
     if s < 0:
@@ -130,7 +131,7 @@ def omega_at(tables: TimedTables, p: int, j: int, t: int) -> int:
 
 @lean
 def worst_rate(tables: TimedTables, p: int, j: int, begin: int, end: int) -> int:
-    """Return cost j, a maximum, of standing at place p from tick `begin` to tick `end`; 0 if they are equal."""
+    """Return cost j, a maximum, of standing at place p from tick `begin` to tick `end`; 0 if `end` is not later."""
     if end <= begin:
         return 0
     s = tables.omega_of[j]
@@ -145,7 +146,7 @@ def worst_rate(tables: TimedTables, p: int, j: int, begin: int, end: int) -> int
 
 @inlined
 def free_since(tables: TimedTables, p: int, t: int) -> int:
-    """Return the first tick from which on the robot may stand at place p until tick t."""
+    """Return the earliest tick such that the robot may stand at place p from then until tick t."""
     last = tables.since.shape[1] - 1
     if t > last:
         return t if tables.cut_on[p] else int(tables.since[p, last])
@@ -183,20 +184,23 @@ def arc_cost(tables: TimedTables, a: int, p: int, j: int, t: int) -> int:
     return int(base + omega_at(tables, p, j, end) - omega_at(tables, p, j, t))
 
 
-# Let arcs that stay lead from u to v and from v to w, with static costs c1, c2 and durations d1, d2, at one place. A
-# path need not take both, with or without a hold between, if an arc that stays leads from u to w, with c3 and d3, where
-# d1 + d2 - d3 is 0 or at least a hold, and the arc with that hold costs no more (from u back to u: the hold alone). The
-# hold then lasts until the second arc would have ended. It is at the same place, so it has the same cuts and, in
-# columns with a table, the same costs of standing. In other columns the two arcs cost only their static costs, so the
-# cost of the hold must not exceed c1 + c2 - c3.
+# The functions below find out where a path never needs two arcs that stay (such as turns in place) one after the other.
 #
-# This also holds where another label made the label at v superfluous, as its lead is 0 or at least a hold. From the
-# horizon on, fractions of counts are dropped arc by arc rather than once, so rates there must be whole.
+# Let arcs that stay lead from u to v and from v to w, with static costs c1, c2 and durations d1, d2, at one place. A
+# path need not take both, with or without a hold between, if one arc that stays leads from u to w, with c3 and d3, and
+# if this arc and a hold of the remaining d1 + d2 - d3 ticks cost no more. These ticks must be 0 or at least a hold; if
+# w is u, the hold alone replaces both arcs. The hold is at the same place, so it has the same cuts and, in columns with
+# a table, the same costs of standing. In other columns the two arcs cost only their static costs, so the cost of the
+# hold must not exceed c1 + c2 - c3.
+#
+# This is also true if another label made the label at v superfluous, as that label came earlier by 0 ticks or by at
+# least a hold. From the horizon on, fractions of quanta are dropped arc by arc rather than once, so rates there must be
+# whole.
 
 
 @lean
 def one_stay_suffices(tables: TimedTables, nodes: IntArray) -> bool:
-    """Return whether two arcs that stay never need to follow each other at the needed nodes of one place."""
+    """Return whether paths never need two arcs that stay one after the other at one place with the given nodes."""
     for u in nodes:
         p = np.int64(tables.place[u])
         for first in range(tables.start[u], tables.start[u + 1]):
@@ -211,7 +215,7 @@ def one_stay_suffices(tables: TimedTables, nodes: IntArray) -> bool:
 
 @lean
 def needs_only_one_stay(tables: TimedTables, u: int, p: int, first: int, second: int) -> bool:
-    """Return whether a path from node u at place p never needs arc `second` after arc `first`; both stay."""
+    """Return whether a path from node u at place p never needs arc `second` after arc `first`, which both stay."""
     w = np.int64(tables.heads[second])
     d = np.int64(tables.durations[first]) + np.int64(tables.durations[second])
     if w == u:
@@ -225,7 +229,10 @@ def needs_only_one_stay(tables: TimedTables, u: int, p: int, first: int, second:
 
 @lean
 def is_no_dearer(tables: TimedTables, p: int, first: int, second: int, third: int, spare: Any) -> bool:
-    """Return whether arc `third` (-1: no arc) and a hold of `spare` ticks cost at most arcs `first` and `second`."""
+    """Return whether arc `third` (-1: no arc) with a hold of `spare` ticks can replace arcs `first` and `second`.
+
+    The hold must be allowed, and no cost may become larger. p is the place.
+    """
     if spare < 0 or (spare > 0 and (tables.hold == 0 or spare < tables.hold)):
         return False
     for j in range(len(tables.is_max)):

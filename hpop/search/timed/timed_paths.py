@@ -1,4 +1,4 @@
-"""Search on a clock for all non-dominated cost vectors, each with a path: the entry point."""
+"""The main function of the search on time-dependent graphs: all non-dominated cost vectors, each with one path."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from hpop.search.timed.tables import TimedTables
 
 METHOD = "timed"
-SOON = 100_000  # labels after which a search is repeated with the solutions of coarser ones
+SOON = 100_000  # number of labels after which a search stops, coarser searches run, and it begins again
 COARSE = (0.1, 0.02)  # relative precisions of the coarser searches
 
 
@@ -55,23 +55,23 @@ def timed_paths(
 ) -> TimedPaths:
     """Find every non-dominated cost vector of the paths that leave the source at tick 0, each with one path.
 
-    A path consists of arcs, each with a departure while it is open, and of holds; it may begin with a hold, but does
-    not end with one. :mod:`.timed.graph` defines the costs of arcs and holds, and when they are allowed. With several
-    targets, a path may end at any of them and all compete in one front.
+    A path consists of arcs, each with a departure while it is open, and of holds (pauses at a node). It may begin with
+    a hold, but does not end with one. :mod:`.timed.graph` defines the costs of arcs and holds, and when they are
+    allowed. With several targets, a path may end at any of them, and all paths compete in one front.
 
     Accepts: any :class:`TimedGraph`, 1 to 6 costs, each a sum or a maximum.
 
-    Guarantees: exact in integers, on the graph's ticks. With `eps` or `tolerance` (counts, one a cost) every
-    non-dominated vector p is covered by a returned one, r <= (1 + eps) p + tolerance. If a limit of `budget` or Ctrl-C
-    ends the search, the solutions known by then are returned, and `gap` bounds how much better missing ones may be.
-    With `at_most` (one bound a cost, None for none) all this holds for the paths within the bounds.
+    Guarantees: exact in integers, on the graph's ticks. With `eps` or `tolerance` (whole numbers, one for each cost),
+    every non-dominated vector p is covered by a returned one, r <= (1 + eps) p + tolerance. If a limit of `budget` or
+    Ctrl-C stops the search, the solutions known by then are returned, and `gap` says how much better missing ones may
+    be. With `at_most` (a bound or None for each cost), all this holds for the paths within the bounds.
 
-    Cost: grows with the number of labels that bounds do not prune (:mod:`.timed.joint`). Known solutions prune more, so
-    a long search is repeated, coarsely at first, then more and more precisely.
+    Cost: grows with the number of labels that bounds do not prune (:mod:`.timed.joint`). Solutions help to prune, so a
+    long search stops, runs coarsely to find solutions, then more precisely, and begins again with these.
 
-    `checkpoint` is a file, or a :class:`.Checkpoint`, that stores the known solutions. The same query with the same
-    file begins with them, after a limit, Ctrl-C or kill -9, and finds the same vectors. Raises CheckpointError for a
-    file that is damaged, of another query or of another version of hpop.
+    `checkpoint` is a file, or a :class:`.Checkpoint`, in which the search saves its solutions. After a limit, Ctrl-C or
+    kill -9, the same query with the same file begins with them, and finds the same vectors. Raises CheckpointError for
+    a file that is damaged, of another query or of another version of hpop.
 
     >>> from hpop.search import Graph
     >>> static = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 0], [1, 0], [9, 0]])
@@ -82,7 +82,7 @@ def timed_paths(
     ([[1, 0]], [0, -1, 1], [0, 1, 3, 4])
     """
     if not isinstance(graph, TimedGraph):
-        raise GraphError(f"expected a TimedGraph of hpop.search, got {shown(graph)}")
+        raise GraphError(f"graph must be a TimedGraph of hpop.search, got {shown(graph)}; make one from a Graph")
     static = graph.graph
     start, targets = checked_node(static, source, "source"), checked_targets(static, target)
     from hpop.search.machinery.slices import Clock  # numba: on first use
@@ -102,9 +102,9 @@ def timed_paths(
 
 
 class _TimedRun:
-    """Run of one query: bounds, then one search, or several searches of increasing precision.
+    """One run of a query: it computes bounds, then runs one search, or several of increasing precision.
 
-    seeds   known solutions
+    seeds   solutions known so far
     proven  gap that the last complete search proves
     """
 
@@ -128,7 +128,7 @@ class _TimedRun:
         self.at_goal = source in targets
 
     def go(self, clock: Clock) -> Status:
-        """Run the query; the solutions are in ``search`` and ``seeds``."""
+        """Run the query and return its status; the solutions are in ``search`` and ``seeds``."""
         if self.at_goal:
             return Status.COMPLETE
         from hpop.search.machinery.bounds import UNREACHABLE
@@ -173,11 +173,11 @@ class _TimedRun:
         return status
 
     def save(self) -> None:
-        """Write the known solutions to the checkpoint."""
+        """Write the known solutions to the checkpoint file, if there is one."""
         self.stored.save(self._solutions)
 
     def _precision_stages(self) -> Iterator[tuple[Precision, int | None]]:
-        """Yield the precision of each search, and the number of labels after which the next search begins, or None."""
+        """Yield the searches to run: the precision of each, and the number of labels at which it gives up, or None."""
         yield self.precision, SOON
         for eps in COARSE:
             if eps > self.precision.eps:
@@ -194,7 +194,7 @@ class _TimedRun:
         return [seeds[row] for row in rows[is_nondominated(costs[rows])]] if rows.size else []
 
     def result(self, clock: Clock, status: Status) -> TimedPaths:
-        """Return the paths found, with the gap to missing paths."""
+        """Return the paths found so far, with statistics, and with the gap to missing paths if a limit came."""
         k = self.graph.graph.criteria
         costs = np.zeros((int(self.at_goal), k), np.int64)
         paths = [(np.zeros(0, np.int64), np.zeros(0, np.int64))] * len(costs)

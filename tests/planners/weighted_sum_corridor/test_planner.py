@@ -354,7 +354,7 @@ def test_what_is_not_convex_is_refused_by_name(names, match):
         ({"divisions": 0}, "divisions"),
         ({"divisions": 3, "weights": [[1, 1]]}, "not both"),
         ({"weights": []}, "must be a list of weight vectors"),
-        ({"weights": [[0, 0]]}, "weights are all zero"),
+        ({"weights": [[0, 0]]}, "at least one number above 0"),
         ({"weights": [[-1, 2]]}, "a weight must be a number of at least 0, got -1"),
         ({"step": 0.0}, "step"),
         ({"headings": 5}, "headings"),

@@ -94,7 +94,7 @@ def test_what_is_wrong_ends_the_program_with_a_message(run):
         (ARCS, ("--source", "0"), "--arcs needs --source and --target"),
         (ARCS, (*ends, "--method", "fast"), "auto, staircase, general"),
         (ARCS, (*ends, "--time-limit", "-1"), "time_limit must be"),
-        (f"0 1 {MAX_SUM}\n1 2 {MAX_SUM}\n", ends, "cost 0 could overflow"),
+        (f"0 1 {MAX_SUM}\n1 2 {MAX_SUM}\n", ends, "cost 0 of a path must stay below"),
         (b"\xff\xfe0 1", ends, "utf-8"),
     ):
         code, out, error = run(text, *options)

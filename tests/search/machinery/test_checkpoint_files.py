@@ -68,7 +68,7 @@ def test_one_that_takes_the_costs_in_another_order_is_refused(interrupted, monke
     graph, file = interrupted
     before = file.read_bytes()
     monkeypatch.setattr(choice, "_by_spread", lambda *arguments, usual=choice._by_spread: usual(*arguments)[::-1])
-    with pytest.raises(CheckpointError, match=r"does not fit .*it takes the costs in another order.*; remove it"):
+    with pytest.raises(CheckpointError, match=r"does not fit .*it compares the costs in another order.*; remove it"):
         pareto_paths(graph, 0, 60, checkpoint=file)
     assert file.read_bytes() == before
 
@@ -116,7 +116,7 @@ def test_a_header_that_makes_no_sense_is_refused_and_nothing_allocated_for_it(in
 def test_a_file_that_is_no_checkpoint_is_not_overwritten(interrupted, text):
     graph, file = interrupted
     file.write_bytes(text)
-    refused(graph, file, "is no checkpoint of hpop, so it is not overwritten")
+    refused(graph, file, "is neither, so it is not overwritten")
 
 
 @pytest.mark.parametrize("header", [b"[" * 100_000, b"\xff\xfe", b"7", b"{}", b'{"format": 1}'])
@@ -128,7 +128,7 @@ def test_a_header_that_is_no_header_is_refused(interrupted, header):
 
 def test_places_where_no_file_can_be_are_refused(interrupted, tmp_path):
     graph, file = interrupted
-    refused(graph, tmp_path, "is a folder; give the path of a file")
+    refused(graph, tmp_path, "is a folder; give another path")
     refused(graph, tmp_path / "nowhere" / "search.ckpt", "cannot write a checkpoint to .*nowhere.*: No such file")
     refused(graph, file / "search.ckpt", "cannot write a checkpoint to .*: Not a directory")
     refused(graph, tmp_path / ("long" * 100), "cannot write a checkpoint to .*: File name too long")

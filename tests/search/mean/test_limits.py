@@ -112,13 +112,13 @@ def test_the_first_bounded_sum_that_an_arc_raises_pays_for_it():
 @pytest.mark.parametrize("at_most", [(), [None, None, 3, None], [None, None, None, 7]])
 def test_bounds_that_leave_time_without_end_are_refused(at_most):
     graph = Graph.from_arcs(2, [1, 0, 0], [1, 0, 1], [[0, 0, 0, 0], [0, 1, 1, 0], [1, 2, 0, 3]])
-    with pytest.raises(GraphError, match=r"arc [12] takes time but raises no sum that at_most bounds.*give cap, or"):
+    with pytest.raises(GraphError, match=r"arc [12] takes time and raises no sum that at_most bounds.*give cap, or"):
         search(graph, 0, {1}, at_most)
 
 
 def test_a_worst_arc_pays_for_nothing():
     graph = Graph.from_arcs(2, [0], [1], [[1, 2, 3]], aggregates=["sum", "sum", "max"])
-    with pytest.raises(GraphError, match="arc 0 takes time but raises no sum"):
+    with pytest.raises(GraphError, match="arc 0 takes time and raises no sum"):
         search(graph, 0, {1}, [None, None, 5])
 
 
@@ -127,6 +127,6 @@ def test_bounds_that_make_no_sense_are_refused(at_most):
     graph = Graph.from_arcs(2, [0], [1], [[1, 1, 1]])
     with pytest.raises(
         OptionError,
-        match=r"at_most (is a whole number or None for each of 3 costs|must be a whole number of at least 0)",
+        match=r"at_most must be a whole number (or None for each of 3 costs|of at least 0)",
     ):
         search(graph, 0, {1}, at_most)

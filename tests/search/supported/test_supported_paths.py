@@ -197,17 +197,17 @@ def test_a_worst_arc_is_refused() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"weights": [[0, 0]]}, "weights are all zero"),
+        ({"weights": [[0, 0]]}, "at least one number above 0"),
         ({"weights": [[1, -1]]}, "a weight must be a number of at least 0, got -1"),
         ({"weights": [[1, math.nan]]}, "a weight must be a number of at least 0, got nan"),
-        ({"weights": [[1, 2, 3]]}, "2 costs to be weighted, got 3"),
+        ({"weights": [[1, 2, 3]]}, "one number for each of 2 costs, got 3"),
         ({"weights": [7]}, "lists of numbers"),
         ({"weights": [["a", "b"]]}, "a weight must be a number"),
         ({"divisions": 0}, "whole number"),
         ({"divisions": 2.5}, "whole number"),
         ({"divisions": True}, "whole number"),
-        ({"divisions": 200_000}, "200,001 weights"),
-        ({"divisions": 2, "weights": [[1, 1]]}, "not both"),
+        ({"divisions": 200_000}, "give 200,001"),
+        ({"divisions": 2, "weights": [[1, 1]]}, "got both"),
     ],
 )
 def test_weights_that_make_no_sense_are_refused(options: dict[str, Any], message: str) -> None:

@@ -252,7 +252,7 @@ class _CorridorRun:
         return trusted(candidates, self.problem, NAME, epsilon=above)
 
     def _claim(self, exact: list[bool]) -> str:
-        """Return the certificate."""
+        """Return the certificate: a sentence that says of which problems the candidates are optima."""
         names = [self.criteria[j].name for j in self.convex]
         bounded = [name for name, is_exact in zip(names, exact, strict=True) if not is_exact]
         bound = f", {', '.join(bounded)} represented by an upper bound" if bounded else ""

@@ -196,7 +196,7 @@ class _Attempt:
                 bounds = program.raised(bounds, solution.polyline)
 
     def is_late(self) -> bool:
-        """Return whether the deadline has passed; if so, count the cell as cut short."""
+        """Return whether the deadline has passed; if so, count this job as cut short."""
         late = self.job.deadline.is_past
         if late:
             self.counts[CUT_SHORT] = 1

@@ -47,7 +47,7 @@ class StepLimits(NamedTuple):
     maximum: IntArray
 
     def within(self, distance: float) -> StepLimits:
-        """Return only the rows that can matter for steps whose coordinates are at most ``distance``, m."""
+        """Return only the limits that can matter for steps whose coordinates are at most ``distance``, m."""
         near = (self.maximum >= 0) | (self.room <= distance * np.abs(self.slopes).sum(axis=1))
         return StepLimits(self.slopes[near], self.room[near], self.maximum[near])
 
@@ -174,7 +174,7 @@ class LocalModel:
         return SegmentParts(np.concatenate(segment), np.concatenate(begin), np.concatenate(end))
 
     def _maximum_rows(self, at: FloatArray) -> list[StepLimits]:
-        """Return the rows for criteria that are maxima, linearised at a step (d,)."""
+        """Return linear limits that bound the criteria that are maxima from below, linearised at a step (d,)."""
         if not self.maxima:
             return []
         tops, probe = self._tops(self._vertices(at[None])[0]), PROBE * np.eye(self.freedom)
@@ -237,7 +237,7 @@ class LocalModel:
         return self.problem.world.free_space(z).signed_clearance(x, y)
 
     def _distance_rows(self, at: FloatArray) -> list[StepLimits]:
-        """Return the rows that keep the polyline off obstacles, linearised at a step (d,)."""
+        """Return linear limits of steps that keep the polyline off obstacles, linearised at a step (d,)."""
         vertices = self._vertices(at[None])[0]
         ahead = np.diff(vertices, axis=0)
         rows = []
@@ -263,11 +263,11 @@ class LocalModel:
 
     @cached_property
     def _rows(self) -> list[StepLimits]:
-        """Rows for distances and maxima, linearised at the polyline itself."""
+        """Linear limits of steps, for distances and maxima, linearised at the polyline itself."""
         return self._limits_at(np.zeros(self.freedom))
 
     def _limits_at(self, step: FloatArray) -> list[StepLimits]:
-        """Return the rows for distances and maxima, linearised at a step (d,)."""
+        """Return linear limits of steps, for distances and maxima, linearised at a step (d,)."""
         return [*self._distance_rows(step), *self._maximum_rows(step)]
 
     def forget(self) -> None:
@@ -391,7 +391,7 @@ def _is_local_maximum(values: FloatArray, segment: IntArray) -> BoolArray:
 
 
 def _joined(rows: Sequence[StepLimits], d: int) -> StepLimits:
-    """Join several blocks of rows into one, for steps of d coordinates; the result may have no rows."""
+    """Join several blocks of step limits into one, for steps of d coordinates; the result may be empty."""
     if not rows:
         return StepLimits(np.zeros((0, d)), np.zeros(0), np.zeros(0, dtype=np.int64))
     return StepLimits(*(np.concatenate(part) for part in zip(*rows, strict=True)))

@@ -152,7 +152,7 @@ class _GridRun:
     waiting: int = 0
 
     def go(self, executor: Executor | None) -> Status:
-        """Solve all cells and return the status; the candidates are in the grid, also after Ctrl-C or a limit."""
+        """Solve all cells (sets of bounds), and return the status; candidates are in ``grid``, also after Ctrl-C."""
         if not self.grid.warm:
             return Status.COMPLETE
         cap, tried = self.options.max_points, self.tally.counts
@@ -189,7 +189,7 @@ class _GridRun:
             )
 
     def _unanswered(self, cells: Sequence[Cell]) -> list[Cell]:
-        """Return those of the cells that must be solved, and count the others as skipped."""
+        """Return those of the cells (sets of bounds) that must be solved, and count the others as skipped."""
         left = self.grid.unanswered(cells)
         self.tally.counts["skipped"] += len(cells) - len(left)
         self.waiting -= len(cells) - len(left)
@@ -215,7 +215,7 @@ class _GridRun:
         return status
 
     def _keep(self, cell: Cell, outcome: Outcome[CellCandidate]) -> None:
-        """Record the outcome of a cell: its candidate, or that it is infeasible or was cut short."""
+        """Record the outcome of a cell (set of bounds): its candidate, or that it is infeasible or was cut short."""
         self.tally.add(outcome)
         self.tally.counts["tried"] += 1
         self.waiting -= 1

@@ -231,7 +231,7 @@ class StepProgram:
 
     @cached_property
     def _bends(self) -> tuple[IntArray, IntArray]:
-        """Rows and columns of the non-zero entries of the curvature."""
+        """Rows and columns of the non-zero entries of the curvature matrix."""
         curvature = self.curvature
         return curvature.indices, np.repeat(np.arange(curvature.shape[1]), np.diff(curvature.indptr))
 
