@@ -40,6 +40,16 @@ class Part:
             return self.swept.reach
         return max(math.hypot(*corner) for corner in self.corners) + self.radius
 
+    @cached_property
+    def inner_reach(self) -> float:
+        """Radius of the largest disc about the axis of the base that lies in the part, m; 0 for a part on joints."""
+        axis, outline = shapely.Point(0.0, 0.0), shapely.convex_hull(shapely.MultiPoint(self.corners))
+        if self.on:
+            return 0.0
+        if outline.geom_type == "Polygon" and shapely.contains(outline, axis):
+            return float(shapely.distance(shapely.boundary(outline), axis)) + self.radius
+        return max(0.0, self.radius - float(shapely.distance(outline, axis)))
+
     @property
     def on_axis(self) -> bool:
         """True for a disc centred on the axis of the base: a turn in place does not change the area that it covers."""

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from hpop.world.geometry.planar import FreeSpace
 
 TOUCH = 1e-9  # m: tolerance, so that a disc may touch an obstacle
+INNER = 1e-6  # m by which the border must reach into the disc about the axis within a part, more than any rounding
 TURN_SAMPLE = math.radians(5.0)  # rad: largest angle between the outlines whose hulls cover a turn
 LONG = 4.0  # m: longer straight moves are halved, so that few edges of the map are in the bounding box of a piece
 TOGETHER = 4096  # number of hulls tested between two checks of the time limit
@@ -131,8 +132,20 @@ class PlanarCollision:
         return self._every_part(lambda part, at: self.part_free(part, states.take(at)), states.size)
 
     def part_free(self, part: Part, states: States) -> BoolArray:
-        """Return whether one part of the robot is free in each state (N,)."""
-        return self._outlines_free(part, part.placed(states), part.radius, states)
+        """Return whether one part of the robot is free in each state (N,).
+
+        Where the clearance at the axis is less than the part's inner reach, it is blocked at every yaw. Consecutive
+        states at one position, as those of a lattice, take one look-up.
+        """
+        if part.inner_reach <= INNER:
+            return self._outlines_free(part, part.placed(states), part.radius, states)
+        moved = (np.diff(states.x, prepend=np.nan) != 0) | (np.diff(states.y, prepend=np.nan) != 0)
+        first = np.flatnonzero(moved)
+        clearance = self._free_space(part).clearance(states.x[first], states.y[first])
+        free: BoolArray = (clearance >= part.inner_reach - INNER)[np.cumsum(moved) - 1]
+        open_ = states.take(np.flatnonzero(free))
+        free[free] = self._outlines_free(part, part.placed(open_), part.radius, open_)
+        return free
 
     def motions_free(self, motions: Motions) -> BoolArray:
         """Return whether the robot is free all along each motion (M,), ends included."""
