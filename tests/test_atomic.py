@@ -80,7 +80,7 @@ def test_a_pipe_a_link_to_a_device_and_a_folder_keep_their_places(path):
     os.mkfifo(path.with_name("pipe"))
     path.with_name("link").symlink_to(os.devnull)
     for write_or_check in (write, check_replaceable):
-        for place, said in (("pipe", "a pipe or a socket is there"), ("link", "A device"), ("", "directory")):
+        for place, said in (("pipe", "a pipe or a socket"), ("link", "found a device"), ("", "directory")):
             with pytest.raises(OSError, match=said):
                 write_or_check(path.parent / place)
         with pytest.raises(IsADirectoryError):

@@ -58,7 +58,7 @@ def test_what_is_no_source_of_random_numbers_is_refused(rng):
 
 
 def test_a_seed_and_a_source_are_not_given_together():
-    with pytest.raises(OptionError, match="give rng, or a seed, not both"):
+    with pytest.raises(OptionError, match="give either rng or seed"):
         RRT(seed=3, rng=4)
 
 

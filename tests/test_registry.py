@@ -96,7 +96,7 @@ def test_a_name_that_another_type_has_is_refused_and_the_first_one_stays():
     names = registry()
     first, second = type("First", (), {}), type("Second", (), {})
     names.add("glare", first)
-    with pytest.raises(CriterionError, match=r"'glare' is taken by .*First; choose another for .*Second"):
+    with pytest.raises(CriterionError, match=r"'glare' is taken by .*First; choose another name for .*Second"):
         names.add("glare", second)
     assert names["glare"] is first
 

@@ -124,7 +124,7 @@ def test_what_is_no_table_is_refused(asked, said):
 
 def test_a_column_or_a_file_that_cannot_be_is_refused(tmp_path: Path):
     table = DRIVE.table()
-    with pytest.raises(UnknownName, match=r"no column 'yam'\. Did you mean 'yaw'\? It has t, x"):
+    with pytest.raises(UnknownName, match=r"no column 'yam'\. Did you mean 'yaw'\? Its columns: t, x"):
         table["yam"]
     with pytest.raises(
         OutputError, match=r"cannot write '.*camera\.csv': No such file or directory; choose another file"
@@ -132,7 +132,7 @@ def test_a_column_or_a_file_that_cannot_be_is_refused(tmp_path: Path):
         table.to_csv(tmp_path / "gone" / "camera.csv")
     with pytest.raises(OutputError, match="choose another file"):
         table.to_csv(tmp_path)
-    with pytest.raises(OptionError, match="expected the path of a file"):
+    with pytest.raises(OptionError, match="path must be the path of a file"):
         table.to_csv(None)
 
 

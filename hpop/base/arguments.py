@@ -1,10 +1,9 @@
-"""Errors that name the wrong argument of a public function.
+"""Errors that name the wrong argument of a public function: the decorator :func:`checked_arguments`.
 
-A value of an unexpected type usually fails deep inside hpop, with an AttributeError about an object that the caller
-never saw. :func:`checked_arguments` marks public functions and classes. Once a call of such a function has failed, its
-arguments are compared with the signature, and a TypeError or ValueError says which argument is wrong, what was expected
-and what came. A successful call costs one extra stack frame, and no call that works is refused. Errors that hpop raises
-on purpose pass unchanged.
+An argument of a wrong type usually causes an error deep inside hpop, about an object that the caller never saw. If a
+call of a decorated function fails, its arguments are compared with the type hints. A TypeError or ValueError then says
+which argument is wrong, what was expected and what came. A call that succeeds costs one extra stack frame and is never
+rejected. Errors that hpop raises on purpose pass unchanged.
 """
 
 from __future__ import annotations
@@ -30,19 +29,19 @@ from hpop.base.text import article, shown
 T = TypeVar("T", bound=Callable[..., Any])
 
 GUARDED = "_names_arguments"
-"""Attribute of guarded functions, and of errors raised for them."""
+"""Attribute that marks decorated functions, and errors that were raised by this module."""
 OF_EXTREMES = re.compile(
     r"empty|zero-size|shape|dimension|at least one|shorter|'list'|\bnan\b|\binf|finite|out of (range|bounds)|too large|"
     r"convert|overflow|maxsize|division|sequence",
     re.IGNORECASE,
 )
-"""Words in messages of errors that empty, huge or non-finite values cause."""
+"""Words in messages of errors that are caused by empty, huge or non-finite values."""
 LARGEST = 2**63
 """Numbers of at least this size overflow in computations."""
 EMPTY = "not empty"
-"""Expectation for an empty collection or text."""
+"""Text on what was expected, if a collection or text is empty."""
 CHECKED_ENTRIES = 20
-"""Entries of a collection that are compared with a type."""
+"""Number of entries of a collection that are compared with a type."""
 WORDS: dict[Any, str] = {
     float: "a number",
     int: "a whole number",
@@ -54,7 +53,7 @@ WORDS: dict[Any, str] = {
     np.ndarray: "an array of numbers",
 }
 BUILDERS = re.compile(r"of|load|read|build|fit|through|from_\w+")
-"""Class methods that make an instance."""
+"""Pattern of the names of class methods that make an instance."""
 
 
 class AnyColumn:
@@ -67,11 +66,11 @@ class AnyArray:
 
 WORDS |= {AnyColumn: "an array of numbers", AnyArray: "an array of numbers"}
 ALIASES = {"Column": AnyColumn, "ArrayLike": AnyArray}
-"""Stand-ins for aliases of types that are wider than their meaning."""
+"""Stand-ins for type aliases, such as ``Column = Any``, that allow more than is meant."""
 
 
 def checked_arguments(target: T) -> T:
-    """Let errors of a public function, or of a class's constructor and public methods, name a wrong argument.
+    """Decorate a function, or a class with its public methods, so that errors name a wrong argument.
 
     >>> @checked_arguments
     ... def doubled(values: Sequence[float]) -> list[float]:
@@ -97,7 +96,7 @@ def checked_arguments(target: T) -> T:
 
 
 def _explaining_wrapper(function: Callable[..., Any], owner: type | None) -> Callable[..., Any]:
-    """Return a wrapper of a function that turns its errors into errors that name a wrong argument.
+    """Return a wrapper of a function; if a call fails because of a wrong argument, its error names the argument.
 
     ``owner`` is the class of a method, or None for a function.
     """
@@ -182,10 +181,7 @@ def _explain(
 
 
 def _is_deliberate(error: Exception) -> bool:
-    """Return whether hpop raised an error on purpose, or whether the error is a warning turned into one.
-
-    Its message is clear.
-    """
+    """Return whether an error has a clear message already: hpop raised it on purpose, or it is a warning."""
     if type(error).__module__.partition(".")[0] == "hpop" or isinstance(error, Warning):
         return True
     place = extract_tb(error.__traceback__)[-1]
@@ -194,18 +190,18 @@ def _is_deliberate(error: Exception) -> bool:
 
 
 def _marked_as_named(error: Exception) -> Exception:
-    """Return an error with a mark that its message already names an argument of an inner function."""
+    """Return an error after marking that its message names an argument of an inner function."""
     setattr(error, GUARDED, True)
     return error
 
 
 def misfit(value: Any, hint: Any) -> str:
-    """Return a description of the expected type if a value does not fit a type hint, else ""."""
+    """Return the expected type in words if a value does not fit a type hint; "" if it fits."""
     return "" if fits(value, hint) else type_in_words(hint)
 
 
 def extreme(value: Any) -> str:
-    """Return a description of the expected value if a value is empty or too large to compute with, else ""."""
+    """Return the expected value in words if a value is empty or too large to compute with; "" otherwise."""
     if isinstance(value, int | float | np.number) and not isinstance(value, bool):
         number: Any = value
         finite = isinstance(value, int) or bool(np.isfinite(number))
@@ -266,7 +262,7 @@ COLLECTIONS = tuple(get_origin(kind) for kind in (Iterable[Any], Collection[Any]
 
 
 def type_in_words(hint: Any) -> str:
-    """Return the description of a type hint in words."""
+    """Return a type hint in words, for messages: "a list (each a number)"."""
     origin, parts = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return type_in_words(parts[0])
@@ -332,11 +328,12 @@ def _is_collection(value: Any, cls: Any, parts: tuple[Any, ...]) -> bool:
 
 
 def _first_entries(values: Iterable[Any]) -> list[Any]:
-    """Return the first few values."""
+    """Return the first ``CHECKED_ENTRIES`` values."""
     return [value for value, _ in zip(values, range(CHECKED_ENTRIES), strict=False)]
 
 
 def _is_path(hint: Any) -> bool:
+    """Return whether a type hint is that of a path."""
     cls = get_origin(hint) or hint
     return isinstance(cls, type) and (cls is os.PathLike or hasattr(cls, "__fspath__"))
 
@@ -352,9 +349,9 @@ def _public_members(protocol: Any) -> tuple[str, ...]:
 
 
 def _resolved_hints(function: Callable[..., Any], owner: type | None) -> dict[str, Any]:
-    """Return the types of a function's parameters by name, for all types that can be resolved.
+    """Return the types of a function's parameters by name; ``Any`` for a type that cannot be resolved.
 
-    Names that a module imports only for type checkers are imported here.
+    Names that a module imports for type checkers only are imported here.
     """
     names: dict[str, Any] = {}
     for module in [*(cls.__module__ for cls in reversed(owner.__mro__ if owner else ())), function.__module__]:
@@ -373,7 +370,7 @@ def _resolved_hints(function: Callable[..., Any], owner: type | None) -> dict[st
 
 @lru_cache
 def _type_checking_names(module: str) -> dict[str, Any]:
-    """Return the names that a module imports ``if TYPE_CHECKING``."""
+    """Return the objects that a module imports for type checkers only (``if TYPE_CHECKING``), by their names."""
     try:
         tree = ast.parse(inspect.getsource(sys.modules[module]))
     except (OSError, TypeError, SyntaxError):

@@ -1,4 +1,4 @@
-"""Array types of signatures, and copies of frozen values."""
+"""Array types for signatures, and small functions on arrays and frozen dataclasses."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def copied(value: T, without: Collection[str] = (), **fields: Any) -> T:
 
 
 def inserted(values: NDArray[N], before: IntArray, rows: NDArray[N]) -> NDArray[N]:
-    """Return an array of rows (m, ...) after inserting new rows (j, ...) before the ascending row indices (j,).
+    """Return an array (m, ...) with new rows (j, ...) inserted before the rows with indices ``before`` (j,), ascending.
 
     >>> inserted(np.array([1, 2, 3]), np.array([1, 1, 3]), np.array([7, 8, 9])).tolist()
     [1, 7, 8, 2, 3, 9]

@@ -1,10 +1,10 @@
-"""Files that are replaced completely or not at all, even if the writer is killed, and read up to a bounded size.
+"""Safe files: written completely or not at all, even if the process is killed, and read up to a bounded size.
 
 A writer fills a hidden file beside the target. Once that file is complete and on the disk, it takes the target's place.
-The writer holds a lock on the hidden file, which the system releases when the writer dies. The next writer of the
-target removes the hidden files that have no lock.
+The writer holds a lock on the hidden file, which the system releases when the process ends. The next writer of the
+target removes hidden files without a lock, which killed processes have left.
 
-Only regular files are read: reading a FIFO would block, and /dev/zero has no end.
+Only regular files are read, because reading a FIFO would block and /dev/zero has no end.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from typing import BinaryIO
 
 try:
     import fcntl
-except ImportError:  # no such locks on this system: files of dead writers stay
+except ImportError:  # no such locks on this system: hidden files of killed processes stay
     fcntl = None  # type: ignore[assignment]
 
 
 PARTIAL = re.compile(r"\..+\.[0-9a-f]{32}\.tmp", re.DOTALL)
-"""Names of incomplete files."""
+"""Pattern of the names of incomplete, hidden files."""
 
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
-    """Open a file that replaces ``path`` at the end of the block; after any error ``path`` is as it was.
+    """Open a file for writing that replaces ``path`` at the end of the block; after an error ``path`` is unchanged.
 
     If ``path`` is a link, its target is replaced. Several processes may write one file at once: each writes a complete
     file, and the last one stays.
@@ -40,8 +40,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     Raises
     ------
     OSError
-        If it cannot be written, or ``path`` is something other than a file, such as a device or a pipe; the error names
-        ``path``.
+        If the file cannot be written, or if ``path`` is a folder, a device or a pipe; the error names ``path``.
     """
     try:
         target = _target(Path(path))
@@ -62,7 +61,10 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
 
 
 def check_replaceable(path: str | os.PathLike[str]) -> None:
-    """Raise OSError if :func:`replacing` could not write; remove the hidden files of dead writers."""
+    """Raise OSError if :func:`replacing` could not write to a path.
+
+    Hidden files that killed processes have left are removed.
+    """
     target = _target(Path(path))
     _sweep(target)
     with _locked_file(target) as file:
@@ -74,7 +76,7 @@ def _target(path: Path) -> Path:
     if not path.name or path.is_dir():
         raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
     if path.exists() and not S_ISREG(path.stat().st_mode):
-        raise OSError(errno.EEXIST, "A device, a pipe or a socket is there")
+        raise OSError(errno.EEXIST, "expected a file or a free path, found a device, a pipe or a socket")
     return Path(os.path.realpath(path))
 
 
@@ -85,11 +87,11 @@ def _locked_file(target: Path) -> BinaryIO:
         _lock(file)
         if os.fstat(file.fileno()).st_nlink:
             return file
-        file.close()  # swept by another writer before it was held
+        file.close()  # another writer removed the file before it was locked: try again
 
 
 def sweep(folder: Path, begins: str = ".") -> None:
-    """Remove hidden files of dead writers in a folder; their names begin with ``begins``."""
+    """Remove hidden files that killed processes have left in a folder; their names begin with ``begins``."""
     with suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             is_partial = PARTIAL.fullmatch(entry.name) and entry.name.startswith(begins)
@@ -100,14 +102,14 @@ def sweep(folder: Path, begins: str = ".") -> None:
 
 
 def _sweep(target: Path) -> None:
-    """Remove hidden files of dead writers of a target."""
+    """Remove hidden files that killed writers of a target file have left."""
     sweep(target.parent, f".{target.name}.")
 
 
 def _lock(file: BinaryIO, *, wait: bool = True) -> bool:
     """Lock a file until it is closed; return whether this process now holds the lock.
 
-    Without ``wait``, return False at once if another process holds it. A system without such locks also gives False.
+    Without ``wait``, return False at once if another process holds it. On a system without such locks, return False.
     """
     if fcntl is None:
         return False
@@ -124,17 +126,16 @@ KINDS = {
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
 }
-"""Kinds of things that may be opened but are no regular files."""
+"""Things other than regular files that can be opened, in words."""
 PIECE = 2**20
-"""Bytes of one read."""
+"""Number of bytes that are read at a time."""
 
 
 def open_regular(path: str | os.PathLike[str], most: int) -> BinaryIO:
     """Open a regular file of at most ``most`` bytes for reading.
 
-    The open file itself is checked, so it cannot be replaced between the check and the read. OSError, with a
-    ``strerror``
-    that says what was found instead, for anything else and for an impossible path.
+    The open file itself is checked, so it cannot be replaced between the check and the read. For anything else, and for
+    an impossible path, raise OSError, whose ``strerror`` says what was found.
     """
     try:
         file = open(path, "rb", opener=_without_waiting)  # noqa: SIM115  # the caller's ``with``
@@ -156,9 +157,9 @@ def open_regular(path: str | os.PathLike[str], most: int) -> BinaryIO:
 
 
 def read_regular(path: str | os.PathLike[str], most: int) -> bytes:
-    """Return the bytes of a regular file of at most ``most`` bytes, even if the file grows.
+    """Return the bytes of a regular file of at most ``most`` bytes; the limit holds even if the file grows meanwhile.
 
-    Errors as of :func:`open_regular`.
+    Raises the errors of :func:`open_regular`.
     """
     data = bytearray()
     with open_regular(path, most) as file:
@@ -170,5 +171,5 @@ def read_regular(path: str | os.PathLike[str], most: int) -> bytes:
 
 
 def _without_waiting(path: str, flags: int) -> int:
-    """Open a file with these flags, without waiting for a writer if it is a FIFO."""
+    """Open a file with some flags of the system, without waiting for a writer if it is a FIFO."""
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))

@@ -1,4 +1,4 @@
-"""Names and modules that are imported on first use, also under their former names."""
+"""Lazy imports: names and modules that are imported on first use, and modules under their former names."""
 
 from __future__ import annotations
 
@@ -15,10 +15,9 @@ from typing import Any
 
 
 def on_first_use(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
-    """Return the ``__getattr__`` of a package, which imports each public name from its home module at the first use.
+    """Return a function for ``__getattr__`` of a package that imports each public name when it is first used.
 
-    ``homes`` gives the home module of each name, as :func:`homes_of` returns it. For a module of the package itself the
-    home is "".
+    homes  module that defines each name, as returned by :func:`homes_of`; "" for a module of the package itself
     """
 
     def imported(name: str) -> Any:
@@ -30,15 +29,17 @@ def on_first_use(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]
 
 
 def homes_of(package: str) -> dict[str, str]:
-    """Return the home module of each name that the source of a package imports for type checkers only.
+    """Return, by name, the modules from which a package imports names for type checkers only (``if TYPE_CHECKING``).
 
-    So each name that is imported on first use stands once, where type checkers and editors read it too. The home of a
-    module that the package imports from itself is "".
+    These imports are read from the package's source. So each name that is imported on first use is listed once, where
+    type checkers and editors read it too. For a module of the package itself the value is "".
     """
     spec = sys.modules[package].__spec__
     source = spec.loader.get_source(package) if spec and isinstance(spec.loader, InspectLoader) else None
     if source is None:
-        raise ImportError(f"the source of {package} is missing; its names are read from it. Install hpop again")
+        raise ImportError(
+            f"{package} needs its source file, from which its names are read, but it is missing; install hpop again"
+        )
     guarded = (
         node
         for node in ast.parse(source).body
@@ -59,7 +60,7 @@ def library(name: str, what: str, extra: str = "tables") -> Any:
         return import_module(name)
     except ImportError as error:
         raise ImportError(
-            f"{what} needs {name}, the extra hpop[{extra}] ({error}); pip install 'hpop[{extra}]'"
+            f"{what} needs {name}, which cannot be imported ({error}); run pip install 'hpop[{extra}]'"
         ) from None
 
 
@@ -88,22 +89,22 @@ MOVED = {
 
 
 class _FormerNames(MetaPathFinder, Loader):
-    """Finder of modules by former names that no module has now."""
+    """Import hook that finds modules by the names that they had in earlier versions."""
 
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Return the spec of a former name; None for other names."""
+        """Return the import spec of a module with a former name; None for other names."""
         return ModuleSpec(name, self) if name in MOVED else None
 
     def exec_module(self, module: ModuleType) -> None:
-        """Fill a module with the names of its replacement."""
+        """Let a module with a former name get its attributes from the module that replaces it."""
         replacement = MOVED[module.__name__]
         warnings.warn(f"{module.__name__} is {replacement} now", DeprecationWarning, stacklevel=2)
         module.__getattr__ = partial(getattr, import_module(replacement))  # type: ignore[method-assign]
 
 
 def find_former_names() -> None:
-    """Let modules be imported by former names that nothing else has."""
+    """Install the import hook for former names of modules, once."""
     if not any(isinstance(finder, _FormerNames) for finder in sys.meta_path):
         sys.meta_path.append(_FormerNames())

@@ -1,7 +1,7 @@
-"""Functions with kinks, exact on NumPy arrays and smoothed on CasADi symbols.
+"""Mathematical functions with kinks: exact on NumPy arrays, smoothed on CasADi symbols.
 
 Criteria use these where a plain NumPy function has no gradient (a length at zero, an absolute angle at zero). On
-numbers they are exact; on symbols they are smoothed within the width stated. So costs in fronts are always exact.
+numbers they are exact, so costs in fronts are exact. On symbols they are smoothed within a width that each states.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from hpop.base.arrays import Column
 from hpop.base.symbols import Symbols, lift
 
 instead_of_hinges: ContextVar[Callable[[Column], Column] | None] = ContextVar("instead_of_hinges", default=None)
-SMOOTHING = 0.02  # rad or m: half-width of the rounded kink; without it solvers do not converge
-ALIGNED = 1e-4  # rad: half-width for angles between vectors, which pass through zero in the middle of a motion
+SMOOTHING = 0.02  # rad or m: half-width within which a kink is rounded; without rounding, solvers do not converge
+ALIGNED = 1e-4  # rad: half-width for angles between vectors, which may pass through zero in the middle of a motion
 CHEBYSHEV = (
     *(0.17087277, -0.82215223, 1.48851587, -1.13520398, 0.27886807),
     *(-0.18628806, 0.09678418, 0.37409196, 1.00002368, -1.26551223),
 )
-"""Coefficients, the highest first, of log(erfcx(x) (1 + x/2)) in 1/(1 + x/2)."""
+"""Coefficients of a polynomial in 1/(1 + x/2) for log(erfcx(x) (1 + x/2)), that of the highest power first."""
 
 
 def is_symbolic(column: object) -> bool:
-    """Return whether a column is CasADi symbols, without importing CasADi."""
+    """Return whether a column consists of CasADi symbols; CasADi is not imported for that."""
     return isinstance(column, Symbols) or type(column).__module__.partition(".")[0] == "casadi"
 
 
 def hypot(x: Column, y: Column) -> Column:
-    """Return sqrt(x² + y²), with gradient 0 instead of NaN at the origin on symbols.
+    """Return sqrt(x² + y²); on CasADi symbols its gradient at the origin is 0 instead of NaN.
 
     >>> float(hypot(3.0, 4.0))
     5.0
@@ -44,14 +44,15 @@ def hypot(x: Column, y: Column) -> Column:
 
 
 def is_zero(column: Column) -> bool:
-    """Return whether a column is the number 0.0, which stands for a value known to be zero."""
+    """Return whether a column is the number 0.0, which means that the value is always zero."""
     return isinstance(column, float) and column == 0.0
 
 
 def norm(vector: Sequence[Column]) -> Column:
-    """Return the length of vectors (one column per component), or the number 0.0 if all are known to be zero.
+    """Return the length of vectors, given by one column for each component.
 
-    Components known to be zero are left out: of one remaining column this is `smooth_abs`, of two `hypot`.
+    Components that are the number 0.0 (always zero) are left out. If one component remains, the length is computed by
+    `smooth_abs`, if two remain, by `hypot`; if none remains, it is the number 0.0.
 
     >>> float(norm((2.0, 3.0, 6.0))), float(norm((0.0, 0.0, -1.5)))
     (7.0, 1.5)
@@ -65,10 +66,10 @@ def norm(vector: Sequence[Column]) -> Column:
 
 
 def angle_between(unit: tuple[Column, Column, Column], vector: tuple[Column, Column, Column]) -> Column:
-    """Return the angle, rad in [0, pi], between unit vectors and other vectors; 0 where these are zero.
+    """Return the angle, rad in [0, pi], between unit vectors and other vectors; 0 where a vector is zero.
 
-    On symbols its kink at 0 is rounded within ALIGNED where both vectors lie in one plane of the axes, so that vectors
-    that are aligned up to rounding have the gradient 0.
+    On CasADi symbols, if both vectors lie in one coordinate plane, the kink at the angle 0 is rounded within ALIGNED,
+    so that vectors that are aligned up to rounding errors have the gradient 0.
 
     >>> round(float(angle_between((0.0, 1.0, 0.0), (2.0, 0.0, 0.0))), 9)
     1.570796327
@@ -82,16 +83,16 @@ def angle_between(unit: tuple[Column, Column, Column], vector: tuple[Column, Col
 
 
 def sine_of(normal: Sequence[Column]) -> Column:
-    """Return the sine of the angle between two unit vectors, the length of their cross product ``normal``.
+    """Return the sine of the angle between two unit vectors, which is the length of their cross product ``normal``.
 
-    If only one component of the normal is nonzero, its kink at 0 is rounded within ALIGNED.
+    If only one component of ``normal`` is not the number 0.0, the kink at 0 is rounded within ALIGNED (on symbols).
     """
     columns = [column for column in normal if not is_zero(column)]
     return smooth_abs(columns[0], ALIGNED) if len(columns) == 1 else norm(normal)
 
 
 def dot(a: Sequence[Column], b: Sequence[Column]) -> Column:
-    """Return the sum of products of columns; 0.0 stands for a value known to be zero, also as the sum.
+    """Return the scalar product of vectors, given by columns; the number 0.0 stands for a value that is always zero.
 
     >>> dot((1.0, 2.0), (3.0, 0.0))
     3.0
@@ -101,7 +102,7 @@ def dot(a: Sequence[Column], b: Sequence[Column]) -> Column:
 
 
 def cross(a: Sequence[Column], b: Sequence[Column]) -> tuple[Column, Column, Column]:
-    """Return the cross product of vectors in space; 0.0 stands for a component known to be zero.
+    """Return the cross product of vectors, given by columns; the number 0.0 stands for a value that is always zero.
 
     >>> cross((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     (0.0, 0.0, 1.0)
@@ -132,8 +133,8 @@ def erf(x: Column) -> Column:
 def erfcx(x: Column) -> Column:
     """Return the scaled complementary error function exp(x²) (1 - erf(x)), for x >= 0.
 
-    On symbols it is Chebyshev's fit of Press et al. (Numerical Recipes, section 6.2), within a relative error of
-    1.2e-7.
+    On CasADi symbols it is the Chebyshev fit of Press et al. (Numerical Recipes, section 6.2), whose relative error is
+    at most 1.2e-7.
 
     >>> round(float(erfcx(2.0)), 6)
     0.255396
@@ -147,7 +148,9 @@ def erfcx(x: Column) -> Column:
 
 
 def smooth_abs(x: Column, width: float = SMOOTHING) -> Column:
-    """Return |x|; on symbols a polynomial within ``width`` of zero, twice differentiable, exact at zero and outside.
+    """Return |x|; on CasADi symbols a smooth polynomial within ``width`` of zero.
+
+    The smoothed function is twice differentiable, and exact at zero and beyond the width.
 
     With s = x/w the polynomial is w (15 s² - 10 s⁴ + 3 s⁶)/8: the lowest even one that is 0 at 0 and meets |x| at w
     with equal value, slope and curvature.
@@ -163,11 +166,12 @@ def smooth_abs(x: Column, width: float = SMOOTHING) -> Column:
 
 
 def hinge(x: Column) -> Column:
-    """Return max(x, 0) of a quantity that raises a cost; on symbols without a kink.
+    """Return max(x, 0) of a quantity whose increase raises a cost; on CasADi symbols it has no kink.
 
-    Programs of driven trajectories have a variable above x and 0 instead (:mod:`hpop.planners.programs.nlp`). Elsewhere
-    it is a convex polynomial within w, half of SMOOTHING, of zero, twice differentiable, exact outside: with s = x/w it
-    is w (3 + 8 s + 6 s² - s⁴)/16, which lies above the kink by 3/16 w.
+    Nonlinear programs of driven trajectories have a variable instead that is at least x and 0
+    (:mod:`hpop.planners.programs.nlp`). Elsewhere, on symbols, it is a convex polynomial within w of zero, where w is
+    half of SMOOTHING. It is twice differentiable and exact beyond w. With s = x/w the polynomial is
+    w (3 + 8 s + 6 s² - s⁴)/16, which is 3/16 w above the kink.
 
     >>> float(hinge(-2.0)), float(hinge(0.5))
     (0.0, 0.5)
@@ -183,10 +187,10 @@ def hinge(x: Column) -> Column:
 
 
 def smooth_step(x: Column) -> Column:
-    """Return 1 where x >= 0, else 0; on symbols a polynomial within SMOOTHING of zero, twice differentiable.
+    """Return 1 where x >= 0 and 0 elsewhere; on CasADi symbols a smooth step within SMOOTHING of zero.
 
-    With s = x/w the polynomial is 1/2 + (15 s - 10 s³ + 3 s⁵)/16: it rises from 0 to 1 with no slope or curvature at
-    its ends.
+    With s = x/w the step is the polynomial 1/2 + (15 s - 10 s³ + 3 s⁵)/16, which rises from 0 to 1 and has neither
+    slope nor curvature at its ends.
 
     >>> float(smooth_step(-0.1)), float(smooth_step(0.0))
     (0.0, 1.0)
@@ -199,7 +203,9 @@ def smooth_step(x: Column) -> Column:
 
 
 def wrap(angle: Column) -> Column:
-    """Return an angle in (-pi, pi], rad, equal up to whole turns; a half turn is +pi, counter-clockwise. NaN stays NaN.
+    """Return an angle with whole turns removed, in (-pi, pi] rad; a half turn is +pi, counter-clockwise.
+
+    NaN stays NaN.
 
     >>> float(wrap(-np.pi)) == np.pi and float(wrap(2.5 * np.pi)) == 0.5 * np.pi
     True
@@ -209,16 +215,18 @@ def wrap(angle: Column) -> Column:
 
 
 def not_radians(angle: float) -> str:
-    """Return why a heading cannot be in radians; "" if it can. Sums of two headings are within two turns.
+    """Return the end of a message if an angle is too large to be in radians, so probably in degrees; "" otherwise.
+
+    Angles up to two whole turns are accepted, since users may add up two headings.
 
     >>> print(not_radians(90.0))
-    is in radians, within two turns of 0; got 90: write math.radians(90), in a scenario '90 deg', if these are degrees
+    must be in radians, within two turns of 0, got 90; for degrees write math.radians(90), or '90 deg' in a scenario
     >>> not_radians(-3.2)
     ''
     """
     if abs(angle) <= 4.0 * np.pi:
         return ""
     return (
-        f"is in radians, within two turns of 0; got {angle:g}: write math.radians({angle:g}), in a scenario "
-        f"'{angle:g} deg', if these are degrees"
+        f"must be in radians, within two turns of 0, got {angle:g}; for degrees write math.radians({angle:g}), or "
+        f"'{angle:g} deg' in a scenario"
     )

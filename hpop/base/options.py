@@ -1,6 +1,6 @@
-"""Checks of numbers that users enter: each number is checked once, against bounds stated here.
+"""Checks of options that users set: numbers within bounds, choices, paths.
 
-The bounds are wide: they refuse only values that no robot and no building has. No value within them overflows, divides
+The bounds are wide and exclude only values that no robot and no building has. No value within them overflows, divides
 by zero or makes a computation endless.
 """
 
@@ -20,29 +20,29 @@ from hpop.errors import HpopError, OptionError, did_you_mean
 T = TypeVar("T")
 
 LEAST = 1e-6
-"""Least length, time, speed, ..., SI units: the default quantum of costs, below which nothing differs."""
+"""Smallest length, time, speed etc., in SI units; costs that differ by less count as equal by default."""
 MOST = 1e6
-"""Greatest length, time, speed, factor, ..., SI units: maps are at most 1,000 km long."""
+"""Largest length, time, speed, factor etc., in SI units; maps are at most 1,000 km long."""
 FARTHEST = 1e8
-"""Greatest coordinate, m: map projections of the earth stay below 5e7, where a double is exact to 15 nm."""
+"""Largest coordinate, m; map projections of the earth stay below 5e7, where a float64 is exact to 15 nm."""
 MOST_SEED = 2**63 - 1
-"""Greatest seed of random numbers."""
+"""Largest seed of random numbers."""
 MOST_WORKERS = 1024
-"""Greatest number of processes, above the cores of any machine."""
+"""Largest number of processes; no machine has so many cores."""
 EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?e[-+]?\d+", re.IGNORECASE)
 """Pattern of numbers such as 1e-3, which YAML 1.1 reads as text."""
 MOST_COUNTED = 2**60
-"""Greatest count: no cost of a path is larger, and sums of a few counts fit 64 bits."""
+"""Largest count; no cost of a path is larger, and sums of a few such counts fit into 64 bits."""
 
 
 class Degrees:
-    """Marker of an angle in rad that scenario files may also give as text, such as "90 deg"."""
+    """Marker in type hints for an angle in rad, which scenario files may also give as text, such as "90 deg"."""
 
     TEXT = re.compile(r"\s*([-+]?\d+(?:\.\d*)?)\s*deg\s*")
 
     @classmethod
     def in_radians(cls, value: Any) -> Any:
-        """Return the angle, rad, of a text in degrees; other values unchanged.
+        """Return the angle, rad, of a text such as "90 deg"; return any other value unchanged.
 
         >>> Degrees.in_radians("180 deg"), Degrees.in_radians("half a turn"), Degrees.in_radians(0.5)
         (3.141592653589793, 'half a turn', 0.5)
@@ -52,7 +52,7 @@ class Degrees:
 
     @classmethod
     def json_schema(cls) -> dict[str, Any]:
-        """Return the JSON schema of such a text, for editors."""
+        """Return the JSON schema of a text such as "90 deg", for editors."""
         return {"type": "string", "pattern": f"^{cls.TEXT.pattern}$"}
 
     @classmethod
@@ -70,7 +70,7 @@ Angle = Annotated[float, Degrees]
 
 
 class BesideScenario:
-    """Marker of a path that is relative to the folder of its scenario file."""
+    """Marker in type hints for a path, which in a scenario file is relative to the file's folder."""
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
@@ -100,9 +100,9 @@ def real(
     hint: str = "",
     error: type[HpopError] = OptionError,
 ) -> float:
-    """Return a finite number within bounds; otherwise raise an error that says what was expected.
+    """Check that an option is a number from ``least`` to ``most``, and return it as a Python number.
 
-    NumPy's numbers become Python's. ``hint`` is added to the message.
+    Otherwise raise ``error``: "NAME must be KIND from LEAST to MOST, got VALUE; HINT".
 
     >>> real("step", 0.25, LEAST, MOST, "a length in m")
     0.25
@@ -129,9 +129,9 @@ def whole(
     hint: str = "",
     error: type[HpopError] = OptionError,
 ) -> int:
-    """Return a whole number within bounds; otherwise raise an error that says what was expected.
+    """Check that an option is a whole number from ``least`` to ``most``, and return it as a Python int.
 
-    ``hint`` is added to the message.
+    Otherwise raise ``error``: "NAME must be KIND from LEAST to MOST, got VALUE; HINT".
 
     >>> whole("samples", 2**63, 1, 1000)
     Traceback (most recent call last):
@@ -145,7 +145,9 @@ def whole(
 
 
 def one_of(name: str, value: Any, choices: Iterable[T], *, error: type[HpopError] = OptionError) -> T:
-    """Return a value that is one of the choices (words or whole numbers), or raise an error that lists the choices.
+    """Check that an option is one of the choices (strings or whole numbers), and return it.
+
+    Otherwise raise ``error``, which lists the choices and names a similar one.
 
     >>> one_of("headings", 5, (4, 8, 16))
     Traceback (most recent call last):
@@ -157,12 +159,12 @@ def one_of(name: str, value: Any, choices: Iterable[T], *, error: type[HpopError
             return choice
     near = did_you_mean(value, [choice for choice in known if isinstance(choice, str)])
     if near:
-        raise error(f"{name} is {shown(value)}.{near} It must be one of {', '.join(map(str, known))}")
+        raise error(f"{name} must be one of {', '.join(map(str, known))}, got {shown(value)}.{near}")
     raise error(f"{name} must be one of {', '.join(map(str, known))}, got {shown(value)}")
 
 
 def truth(name: str, value: Any, *, error: type[HpopError] = OptionError) -> bool:
-    """Return a truth value of Python or NumPy as Python's ``bool``, or raise an error that says what was expected.
+    """Check that an option is true or false (of Python or NumPy), and return it as a Python bool.
 
     >>> truth("corner_cutting", 1)
     Traceback (most recent call last):
@@ -175,21 +177,23 @@ def truth(name: str, value: Any, *, error: type[HpopError] = OptionError) -> boo
 
 
 def amounts(name: str, given: Any, most: float, what: str = "amounts") -> dict[str, float]:
-    """Return a checked dictionary from names of costs to numbers >= 0; the names are checked later, against a problem.
+    """Check that an option maps names of costs to numbers from 0 to ``most``, and return it as a dict.
+
+    The names are not checked here, since they depend on the problem. ``what`` says in a message what the numbers are.
 
     >>> amounts("tolerance", 0.1, MOST)
     Traceback (most recent call last):
-    hpop.errors.OptionError: tolerance gives amounts by the name of a cost, such as {'length': 0.1}, got 0.1
+    hpop.errors.OptionError: tolerance must map names of costs to amounts, such as {'length': 0.1}, got 0.1
     """
     if not isinstance(given, Mapping):
-        raise OptionError(f"{name} gives {what} by the name of a cost, such as {{'length': 0.1}}, got {shown(given)}")
+        raise OptionError(f"{name} must map names of costs to {what}, such as {{'length': 0.1}}, got {shown(given)}")
     return {cost: real(f"{name} of {cost}", amount, 0, most) for cost, amount in given.items()}
 
 
 def set_reals(
     owner: object, *names: str, least: float, most: float, kind: str, error: type[HpopError] = OptionError
 ) -> None:
-    """Check attributes of a frozen dataclass as :func:`real` does, and set them to Python floats."""
+    """Check some attributes of a frozen dataclass by :func:`real`, and set them to Python numbers."""
     for name in names:
         object.__setattr__(owner, name, real(name, getattr(owner, name), least, most, kind, error=error))
 
@@ -203,9 +207,9 @@ def set_wholes(
     optional: bool = False,
     error: type[HpopError] = OptionError,
 ) -> None:
-    """Check attributes of a frozen dataclass as :func:`whole` does, and set them to Python ints.
+    """Check some attributes of a frozen dataclass by :func:`whole`, and set them to Python ints.
 
-    ``optional`` ones may be None.
+    If they are ``optional``, they may be None.
     """
     for name in names:
         if optional and getattr(owner, name) is None:
@@ -214,9 +218,9 @@ def set_wholes(
 
 
 def _bounds_text(least: float, most: float, beyond: bool) -> str:
-    """Return the bounds of a number in words.
+    """Return the bounds of a number in words: "from 0 to 10".
 
-    A very large upper bound is left out unless the number exceeds it (``beyond``).
+    A very large upper bound is left out, unless the number is ``beyond`` it.
     """
     return (
         f"of at least {_bound_text(least)}"
@@ -226,4 +230,5 @@ def _bounds_text(least: float, most: float, beyond: bool) -> str:
 
 
 def _bound_text(bound: float) -> str:
+    """Return one bound as text: 1000000.0 as "1,000,000"."""
     return f"{int(bound):,}" if bound == int(bound) else f"{bound:.6g}"

@@ -1,7 +1,7 @@
-"""Random numbers from the argument ``rng`` (SPEC 7 of Scientific Python), and the seed that is derived from it.
+"""Random seeds from the argument ``rng`` (SPEC 7 of Scientific Python).
 
-All random draws of a run follow from one seed. Certificates, provenance and saved fronts record this seed, so results
-can be reproduced whatever ``rng`` was. Scenario files state the ``seed`` itself.
+All random draws of a run follow from one seed. Certificates, provenance and saved fronts record it, so results can be
+reproduced whatever ``rng`` was. Scenario files give the ``seed`` itself.
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ MaybeRNG: TypeAlias = RNG | EllipsisType
 
 
 def seed_of(rng: RNG) -> int:
-    """Return a seed: ``rng`` itself if it is a whole number, a draw from a Generator, a fresh seed for None.
+    """Return a seed: ``rng`` if it is a whole number, a draw from it if it is a Generator, a fresh seed for None.
 
-    Drawing advances the Generator, so two calls with one Generator differ. Raises OptionError for anything else.
+    Drawing advances a Generator, so two calls with one Generator return different seeds. Raises OptionError for other
+    values.
 
     >>> seed_of(7), seed_of(None) == seed_of(None)
     (7, False)
@@ -38,9 +39,9 @@ def seed_of(rng: RNG) -> int:
 
 
 def set_seed(owner: Any, rng: MaybeRNG) -> None:
-    """Check the ``seed`` of a frozen dataclass; if ``rng`` is not ..., set the seed from ``rng``."""
+    """Set the ``seed`` of a frozen dataclass from an argument ``rng``, unless that is ``...``, and check the seed."""
     if not isinstance(rng, EllipsisType):
         if owner.seed != type(owner).seed:
-            raise OptionError(f"give rng, or a seed, not both; got {shown(rng)} and {shown(owner.seed)}")
+            raise OptionError(f"give either rng or seed, got rng={shown(rng)} and seed={shown(owner.seed)}")
         object.__setattr__(owner, "seed", seed_of(rng))
     set_wholes(owner, "seed", least=0, most=MOST_SEED)

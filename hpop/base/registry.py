@@ -1,6 +1,6 @@
-"""Registries of criteria, planners, models, goals, readers and formats, of hpop and of plugin packages.
+"""Registries that find criteria, planners, models, goals, readers and formats by name, in hpop and in plugin packages.
 
-In hpop a decorator registers types, and each is loaded on first use. A plugin package declares, for example::
+Types of hpop are registered by a decorator and loaded on first use. A plugin package declares, for example::
 
     [project.entry-points."hpop.criteria"]
     glare = "my_package.glare:Glare"
@@ -32,19 +32,19 @@ from hpop.errors import (
 T = TypeVar("T", bound=Callable[..., Any])
 P = TypeVar("P")
 
-# The paper's groups of criteria, so that no aspect is forgotten (Becerra et al. 2020).
+# Groups of criteria of Becerra et al. 2020; they remind users of all aspects.
 GROUPS = {"P": "performance", "C": "comfort", "R": "robot", "O": "others"}
 
 
 class Registry(Mapping[str, T], Generic[T]):
-    """Registry of types by name: hpop's own types and those of plugin packages.
+    """Registry of plugin types (classes) by name, those of hpop and of plugin packages.
 
     kind       word for such a type in messages, such as "planner"
     module     package of hpop whose import registers hpop's own types
     group      entry-point group of plugin packages, such as "hpop.planners"
-    error      class of errors for names taken twice and packages that cannot be loaded
-    parameter  word for a field of a type, such as "option"
-    advice     what to do instead of giving a parameter that no type has, by its name
+    error      class of errors for names that are taken and packages that cannot be loaded
+    parameter  word for a parameter of a type in messages, such as "option"
+    advice     by the name of a parameter that users may expect but no type has: what to do instead
     """
 
     def __init__(
@@ -67,13 +67,16 @@ class Registry(Mapping[str, T], Generic[T]):
         self._loaded = False
 
     def add(self, name: str, item: T) -> None:
-        """Register a type under a name; a name of another type is an error. A notebook may define its class again."""
+        """Register a type under a name; raise an error if another type has this name.
+
+        A class of equal name and module may be registered again, as when the cell of a notebook is run again.
+        """
         if name not in self._types and not item.__module__.startswith("hpop."):
             self._load_home(name)
         taken = self._types.get(name)
         if taken is not None and _origin(taken) != _origin(item):
             raise self.error(
-                f"{self.kind} name {name!r} is taken by {_origin(taken)}; choose another for {_origin(item)}"
+                f"{self.kind} name {name!r} is taken by {_origin(taken)}; choose another name for {_origin(item)}"
             )
         self._types[name] = item
 
@@ -101,13 +104,13 @@ class Registry(Mapping[str, T], Generic[T]):
         return len(self._types)
 
     def own(self) -> dict[str, T]:
-        """Return the registered types that do not come with hpop, by name; nothing is loaded."""
+        """Return, by name, the types registered so far that do not come with hpop; nothing is loaded for that."""
         return {name: item for name, item in self._types.items() if item.__module__.partition(".")[0] != "hpop"}
 
     def _load_home(self, name: str) -> None:
-        """Import hpop's own type of this name, if there is one.
+        """Import the type of hpop that has this name, if there is one.
 
-        The class is found by its name: ``OSpace`` for "o_space", ``LatticeGraph`` for a graph called "lattice".
+        The class is found by its name: ``OSpace`` for "o_space", ``LatticeGraph`` for the graph "lattice".
         """
         package = import_module(self._module)
         letters = str(name).replace("-", "").replace("_", "")
@@ -116,6 +119,7 @@ class Registry(Mapping[str, T], Generic[T]):
                 getattr(package, public)  # the package imports it on first use
 
     def _load_entry_points(self) -> None:
+        """Load all types of hpop and of installed plugin packages, once."""
         if self._loaded:
             return
         package = import_module(self._module)
@@ -127,26 +131,26 @@ class Registry(Mapping[str, T], Generic[T]):
             except Exception as error:
                 raise self.error(
                     f"{self.kind} {point.name!r} ({point.value}) of an installed package cannot be loaded: "
-                    f"{type(error).__name__}: {error}; repair or uninstall that package"
+                    f"{type(error).__name__}: {error}; repair or uninstall the package"
                 ) from error
             self.add(point.name, item)
         self._loaded = True
 
 
 def _origin(item: Any) -> str:
-    """Return where a type or function is defined: module and name."""
+    """Return module and name of a type or function: "hpop.criteria.base.Criterion"."""
     return f"{item.__module__}.{item.__qualname__}"
 
 
 def with_optional_members(plugin: P, defaults: Mapping[str, Any]) -> P:
-    """Return a plugin after adding the optional members of its contract that its class lacks.
+    """Add defaults for the optional members of its protocol that a plugin lacks, and return the plugin.
 
     plugin    a class or an instance
-    defaults  optional members by name, with their default values; existing attributes do not change
+    defaults  default value of each optional member, by name; existing attributes do not change
     """
     cls: Any = plugin if isinstance(plugin, type) else type(plugin)
     for name, value in defaults.items():
-        # A property of an instance may take long, so its class is asked first.
+        # A property of an instance may take long to compute, so the class is examined first.
         if not (name.startswith("__") or hasattr(cls, name) or hasattr(plugin, name)):
             try:
                 setattr(cls, name, value)
@@ -180,10 +184,12 @@ def plugin_from_spec(registry: Registry[type], spec: Any) -> Any:
     kind, error = registry.kind, registry.error
     named = {spec: None} if isinstance(spec, str) else spec
     if not isinstance(named, Mapping) or len(named) != 1:
-        raise error(f"a {kind} is given as a name, or as one name with its parameters, got {shown(spec)}")
+        raise error(f"a {kind} must be given as a name, or as one name with its parameters, got {shown(spec)}")
     ((name, parameters),) = named.items()
     if not isinstance(parameters, Mapping | None):
-        raise error(f"the parameters of {kind} {shown(name)} are given by name, got {shown(parameters)}")
+        raise error(
+            f"the parameters of {kind} {shown(name)} must be given by name, as {{name: value}}, got {shown(parameters)}"
+        )
     cls = registry[name]
     check_parameters(registry, name, cls, parameters or {})
     own = model_parameters(cls) if registry is models else ()
@@ -191,12 +197,12 @@ def plugin_from_spec(registry: Registry[type], spec: Any) -> Any:
         return cls(**{key: _model_from(value) if key in own else value for key, value in (parameters or {}).items()})
     except TypeError as wrong:  # a missing parameter, or one of another type
         raise error(
-            f"{kind} {name!r} cannot be made with parameters {shown(dict(parameters or {}))}: {wrong}"
+            f"{kind} {name!r} cannot be made with the parameters {shown(dict(parameters or {}))}: {wrong}; change them"
         ) from wrong
 
 
 def check_parameters(registry: Registry[type], name: str, cls: Any, given: Collection[str]) -> None:
-    """Raise the registry's error for unknown names of parameters in ``given``, and for missing ones."""
+    """Raise the registry's error if ``given`` has unknown names of parameters, or lacks required ones."""
     known = [field.name for field in fields(cls) if field.init]
     accepted = {*known, *signature(cls).parameters}  # with arguments that only set fields, such as rng
     strange = sorted(str(parameter) for parameter in given if parameter not in accepted)
@@ -207,7 +213,9 @@ def check_parameters(registry: Registry[type], name: str, cls: Any, given: Colle
             f"{''.join(f'; {registry.advice[name]}' for name in strange if name in registry.advice)}"
         )
     if absent := [parameter for parameter in required_parameters(cls) if parameter not in given]:
-        raise registry.error(f"{registry.kind} {name!r} needs {', '.join(absent)} as well; it has {', '.join(known)}")
+        raise registry.error(
+            f"{registry.kind} {name!r} also needs {', '.join(absent)}; its {registry.parameter}s are {', '.join(known)}"
+        )
 
 
 def required_parameters(cls: Any) -> list[str]:
@@ -216,10 +224,7 @@ def required_parameters(cls: Any) -> list[str]:
 
 
 def hints_of(cls: Any) -> dict[str, Any]:
-    """Return the types of a dataclass's fields by name.
-
-    Empty for a plugin that imports these types for type checkers only.
-    """
+    """Return the types of a dataclass's fields by name; {} for a plugin that imports them for type checkers only."""
     try:
         return get_type_hints(cls, include_extras=True)
     except NameError:
@@ -227,20 +232,21 @@ def hints_of(cls: Any) -> dict[str, Any]:
 
 
 def model_parameters(cls: Any) -> frozenset[str]:
-    """Return the names of a dataclass's fields that are models, such as a base that carries another model's camera."""
+    """Return the names of a dataclass's fields that are robot models, such as the base of a pan-tilt head."""
     own = {field.name for field in fields(cls) if field.init}
     return frozenset(name for name, hint in hints_of(cls).items() if name in own and _is_model_hint(hint))
 
 
 def _is_model_hint(hint: Any) -> bool:
+    """Return whether the type of a field is a robot model."""
     return isinstance(hint, type) and all(hasattr(hint, name) for name in ("space", "laws", "pose", "twist"))
 
 
 def _model_from(given: Any) -> Any:
-    """Return the model for a name or a description of a model; a model itself is returned unchanged."""
+    """Return the robot model of a name or a description; return a model object unchanged."""
     return make_model(given) if isinstance(given, str | Mapping) else given
 
 
 def make_model(spec: str | Mapping[str, Mapping[str, Any] | None]) -> Any:
-    """Return a model from its name or ``{name: {parameter: value}}``; raise UnknownName or ModelError."""
+    """Return the robot model of a name or ``{name: {parameter: value}}``; raise UnknownName or ModelError."""
     return plugin_from_spec(models, spec)

@@ -1,4 +1,4 @@
-"""Scalars of NumPy, pandas and others, and arrays without axes, read as Python's numbers."""
+"""Conversion of scalars of NumPy and pandas, and of arrays without axes, to Python's numbers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 def python_value(value: Any) -> Any:
-    """Return the Python value of a NumPy scalar or of an array without axes; other values unchanged.
+    """Return the Python value of a NumPy scalar or of an array without axes; return other values unchanged.
 
     NumPy itself is not imported: any object with the shape ``()`` and a method ``item`` is such a value.
 
@@ -23,7 +23,7 @@ def python_value(value: Any) -> Any:
 
 
 def is_number(value: Any) -> bool:
-    """Return whether a value is one real number, of Python or NumPy; truth values are not.
+    """Return whether a value is a single real number, of Python or NumPy; True and False are not.
 
     >>> import numpy as np
     >>> [is_number(value) for value in (1, np.float32(0.5), np.array(2), True, np.True_, "1", None)]
@@ -34,7 +34,7 @@ def is_number(value: Any) -> bool:
 
 
 def is_whole(value: Any) -> bool:
-    """Return whether a value is one whole number, of Python or NumPy; truth values are not.
+    """Return whether a value is a single whole number, of Python or NumPy; True and False are not.
 
     >>> import numpy as np
     >>> [is_whole(value) for value in (1, np.int64(2), np.array(2), 1.0, True, np.True_)]

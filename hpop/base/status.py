@@ -1,4 +1,4 @@
-"""Status of a search: how it ended."""
+"""Status of a search, which tells how it ended."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from enum import StrEnum
 
 
 class Status(StrEnum):
-    """Outcome of a planner or a search. Only COMPLETE and NO_PATH say that the result is complete.
+    """Outcome of a planner or a search. Only after COMPLETE and NO_PATH the result is complete.
 
-    POINT_LIMIT: a planner's ``max_points`` was reached. RUN_LIMIT: none of a planner's runs reached the goal.
-    UNFINISHED: a result from an early stage of a planner, while the search still goes on.
+    POINT_LIMIT: the option ``max_points`` of a planner was reached. RUN_LIMIT: none of a planner's random runs reached
+    the goal. UNFINISHED: the result is from an early stage of a planner that goes on searching.
     """
 
     COMPLETE = "complete"

@@ -1,6 +1,6 @@
-"""Columns of CasADi symbols that NumPy's functions and operators accept as arrays.
+"""Columns of CasADi symbols that NumPy's functions and operators accept like arrays.
 
-CasADi's array interface is young, so all code that touches it is here.
+CasADi's array interface is new and may change, so all code that uses it is in this file.
 """
 
 from __future__ import annotations
@@ -35,15 +35,17 @@ OPERATIONS = {
     np.exp: "EXP",
     np.log: "LOG",
 }
-"""CasADi's names of the elementwise functions that criteria use."""
-SWAPPED = {np.greater: np.less, np.greater_equal: np.less_equal}  # with swapped arguments
+"""CasADi's names for the elementwise functions that criteria use."""
+SWAPPED = {np.greater: np.less, np.greater_equal: np.less_equal}  # equal to these with swapped arguments
 NUMBERS = (int, float, np.number, np.bool_)
 
 
 def lift(value: Any, size: int | tuple[int, ...]) -> Any:
-    """Wrap a CasADi value, SX or MX, as a column (size,) or an array of at most two axes, for NumPy functions.
+    """Return a CasADi value (SX or MX) as an array of symbols that NumPy functions accept.
 
-    Works in CasADi's default mode; ``setNumpyMode`` is process-wide and stays untouched.
+    size  number of entries of a column, or a shape with at most two axes
+
+    It works in CasADi's default mode; ``setNumpyMode``, which would change the whole process, is not called.
     """
     return _symbols_of(value, (size,) if isinstance(size, int) else tuple(size))
 
@@ -51,9 +53,9 @@ def lift(value: Any, size: int | tuple[int, ...]) -> Any:
 class Symbols(NDArrayOperatorsMixin):
     """Array of CasADi symbols: a column (M,), or a matrix if it has two axes.
 
-    ``casadi.ArrayInterface`` implements NumPy's protocol. The most frequent calls, elementwise functions of numbers and
-    of columns of one shape, go to CasADi directly. CasADi's Python operators would first try to convert their arguments
-    to several types, which takes 18 of the 20 microseconds of an operation.
+    ``casadi.ArrayInterface`` implements NumPy's array protocol and does most of the work here. The most frequent calls,
+    elementwise functions of numbers and of columns of one shape, go to CasADi directly. CasADi's Python operators would
+    first try to convert their arguments to several types, which takes 18 of the 20 microseconds of an operation.
     """
 
     __slots__ = ("_array", "_value", "shape")
@@ -62,7 +64,7 @@ class Symbols(NDArrayOperatorsMixin):
         self.shape, self._value, self._array = shape, value, array
 
     def to_casadi(self) -> Any:
-        """Return the SX or MX: (M, 1) of a column, (P, M) of two axes."""
+        """Return the symbols as SX or MX: of shape (M, 1) for a column, (P, M) for a matrix."""
         if self._value is None:
             self._value = self._array.to_casadi()
         return self._value
@@ -81,7 +83,7 @@ class Symbols(NDArrayOperatorsMixin):
         return self._array
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
-        """Apply one of NumPy's elementwise functions; operators arrive here through the mixin."""
+        """Apply one of NumPy's elementwise functions; the mixin turns operators such as + into these."""
         if method == "__call__" and not options:
             if ufunc in SWAPPED:
                 ufunc, inputs = SWAPPED[ufunc], inputs[::-1]
@@ -91,7 +93,7 @@ class Symbols(NDArrayOperatorsMixin):
         return _wrap_result(getattr(ufunc, method)(*_interface_argument(inputs), **options))
 
     def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Any:
-        """Apply NumPy's other functions."""
+        """Apply one of NumPy's other functions, such as ``np.where``."""
         if (
             function is np.where
             and not options
@@ -110,7 +112,7 @@ class Symbols(NDArrayOperatorsMixin):
         )
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
-        """Raise an error: symbols are no numbers."""
+        """Raise an error, because symbols are not numbers."""
         return self.to_array().__array__(dtype, copy)
 
     def __getitem__(self, key: Any) -> Any:
@@ -120,10 +122,13 @@ class Symbols(NDArrayOperatorsMixin):
         return len(self.to_array())
 
     def __bool__(self) -> bool:
-        raise TypeError("symbols are neither true nor false: choose by np.where, np.maximum or np.minimum")
+        raise TypeError(
+            "a condition must not depend on CasADi symbols, which are neither true nor false; use np.where, np.maximum "
+            "or np.minimum instead of if"
+        )
 
     def __getattr__(self, name: str) -> Any:
-        """Return other attributes of arrays, such as ``sum`` and ``reshape``."""
+        """Return another attribute that arrays have, such as ``sum`` or ``reshape``."""
         if name.startswith("_"):
             raise AttributeError(name)
         member = getattr(self.to_array(), name)
@@ -134,7 +139,7 @@ class Symbols(NDArrayOperatorsMixin):
         )
 
     def _casadi_arguments(self, inputs: Any) -> list[Any]:
-        """Return the arguments as CasADi values if all are numbers or columns of this shape, else an empty list."""
+        """Return arguments as CasADi values if all are numbers or columns of this shape; otherwise return []."""
         if len(self.shape) > 1:
             return []
         operands = []
@@ -151,7 +156,7 @@ class Symbols(NDArrayOperatorsMixin):
 
 
 class SymbolsSX(Symbols):
-    """Symbols of CasADi's type SX, which CasADi accepts as SX."""
+    """Array of symbols of CasADi's type SX; CasADi's functions accept it as SX."""
 
     __slots__ = ()
 
@@ -160,7 +165,7 @@ class SymbolsSX(Symbols):
 
 
 class SymbolsMX(Symbols):
-    """Symbols of CasADi's type MX, which CasADi accepts as MX."""
+    """Array of symbols of CasADi's type MX; CasADi's functions accept it as MX."""
 
     __slots__ = ()
 
@@ -186,14 +191,14 @@ def _numbers(array: Any) -> Any:
 
 
 def _interface_argument(argument: Any) -> Any:
-    """Return an argument as ``casadi.ArrayInterface`` accepts it."""
+    """Return an argument with symbols as ``casadi.ArrayInterface``, also within lists and tuples."""
     if isinstance(argument, Symbols):
         return argument.to_array()
     return type(argument)(map(_interface_argument, argument)) if type(argument) in (list, tuple) else argument
 
 
 def _wrap_result(result: Any) -> Any:
-    """Return a result in which each ``casadi.ArrayInterface`` is wrapped as :class:`Symbols`."""
+    """Return a result with each ``casadi.ArrayInterface`` as :class:`Symbols`, also within lists and tuples."""
     name = type(result).__name__
     if name in ("ArrayInterfaceSX", "ArrayInterfaceMX"):
         return (SymbolsSX if name.endswith("SX") else SymbolsMX)(result.shape, array=result)
@@ -201,13 +206,13 @@ def _wrap_result(result: Any) -> Any:
 
 
 def sum_over_rows(function: Callable[..., Any], rows: Sequence[Sequence[float]], *columns: Any) -> Any:
-    """Return the sum (M,) of ``function(*row, *columns)`` over rows of numbers.
+    """Return the sum (M,) of ``function(*row, *columns)`` over all rows.
 
-    For symbolic columns the function is called once, on the symbols of a single sample, and this expression is mapped
-    over rows and samples, so that it stays small.
-
-    rows     numbers, one sequence for each call
+    rows     sequences of numbers, one for each term of the sum
     columns  columns (M,) or numbers
+
+    For symbolic columns the function is called once, for a single entry of the columns, and CasADi maps this expression
+    over rows and entries. So the expression stays small.
     """
     symbolic = [column for column in columns if not isinstance(column, (*NUMBERS, np.ndarray))]
     if not symbolic:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pandas
 
 PICTURES: dict[type, Callable[[Any], bytes | None]] = {}
-"""Functions by type that draw a value as a small PNG picture, or return None if there is nothing to draw."""
+"""By type: function that draws a value as a small PNG picture, or returns None if there is nothing to draw."""
 
 
 def table_html(headings: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "") -> str:
@@ -37,14 +37,14 @@ def table_html(headings: Sequence[str], rows: Sequence[Sequence[str]], caption: 
 
 
 def facts_html(facts: Sequence[tuple[str, str]]) -> str:
-    """Return an HTML table of two columns: names and values."""
+    """Return an HTML table of two columns, names and values; all text is escaped."""
     left = "style='text-align:left'"  # notebooks align cells to the right, as numbers
     rows = (f"<tr><th {left}>{_escaped(name)}</th><td {left}>{_escaped(value)}</td></tr>" for name, value in facts)
     return f"<table><tbody>{''.join(rows)}</tbody></table>"
 
 
 def picture_html(value: Any) -> str:
-    """Return a picture of a value if the module that draws its type is imported, else a hint how to get a picture."""
+    """Return HTML with a picture of a value; if no imported module can draw its type, return a hint to import one."""
     draw = next((PICTURES[cls] for cls in type(value).__mro__ if cls in PICTURES), None)
     if draw is None:
         return "<p><small><code>import hpop.view</code> adds a picture.</small></p>"
@@ -54,15 +54,16 @@ def picture_html(value: Any) -> str:
 
 
 def _escaped(text: str) -> str:
+    """Return a text with its HTML and control characters escaped."""
     return escape(printable(text))
 
 
-MOST_SHOWN = 8  # rows of a table in a notebook
+MOST_SHOWN = 8  # largest number of rows of a table in a notebook
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Table:
-    """Table of named columns (N,) of numbers, with their units by name ("1" for none).
+    """Table of numbers: columns (N,) by name, and their units by name ("1" for no unit).
 
     >>> import numpy as np
     >>> table = Table({"t": np.array([0.0, 0.1]), "x": np.array([2.0, 2.5])}, {"t": "s", "x": "m"})
@@ -83,7 +84,7 @@ class Table:
         except (KeyError, TypeError):
             raise UnknownName(
                 f"the table has no column {shown(name)}.{did_you_mean(name, self.columns)} "
-                f"It has {', '.join(self.columns)}"
+                f"Its columns: {', '.join(self.columns)}"
             ) from None
 
     def __repr__(self) -> str:
@@ -95,9 +96,9 @@ class Table:
         return [name if (unit := self.units[name]) == "1" else f"{name} ({unit})" for name in self.columns]
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
-        """Write a complete CSV file, or none: headings such as "x (m)", then one line for each row.
+        """Write a CSV file: headings such as "x (m)", then one line for each row. It is complete or not written at all.
 
-        Numbers read back as equal float64. Raises OutputError where the file cannot be written.
+        Numbers are written so that equal float64 are read back. Raises OutputError if the file cannot be written.
         """
         text = io.StringIO(newline="")
         writer = csv.writer(text, lineterminator="\n")
@@ -107,13 +108,13 @@ class Table:
             with replacing(path) as file:
                 file.write(text.getvalue().encode())
         except TypeError:
-            raise OptionError(f"expected the path of a file to write, got {shown(path)}") from None
+            raise OptionError(f"path must be the path of a file to write, got {shown(path)}") from None
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise OutputError(f"cannot write {shown(os.fspath(path))}: {reason}; choose another file") from None
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Return the columns as a table of pandas, with units in its ``attrs``; needs the extra ``tables``."""
+        """Return the columns as a pandas table, with their units in ``attrs``; needs the extra ``tables``."""
         frame = library("pandas", "to_dataframe()").DataFrame(dict(self.columns))
         frame.attrs["units"] = dict(self.units)
         return frame

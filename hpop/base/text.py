@@ -1,4 +1,4 @@
-"""Text for messages: values of any size made short, and made harmless to a terminal."""
+"""Text for messages: short and printable forms of any values."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ HARMFUL = re.compile(
     "\ud800-\udfff\ufeff\uffa0\ufff9-\ufffb\U0001bca0-\U0001bca3\U0001d173-\U0001d17a\U000e0000-\U000e007f]"
     "|(?:(?<=[\x00-\u024f])|^)[\u200c\u200d]|[\u200c\u200d](?=[\x00-\u024f]|$)"
 )
-"""Control characters, marks of writing direction, line separators, halves of surrogate pairs, and invisible characters;
-joiners except between letters of Persian or Hindi, and within emoji."""
+"""Pattern of characters that would control a terminal or mislead a reader. It matches control characters, marks of
+writing direction, line separators, halves of surrogate pairs, and invisible characters, including joiners unless they
+are between letters of Persian or Hindi, or within emoji."""
 LENGTH = 80
 """Largest number of characters of a value in a message."""
 
 
 def printable(text: object, *, newlines: bool = False) -> str:
-    r"""Return printable text: characters that would control a terminal or reorder a line are escaped.
+    r"""Return a text in which characters that would control a terminal or reorder a line are escaped.
 
     >>> print(printable("Käthe \x1b[2J \u202e!"))
     Käthe \x1b[2J \u202e!
@@ -32,9 +33,9 @@ def printable(text: object, *, newlines: bool = False) -> str:
 
 
 def argument(path: str | os.PathLike[str]) -> str:
-    r"""Return a path as an argument of a printed command, quoted where the shell needs it.
+    r"""Return a path as an argument of a shell command that is printed for the user, quoted if the shell needs it.
 
-    Control characters are escaped in quotes of bash ($'...'), so that a command stays on its line.
+    Control characters are escaped in quotes of bash ($'...'), so that the command stays on one line.
 
     >>> print(argument("floor.yaml"), argument("ground floor.yaml"), argument("-a.yaml"), argument("a\nb"))
     floor.yaml 'ground floor.yaml' ./-a.yaml $'a\nb'
@@ -48,7 +49,7 @@ def argument(path: str | os.PathLike[str]) -> str:
 
 
 def shown(value: Any, most: int = LENGTH) -> str:
-    """Return a short repr of a value for a message, even if the value is huge or nested, or its own repr fails.
+    """Return a short repr of a value for a message; this works for huge and nested values, and if their repr fails.
 
     >>> shown([1, "two"]), shown("x" * 1000, 20)
     ("[1, 'two']", "'xxxxxxx...xxxxxxxx'")
@@ -74,7 +75,7 @@ def article(noun: str) -> str:
 
 
 def counted(number: int, noun: str) -> str:
-    """Return a number followed by its noun, with a plural s unless the number is 1.
+    """Return a number and its noun as text, with a plural s unless the number is 1.
 
     >>> counted(1, "path"), counted(1200, "path")
     ('1 path', '1,200 paths')
@@ -93,7 +94,7 @@ def some(several: Sequence[str], most: int = 4) -> str:
 
 
 class _ShortRepr(Repr):
-    """Representation that shows only a few entries and levels of nested values."""
+    """Maker of short reprs, with only a few entries and levels of nested values."""
 
     def __init__(self, most: int) -> None:
         super().__init__()
@@ -103,14 +104,14 @@ class _ShortRepr(Repr):
         self.maxlong = 40
 
     def repr_dict(self, x: dict[Any, Any], level: int) -> str:
-        """Return the representation of a dictionary, in the order of its keys."""
+        """Return the short repr of a dictionary, in the order of its keys."""
         if level <= 0 and x:
             return "{...}"
         pieces = [f"{self.repr1(key, level - 1)}: {self.repr1(x[key], level - 1)}" for key in islice(x, self.maxdict)]
         return f"{{{', '.join([*pieces, *['...'] * (len(x) > self.maxdict)])}}}"
 
     def repr_int(self, x: int, level: int) -> str:
-        """Return the representation of a number, even one that Python refuses to print."""
+        """Return the repr of a whole number; for one too long for Python to print, return its number of digits."""
         if x.bit_length() > 10_000:
             return f"a whole number of {int(x.bit_length() * log10(2)) + 1:,} digits"
         return super().repr_int(x, level)

@@ -60,7 +60,7 @@ def test_a_set_of_one_is_that_state() -> None:
     [
         ([], "a goal must be (x m, y m, yaw rad), or a list of such states, got []"),
         ([(5, 1, 0), (5, 1)], "the goal 1 must be given as (x m, y m, yaw rad), got (5, 1)"),
-        ([(5, 1, 90), (5, 1, 0)], "the yaw of the goal 0 is in radians, within two turns of 0; got 90"),
+        ([(5, 1, 90), (5, 1, 0)], "the yaw of the goal 0 must be in radians, within two turns of 0, got 90"),
         (
             {"x": 5, "y": 1, "jaw": 0},
             "it lacks yaw and names 'jaw', which is no state of the model. Did you mean 'yaw'",
@@ -176,7 +176,7 @@ def test_a_scenario_names_states_by_column_and_lists_goals(tmp_path: Path) -> No
         (("yaw: 90 deg", "jaw: 90 deg"), ScenarioError, "line 4, start: expected [x, y, yaw], numbers in m, m and "
          "rad (or a yaw such as 90 deg), got {'x': 1.0, 'y': 1.0, 'jaw': '90 deg'}; it lacks yaw and names 'jaw'"),
         (("yaw: 90 deg", "yaw: any"), ScenarioError, "line 4, start.yaw: the yaw at the start must be in rad"),
-        (("yaw: 90 deg", "yaw: 90"), QueryError, "line 4, start.yaw: a yaw is in radians, within two turns of 0; got"),
+        (("yaw: 90 deg", "yaw: 90"), QueryError, "line 4, start.yaw: a yaw must be in radians"),
         (("[5.0, 1.0, any]", "[5.0, 1.0, norh]"), ScenarioError, "line 6, goal.0.2: a yaw is a number in rad, or text "
          "such as '90 deg', or 'any'; got 'norh'"),
         (("[5.0, 1.0, any]", "[5.0, 1.0]"), ScenarioError, "line 6, goal.0: expected [x, y, yaw], numbers in m, m and "

@@ -70,7 +70,7 @@ def front_of(asked: Problem, trajectory: hpop.Trajectory) -> hpop.Front:
     [
         ((1, 1, 0), (5, 1, 0, 0), "the start must be given as (x m, y m, yaw rad, pan rad), got (1, 1, 0)"),
         ((1, 1, 0, 2.5), (5, 1, 0, 0), "the pan of the start must be an angle in rad from -2 to 2, got 2.5"),
-        ((1, 1, 0, 0), (5, 1, 0, -90), "the pan of the goal is in radians, within two turns of 0; got -90"),
+        ((1, 1, 0, 0), (5, 1, 0, -90), "the pan of the goal must be in radians, within two turns of 0, got -90"),
         ((1, 1, 0, None), (5, 1, 0, 0), "the start needs a pan in rad; only the goal's may be free (None)"),
         ((1, 1, 0, 0), {"x": 5, "y": 1, "yaw": 0, "tilt": 0}, "it lacks pan and names 'tilt', which is no state"),
     ],

@@ -89,7 +89,7 @@ def test_a_state_in_order_or_by_name_is_the_same(row: tuple[float | None, ...]) 
         ({"x": 1, "y": 2, "yaw": 0, "pam": 0}, "it lacks pan and names 'pam', which is no state of the model. Did you "
          "mean 'pan'?"),
         ((1, 2, 0, 2.1), "the pan of the goal must be an angle in rad from -2.5 to 2, got 2.1"),
-        ((1, 2, 0, 90), "the pan of the goal is in radians, within two turns of 0; got 90: write math.radians(90)"),
+        ((1, 2, 0, 90), "the pan of the goal must be in radians, within two turns of 0, got 90; for degrees"),
         ((1, 6, 0, 0), "y of the goal must be a position in m from 0 to 5, got 6"),
         ((1, None, 0, 0), "y of the goal must be a position in m from 0 to 5, got None"),
         ((1, 2, None, 0), "the goal needs a yaw in rad; only the goal's may be free"),

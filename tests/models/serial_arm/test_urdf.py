@@ -111,7 +111,9 @@ def test_accelerations_are_positive_numbers_one_for_all_or_one_for_each_joint(tm
 
 
 def test_what_is_missing_is_named(tmp_path):
-    with pytest.raises(ModelError, match="model 'serial_arm' needs tip, acceleration as well; it has urdf, tip, acc"):
+    with pytest.raises(
+        ModelError, match="model 'serial_arm' also needs tip, acceleration; its parameters are urdf, tip, acc"
+    ):
         SerialArm.from_urdf(HERE / "arm6.urdf")
     with pytest.raises(ModelError, match=r"has no parameter 'accelerations'\. Did you mean 'acceleration'\?"):
         SerialArm.from_urdf(HERE / "arm6.urdf", tip="tool", accelerations=6.0)

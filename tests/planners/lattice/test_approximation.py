@@ -92,7 +92,7 @@ def test_an_interrupted_search_proves_its_gap_too():
     [
         ({"eps": -0.01}, "eps must be a number, such as"),
         ({"eps": "much"}, "eps must be a number, such as"),
-        ({"tolerance": 0.1}, "tolerance gives amounts by the name of a cost"),
+        ({"tolerance": 0.1}, "tolerance must map names of costs to amounts"),
         (
             {"tolerance": {"lenght": 0.1}},
             r"tolerance must name costs that the search minimises .*, got 'lenght'. Did you mean 'length'",

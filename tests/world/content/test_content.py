@@ -62,7 +62,7 @@ def test_a_velocity_is_two_finite_numbers(velocity):
 @pytest.mark.parametrize("degrees", [90, -180.0, 12.6])
 def test_a_direction_in_degrees_is_refused(degrees):
     for make in (lambda: Person(0, 0, yaw=degrees), lambda: Landmark(0, 0, facing=degrees)):
-        with pytest.raises(MapError, match=r"in radians, within two turns of 0; got .* write math\.radians\("):
+        with pytest.raises(MapError, match=r"in radians, within two turns of 0, got .* write math\.radians\("):
             make()
 
 

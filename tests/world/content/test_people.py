@@ -239,7 +239,7 @@ def test_what_is_no_prediction_is_refused(given, message):
         ({"velocity": 3}, r"a future needs a velocity \(x, y\)"),
         ({"track": L, "velocity": (1, 0)}, "a future has a track and a velocity"),
         ({"until": -2}, "until must be a number from 0"),
-        ({"yaw": 90}, "a future: yaw is in radians"),
+        ({"yaw": 90}, "a future: yaw must be in radians"),
         ({"x": math.inf}, "x must be a number"),
         ({"afterwards": "?"}, "afterwards is|afterwards must be one of gone, stays"),
     ],
