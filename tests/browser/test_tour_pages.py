@@ -102,8 +102,8 @@ def test_kept_rows_stay_when_the_order_is_let_go_and_python_code_lists_the_rows(
     assert f"front[np.isin(np.arange(len(front)), {rows})]" in page.get_by_label("Python").input_value()
     page.locator("dialog[open] .close").click()
     page.get_by_role("button", name="Keep").click()
+    assert np.flatnonzero(selected(page)).tolist() == rows  # waits for a frame
     assert page.get_by_label("order of stops").input_value() == ""
-    assert np.flatnonzero(selected(page)).tolist() == rows
 
 
 def test_rows_are_sorted_by_their_order(page: Page, orders: list[str]) -> None:
