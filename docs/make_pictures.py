@@ -105,7 +105,7 @@ RECIPES = [
         "06_arm",
         "python examples/06_arm.py",
         "tutorials/06_arm",
-        {"out/06_arm/left/side.png": "An arm with the camera in its hand before a shelf"},
+        {"out/06_arm/side.png": "An arm with the camera in its hand visits three cans on a shelf, in any order"},
     ),
     example("07_mobile_arm", {"map": "A base drives an arm to a shelf", "side": "The way of the camera in its hand"}),
     example(

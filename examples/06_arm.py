@@ -1,13 +1,12 @@
-"""Inspect three cans with a camera in the hand of an arm: quickly, with little rotation, looking at the can.
+"""Inspect three cans with a camera in the hand of an arm: quickly, with little rotation, away from the shelf.
 
-Each can has its own front, from which the knee is chosen. The next plan begins where this trajectory ends.
+The cans are the stops of a tour, in any order: each tour on the front has its own.
 """
 
 from math import radians
 from pathlib import Path
 
 import hpop
-from hpop.goals import LookAt
 from hpop.models import SerialArm
 from hpop.view import save_pictures
 from hpop.world import Box, Cylinder, Solid, pose_at
@@ -26,8 +25,8 @@ BOARDS = {
 CANS = {"below": (0.66, -0.2, 0.0785), "left": (0.7, 0.25, 0.4285), "right": (0.7, -0.25, 0.4285)}
 
 
-def main(folder: Path = Path("out/06_arm"), samples: int = 300) -> list[hpop.Front]:
-    """Plan from can to can, choose the knee, and draw each front."""
+def main(folder: Path = Path("out/06_arm"), samples: int = 300) -> hpop.Front:
+    """Plan tours from home past the cans and back, and draw their front."""
     # World: a shelf on a table, made of boxes and cylinders, which are placed by their centres.
     boards = [Solid(Box(size), pose_at(place), name) for name, (size, place) in BOARDS.items()]
     cans = [Solid(Cylinder(0.033, 0.115), pose_at(place), f"can {name}") for name, place in CANS.items()]
@@ -43,28 +42,32 @@ def main(folder: Path = Path("out/06_arm"), samples: int = 300) -> list[hpop.Fro
         acceleration=6.0,
     )
 
-    start, fronts = arm.space.named["home"], []
-    for name, place in CANS.items():
-        # Goal: any state in which the camera sees the can upright, from 0.15 to 0.3 m away.
-        problem = hpop.Problem(
-            world=world,
-            model=arm,
-            start=start,
-            goal=LookAt(place, distance=(0.15, 0.3), roll=0.0),
-            criteria=["duration", "rotation", {"look_at": {"target": place}}],
-        )
+    # Stops: any state in which the camera sees the can upright, from 0.15 to 0.3 m away. It looks for two seconds.
+    stops = [
+        {"look_at": {"target": place, "distance": (0.15, 0.3), "roll": 0.0}, "dwell": 2.0, "name": f"can {name}"}
+        for name, place in CANS.items()
+    ]
+    home = arm.space.named["home"]
+    problem = hpop.Problem(
+        world=world,
+        model=arm,
+        start=home,
+        goal=home,
+        criteria=["duration", "rotation", {"clearance": {"enough": 0.1}}],  # a cost below 0.1 m
+        tour=hpop.Tour(stops, order="any"),
+    )
 
-        # Plan: collision-free paths on a random roadmap, then splines that are no worse than these paths.
-        front = problem.solve(planner="spline", warm_start={"roadmap": {"samples": samples}})
-        print(f"can {name}: {len(front)} trajectories ({front.status}); {front.certificate}")
+    # Plan: the exact front on a random roadmap, over all orders of the cans and all states at each can.
+    front = problem.solve(planner="roadmap", samples=samples)
+    print(f"{len(front)} tours ({front.status}); {front.certificate}")
 
-        # Choose: the knee. The next plan begins at its end.
-        knee = front.knee()
-        print(", ".join(f"{cost} {value:.2f}" for cost, value in knee.costs.items()))
-        save_pictures(problem, front, folder / name)
-        start = arm.space.values(knee.item.states.take([-1]))
-        fronts.append(front)
-    return fronts
+    # Choose: the fastest tour, and the knee. Each has its own order.
+    for name in ("least duration", "knee"):
+        point = front.named()[name]
+        order = " -> ".join(visit["stop"] for visit in front.provenance[point.index]["visits"])
+        print(f"{name}: {order}; " + ", ".join(f"{cost} {value:.2f}" for cost, value in point.costs.items()))
+    save_pictures(problem, front, folder)
+    return front
 
 
 if __name__ == "__main__":

@@ -269,25 +269,40 @@ def test_a_drive_is_chosen_anew_after_each_event_and_arrives(tmp_path, capsys):
     assert {path.name for path in tmp_path.iterdir()} == {"drive.json", "drive.png", "plan.png"}
 
 
-@pytest.mark.proof
-def test_an_arm_looks_at_a_can_and_all_that_it_does_is_verified(tmp_path, monkeypatch):
+def test_an_arm_looks_at_each_can_for_two_seconds_in_several_orders(tmp_path, monkeypatch):
     drawn = []
 
     def save_side(problem, front, folder):
         """Draw the picture that only arms have; the others take as long as all the planning."""
-        assert any(str(artist.get_gid()).startswith("views of") for artist in draw_side(problem, front).findobj())
+        artists = draw_side(problem, front).findobj()
+        assert any(str(artist.get_gid()).startswith("views of") for artist in artists)
+        assert [artist.get_text() for artist in artists if artist.get_gid() == "stop"] == ["1", "2", "3"]
         assert verify(problem, front) == []
-        assert_looked_at(problem, front)
         drawn.append(front)
 
     monkeypatch.setattr("hpop.view.save_pictures", save_side)
     arms = example("06_arm.py")
-    monkeypatch.setattr(arms, "CANS", {"below": arms.CANS["below"]})
-    (front,) = arms.main(tmp_path, samples=10)
+    front = arms.main(tmp_path, samples=60)
     assert drawn == [front]
-    assert len(front) > 1
     assert is_nondominated(front.costs).all()
-    assert any(set(trajectory.kinds) == {"spline"} for trajectory in front.trajectories)
+    assert len({tuple(visit["stop"] for visit in origin["visits"]) for origin in front.provenance}) > 1
+    for trajectory, origin in zip(front.trajectories, front.provenance, strict=True):
+        assert_cans_seen(arms.CANS, trajectory, origin["visits"])
+
+
+def assert_cans_seen(cans, trajectory, visits):
+    """Check, by the camera's pose alone, that it stands for two seconds and looks at each can upright from near."""
+    assert sorted(visit["stop"] for visit in visits) == sorted(f"can {name}" for name in cans)
+    for visit in visits:
+        assert visit["end"] - visit["begin"] == pytest.approx(2.0)
+        pose = trajectory.model.pose("camera", trajectory.at(np.linspace(visit["begin"], visit["end"], 9)))
+        way = np.array(cans[visit["stop"].removeprefix("can ")])[:, None] - np.array([pose.x, pose.y, pose.z])
+        distance = np.linalg.norm(way, axis=0)
+        assert np.ptp(way, axis=1) == pytest.approx([0, 0, 0], abs=1e-9)
+        assert (distance >= 0.15 - 1e-6).all()
+        assert (distance <= 0.3 + 1e-6).all()
+        assert ((np.array(pose.ahead) * way).sum(axis=0) / distance >= math.cos(math.radians(1.0)) - 1e-9).all()
+        assert np.abs(pose.roll).max() <= math.radians(1.0) + 1e-9
 
 
 @pytest.mark.usefixtures("no_pictures")

@@ -149,13 +149,19 @@ class TourStop:
         """
         if self.at is not None:
             return self.at
-        marks = [(mark.x, mark.y) for mark in world.content.landmarks if mark.name == self.landmark]
-        if self.landmark is not None:
-            return marks[0] if marks else None
-        target = self.target
-        places = [*target.places, *target.listed] if target is not None else []
-        first = places[0][:2] if places else ()
+        if (place := self.place_in_space(world)) is not None:
+            return place[:2]
+        listed = self.target.listed if self.target is not None else ()
+        first = listed[0][:2] if listed else ()
         return (float(first[0]), float(first[1])) if len(first) == 2 and None not in first else None  # type: ignore[arg-type]
+
+    def place_in_space(self, world: World) -> tuple[float, float, float] | None:
+        """Return the position (x, y, z), m, of the stop's landmark or of the target of its goal; None without one."""
+        for mark in world.content.landmarks if self.landmark is not None else ():
+            if mark.name == self.landmark:
+                return mark.x, mark.y, mark.z
+        places = self.target.places if self.target is not None else ()
+        return places[0] if places else None
 
     def describe(self) -> dict[str, Any]:
         """Return the stop as JSON, without default values. Use this only on a stop from :meth:`Tour.on`."""

@@ -155,15 +155,21 @@ def _named_targets(problem: Problem) -> list[tuple[str, tuple[float, float, floa
     return [*named, *(("the goal", place) for place in problem.target.places)]
 
 
-def draw_stops(axes: Axes, problem: Problem) -> list[Line2D]:
-    """Draw the numbers of a tour's stops, and circles within which they count as visited; return the legend entry."""
+def draw_stops(axes: Axes, problem: Problem, flatten: Callable[[FloatArray], FloatArray] | None = None) -> list[Line2D]:
+    """Draw the numbers of a tour's stops, and circles within which they count as visited; return the legend entry.
+
+    flatten  projects points (3,) to a side view, which shows stops with a landmark or target; None for maps
+    """
     if problem.tour is None:
         return []
     for number, stop in enumerate(problem.tour.stops, 1):
         place = stop.place(problem.world)
+        if flatten is not None:
+            point = stop.place_in_space(problem.world)
+            place = None if point is None else tuple(flatten(np.array(point)).tolist())
         if place is None:
             continue
-        if stop.at is not None and stop.within is not None:
+        if flatten is None and stop.at is not None and stop.within is not None:
             axes.add_patch(Circle(place, stop.within, zorder=3.5, gid="stop disc", **DISC))
         axes.annotate(
             str(number), place, xytext=(-7, 7), textcoords="offset points", ha="center", va="center",

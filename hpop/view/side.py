@@ -21,7 +21,7 @@ from hpop.trajectories.trajectory import Trajectory
 from hpop.view.content import INK, MOST_NAMES, STAR, write
 from hpop.view.ground import View
 from hpop.view.map import draw_all, draw_named, planner_entries, scale_of
-from hpop.view.marks import draw_ends, draw_targets, end_positions, goal_words, targets_of
+from hpop.view.marks import draw_ends, draw_stops, draw_targets, end_positions, goal_words, targets_of
 from hpop.view.page import (
     WHOLE,
     Handle,
@@ -107,6 +107,7 @@ def draw_side(
         *_draw_landmarks(axes, landmarks, section, view),
         *draw_robot(axes, robot, named),
         *draw_targets(axes, problem, section.flattened),
+        *draw_stops(axes, problem, section.flattened),
         *planner_entries(front),
     ]
     bars = draw_all(axes, front, scale_of(front, colour), rows, line)
