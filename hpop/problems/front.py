@@ -248,7 +248,7 @@ def _trajectories(path: str | os.PathLike[str], model: Model, items: dict[str, A
         return MotionTable.from_description(model, items).trajectories()
     except (ModelError, ValueError) as error:
         raise FrontFileError(
-            f"{path}: expected trajectories, but {error!s:.600}; plan again, or pass decode= if its items are no "
+            f"{path}: its trajectories cannot be read: {error!s:.600}; plan again, or pass decode= if its items are no "
             "trajectories"
         ) from None
 

@@ -191,7 +191,10 @@ def build(description: Mapping[str, Any]) -> World:
         OverflowError,
         shapely.errors.ShapelyError,
     ) as error:
-        raise MapError(f"expected the description of a world, as by World.describe; got {shown(error)}.") from None
+        raise MapError(
+            "the description of a world is malformed: expected a dict as World.describe returns, got one that fails "
+            f"with {shown(error)}; describe the world anew"
+        ) from None
     known = ", ".join(("geometry", *readers))
     raise MapError(f'a world\'s description must have a "kind", one of {known}; got {shown(kind)}.')
 

@@ -49,7 +49,7 @@ def test_frames_alone(run: Run, folder: Path, tmp_path: Path) -> None:
         (["--video", "it.mp4", "--rows", "7"], None, "the front has rows 0 to 1"),
         (["--video", "it.mp4", "--rows", "0,1"], 2, "a video shows one row, got 2: 0, 1"),
         (["--video", "it.mp4", "--rows", "best"], None, "no row is called 'best'"),
-        (["--video", "it.avi"], None, "must end in .mp4"),
+        (["--video", "it.avi"], None, "a file name that ends in .mp4"),
         (["--video", "it.mp4", "--width", "65"], None, "multiple of 4, got 65; 64 is one"),
         (["--video", "it.mp4", "--fps", "0"], None, "frames a second from 1 to 240"),
         (["--video", "it.mp4", "--rows", ","], 2, "expected ROW or ROW,ROW"),

@@ -45,8 +45,8 @@ def until(monkeypatch, costed):
 @pytest.mark.parametrize(
     ("planner", "edges", "what"),
     [
-        (WeightedSum(step=0.25, time_limit=1000.0), 9_000, "supported points of"),
-        (AnyAngle(step=0.25, time_limit=1000.0), 9_000, "with the points of earlier stages"),
+        (WeightedSum(step=0.25, time_limit=1000.0), 3_000, "supported points of"),
+        (AnyAngle(step=0.25, time_limit=1000.0), 3_000, "with the points of earlier stages"),
         (Roadmap(samples=100, time_limit=1000.0), 40, "the shortest path of the roadmap of 100 samples"),
     ],
     ids=lambda value: getattr(value, "name", None),

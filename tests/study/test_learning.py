@@ -109,7 +109,7 @@ def test_ratings_that_have_nothing_to_do_with_costs_are_told() -> None:
         ({"trajectories": [99] * 40}, StudyError, "its row, 0 to 39; got 99"),
         ({"trajectories": [0, 1] * 20}, StudyError, "at least 5 distinct trajectories, got 2"),
         ({"people": list(range(40))}, StudyError, "rated only one trajectory"),
-        ({"criteria": ["obstruction"]}, CriterionError, "take 'exposure'"),
+        ({"criteria": ["obstruction"]}, CriterionError, "use 'exposure'"),
         ({"criteria": ["turns", "turns"]}, CriterionError, "'turns' twice"),
     ],
 )

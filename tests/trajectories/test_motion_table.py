@@ -144,14 +144,14 @@ def put(place: str, value: object):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (put("motions.start.0", 99), "table of 7 rows in motions.start"),
-        (put("motions.end.0", -1), "table of 7 rows in motions.end"),
-        (put("motions.end.0", 10**400), "table of 7 rows in motions.end"),
-        (put("motions.kind.0", 3), "table of 3 rows in motions.kind"),
+        (put("motions.start.0", 99), "row numbers from 0 to 6 in motions.start"),
+        (put("motions.end.0", -1), "row numbers from 0 to 6 in motions.end"),
+        (put("motions.end.0", 10**400), "row numbers from 0 to 6 in motions.end"),
+        (put("motions.kind.0", 3), "row numbers from 0 to 2 in motions.kind"),
         (put("motions.kind.0", True), "5 whole numbers in motions.kind"),
         (put("motions.kind.0", 1.0), "5 whole numbers in motions.kind"),
         (put("motions.kind", [0]), "in motions."),
-        (put("trajectories.motions.0.0", 5), "table of 5 rows in trajectories.motions"),
+        (put("trajectories.motions.0.0", 5), "row numbers from 0 to 4 in trajectories.motions"),
         (put("trajectories.motions.0.0", []), "whole numbers in trajectories.motions"),
         (put("trajectories.motions.0", 3), "one list of motions for each trajectory"),
         (put("trajectories.motions.0", [1, 0]), "trajectory 0 jumps"),
@@ -159,7 +159,7 @@ def put(place: str, value: object):
         (put("trajectories.start.1", None), "3 whole numbers in trajectories.start"),
         (put("trajectories.start", [0, 0]), "one start and one list of motions for each trajectory"),
         (put("states.x.0", None), "7 numbers in states.x, found 7 of type NoneType, float"),
-        (put("states.x.0", 10**400), "float64 numbers in states.x"),
+        (put("states.x.0", 10**400), "the range of float64 in states.x"),
         (put("states.x.0", "1"), "7 numbers in states.x"),
         (put("states.y", [0.0]), "7 numbers in states.y, found 1"),
         (put("states.y.3", 9.0), "a turn must not change y"),
@@ -190,7 +190,7 @@ def test_a_table_that_is_none_is_refused(tmp_path, document, change, message):
 
 def test_a_front_of_anything_does_not_read_the_table_of_another(tmp_path, document):
     (tmp_path / "front.json").write_text(document)
-    with pytest.raises(FrontFileError, match=r"stored together.*hpop\.Front"):
+    with pytest.raises(FrontFileError, match=r"only the class that saved the front can read.*hpop\.Front"):
         hpop.frontier.Front.load(tmp_path / "front.json")
 
 

@@ -136,7 +136,7 @@ def test_cutting_is_the_intersection_of_half_planes(lines, point):
 
 
 def test_nothing_is_left():
-    with pytest.raises(ValueError, match="nothing"):
+    with pytest.raises(ValueError, match="got an empty intersection"):
         HalfPlanes.box(np.zeros((1, 2)), 1.0).cut(np.array([[1.0, 0.0]]), np.array([-2.0]))
 
 
