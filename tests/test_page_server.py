@@ -205,5 +205,7 @@ def test_what_is_posted_is_bounded_and_browsers_leave_out_usual_ports() -> None:
 
 
 def test_why_a_port_cannot_be_had_is_said() -> None:
-    assert "below 1024 are the system's; choose another --port" in no_port(443, PermissionError(errno.EACCES, "x"))
+    assert "ports below 1024 are reserved for the system; choose another --port" in no_port(
+        443, PermissionError(errno.EACCES, "x")
+    )
     assert "Cannot assign" in no_port(8000, OSError(errno.EADDRNOTAVAIL, "Cannot assign"))

@@ -253,7 +253,9 @@ def test_where_no_file_can_be_shared_the_work_is_done_here(monkeypatch: pytest.M
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
     with ThreadPoolExecutor(1) as pool, Sweep(operator.mul, 7, pool) as sweep:
         assert dict(sweep.run(TASKS)) == EXPECTED
-    assert [note.split(";")[0] for note in sweep.notes] == ["a worker or its executor failed (FileNotFoundError)"]
+    assert [note.split(";")[0] for note in sweep.notes] == [
+        "a worker process or its executor failed (FileNotFoundError)"
+    ]
 
 
 LEAVING = """

@@ -1,1 +1,1 @@
-"""Processes and limits: compiled kernels, workers, interrupts, budgets, status and the server of pages."""
+"""Running searches: compiled kernels, worker processes, Ctrl-C, limits, progress, and the server of web pages."""

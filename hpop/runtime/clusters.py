@@ -1,4 +1,4 @@
-"""Executors on clusters: the workers of a Dask scheduler or of a Ray cluster as ``concurrent.futures`` executors."""
+"""Clusters: workers of Dask or Ray as executors of ``concurrent.futures``."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from hpop.errors import OptionError
 
 T = TypeVar("T")
 
-CONNECT = 10  # s to wait for a scheduler
+CONNECT = 10  # s, time to wait for a connection to a scheduler
 
 
 class _Cluster(Executor):
     """Executor over the workers of a Dask client.
 
-    Dask's own executor leaves a job open for ever if the scheduler dies while its result is on the way.
+    With Dask's own executor, a job would never end if the scheduler dies while the job's result is being sent.
     """
 
     def __init__(self, client: Any) -> None:
@@ -33,7 +33,7 @@ class _Cluster(Executor):
 
 
 async def _copy_outcome(remote: Any, local: Future[Any]) -> None:
-    """Copy the outcome of a Dask job to its future."""
+    """Wait for a Dask job, and copy its result or error to the future ``local``."""
     try:
         result = await remote
     except Exception as error:
@@ -46,30 +46,31 @@ async def _copy_outcome(remote: Any, local: Future[Any]) -> None:
 
 @contextmanager
 def dask(address: str) -> Iterator[Executor]:
-    """Connect to the workers of a Dask scheduler, such as ``tcp://host:8786``, with hpop installed.
+    """Connect to a Dask scheduler, such as ``tcp://host:8786``, and yield an executor over its workers.
 
-    Raises OptionError if the extra hpop[dask] is not installed, or no scheduler answers.
+    hpop must be installed on the workers. Raises OptionError if the extra hpop[dask] is not installed, or no scheduler
+    answers.
     """
     try:
         distributed: Any = import_module("distributed")
     except ImportError as error:
         raise OptionError(
-            f"a Dask cluster needs the extra hpop[dask] ({error}); pip install 'hpop[dask]', or use workers of this "
-            "machine"
+            f"a Dask cluster needs Dask, which cannot be imported ({error}); run pip install 'hpop[dask]', or use "
+            "workers of this machine"
         ) from None
     try:
         client = distributed.Client(address, timeout=CONNECT)
     except (OSError, ValueError) as error:
         raise OptionError(
-            f"no Dask scheduler answers at {address!r} ({error}); start one with `dask scheduler`, which says its "
-            "address"
+            f"no Dask scheduler answers at {address!r} ({error}); start one with `dask scheduler`, and give the "
+            "address that it prints"
         ) from None
     with client:
         yield _Cluster(client)
 
 
 class _RayCluster(Executor):
-    """Executor over the workers of a Ray cluster; each job takes one processor."""
+    """Executor over the workers of a Ray cluster; each job occupies one processor."""
 
     def __init__(self, library: Any) -> None:
         self._library = library
@@ -81,20 +82,20 @@ class _RayCluster(Executor):
 
 @contextmanager
 def ray(address: str) -> Iterator[Executor]:
-    """Connect to a Ray cluster, such as ``host:6379`` or ``auto``, with hpop installed on its machines.
+    """Connect to a Ray cluster, such as ``host:6379`` or ``auto``, and yield an executor over its workers.
 
-    Raises OptionError where Ray is not installed, or no cluster answers.
+    hpop must be installed on its machines. Raises OptionError if Ray is not installed, or no cluster answers.
     """
     try:
         library: Any = import_module("ray")
     except ImportError as error:
-        raise OptionError(f"a Ray cluster needs Ray ({error}); pip install ray") from None
+        raise OptionError(f"a Ray cluster needs Ray, which cannot be imported ({error}); run pip install ray") from None
     try:
         library.init(address=address, log_to_driver=False, logging_level="ERROR")
     except (ConnectionError, ValueError, RuntimeError) as error:
         raise OptionError(
-            f"no Ray cluster answers at {address!r} ({error}); start one with `ray start --head`, which says its "
-            "address"
+            f"no Ray cluster answers at {address!r} ({error}); start one with `ray start --head`, and give the address "
+            "that it prints"
         ) from None
     try:
         yield _RayCluster(library)

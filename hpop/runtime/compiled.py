@@ -1,18 +1,20 @@
-"""Compilation of kernels by numba, and their cache on disk. Import it on first use only: it takes half a second.
+"""Compilation of kernels (functions for numba), and their cache on disk.
 
-numba writes its cache beside the source, or into the user's cache folder (NUMBA_CACHE_DIR overrides both). If neither
-can be written, numba refuses to decorate; if the disk is full, it fails. Here kernels are then compiled anew in each
-process, with one warning.
+Import this module on first use only, because importing numba takes half a second.
 
-Before numba loads its first kernel, it prepares to compile: it imports everything it can compile (a quarter of a
+numba writes its cache beside the source, or into the user's cache folder (NUMBA_CACHE_DIR overrides both). If it can
+write neither, or the disk is full, numba raises an error. Here, kernels are then compiled anew in each process, with
+one warning.
+
+Before numba loads its first kernel, it prepares to compile. It imports everything that it can compile (a quarter of a
 second), and scipy.linalg (another quarter) only to check whether matrix products can be compiled. Cached kernels need
-only numba's runtime, so these imports wait until a kernel is compiled. The check for matrix products is skipped: no
-kernel here uses them, and numba repeats the check where a product is compiled.
+only numba's runtime, so here these imports wait until a kernel must be compiled. The check for matrix products is
+skipped, because no kernel here uses them, and numba repeats the check when it compiles one.
 
-With NUMBA_DISABLE_JIT, as for coverage or a debugger, kernels run as plain Python, about a hundred times slower.
+With NUMBA_DISABLE_JIT, which coverage and debuggers need, kernels run as plain Python, about a hundred times slower.
 
-numba also imports the package coverage wherever it is installed, only to check whether it measures this process. If it
-does, it is imported already; else the import is skipped.
+numba also imports the package coverage if it is installed, only to check whether it measures this process. If coverage
+does, it is imported already; otherwise the import is skipped.
 """
 
 from __future__ import annotations
@@ -39,7 +41,7 @@ finally:
         del sys.modules["coverage"]
 
 if (_log := logging.getLogger("numba")).level == logging.NOTSET:
-    _log.setLevel(logging.WARNING)  # else a log of all levels gets a line for each compiled instruction
+    _log.setLevel(logging.WARNING)  # otherwise a log of all levels gets a line for each compiled instruction
 
 __all__ = ["compiling_seconds", "inlined", "kernel", "lean", "numba", "wide"]
 
@@ -50,7 +52,7 @@ _event: Any = import_module("numba.core.event")
 
 
 class _Stopwatch(_event.Listener):  # type: ignore[misc]
-    """Clock of compilation time; the time of a kernel includes that of the kernels that it calls."""
+    """Clock that adds up the time that numba spends on compiling; nested compilations count once."""
 
     def __init__(self) -> None:
         self.seconds = self.began = 0.0
@@ -68,21 +70,22 @@ class _Stopwatch(_event.Listener):  # type: ignore[misc]
 _stopwatch = _Stopwatch()
 _event.register("numba:compile", _stopwatch)
 
-# Ctrl-C waits while LLVM works: in a callback it would be lost, and between two calls that pass memory on it would
-# crash. No call of LLVM can be interrupted anyway; between calls, while types are inferred, Ctrl-C acts at once.
+# Ctrl-C is delayed while LLVM works. In a callback of LLVM it would be lost, and between two calls that hand over
+# memory it would cause a crash. No call of LLVM can be interrupted anyway. Between calls, while numba infers types,
+# Ctrl-C acts at once.
 _library: Any = import_module("numba.core.codegen").CPUCodeLibrary
 for _step in ("add_ir_module", "finalize"):
     setattr(_library, _step, interrupts_held()(getattr(_library, _step)))
 
 
 def compiling_seconds() -> float:
-    """Return the seconds that this process has spent on compiling kernels; no time limit covers them."""
+    """Return the time, s, that this process has spent on compiling kernels; it does not count for time limits."""
     return _stopwatch.seconds
 
 
 @contextmanager
 def compiling_elsewhere() -> Iterator[None]:
-    """Count the time in this block, a wait for another process that compiles, as compilation time."""
+    """Count the time of a block as compilation time: in it, this process waits for another one that compiles."""
     _stopwatch.on_start(None)
     try:
         yield
@@ -93,7 +96,7 @@ def compiling_elsewhere() -> Iterator[None]:
 @cache
 def _import_compilable() -> None:
     """Import everything that numba can compile, except scipy.linalg."""
-    with suppress(ImportError, AttributeError):  # another version of numba may differ: then it takes longer
+    with suppress(ImportError, AttributeError):  # in another version of numba, this may fail and only takes longer
         linalg: Any = __import__("numba.np.linalg", fromlist=["ensure_blas"])
         ensure_blas = linalg.ensure_blas
         linalg.ensure_blas = lambda: None
@@ -104,27 +107,29 @@ def _import_compilable() -> None:
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a function at its first call, and cache the result on disk where a folder can be written."""
+    """Decorate a function so that numba compiles it at its first call and caches the result on disk, if possible."""
     return _cached_dispatcher(function)
 
 
 def lean(function: Callable[..., Any]) -> Any:
-    """Compile a kernel that allocates no arrays, so that numba need not count references.
+    """Decorate a kernel that allocates no arrays, so that numba need not count references to arrays.
 
-    By default numba counts references at each call of another kernel, with two atomic instructions per array: up to 40
-    % of
-    the time of a loop that calls helpers. (The option is numba's own for such functions, though undocumented.)
+    By default, numba counts references at each call of another kernel, with two atomic instructions per array. That can
+    take 40 % of the time of a loop that calls helpers. (The option that turns it off is numba's, but undocumented.)
     """
     return _cached_dispatcher(function, _nrt=False)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """Compile a lean helper that becomes part of each kernel that calls it, for the innermost loops."""
+    """Decorate a helper without array allocation (see :func:`lean`) that is inlined into each kernel that calls it.
+
+    This is for innermost loops.
+    """
     return _cached_dispatcher(function, _nrt=False, forceinline=True)
 
 
 def wide(function: Callable[..., Any]) -> Any:
-    """Compile a lean kernel with vectorization of equal operations on neighbouring numbers.
+    """Decorate a kernel without array allocation (see :func:`lean`) so that LLVM vectorizes neighbouring operations.
 
     LLVM's pass for this (SLP) is off in numba by default, because it takes time and few kernels gain from it.
     """
@@ -143,6 +148,7 @@ def wide(function: Callable[..., Any]) -> Any:
 
 @contextmanager
 def _config_set(name: str, value: Any) -> Iterator[None]:
+    """Change a setting of numba within a block."""
     before = getattr(numba.config, name)
     setattr(numba.config, name, value)
     try:
@@ -152,7 +158,7 @@ def _config_set(name: str, value: Any) -> Iterator[None]:
 
 
 class _PlainKernel:
-    """Kernel that runs as plain Python, with the attributes of a compiled one; used with NUMBA_DISABLE_JIT."""
+    """Kernel that runs as plain Python but has the attributes of a compiled one; used with NUMBA_DISABLE_JIT."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         update_wrapper(self, function)
@@ -168,13 +174,14 @@ class _PlainKernel:
 
 
 class _AnySignature:
-    """Variants of an uncompiled kernel, which takes arguments of all types."""
+    """Stand-in for the compiled variants of a kernel; contains all types of arguments."""
 
     def __contains__(self, signature: Any) -> bool:
         return True
 
 
 def _cached_dispatcher(function: Callable[..., Any], **options: Any) -> Any:
+    """Return a function as a kernel of numba with a cache on disk; ``options`` are those of ``numba.njit``."""
     if getattr(numba.config, "DISABLE_JIT"):  # noqa: B009  (set when numba is imported)
         return _PlainKernel(function)
     dispatcher = numba.njit(function, nogil=True, **options)
@@ -182,12 +189,12 @@ def _cached_dispatcher(function: Callable[..., Any], **options: Any) -> Any:
         dispatcher._cache = _DiskCache(function)
     except (RuntimeError, OSError):
         _import_compilable()
-        _warn_once("no folder for it can be written")
+        _warn_once("no cache folder can be written")
     return dispatcher
 
 
 class _DiskCache(_caching.FunctionCache):  # type: ignore[misc]
-    """Cache of a kernel's variants on disk. If the disk fails, kernels are compiled again; results do not change."""
+    """Cache of a kernel's compiled variants on disk; if the disk fails, kernels are compiled again."""
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         try:
@@ -209,7 +216,7 @@ class _DiskCache(_caching.FunctionCache):  # type: ignore[misc]
             _warn_once(f"{self.cache_path}: {error.strerror or error}")
 
     def _remove_unreadable_index(self) -> None:
-        """Remove an index that is damaged, or names types of modules of an earlier version of hpop."""
+        """Remove the cache's index if it is damaged, or refers to modules of an earlier version of hpop."""
         try:
             self._cache_file._load_index()
         except OSError:
@@ -220,10 +227,10 @@ class _DiskCache(_caching.FunctionCache):  # type: ignore[misc]
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Let one process at a time add to a folder.
+    """Lock a cache folder during a block, so that only one process at a time adds to it.
 
-    numba numbers the variants of a kernel by those it finds. Two processes at once may give two variants one number,
-    and then run one in place of the other.
+    numba numbers a kernel's variants, starting after those that it finds. Two processes at once may give two variants
+    one number, and would then run one in place of the other.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / LOCK).open("w") as file:
@@ -235,21 +242,22 @@ def _locked(folder: Path) -> Iterator[None]:
 
 @cache
 def _warn_once(reason: str) -> None:
+    """Warn, once for each reason, that compiled code cannot be cached."""
     warnings.warn(
-        f"compiled code cannot be kept ({reason}), so each process compiles it again, for ten seconds or more; set "
-        "NUMBA_CACHE_DIR to a folder that you can write",
+        f"compiled code cannot be cached ({reason}), so each process compiles it again, which takes ten seconds or "
+        "more; set the environment variable NUMBA_CACHE_DIR to a folder that you can write",
         HpopWarning,
         stacklevel=2,
     )
 
 
 def can_be_cached(dispatcher: Any) -> bool:
-    """Return whether a folder for compiled kernels can be written."""
+    """Return whether a kernel can be cached on disk."""
     return isinstance(dispatcher._cache, _DiskCache)
 
 
 def is_cached(dispatcher: Any) -> bool:
-    """Return whether any variant of a kernel is in memory or on disk; types of arguments are not compared."""
+    """Return whether a compiled variant of a kernel, for any types of arguments, is in memory or on disk."""
     if dispatcher.overloads:
         return True
     try:

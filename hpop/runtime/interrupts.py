@@ -1,8 +1,8 @@
-"""Ctrl-C: signals that act like Ctrl-C, blocks in which it must wait, and an immediate reply on the terminal.
+"""Handling of Ctrl-C: blocks during which it is delayed, other signals that act like it, and a reply on the terminal.
 
-CasADi takes Ctrl-C for a failed evaluation and goes on; LLVM loses it or frees memory twice; a process pool that is
-interrupted never ends. If Ctrl-C comes just after Python's futures have taken a lock, the lock is never released, and
-threads that need it wait for ever.
+It must be delayed where it would do harm. CasADi takes Ctrl-C for a failed evaluation and goes on. LLVM loses it or
+frees memory twice. A process pool that is interrupted never ends. If Ctrl-C comes just after one of Python's futures
+has taken a lock, the lock is never released, and threads that need it wait for ever.
 """
 
 from __future__ import annotations
@@ -14,16 +14,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
-# Signals that end a process: end of a batch job's time, closed terminal. Not all systems have SIGHUP.
+# Signals that ask a process to end: after a batch job's time, or when the terminal closes. Some systems lack SIGHUP.
 ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
-SIGNALS = (signal.SIGINT, *ENDING)  # ENDING acts like Ctrl-C on the command line
+SIGNALS = (signal.SIGINT, *ENDING)  # on the command line, the signals ENDING act like Ctrl-C
 
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Delay Ctrl-C until the block has ended.
+    """Delay Ctrl-C until the end of the block.
 
-    Only the main thread gets signals; where they are ignored, as in workers, nothing is held.
+    Only the main thread gets signals, so in other threads nothing changes. A signal that is ignored, as in workers,
+    stays ignored.
 
     >>> try:
     ...     with interrupts_held():
@@ -83,13 +84,13 @@ def endings_interrupt() -> Iterator[None]:
 
 @contextmanager
 def stopping_announced() -> Iterator[None]:
-    """Print a reply to the first Ctrl-C at once, because saving the results of millions of labels takes seconds."""
+    """Print a reply to the first Ctrl-C at once, because saving the results of a long search may take seconds."""
     answered: list[int] = []
 
     def stop(number: int, frame: FrameType | None) -> None:
         if not answered:
             with suppress(OSError):  # a closed terminal; os.write takes no lock of a stream
-                os.write(2, b"\nstopping: what was found is kept, which may take some seconds\n")
+                os.write(2, b"\nstopping: the results so far are being saved, which may take some seconds\n")
         answered.append(number)
         signal.default_int_handler(number, frame)
 

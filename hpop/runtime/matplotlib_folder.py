@@ -1,10 +1,10 @@
-"""A temporary folder for Matplotlib where the user's cannot be written, as in a read-only container.
+"""Temporary folder for Matplotlib, if the user's own folder cannot be written, as in a read-only container.
 
-Matplotlib would make a folder of its own in each process, and print two lines about it. This one is shared with all
-processes that are started later, so that killed processes leave no folders behind and only one searches for fonts. The
-process that made the folder removes it; so do processes that outlive it, since the maker may have been killed. Each
-holds a lock on the folder, which the system releases when the process dies: the lock shows whether the folder is
-needed.
+By itself, Matplotlib would make a folder in each process and print two lines about it. Here one folder is shared with
+all processes that are started later. So killed processes leave no folders behind, and only one process searches for
+fonts. The process that made the folder removes it. Processes that end later remove it too, since the first one may have
+been killed. Each process holds a lock on the folder, which the system releases when the process ends. The lock shows
+whether the folder is still needed.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from tempfile import mkdtemp
 
 try:
     import fcntl
-except ImportError:  # no such locks on this system: only the folder's maker removes it
+except ImportError:  # no such locks on this system: only the process that made the folder removes it
     fcntl = None  # type: ignore[assignment]
 
-SHARED = "HPOP_MATPLOTLIB_FOLDER"  # names a folder made here; any other MPLCONFIGDIR is the user's, and stays
+SHARED = "HPOP_MATPLOTLIB_FOLDER"  # environment variable with the folder made here; another MPLCONFIGDIR is kept
 
 
 def provide() -> None:
-    """Name a folder that Matplotlib can write, before it is imported, and remove the folder at the end."""
+    """Make a folder for Matplotlib, before it is imported, if it could write no other; remove the folder at the end."""
     folder = os.environ.get("MPLCONFIGDIR", "")
     if not folder and "matplotlib" not in sys.modules and not _user_has_folder():
         with suppress(OSError):  # no writable folder anywhere: Matplotlib reports what it needs
@@ -38,9 +38,10 @@ def provide() -> None:
 
 
 def forget_current_folder() -> None:
-    """Undo the settings of a ``matplotlibrc`` in the current folder where Python is told not to trust that folder.
+    """Undo Matplotlib's settings from a file ``matplotlibrc`` in the current folder, if PYTHONSAFEPATH is set.
 
-    Such settings name programs and TeX code to run, and Matplotlib reads them when it is imported.
+    The variable says that the current folder must not be trusted. Such settings can name programs and TeX code to run,
+    and Matplotlib reads them when it is imported.
     """
     if not os.environ.get("PYTHONSAFEPATH"):
         return
@@ -52,20 +53,20 @@ def forget_current_folder() -> None:
 
 @cache
 def _share(folder: str) -> None:
-    """Lock a folder, so that other processes keep it, until this process ends."""
+    """Lock a folder until this process ends, so that no other process removes it."""
     if fcntl is None:
         return
     with suppress(OSError):  # a file system without locks
-        os.makedirs(folder, mode=0o700, exist_ok=True)  # its maker may have ended
+        os.makedirs(folder, mode=0o700, exist_ok=True)  # the process that made it may have removed it
         lock = os.open(folder, os.O_RDONLY)
         fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
         atexit.register(_remove, folder, os.getpid(), lock)
 
 
 def _remove(folder: str, process: int, lock: int | None = None) -> None:
-    """Remove a folder at the end of this process, but not of its forks.
+    """Remove a folder when ``process`` ends, but not when a fork of it ends.
 
-    With ``lock``, only if no other process holds it.
+    With ``lock``, an open file, the folder stays if another process holds the lock.
     """
     if os.getpid() == process:
         with suppress(OSError):
@@ -75,7 +76,7 @@ def _remove(folder: str, process: int, lock: int | None = None) -> None:
 
 
 def _user_has_folder() -> bool:
-    """Return whether Matplotlib can write, or create, its folders of configuration and fonts."""
+    """Return whether Matplotlib can write or create the user's folders for its configuration and its fonts."""
     try:
         home = Path.home()
     except RuntimeError:
@@ -88,6 +89,7 @@ def _user_has_folder() -> bool:
 
 
 def _can_be_written(folder: Path) -> bool:
-    """Return whether the nearest existing parent is writable; ``Path.exists`` raises in unreadable folders."""
+    """Return whether a folder, or its nearest existing parent, is writable."""
+    # Path.exists would raise an error in unreadable folders.
     existing = next(path for path in (folder, *folder.absolute().parents) if os.path.exists(path))
     return os.path.isdir(existing) and os.access(existing, os.W_OK | os.X_OK)

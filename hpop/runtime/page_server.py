@@ -1,9 +1,9 @@
-"""HTTP server of all pages that hpop serves: a Starlette application behind a guard, run by uvicorn's HTTP protocol.
+"""HTTP server of all web pages of hpop: a Starlette application behind a guard, run by uvicorn's HTTP protocol.
 
-The guard answers a request if it names one of the server's own hosts and was not sent by a page of another origin. The
-first rule stops DNS rebinding, by which another page in the browser pretends to come from here. A request that is not
-complete within :data:`READING` seconds is dropped, however slowly it drips. Of more than :data:`CONNECTIONS`
-connections the oldest incomplete one is dropped. A refusal reveals nothing of the address beyond name and port.
+The guard lets a request pass only if it names one of the server's own hosts and was not sent by a page of another
+origin. The first rule prevents DNS rebinding, by which another page in the browser pretends to come from this server. A
+request that is not complete within :data:`READING` seconds is dropped. If there are more than :data:`CONNECTIONS`
+connections, the oldest incomplete one is dropped. A refusal tells nothing about the address but its name and port.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ from hpop.errors import OutputError
 
 LOCAL = "127.0.0.1"
 READING = 20.0
-"""Seconds within which a request, including its body, must be complete."""
+"""Time, s, within which a request, including its body, must be complete."""
 SENDING = 30.0
-"""Seconds within which a client must take what waits to be sent."""
+"""Time, s, within which a client must read data that wait to be sent."""
 FAREWELL = 2.0
-"""Seconds for answers that are being sent when the server ends."""
+"""Time, s, that remains for responses that are being sent when the server ends."""
 CONNECTIONS = 128
 """Largest number of connections at a time."""
 PLAIN_PORTS = {"http": 80, "https": 443}
-"""Ports that browsers leave out of the address."""
+"""Default ports, which browsers leave out of addresses."""
 HEADERS = {
     "Cache-Control": "no-store",
     "Connection": "close",  # a connection carries one request, so that its deadline is that of the request
@@ -52,22 +52,22 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
 }
 
-logging.getLogger("uvicorn.error").setLevel(logging.ERROR)  # malformed requests are no concern of the user
+logging.getLogger("uvicorn.error").setLevel(logging.ERROR)  # the user need not know of malformed requests
 
 
 class PageServer:
-    """Server of an application for few users.
+    """HTTP server of one web application, for few users.
 
     Parameters
     ----------
-    routes : of the Starlette application
+    routes : routes of the Starlette application
     errors : handlers of exceptions that its endpoints raise
-    host, port : an address of this machine; port 0 takes any free port
+    host, port : address of this machine on which to listen; port 0 takes any free port
     names : host names of this server besides 127.0.0.1 and localhost
-    token : secret first part of each path, which routes leave out
+    token : secret text with which each path must begin; routes do not contain it
     secured : TLS context, to encrypt connections
-    listening : a listening socket to use in place of ``host`` and ``port``
-    reading : s within which a request must be complete
+    listening : listening socket to use in place of ``host`` and ``port``
+    reading : s, time within which a request must be complete
 
     Raises OutputError if the port is not available.
     """
@@ -86,7 +86,7 @@ class PageServer:
         reading: float = READING,
     ) -> None:
         self.token, self.reading = token, reading
-        self.connections: dict[_Connection, bool] = {}  # in order of their beginning; whether the request is complete
+        self.connections: dict[_Connection, bool] = {}  # oldest first; True if the request is complete
         self._secured = secured
         self._socket = _listen(host, port) if listening is None else listening
         self.server_address: tuple[str, int] = self._socket.getsockname()[:2]
@@ -105,27 +105,27 @@ class PageServer:
         self._loop: asyncio.AbstractEventLoop | None = None
 
     def root(self, name: str = LOCAL) -> str:
-        """Return the address up to the port."""
+        """Return the address of the server up to the port: "http://127.0.0.1:8000"."""
         return f"{self.scheme}://{name}:{self.server_address[1]}"
 
     def refusal(self, host: str, origin: str | None) -> str:
-        """Return why a request to a host, sent by a page of an origin, is refused; "" if it is not."""
+        """Return why a request to ``host``, sent by a page of ``origin``, must be refused; "" if it may pass."""
         if host.lower() not in self.hosts:
-            return f"ask for {self.root()}"
+            return f"this host name is not served; use the address {self.root()}"
         if origin is not None and origin.lower() != f"{self.scheme}://{host.lower()}":
-            return "only pages of this server may ask"
+            return "requests must come from pages of this server, but this one comes from another origin"
         return ""
 
     def is_open(self, token: str) -> bool:
-        """Return whether the first part of a path is a token of this server."""
+        """Return whether a text, the first part of a request's path, is the token of this server."""
         return same(token, self.token)
 
     def refused(self, method: str, status: HTTPStatus, reason: str) -> Response:
-        """Return the response for a request that is refused."""
+        """Return the response to a request that is refused."""
         return PlainTextResponse(reason, status)
 
     def serve_forever(self) -> None:
-        """Serve until :meth:`shutdown`, or until Ctrl-C in the main thread."""
+        """Serve requests until :meth:`shutdown` is called, or until Ctrl-C in the main thread."""
         try:
             asyncio.run(self._serve())
         finally:
@@ -149,12 +149,12 @@ class PageServer:
         self.server_close()
 
     def _failed(self, request: Request, error: Exception) -> Response:
-        """Return the response for an unknown path or method."""
+        """Return the response to a request with an unknown path or method, or whose endpoint failed."""
         status = HTTPStatus(error.status_code if isinstance(error, HTTPException) else 500)
         return self.refused(request.method, status, status.phrase)
 
     async def _serve(self) -> None:
-        """Accept connections until the end is requested, then let answers under way be sent."""
+        """Accept connections until the server shall end, then wait shortly for responses that are being sent."""
         self._config.load()
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
         state = ServerState()
@@ -165,21 +165,21 @@ class PageServer:
             ssl_handshake_timeout=None if self._secured is None else self.reading,
             backlog=CONNECTIONS,
         )
-        if self._ending.is_set():  # before the loop ran
+        if self._ending.is_set():  # set before the loop ran
             self._stop.set()
         try:
             await self._stop.wait()
         finally:
             server.close()
             for connection in self.connections:
-                connection.transport.close()  # sends what waits
+                connection.transport.close()  # sends waiting data first
             last = self._loop.time() + FAREWELL
             while self.connections and self._loop.time() < last:
                 await asyncio.sleep(0.01)
 
 
 class _Connection(H11Protocol):
-    """HTTP connection with a deadline for its request, and for a client that takes nothing of the answer."""
+    """HTTP connection with two deadlines: for a complete request, and for a client that does not read the response."""
 
     def __init__(self, server: PageServer, config: Config, state: ServerState) -> None:
         super().__init__(config, state, {})
@@ -187,7 +187,10 @@ class _Connection(H11Protocol):
         self._deadline: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Accept a connection; if there are too many, drop the oldest incomplete one, or else this one."""
+        """Accept a connection; if there are too many, drop one.
+
+        Dropped is the oldest one with an incomplete request, or else this one.
+        """
         super().connection_made(transport)
         connections = self._server.connections
         if len(connections) >= CONNECTIONS:
@@ -206,30 +209,30 @@ class _Connection(H11Protocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Read a part of a request; a complete one may take any time to answer."""
+        """Read a part of a request. Once the request is complete, there is no deadline for the response."""
         super().data_received(data)
         if self.cycle is not None and not self.cycle.more_body and self in self._server.connections:
             self._server.connections[self] = True
             self._expect(None)
 
     def pause_writing(self) -> None:
-        """Wait for a client that reads slowly."""
+        """Start the deadline for a client that reads too slowly."""
         super().pause_writing()
         self._expect(SENDING)
 
     def resume_writing(self) -> None:
-        """Go on sending."""
+        """Continue to send, and cancel the deadline."""
         super().resume_writing()
         self._expect(None)
 
     def _expect(self, seconds: float | None) -> None:
-        """Set the deadline, in s from now, or none."""
+        """Set the deadline of the connection, in s from now; None cancels it."""
         if self._deadline is not None:
             self._deadline.cancel()
         self._deadline = None if seconds is None else self.loop.call_later(seconds, self._drop)
 
     def _drop(self) -> None:
-        """Close the connection without sending what waits."""
+        """Close the connection without sending waiting data."""
         self._server.connections.pop(self, None)
         self.transport.abort()
 
@@ -244,7 +247,7 @@ class _Guard:
         self._app, self._server = app, server
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request."""
+        """Pass a request to the application, or respond with a refusal."""
 
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -257,19 +260,19 @@ class _Guard:
         if reason := server.refusal(headers.get("host", ""), headers.get("origin")):
             app = server.refused(scope["method"], HTTPStatus.FORBIDDEN, reason)
         elif server.token and not server.is_open(first):
-            app = server.refused(scope["method"], HTTPStatus.NOT_FOUND, "there is nothing here")
+            app = server.refused(scope["method"], HTTPStatus.NOT_FOUND, "there is no page at this address")
         elif server.token:
             scope = {**scope, "path": f"/{rest}", "token": first}
         await app(scope, receive, send_with_headers)
 
 
 def same(text: str, secret: str) -> bool:
-    """Return whether a text is a secret, in a time that does not reveal how much of it is right."""
+    """Return whether a text equals a secret; the comparison time does not reveal how much of the text is right."""
     return secrets.compare_digest(text.encode("utf-8", "replace"), secret.encode())
 
 
 async def body(request: Request, most: int) -> bytes | None:
-    """Return the posted data; None, without reading them, if their length is not stated or exceeds ``most`` bytes."""
+    """Return the body of a POST request; None, without reading it, if its length is unknown or above ``most`` bytes."""
     length = request.headers.get("Content-Length", "")
     if not (length.isascii() and length.isdigit()) or len(length) > len(str(most)) or int(length) > most:
         return None
@@ -277,7 +280,7 @@ async def body(request: Request, most: int) -> bytes | None:
 
 
 def _listen(host: str, port: int) -> socket.socket:
-    """Return a listening socket."""
+    """Return a socket that listens on an address; OutputError if the port is not available."""
     listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     try:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -290,10 +293,10 @@ def _listen(host: str, port: int) -> socket.socket:
 
 
 def no_port(port: int, error: OSError) -> str:
-    """Return why a port is not available, and what to do."""
+    """Return a message on a port that is not available: the reason, and what to do."""
     hint = "choose another --port; 0 takes any that is free"
     if error.errno == errno.EADDRINUSE:
         return f"cannot serve on port {port}: another program uses it; end that program, or {hint}"
     if error.errno in (errno.EACCES, errno.EPERM):
-        return f"cannot serve on port {port}: ports below 1024 are the system's; {hint}"
+        return f"cannot serve on port {port}: ports below 1024 are reserved for the system; {hint}"
     return f"cannot serve on port {port}: {error.strerror or error}; {hint}"

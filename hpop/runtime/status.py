@@ -1,4 +1,4 @@
-"""Limits of a search and its progress; the progress line and the log of a command."""
+"""Limits and progress reports of a search, the progress line on the terminal, and the log."""
 
 from __future__ import annotations
 
@@ -12,26 +12,23 @@ from hpop.base.options import MOST_COUNTED, real
 from hpop.base.scalars import set_python_values
 from hpop.base.status import Status as Status
 
-LIMITS = {"time_limit": "seconds", "max_labels": "labels", "max_memory": "bytes"}  # units
+LIMITS = {"time_limit": "seconds", "max_labels": "labels", "max_memory": "bytes"}  # units of the limits
 NO_LIMIT = "leave it out for no limit"
 
 
 def no_path_note(notes: Iterable[str]) -> str | None:
-    """Return the note that explains why there is no path, which begins with the text of NO_PATH.
-
-    None without such a note.
-    """
+    """Return the first of a search's notes that explains why there is no path ("no path: ..."); None without one."""
     return next((note for note in notes if note.startswith(Status.NO_PATH)), None)
 
 
 @dataclass(frozen=True)
 class Budget:
-    """Limits of time and memory of a planner or a search; None is no limit.
+    """Limits of time and memory of a planner or a search; None means no limit.
 
-    time_limit  s      wall-clock time without compilation. For a planner: reading the map, building its graph and
-                       searching; for a search alone: from its start
-    max_labels  count  labels generated (partial paths kept in memory)
-    max_memory  bytes  memory of the map, of the planner's fields, of its graph and of its search
+    time_limit  s      wall-clock time without compilation. For a planner it includes reading the map, building its
+                       graph and searching; for a search alone it begins with the search
+    max_labels  count  number of labels (partial paths in memory) that a search generates
+    max_memory  bytes  memory of the map, and of the planner's distance grids, graph and search
     """
 
     time_limit: float | None = None
@@ -49,13 +46,13 @@ class Budget:
 class Progress:
     """Progress report of a running search.
 
-    stage      current work in words ("compiling", "bounds", "search")
-    labels     count  labels generated so far
-    open       count  labels still waiting
+    stage             current work in words ("compiling", "bounds", "search")
+    labels     count  labels (partial paths) generated so far
+    open       count  labels that still have to be extended
     front      count  solutions found so far
-    memory     bytes  allocated by the search so far
-    seconds    s      since the search began
-    detail     current part of the stage, in words
+    memory     bytes  memory allocated by the search so far
+    seconds    s      time since the search began
+    detail            current part of the stage, in words
     """
 
     stage: str
@@ -68,19 +65,19 @@ class Progress:
 
 
 ProgressCallback = Callable[[Progress], None]
-RESERVED = 0.1  # share of a time limit that reading, building and searching leave to the evaluation of results
+RESERVED = 0.1  # share of a time limit that is reserved for the evaluation of results
 
 
 @dataclass(frozen=True)
 class Watch:
-    """Clock of a planner that runs many jobs.
+    """Clock of a planner that runs many jobs; it tells when to stop and reports progress.
 
-    Jobs end a little before the time limit, to leave time to evaluate their results.
+    Jobs stop a little before the time limit, to leave time for the evaluation of their results.
 
     stage       current work in words
-    time_limit  s, or None
+    time_limit  s, or None for no limit
     progress    callback for progress reports, or None
-    began       s, start on the clock of :func:`time.perf_counter`
+    began       s, time at which planning began, on the clock of :func:`time.perf_counter`
     """
 
     stage: str
@@ -90,12 +87,12 @@ class Watch:
 
     @property
     def seconds(self) -> float:
-        """Seconds since planning began."""
+        """Time since planning began, s."""
         return time.perf_counter() - self.began
 
     @property
     def left(self) -> float | None:
-        """Seconds that remain for jobs, negative once they are over; None without a limit."""
+        """Time that remains for jobs, s; negative once it is over, None without a limit."""
         return None if self.time_limit is None else (1.0 - RESERVED) * self.time_limit - self.seconds
 
     def is_late(self) -> bool:
@@ -103,7 +100,7 @@ class Watch:
         return self.left is not None and self.left < 0.0
 
     def report(self, done: int, left: int, found: int) -> None:
-        """Report the number of finished jobs, of remaining jobs, and of results so far."""
+        """Report progress: the numbers of finished jobs, of remaining jobs, and of results so far."""
         if self.progress is not None:
             self.progress(Progress(self.stage, done, left, found, seconds=self.seconds))
 
@@ -113,7 +110,7 @@ log = logging.getLogger("hpop")
 
 @contextmanager
 def progress_bar() -> Iterator[ProgressCallback]:
-    """Show the progress of a search on one line of the terminal, if there is a terminal."""
+    """Yield a progress callback that shows the progress on one line of the terminal, if there is a terminal."""
     from rich.console import Console
     from rich.progress import Progress as Bar
     from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -136,7 +133,7 @@ def progress_callback(progress: ProgressCallback | bool | None) -> Iterator[Prog
 
 
 def _with_log(callback: ProgressCallback | None) -> ProgressCallback:
-    """Return a callback that calls ``callback`` and logs each stage when it begins."""
+    """Return a progress callback that logs the beginning of each stage, and then calls ``callback``, if given."""
     last = ""
 
     def report(progress: Progress) -> None:

@@ -1,8 +1,8 @@
-"""Sweeps: many small jobs over shared data, on any ``concurrent.futures.Executor`` or none.
+"""Sweeps: many small tasks on shared data, run by any ``concurrent.futures.Executor`` or in this process.
 
-Serial, process pools and clusters (:func:`dask`, :func:`ray`) give the same results. Shared data are shipped once:
-workers on this machine map one file into their memory; a worker elsewhere requests the data and gets them with a job,
-while further jobs for it wait. A worker that dies loses only its current jobs, which are then done in this process.
+Results are equal whether tasks run here, in a process pool or on a cluster (:func:`dask`, :func:`ray`). Shared data are
+sent once. Workers on this machine map one file into their memory. A worker on another machine requests the data and
+gets them with a task, while its further tasks wait. If a worker dies, its current tasks are done in this process.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 POLL = 0.1  # s between two checks whether to stop
-SHARE = 8  # a message has at most 1/SHARE of the unsent tasks, so that workers end together
-ALIGNED = 64  # bytes: arrays begin at multiples, for compiled code
+SHARE = 8  # a message has at most 1/SHARE of the unsent tasks, so that workers finish at about one time
+ALIGNED = 64  # bytes: arrays begin at multiples of this, as compiled code expects
 
-_held: dict[str, Any] = {}  # in a worker: shared data of its current sweep, by key
+_held: dict[str, Any] = {}  # in a worker: shared data of its current sweep, by the key of the sweep
 
 
 def _run_tasks(
@@ -49,10 +49,10 @@ def _run_tasks(
 ) -> tuple[str, list[R] | None]:
     """Run tasks in a worker; return the worker's name and the results, or None if the worker lacks the shared data.
 
-    key       key of the sweep, by which a worker keeps its shared data
-    file      path of a file with the shared data on this machine
-    payload   pickled shared data, for a worker on another machine
-    _number   makes messages distinct: Dask would answer an equal message with its earlier answer
+    key       key of the sweep, under which a worker stores the shared data
+    file      path of a file with the shared data, for a worker on this machine
+    payload   pickled shared data, for a worker on another machine; None if they are not sent
+    _number   number that makes messages different; to an equal message Dask would return the earlier result
     """
     shared = _held.get(key)
     if shared is None:
@@ -69,11 +69,12 @@ def _run_tasks(
 
 
 def _worker_name() -> str:
+    """Return the name of this worker: its machine and process number."""
     return f"{platform.node()} {os.getpid()}"
 
 
 def _write_mapped(shared: Any, file: Path) -> None:
-    """Write a value to a file for :func:`_load_mapped`: its arrays stand at the end, as they are in memory."""
+    """Write a value to a file that :func:`_load_mapped` reads; its arrays are at the end, as they are in memory."""
     arrays: list[pickle.PickleBuffer] = []
     pickled = pickle.dumps(shared, protocol=5, buffer_callback=arrays.append)
     parts: list[bytes | memoryview] = [pickled, *(array.raw() for array in arrays)]
@@ -91,7 +92,10 @@ def _write_mapped(shared: Any, file: Path) -> None:
 
 
 def _load_mapped(file: Path) -> Any:
-    """Return the value in a file. Its arrays are memory-mapped: all workers share them until one writes to them."""
+    """Return the value in a file that :func:`_write_mapped` wrote.
+
+    Its arrays are memory-mapped, so that all workers share the memory until one writes to an array.
+    """
     with file.open("rb") as source:
         content = memoryview(mmap(source.fileno(), 0, access=ACCESS_COPY))
     size = int.from_bytes(content[:ALIGNED], "little")
@@ -102,13 +106,13 @@ def _load_mapped(file: Path) -> Any:
 
 
 class Sweep(Generic[S, T, R]):
-    """Sweep of ``job(shared, task)`` over many tasks, on an executor or in this process.
+    """Runner of ``job(shared, task)`` for many tasks, on an executor or in this process.
 
-    job       a function of a module that workers can import; its results depend on its arguments alone
-    shared    data for all tasks, not None; picklable, as tasks and results are
-    executor  any; None runs the tasks here, one after the other
-    chunk     largest number of tasks in one message; some tenths of a second of work hide the cost of sending
-    notes     failures of the executor, for the user
+    job       function of a module that workers can import; its results must depend on its arguments only
+    shared    data for all tasks, not None; they, tasks and results must be picklable
+    executor  any executor; None to run the tasks in this process, one after another
+    chunk     largest number of tasks in one message; with some tenths of a second of work, sending costs little
+    notes     sentences for the user on failures of the executor
 
     >>> with Sweep(pow, 2) as sweep:
     ...     dict(sweep.run([3, 4]))
@@ -134,9 +138,10 @@ class Sweep(Generic[S, T, R]):
             self._folder.cleanup()
 
     def run(self, tasks: Sequence[T], stop: Callable[[], bool] = lambda: False) -> Iterator[tuple[int, R]]:
-        """Yield the index and the result of each task, as tasks finish; end early once ``stop()`` is true.
+        """Run all tasks; yield index and result of each task when it finishes. Stop early once ``stop()`` is true.
 
-        An error of a task is raised here. An error of the executor is noted, and its lost tasks are done here.
+        An error of a task is raised again in this process. An error of the executor is added to ``notes``, and its lost
+        tasks are run in this process.
         """
         remaining = list(range(len(tasks)))
         if self.executor is not None and tasks:
@@ -153,11 +158,10 @@ class Sweep(Generic[S, T, R]):
         stop: Callable[[], bool],
         report: Callable[[Mapping[int, R]], None] = lambda results: None,
     ) -> tuple[dict[int, R], Status]:
-        """Return results by the index of their task, in order, and the status.
+        """Run all tasks until ``stop()`` is true or Ctrl-C comes; return the results and the status.
 
-        Whether ``stop()`` or Ctrl-C ended the run.
-
-        ``report(results)`` is called first, and after each result.
+        Results are by the index of their task, in order. The status tells whether all tasks were done. ``report`` is
+        called with the results so far, at first and after each result.
         """
         results: dict[int, R] = {}
         status = Status.COMPLETE
@@ -175,15 +179,15 @@ class Sweep(Generic[S, T, R]):
     def _run_on_executor(
         self, tasks: Sequence[T], stop: Callable[[], bool], lost: list[int]
     ) -> Iterator[tuple[int, R]]:
-        """Yield results of the executor; add the indices of tasks without a result to ``lost``.
+        """Run tasks on the executor; yield index and result of each.
 
-        Ctrl-C is delayed wherever futures take their locks (`concurrent.futures.wait` takes all of them), but not while
-        this method waits for a result.
+        The indices of tasks without a result are added to ``lost``. Ctrl-C is delayed whenever futures take their locks
+        (`concurrent.futures.wait` takes all of them), but not while this method waits for a result.
         """
         ended: SimpleQueue[Future[Any]] = SimpleQueue()
         pending: dict[Future[Any], range] = {}
-        supplies: dict[Future[Any], str] = {}  # of these, messages with the shared data, and the worker that gets them
-        waiting: list[range] = []  # tasks that wait for the data to arrive
+        supplies: dict[Future[Any], str] = {}  # those with the shared data, and the worker that gets the data
+        waiting: list[range] = []  # tasks that wait until the data have arrived at their worker
 
         def send(indices: range, worker: str | None = None) -> None:
             with interrupts_held():
@@ -203,7 +207,7 @@ class Sweep(Generic[S, T, R]):
                 send(range(sent, sent + more))
                 sent += more
             while pending and not stop():
-                # Messages with data last: a worker may have requested them before they arrived.
+                # Messages with data come last, since a worker may have requested the data before they arrived.
                 for future in sorted(_ended_futures(ended), key=supplies.__contains__):
                     indices = pending.pop(future)
                     if supplies.pop(future, None) is not None:
@@ -234,9 +238,10 @@ class Sweep(Generic[S, T, R]):
         return pickle.dumps(self.shared, protocol=pickle.HIGHEST_PROTOCOL)
 
     def submit(self, tasks: list[T], *, with_shared: bool) -> Future[Any] | None:
-        """Submit tasks to the executor and return their future; None if the executor accepts no more.
+        """Submit tasks to the executor and return their future; None if the executor has failed.
 
-        The future holds the worker's name and the results, or None if the shared data have not arrived there.
+        The future's result is the worker's name and the results of the tasks, or None in place of the results if the
+        worker lacks the shared data.
         """
         if self.executor is None:
             return None
@@ -252,19 +257,19 @@ class Sweep(Generic[S, T, R]):
             return None
 
     def _note_failure(self, error: BaseException, *, worker_lost: bool = False) -> None:
-        """Note an error of the executor, once of each kind, and stop using a broken executor."""
+        """Add a note on an error of the executor, once for each kind of error; stop using a broken executor."""
         if worker_lost or isinstance(error, BrokenExecutor):
             self.executor = None
         note = (
-            f"a worker or its executor failed ({type(error).__name__}); its unfinished tasks were done in the "
-            "planning process"
+            f"a worker process or its executor failed ({type(error).__name__}); its unfinished tasks were done in the "
+            "main process"
         )
         if note not in self.notes:
             self.notes.append(note)
 
 
 def _ended_futures(ended: SimpleQueue[Future[Any]]) -> list[Future[Any]]:
-    """Return the futures that have ended, after a short wait for the first of them."""
+    """Wait shortly for a future to end, and return all futures that have ended."""
     try:
         futures = [ended.get(timeout=POLL)]
     except Empty:
@@ -275,17 +280,19 @@ def _ended_futures(ended: SimpleQueue[Future[Any]]) -> list[Future[Any]]:
 
 
 class _Processes(ProcessPoolExecutor):
+    """Process pool that survives Ctrl-C at any moment."""
+
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
-        """Submit a task. Signals are blocked while a worker starts, so that no half-started worker is orphaned."""
+        """Submit a task. Ctrl-C is delayed while a worker starts, so that no half-started worker is orphaned."""
         with interrupts_held():
             future = super().submit(fn, *arguments, **named)
         setattr(future, "set_exception", partial(_fail, future))  # noqa: B010
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Shut the workers down after their current tasks.
+        """End the workers after their current tasks.
 
-        Ctrl-C is delayed meanwhile: if it interrupted the join of the pool's thread, that thread and the process would
+        Ctrl-C is delayed meanwhile. If it interrupted the wait for the pool's thread, that thread and the process would
         wait for ever.
         """
         with interrupts_held():
@@ -293,16 +300,16 @@ class _Processes(ProcessPoolExecutor):
 
 
 def _fail(future: Future[Any], error: BaseException | None) -> None:
-    """Set a future's exception; Python 3.11 also sets it on cancelled futures, which would end its thread."""
+    """Set the exception of a future, unless it is cancelled; in Python 3.11 that would end the pool's thread."""
     with suppress(InvalidStateError):
         Future.set_exception(future, error)
 
 
 def processes(workers: int) -> ProcessPoolExecutor:
-    """Return a pool of fresh worker processes on this machine; only the planning process reacts to Ctrl-C.
+    """Return a pool of new worker processes on this machine; they ignore Ctrl-C, to which the main process reacts.
 
-    Raises OptionError if the system has no locks that processes share (for example, /dev/shm cannot be written), or
-    cannot start a process.
+    Raises OptionError if the system cannot start processes, or has no locks that processes share (for example, because
+    /dev/shm cannot be written).
     """
     workers = whole("workers", workers, 1, MOST_WORKERS, "a whole number of processes")
     method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
@@ -313,16 +320,16 @@ def processes(workers: int) -> ProcessPoolExecutor:
     except (OSError, ImportError, NotImplementedError) as error:
         reason = getattr(error, "strerror", None) or error
         raise OptionError(
-            f"cannot start worker processes ({reason}); they need a writable /dev/shm and free processes. Plan without "
-            "workers"
+            f"cannot start worker processes ({reason}); they need a writable /dev/shm and permission to start more "
+            "processes. Plan without workers"
         ) from None
 
 
 def _start_fork_server() -> None:
-    """Start the server that forks workers, protected from signals that end a group of processes.
+    """Start the server process that forks workers, protected from signals that end a group of processes.
 
-    The server inherits blocked signals, and ends with the planning process. The resource tracker starts first, because
-    its start unblocks SIGTERM.
+    It inherits the signals that are blocked here, and ends when the main process ends. The resource tracker is started
+    first, because its start unblocks SIGTERM.
     """
     from multiprocessing import forkserver, resource_tracker
 
@@ -335,12 +342,12 @@ def _start_fork_server() -> None:
 
 
 def _prepare_worker() -> None:
-    """Prepare a worker: it ignores signals to its process group; the planning process ends it."""
+    """Prepare a worker process: it ignores Ctrl-C and has its own process group, since the main process ends it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "setpgid"):
         os.setpgid(0, 0)
         for number in ENDING:
-            signal.signal(number, signal.SIG_IGN)  # drops signals that came meanwhile
+            signal.signal(number, signal.SIG_IGN)  # drops signals that have arrived while blocked
         signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
         for number in ENDING:
             signal.signal(number, signal.SIG_DFL)
@@ -348,6 +355,6 @@ def _prepare_worker() -> None:
 
 
 def _end_with(planning: Any) -> None:
-    """End this worker when the planning process ends, even if it is killed; a worker would wait for ever."""
+    """End this worker when the main process ends, even if that is killed; otherwise it would wait for ever."""
     planning.join()
     os._exit(1)
