@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.scalars import is_whole, python_value
 from hpop.base.text import shown
-from hpop.frontier.dominance import finite_costs, is_nondominated
+from hpop.frontier.dominance import FloatArray, IntArray, finite_costs, is_nondominated
 from hpop.frontier.points import FrontError
 
 BOX = 1.1  # reference point of scaled costs, so that the best of each criterion counts as well
