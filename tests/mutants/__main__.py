@@ -45,14 +45,7 @@ GROUPS = {
     "search": ["hpop/search/**/*.py"],
     "criteria": ["hpop/criteria/**/*.py"],
     "frontier": ["hpop/frontier/*.py"],
-    "readers": [
-        *(
-            f"hpop/world/{name}.py"
-            for name in ("geojson", "geojson_content", "ros_map", "image", "movingai", "content")
-        ),
-        *(f"hpop/world/{name}.py" for name in ("description", "files", "readers", "shapes", "planar")),
-        "hpop/scenario/yaml_lines.py",
-    ],
+    "readers": ["hpop/world/readers/*.py", "hpop/world/content/*.py", "hpop/scenario/yaml_lines.py"],
 }
 
 
