@@ -17,7 +17,7 @@ from hpop.frontier import Front
 from hpop.motions import HOLD
 from hpop.planners.base import Candidates, Planner, joined, make_planner, motions_key, stages_of
 from hpop.planners.judgement import judge
-from hpop.planners.needs import refuse_moving, refuse_unsupported
+from hpop.planners.needs import check_goal, refuse_moving, refuse_unsupported
 from hpop.planners.programs.polyline import Polyline, straightened
 from hpop.planners.spending import LEAST
 from hpop.runtime.status import ProgressCallback, Status, Watch
@@ -161,6 +161,20 @@ def warm_starts(
     return starts._replace(trajectories=straight, notes=(*starts.notes, *curves, *_contact(problem)))
 
 
+def known_tours(
+    starting: Starting,
+    problem: Problem,
+    progress: ProgressCallback | None,
+    executor: Executor | None,
+    left: float | None = None,
+) -> WarmStarts:
+    """Return the tours that a planner starts from, with their holds; see :func:`warm_starts`."""
+    planner = _planner_of(starting, problem, left)
+    if planner is not None:
+        check_goal(problem, planner)
+    return _last(known_trajectories(starting, problem, progress, executor, left, holding=True))
+
+
 def _contact(problem: Problem) -> list[str]:
     """Return a note if the robot starts in contact with people.
 
@@ -190,21 +204,23 @@ def known_trajectories(
     progress: ProgressCallback | None,
     executor: Executor | None,
     left: float | None = None,
+    *,
+    holding: bool = False,
 ) -> Generator[Candidates, None, WarmStarts]:
     """Run the planner that ``warm_start`` names: yield the candidates of its early stages, then return the warm starts.
 
-    Curves are kept; holds are removed. If the user passed trajectories, nothing is yielded.
+    Curves are kept; holds are removed unless ``holding``. If the user passed trajectories, nothing is yielded.
     """
     planner = _planner_of(starting, problem, left)
     if planner is None:
-        return _passed_in(starting, problem)
+        return _passed_in(starting, problem, holding=holding)
     candidates: Candidates | None = None
     for now in stages_of(planner, problem, progress, executor):
         if now.status is Status.UNFINISHED:
             yield now
         candidates = now if now.status.is_final else joined(candidates, now)
     assert candidates is not None  # a planner has at least one stage
-    return _planned(candidates, problem)
+    return _planned(candidates, problem, holding=holding)
 
 
 def _planner_of(starting: Starting, problem: Problem, left: float | None) -> Planner | None:
@@ -219,7 +235,7 @@ def _planner_of(starting: Starting, problem: Problem, left: float | None) -> Pla
     return planner
 
 
-def _passed_in(starting: Starting, problem: Problem) -> WarmStarts:
+def _passed_in(starting: Starting, problem: Problem, *, holding: bool = False) -> WarmStarts:
     """Return the trajectories that the user passed as ``warm_start``; raise OptionError if their model differs."""
     spec = starting.warm_start
     trajectories = spec.items if isinstance(spec, Front) else cast(Sequence[Trajectory], spec)
@@ -228,11 +244,11 @@ def _passed_in(starting: Starting, problem: Problem) -> WarmStarts:
             "warm_start must have trajectories of the problem's model, got some of another model; plan them with the "
             "problem's model first"
         )
-    return _moving(trajectories, Status.COMPLETE, ())
+    return WarmStarts(trajectories, Status.COMPLETE, ()) if holding else _moving(trajectories, Status.COMPLETE, ())
 
 
-def _planned(candidates: Candidates, problem: Problem) -> WarmStarts:
-    """Return the front of a planner's candidates as warm starts.
+def _planned(candidates: Candidates, problem: Problem, *, holding: bool = False) -> WarmStarts:
+    """Return the front of a planner's candidates as warm starts, without holds unless ``holding``.
 
     If Ctrl-C interrupted the planner or the evaluation of the front, there are none to improve (:func:`_interrupted`).
     """
@@ -246,7 +262,8 @@ def _planned(candidates: Candidates, problem: Problem) -> WarmStarts:
     if not trajectories:
         return WarmStarts((), status, (f"no warm start: {status}", *candidates.notes))
     notes = () if status.is_final else (f"the warm starts are incomplete: {status}",)
-    return _moving(trajectories, status, notes)._replace(candidates=candidates)
+    found = WarmStarts(trajectories, status, notes) if holding else _moving(trajectories, status, notes)
+    return found._replace(candidates=candidates)
 
 
 def _interrupted(candidates: Candidates) -> WarmStarts:

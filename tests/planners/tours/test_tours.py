@@ -295,7 +295,7 @@ def test_a_stop_behind_walls_is_out_of_reach() -> None:
 
 
 def test_planners_without_tours_refuse_them() -> None:
-    for planner in ("rrt", "epsilon-constraint", "smoothing"):
+    for planner in ("rrt", "weighted-sum-corridor"):
         with pytest.raises(QueryError, match="cannot plan a tour, so the stops east"):
             problem([EAST]).solve(planner)
     walker = hpop.Person(5.0, 5.0, velocity=(-0.5, 0.0))

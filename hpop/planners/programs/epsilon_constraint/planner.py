@@ -24,6 +24,7 @@ from hpop.planners.programs.epsilon_constraint.grid import Cell, CellCandidate, 
 from hpop.planners.programs.epsilon_constraint.job import PolylineJob, Task
 from hpop.planners.programs.nlp import require_ipopt
 from hpop.planners.programs.outcome import CUT_SHORT, Deadline, Outcome, Tally
+from hpop.planners.programs.tour_legs import improved_tours, refuse_bounds
 from hpop.planners.programs.warm_starts import WarmStart, check_warm_start, warm_starts
 from hpop.runtime.status import Budget, ProgressCallback, Status, Watch
 from hpop.runtime.sweep import Sweep
@@ -69,6 +70,9 @@ class EpsilonConstraint:
     provenance is the predicted gain of the next step, and a note counts such candidates. Warm starts are among the
     candidates only after Ctrl-C or a time limit: those that keep ``epsilon`` and were not improved by then.
 
+    A tour is improved leg by leg, with the states at its stops fixed; ``epsilon``, ``divisions`` and ``max_points`` are
+    then refused.
+
     The sets of bounds form the grid of AUGMECON (Mavrotas 2009; Mavrotas and Florios 2013), restricted to the costs of
     the warm starts. A set is skipped if the candidate of a looser one keeps it, or if a looser one was infeasible. Sets
     are tried in waves, so results depend neither on the executor nor on its number of workers. Cost: a program is built
@@ -77,6 +81,7 @@ class EpsilonConstraint:
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid"})
+    tours: ClassVar[bool] = True
 
     step: float = 0.25
     headings: int = 8
@@ -108,6 +113,9 @@ class EpsilonConstraint:
         the planner of the warm starts.
         """
         require_ipopt(NAME)
+        if problem.tour is not None:
+            refuse_bounds(NAME, {"epsilon": self.epsilon, "divisions": self.divisions, "max_points": self.max_points})
+            return improved_tours(NAME, self, problem, progress, executor)
         watch = Watch(NAME, self.time_limit, progress)
         objectives = edge_objectives(problem.criteria, NAME)
         roles = Roles.of(objectives.optimised, self.minimise, problem)

@@ -20,6 +20,7 @@ from hpop.planners.programs.nlp import require_ipopt
 from hpop.planners.programs.outcome import CUT_SHORT, Deadline, ImprovedTrajectory, Outcome, Tally
 from hpop.planners.programs.smoothing.job import LATE, SmoothingJob
 from hpop.planners.programs.smoothing.phases import FLAT
+from hpop.planners.programs.tour_legs import improved_tours
 from hpop.planners.programs.warm_starts import WarmStart, check_warm_start, warm_starts
 from hpop.runtime.status import Budget, ProgressCallback, Status, Watch
 from hpop.runtime.sweep import Sweep
@@ -61,12 +62,15 @@ class Smoothing:
     ``settled`` in the provenance is false, and a note counts such candidates. The peak of the optic flow has many
     kinks, so its programs may not converge; a note counts such polylines.
 
+    A tour is smoothed leg by leg, with the states at its stops fixed; the robot comes to rest at each of them.
+
     Cost: a program is built once for each sequence of straight and turning phases, in 80 to 200 ms. Solving it takes 50
     to 200 ms, for energy and optic flow one or two seconds; the second program takes as long. One in two to eight
     polylines is solved again, because the first solution collides between two samples.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid", "wheels"})
+    tours: ClassVar[bool] = True
 
     step: float = 0.25
     headings: int = 8
@@ -90,6 +94,8 @@ class Smoothing:
         minimise is not among the criteria or IPOPT is missing, and the errors of the planner of the polylines.
         """
         require_ipopt(NAME)
+        if problem.tour is not None:
+            return improved_tours(NAME, self, problem, progress, executor)
         watch = Watch(NAME, self.time_limit, progress)
         objectives = edge_objectives(problem.criteria, NAME)
         criteria = objectives.optimised

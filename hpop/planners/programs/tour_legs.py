@@ -1,0 +1,200 @@
+"""Tours improved leg by leg: the motions between two stops of a known tour are a problem of their own."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.text import counted
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import trajectory_costs
+from hpop.criteria.visits import all_visits
+from hpop.errors import OptionError
+from hpop.motions import HOLD, States
+from hpop.motions.by_law import extras
+from hpop.motions.laws import CLOCK
+from hpop.planners.base import Candidates, motions_key
+from hpop.planners.judgement import trusted
+from hpop.planners.needs import refuse_moving
+from hpop.planners.objectives import edge_objectives
+from hpop.planners.programs.warm_starts import Starting, known_tours
+from hpop.runtime.status import ProgressCallback, Status, Watch
+from hpop.trajectories.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.problems.problem import Problem
+
+CLOCKED = 1e-6  # s by which the time of a visit may differ from that of a state
+
+
+class TourLegs(NamedTuple):
+    """Tour cut at the states where it visits a stop or holds.
+
+    legs   motions between these states, without holds; empty ones are left out
+    holds  (number of legs + 1,)  s, time for which the robot stands before the first leg, between legs, and at the end
+    """
+
+    legs: tuple[Trajectory, ...]
+    holds: tuple[float, ...]
+
+    @classmethod
+    def of(cls, trajectory: Trajectory, visits: Sequence[float]) -> TourLegs:
+        """Cut a trajectory at its holds and at the times of its visits, s."""
+        held = np.array([kind == HOLD.kind for kind in trajectory.kinds], dtype=bool)
+        before = np.append(0, np.cumsum(~held))  # motions without holds before each state
+        moving = trajectory.without_holds()
+        seconds = np.zeros(len(moving) + 1)
+        np.add.at(seconds, before[:-1][held], trajectory.durations[held])
+        visited = np.searchsorted(trajectory.times, np.array(visits) - CLOCKED).clip(max=len(trajectory))
+        joints = sorted({0, len(moving), *np.flatnonzero(seconds).tolist(), *before[visited.astype(int)].tolist()})
+        legs = tuple(_part(moving, begin, end) for begin, end in pairwise(joints))
+        return cls(legs, tuple(seconds[joints].tolist()))
+
+    def joined(self, legs: Sequence[Trajectory]) -> Trajectory:
+        """Return the tour with other legs, which must have the ends of its own; holds stay."""
+        model, kinds, rows = legs[0].model, list[str](), list[dict[str, FloatArray]]()
+        names = {name for leg in legs for name in leg.states.names} | {CLOCK}
+
+        def add(states: States, seconds: FloatArray) -> None:
+            """Append states (N,), with times since the last state so far; angles go on from there without a jump."""
+            columns = {name: states.__dict__.get(name, np.zeros(states.size)) for name in names}
+            columns[CLOCK] = seconds
+            for name in (CLOCK, *model.space.turning) if rows else ():
+                last = rows[-1][name][-1]
+                whole = last if name == CLOCK else 2 * np.pi * np.rint((last - columns[name][0]) / (2 * np.pi))
+                columns[name] = columns[name] + whole
+            rows.append(columns)
+
+        for number, seconds in enumerate(self.holds):
+            leg = legs[min(number, len(legs) - 1)]
+            clock = leg.states.__dict__.get(CLOCK, np.zeros(len(leg) + 1))
+            if not rows:
+                add(leg.states.take([0]), np.zeros(1))
+            if seconds:
+                add(leg.states.take([0 if number < len(legs) else -1]), np.array([seconds]))
+                kinds.append(HOLD.kind)
+            if number < len(legs):
+                add(leg.states, clock - clock[0])
+                rows[-1] = {name: column[1:] for name, column in rows[-1].items()}
+                kinds += leg.kinds
+        columns = {name: np.concatenate([row[name] for row in rows]) for name in names}
+        needed = (*model.space.names, *extras(model, tuple(kinds)))
+        return Trajectory(model, States(**{name: columns[name] for name in needed}), tuple(kinds))
+
+
+def _part(trajectory: Trajectory, begin: int, end: int) -> Trajectory:
+    """Return the motions of a trajectory between two of its states, given by index."""
+    model, kinds = trajectory.model, trajectory.kinds[begin:end]
+    rows: IntArray = np.arange(begin, end + 1)
+    columns, names = trajectory.states.take(rows).__dict__, (*model.space.names, *extras(model, kinds))
+    return Trajectory(model, States(**{name: columns[name] for name in names}), kinds)
+
+
+def improved_tours(
+    name: str, planner: Starting, problem: Problem, progress: ProgressCallback | None, executor: Executor | None
+) -> Candidates:
+    """Improve each leg of known tours by a planner of nonlinear programs, and return the tours with the new legs.
+
+    The states at which stops are visited, their order and all holds stay. A leg that several tours share is improved
+    once. A leg without a result, also because of a time limit or Ctrl-C, stays as it was, and a note says so. All costs
+    are evaluated along whole tours.
+    """
+    assert problem.tour is not None
+    refuse_moving(problem, f"{name} on a tour")
+    watch = Watch(name, planner.time_limit, progress)
+    objectives = edge_objectives(problem.criteria, name)
+    known = known_tours(planner, problem, progress, executor, watch.left)
+    if known.interrupted is not None:
+        return known.interrupted
+    visits = all_visits(problem.tour, problem.world, known.trajectories)
+    tours = [
+        TourLegs.of(trajectory, [visit.begin for visit in found.visits])
+        for trajectory, found in zip(known.trajectories, visits, strict=True)
+        if found.complete
+    ]
+    criteria = [criterion for criterion in problem.criteria if criterion.role != "stops_missed"]
+    legs = {motions_key(leg): leg for tour in tours for leg in tour.legs}
+    todo = [key for key, leg in legs.items() if _moves(leg)]
+    improved: dict[Any, Trajectory] = {}
+    notes, tried, status = Counter[str](), 0, known.status
+    for key in todo:
+        left = watch.left
+        if watch.is_late():
+            status = Status.TIME_LIMIT
+            break
+        found = _improved(planner, problem, criteria, legs[key], left, executor)
+        if found.status in (Status.TIME_LIMIT, Status.INTERRUPTED):
+            status = found.status
+            break
+        tried += 1
+        improved |= {key: found.trajectories[0]} if found.trajectories else {}
+        notes.update(found.notes)
+        watch.report(tried, len(todo) - tried, 0)
+    trajectories = tuple(
+        tour.joined([improved.get(motions_key(leg), leg) for leg in tour.legs]) for tour in tours if tour.legs
+    )
+    costs = trajectory_costs(objectives.optimised, trajectories, problem.world)
+    failed, untried = tried - len(improved), len(todo) - tried
+    accepted = trusted(
+        Candidates(
+            objectives=objectives.optimised,
+            trajectories=trajectories,
+            planned=costs,
+            tolerance=np.zeros_like(costs),
+            status=status,
+            certificate=(
+                f"{name}: tours improved leg by leg, {problem.tour.words}: each improved leg is a local optimum near "
+                "its warm start with fixed ends; states at stops and their order are those of the warm starts, so "
+                f"better tours may exist{objectives.certificate}"
+            ),
+            provenance=tuple({"warm_start": i} for i in range(len(trajectories))),
+            notes=(
+                *objectives.notes,
+                *known.notes,
+                *(f"{note} ({counted(count, 'leg')})" for note, count in notes.items()),
+                *([f"{counted(failed, 'leg')} could not be improved and stayed as before"] if failed else []),
+                *([f"{status}: {counted(untried, 'leg')} stayed as before"] if untried else []),
+            ),
+            filters=objectives.filters,
+            stats={"planner": name, "warm_starts": len(tours), "legs": len(todo), "improved": len(improved)},
+        ),
+        problem,
+        name,
+    )
+    return replace(accepted, stats={**accepted.stats, "seconds": watch.seconds})
+
+
+def _moves(leg: Trajectory) -> bool:
+    """Return whether a leg changes its position, so that a program can improve it."""
+    return bool(np.ptp(leg.states.x) + np.ptp(leg.states.y) > 0.0)
+
+
+def _improved(
+    planner: Any,
+    problem: Problem,
+    criteria: Sequence[Criterion],
+    leg: Trajectory,
+    left: float | None,
+    executor: Executor | None,
+) -> Candidates:
+    """Solve the problem of one leg, from its first to its last state, with the leg as warm start."""
+    start, goal = (problem.model.space.values(leg.states.take([place])) for place in (0, -1))
+    alone = type(problem)(problem.world, problem.model, start, goal, criteria)
+    found: Candidates = replace(planner, warm_start=[leg], time_limit=left).solve(alone, None, executor)
+    return found
+
+
+def refuse_bounds(name: str, options: Mapping[str, Any]) -> None:
+    """Raise OptionError for options that bound whole paths, which a tour improved leg by leg cannot keep."""
+    if given := [option for option, value in options.items() if value]:
+        raise OptionError(
+            f"{name} improves a tour leg by leg, so bounds on whole paths cannot be set: leave out {', '.join(given)}, "
+            "and select from the front instead"
+        )
