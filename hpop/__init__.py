@@ -1,6 +1,6 @@
 """hpop: human perception-optimized planning, the whole Pareto front of a robot's motions seen through its camera.
 
-Names are imported when they are first used, so that ``import hpop`` and ``hpop --help`` stay light.
+Names are imported when they are first used, so that ``import hpop`` and ``hpop --help`` are fast.
 """
 
 from __future__ import annotations

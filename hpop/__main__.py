@@ -1,4 +1,4 @@
-"""``python -m hpop``: the command line, run as ``hpop`` runs it."""
+"""Run the command line: ``python -m hpop`` does the same as ``hpop``."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 import sys
 
 if not sys.flags.safe_path and sys.path[:1] == [os.getcwd()]:
-    del sys.path[0]  # as of the command: nothing is imported that lies in the current folder
+    del sys.path[0]  # so that no module is imported from the current folder, as for the command hpop
 
 from hpop.entry import main
 

@@ -1,4 +1,4 @@
-"""Process of the command ``hpop``: everything around :func:`hpop.cli.main`, from the first import to the last output.
+"""Process of the command ``hpop``: the code that runs before and after :func:`hpop.cli.main`.
 
 Ctrl-C ends the command without a traceback, even while modules are imported. A search continues if the reader of its
 output ends (``hpop plan ... | head -1``) or the terminal is closed. No code from the current folder is run.
@@ -23,23 +23,23 @@ def main() -> None:
     try:
         _open_closed_streams()
         _distrust_current_folder()
-        os.environ["MPLBACKEND"] = "agg"  # pictures are files, whatever a desktop or a notebook draws with
+        os.environ["MPLBACKEND"] = "agg"  # draws to files, independent of a desktop or a notebook
         sys.stdout, sys.stderr = _tolerant_stream(sys.stdout), _tolerant_stream(sys.stderr)
         _drop_invalid_epoch()
-        from hpop.cli import main as command  # click takes a tenth of a second
+        from hpop.cli import main as command  # imports click, which takes a tenth of a second
 
-        command(prog_name="hpop")  # also where it is run as python -m hpop
+        command(prog_name="hpop")  # the same name if it is run as python -m hpop
     except KeyboardInterrupt:
         sys.stderr.write("error: interrupted\n")
         sys.exit(INTERRUPTED)
 
 
 def _distrust_current_folder() -> None:
-    """Import no module from the current folder, in this process and its children, because anyone may have written it.
+    """Prevent imports from the current folder, in this process and its children, because anyone may have written there.
 
-    Numba also reads settings from the current folder; they can name a folder of compiled code, and no switch turns this
-    off. So the command ends if such a file exists. Settings of Matplotlib are undone once it is imported
-    (:mod:`hpop.view`), and those of IPOPT are turned off where its options are set.
+    Numba also reads settings from the current folder. They can name a folder of compiled code, and this cannot be
+    turned off, so the command ends if such a file exists. Settings of Matplotlib are undone after it is imported
+    (:mod:`hpop.view`), and settings of IPOPT are turned off together with its other options.
     """
     os.environ["PYTHONSAFEPATH"] = "1"
     if os.path.exists(NUMBA_SETTINGS):
@@ -51,7 +51,7 @@ def _distrust_current_folder() -> None:
 
 
 def _drop_invalid_epoch() -> None:
-    """Drop a SOURCE_DATE_EPOCH that is no whole number, with a note; NumPy and Matplotlib would raise an error."""
+    """Ignore a SOURCE_DATE_EPOCH that is not a whole number, with a note; NumPy and Matplotlib would raise an error."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH")
     if epoch is not None and not (epoch.isascii() and epoch.isdigit()):
         del os.environ["SOURCE_DATE_EPOCH"]
@@ -63,13 +63,13 @@ def _drop_invalid_epoch() -> None:
 def _open_closed_streams() -> None:
     """Open standard streams that are closed (``hpop plan ... >&-``) on the null device.
 
-    Otherwise files that are opened later would get their numbers, and output of any library would go into these files.
+    Otherwise, files that are opened later would get their numbers, and would receive the output of libraries.
     """
     for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         try:
             os.fstat(number)
         except OSError:
-            os.open(os.devnull, os.O_RDWR)  # takes the lowest free number, which is the stream's
+            os.open(os.devnull, os.O_RDWR)  # gets the lowest free number, which is the stream's
             os.set_inheritable(number, True)
         if getattr(sys, name) is None:
             raw: Any = io.FileIO(number, mode, closefd=False)
@@ -78,7 +78,7 @@ def _open_closed_streams() -> None:
 
 
 class _TolerantStream(io.FileIO):
-    """Stream that discards output once its reader has ended; another error raises OutputError, only once."""
+    """Stream that discards output after its reader has ended; the first other error raises OutputError."""
 
     failed = False
 
@@ -99,7 +99,7 @@ def _tolerant_stream(stream: Any) -> IO[str]:
     """Return a stream as a :class:`_TolerantStream` that escapes characters missing in its encoding."""
     try:
         raw = _TolerantStream(stream.fileno(), "w", closefd=False)
-    except (AttributeError, OSError):  # closed, or no file
+    except (AttributeError, OSError):  # the stream is closed, or is no file
         return stream  # type: ignore[no-any-return]
     return io.TextIOWrapper(
         io.BufferedWriter(raw),

@@ -1,7 +1,7 @@
-"""Errors for mistakes of users: one class per outcome, with its exit code on the command line.
+"""Errors that hpop raises for mistakes of users; each class has an exit code for the command line.
 
-A message says what was expected, what came, and what to do. "No path" and "time ran out" are results, not errors: they
-are a :class:`hpop.runtime.status.Status`.
+A message says what was expected, what was given, and what to do. "No path" and "time limit" are results, not errors:
+they are a :class:`hpop.runtime.status.Status`.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ class HpopError(Exception):
 
 
 class HpopWarning(RuntimeWarning):
-    """Warning about something the user should know, although the result is valid."""
+    """Warning about a valid result that may not be what the user expects."""
 
 
 class MapError(HpopError, ValueError):
-    """Error in a map, mask or blueprint: it cannot be read, or makes no sense."""
+    """Error in a map, mask or blueprint: it cannot be read, or its contents are invalid."""
 
     exit_code = 3
 
@@ -46,25 +46,25 @@ class ScenarioError(HpopError, ValueError):
 
 
 class QueryError(HpopError, ValueError):
-    """Error in a start or goal: it is in an obstacle, off the map, or its yaw is not one of the lattice."""
+    """Error in a start or goal: it is in an obstacle or off the map, or its yaw is not one of the lattice's."""
 
     exit_code = 5
 
 
 class UnknownName(HpopError, LookupError):
-    """Error for a name of a criterion, planner or model that is not registered."""
+    """Error for the name of a criterion, planner or model that is not registered."""
 
     exit_code = 7
 
 
 class CriterionError(HpopError, ValueError):
-    """Error in a criterion: a wrong declaration, or a cost that is not one finite number >= 0 for each motion."""
+    """Error in a criterion: an invalid declaration, or costs that are not one finite number >= 0 for each motion."""
 
     exit_code = 8
 
 
 class UnsupportedCriterion(CriterionError):
-    """Error for a criterion that a planner cannot treat; the message names one that can."""
+    """Error for a criterion that a planner does not support; the message names a planner that does."""
 
 
 class ModelError(HpopError, ValueError):
@@ -74,7 +74,7 @@ class ModelError(HpopError, ValueError):
 
 
 class UnsupportedModel(ModelError):
-    """Error for a model that a planner cannot plan for; the message names planners that can."""
+    """Error for a model that a planner does not support; the message names planners that do."""
 
 
 class OptionError(HpopError, ValueError):
@@ -84,7 +84,7 @@ class OptionError(HpopError, ValueError):
 
 
 class GraphError(HpopError, ValueError):
-    """Error in a graph: wrong shapes, negative costs, nodes out of range, costs that would overflow."""
+    """Error in a graph: wrong shapes, negative costs, nodes out of range, or costs that would overflow."""
 
     exit_code = 11
 
@@ -96,13 +96,13 @@ class OutputError(HpopError, OSError):
 
 
 class LimitError(HpopError):
-    """Error for limits of all planners that pass while the map is read, before any front can have a status."""
+    """Error for a limit that is exceeded while the map is read, before there is a front with a status."""
 
     exit_code = 13
 
 
 class RosError(HpopError, ValueError):
-    """Error in a ROS message that does not fit its type, or in a request to a bridge to ROS."""
+    """Error in a ROS message that does not match its type, or in a request to a bridge to ROS."""
 
     exit_code = 15
 
@@ -114,13 +114,13 @@ class OwnCodeError(HpopError, ImportError):
 
 
 class DriveError(HpopError, ValueError):
-    """Error in the input of a drive: an unknown door, weights on no cost, a time in the past."""
+    """Error in the input of a drive, such as an unknown door, weights without a cost, or a time in the past."""
 
     exit_code = 16
 
 
 class CoversRobot(DriveError):
-    """Error for a closed area that covers the robot, which could then plan no path."""
+    """Error for a closed area that covers the robot, so that no path could be planned."""
 
 
 class StudyError(HpopError, ValueError):
@@ -135,7 +135,7 @@ OWN = "import its module first (on the command line --import FILE_OR_MODULE) or 
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownName:
-    """Return the error for an unknown name: it suggests the nearest name, lists all, and explains registration.
+    """Return the error for an unknown name; its message suggests the nearest name, lists all, and explains plugins.
 
     >>> print(unknown_name("criterion", "turn", ["turns", "length"]))  # doctest: +NORMALIZE_WHITESPACE
     unknown criterion 'turn'. Did you mean 'turns'? Known: length, turns.
@@ -149,7 +149,7 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownName:
 
 
 def did_you_mean(name: object, known: Iterable[str]) -> str:
-    """Return a question that suggests the nearest known name; "" if none is near.
+    """Return a question that suggests the most similar known name; "" if none is similar.
 
     >>> did_you_mean("lenght", ["turns", "length"]), did_you_mean("mood", ["turns", "length"])
     (" Did you mean 'length'?", '')
@@ -161,7 +161,7 @@ def did_you_mean(name: object, known: Iterable[str]) -> str:
 
 
 def own_location(error: BaseException) -> str:
-    """Return the file and line of an error in the innermost frame of user code; "" if there is none."""
+    """Return file and line of an error, in the innermost frame of the user's code; "" if there is none."""
     if isinstance(error, SyntaxError) and error.filename and Path(error.filename).is_file():
         return f"{error.filename}, line {error.lineno}" if error.lineno else error.filename
     libraries = [Path(__file__).parent, *(Path(sysconfig.get_path(key)) for key in ("stdlib", "purelib", "platlib"))]
@@ -173,9 +173,7 @@ def own_location(error: BaseException) -> str:
 
 
 def own_failure(subject: str, error: BaseException) -> str:
-    """Return a sentence on an error in user code, with its location.
-
-    ``subject`` names the plugin that failed.
+    """Return a sentence on an error in the user's code, with its location; ``subject`` names the plugin that failed.
 
     >>> own_failure("criterion 'mine'", ZeroDivisionError("division by zero"))
     "criterion 'mine' failed: ZeroDivisionError: division by zero"

@@ -1,5 +1,5 @@
-"""Readers of foreign file formats, each run in a process of its own, with the library that knows the format.
+"""Readers of other programs' file formats; each file is read in a child process, with a library for its format.
 
-Each module here has a function ``extract(data, options)``, which returns a `ChildAnswer` from the bytes of a file. It
-returns numbers and words, not worlds, and imports little, since a process starts for each file.
+Each reader is a module with a function ``extract(data, options)``, which returns a `ChildAnswer` from the bytes of a
+file. Answers hold numbers and words, not worlds. The modules import little, since a process starts for each file.
 """

@@ -1,4 +1,4 @@
-"""Reader of an occupancy grid in a ROS 1 or ROS 2 bag, by rosbags."""
+"""Reader of an occupancy grid from a ROS 1 or ROS 2 bag, with the library rosbags."""
 
 from __future__ import annotations
 
@@ -23,13 +23,16 @@ LEVEL = 1e-3
 
 
 def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
-    """Return the last grid on a topic of the bag at ``options["path"]``: occupancy in percent, -1 for unknown cells."""
+    """Return the last grid on a topic of the bag at ``options["path"]``.
+
+    Its cells are occupancies in percent, -1 if unknown.
+    """
     try:
         from rosbags import rosbag1, rosbag2  # of an extra
         from rosbags.typesys import Stores, get_typestore  # of an extra
     except ImportError as error:
         raise ChildRefused(
-            f"bags are read by rosbags, the extra hpop[bags] ({error}); pip install 'hpop[bags]'"
+            f"reading bags needs rosbags, which cannot be imported ({error}); run pip install 'hpop[bags]'"
         ) from None
     path = Path(options["path"])
     is_first = path.suffix == ".bag"
@@ -52,15 +55,16 @@ def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
             last, count = bytes(message), count + 1
     if not count:
         raise ChildRefused(
-            f"it has no message on {topic}; expected a {GRID}. Record it from the start: maps are sent once"
+            f"it has no message on {topic}; expected a {GRID}. Start to record before the map is sent, which is only "
+            "once"
         )
     store = get_typestore(Stores.ROS1_NOETIC if is_first else Stores.ROS2_HUMBLE)
     grid: Any = store.deserialize_ros1(last, GRID) if is_first else store.deserialize_cdr(last, GRID)
     width, height = int(grid.info.width), int(grid.info.height)
     if not 0 < width * height <= MOST_CELLS or len(grid.data) != width * height:
         raise ChildRefused(
-            f"the grid on {topic} is {width:,} x {height:,} with {len(grid.data):,} cells; expected as many as its "
-            f"size says, at most {MOST_CELLS:,}"
+            f"the grid on {topic} must have width x height cells, at most {MOST_CELLS:,}, got {len(grid.data):,} cells "
+            f"for {width:,} x {height:,}"
         )
     pose = grid.info.origin
     return ChildAnswer(
@@ -68,7 +72,7 @@ def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
             "topic": topic,
             "messages": count,
             "others": [each for each in grids if each != topic],
-            "resolution": float(str(np.float32(grid.info.resolution))),  # 0.05, as it was before it had 32 bits
+            "resolution": float(str(np.float32(grid.info.resolution))),  # 0.05, not 0.05000000074505806
             "origin": [float(pose.position.x), float(pose.position.y), _yaw(pose.orientation, topic)],
             "sha256": hashlib.sha256(last).hexdigest(),
         },
@@ -89,19 +93,17 @@ def _topic_to_read(asked: str | None, grids: list[str], topics: Counter[str]) ->
         near = get_close_matches(asked[:100], grids, n=1)
         hint = f" Did you mean {near[0]!r}?" if near else ""
         raise ChildRefused(
-            f"it has no map on {asked[:100]!r}; maps are on {', '.join(grids[:30])}.{hint} In all {there}"
+            f"it has no map on {asked[:100]!r}; topics with maps: {', '.join(grids[:30])}.{hint} In total, {there}"
         )
     return asked
 
 
 def _yaw(q: Any, topic: str) -> float:
-    """Return the direction of a grid's x axis, rad; `ChildRefused` for a tilted grid."""
+    """Return the direction of a grid's x axis, rad; raise `ChildRefused` if the grid is tilted."""
     x, y, z, w = (float(value) for value in (q.x, q.y, q.z, q.w))
     size = math.hypot(x, y, z, w)
-    if size == 0:  # not filled in
+    if size == 0:  # the orientation is not set
         return 0.0
     if not size < math.inf or math.hypot(x, y) > LEVEL * size:
-        raise ChildRefused(
-            f"the grid on {topic} is tilted, its orientation is ({x:g}, {y:g}, {z:g}, {w:g}); expected a level one"
-        )
+        raise ChildRefused(f"the grid on {topic} must be horizontal, got the orientation ({x:g}, {y:g}, {z:g}, {w:g})")
     return math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)

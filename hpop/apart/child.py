@@ -1,8 +1,8 @@
-"""Child process that reads a file of a foreign format within bounds of memory and time.
+"""Child process that reads a file of another program's format within limits of memory and time.
 
 Its input is a line of JSON, ``{"module": .., "options": .., "memory": .., "seconds": ..}``, followed by the bytes of
-the file. ``memory`` bounds the address space, including the libraries; ``seconds`` is processor time. Its output is a
-`ChildAnswer`: words and arrays of numbers, and no object that could run code.
+the file. ``memory`` limits the address space, including the libraries; ``seconds`` is processor time. Its output is a
+`ChildAnswer`: words and arrays of numbers, but no object that could run code.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class ChildAnswer(NamedTuple):
 
 
 def unpack(data: bytes) -> ChildAnswer:
-    """Return the answer that bytes hold; raise `ChildRefused` for a refusal, ValueError for anything else."""
+    """Return the answer from its bytes; raise `ChildRefused` for a refusal, ValueError for invalid bytes."""
     line, _, body = data.partition(b"\n")
     header = json.loads(line)
     if "refused" in header:
@@ -66,15 +66,15 @@ def unpack(data: bytes) -> ChildAnswer:
 
 
 def refusal(text: str) -> bytes:
-    """Return a refusal, with a text for the user, as bytes."""
+    """Return a refusal as bytes; ``text`` is for the user."""
     return json.dumps({"refused": text}).encode() + b"\n"
 
 
 def set_limits(memory: int, seconds: int) -> None:
-    """Limit the memory (bytes) and processor time (s) of this process, where the system can."""
+    """Limit the memory (bytes) and the processor time (s) of this process, if the system can do so."""
     try:
-        import resource  # not on every system
-    except ImportError:  # no such limits on this system
+        import resource  # missing on some systems
+    except ImportError:  # this system has no such limits
         return
     for kind, most in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CPU, seconds), (resource.RLIMIT_FSIZE, DISK)):
         _, hard = resource.getrlimit(kind)
@@ -95,16 +95,18 @@ def answer_bytes(asked: dict[str, Any], data: bytes) -> bytes:
         return refusal(str(error))
     except MemoryError:
         return refusal(f"reading it takes more than {asked['memory'] / 1e9:.2g} GB of memory; make it smaller")
-    except Exception as error:  # of a library, on a file that may be anything
-        return refusal(f"it cannot be read ({type(error).__name__}: {str(error)[:200]}); is it broken?")
+    except Exception as error:  # libraries may raise any error on an invalid file
+        return refusal(
+            f"it cannot be read ({type(error).__name__}: {str(error)[:200]}); it may be damaged: export it again"
+        )
 
 
 def serve() -> None:
-    """Read the request from standard input and write the answer; end the process."""
+    """Read the request from standard input, write the answer, and end the process."""
     asked = json.loads(sys.stdin.buffer.readline())
     set_limits(asked["memory"], asked["seconds"])
     out = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # prints of a library do not belong to the answer
+    os.dup2(2, 1)  # so that output of a library does not get into the answer
     out.write(answer_bytes(asked, sys.stdin.buffer.read()))
     out.flush()
-    os._exit(0)  # without clean-up, in which a library may hang
+    os._exit(0)  # without clean-up, because a library might hang in it

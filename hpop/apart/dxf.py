@@ -1,4 +1,4 @@
-"""Reader of lines and solid fills of a DXF drawing's model space, by ezdxf."""
+"""Reader of the lines and solid fills in a DXF drawing's model space, with the library ezdxf."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ WIDE = ("LWPOLYLINE", "POLYLINE")
 
 
 def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
-    """Return the lines of a drawing, in its units; the words include its ``$INSUNITS``."""
+    """Return the lines of a drawing, in its units; the words of the answer include its unit (``$INSUNITS``)."""
     try:
         from ezdxf import recover  # of an extra
         from ezdxf.lldxf.const import DXFError  # of an extra
     except ImportError as error:
         raise ChildRefused(
-            f"DXF drawings are read by ezdxf, the extra hpop[plans] ({error}); pip install 'hpop[plans]'"
+            f"reading DXF drawings needs ezdxf, which cannot be imported ({error}); run pip install 'hpop[plans]'"
         ) from None
     try:
         drawing, _ = recover.read(io.BytesIO(data))
     except DXFError as error:
-        raise ChildRefused(f"it cannot be read as a DXF drawing ({str(error)[:200]})") from None
+        raise ChildRefused(f"it cannot be read as a DXF drawing ({str(error)[:200]}); export it again") from None
     lines = Lines(options["layers"])
     frozen = {layer.dxf.name.casefold() for layer in drawing.layers if layer.is_frozen()}
     hidden = frozen | {layer.dxf.name.casefold() for layer in drawing.layers if layer.is_off()}
@@ -42,7 +42,7 @@ def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
 
 
 class _PlacedEntity(NamedTuple):
-    """Entity with its layer, and the matrix from its block to the drawing (None for the identity)."""
+    """Entity with its layer and the matrix from its block to the drawing (None for the identity)."""
 
     entity: Any
     matrix: Any
@@ -53,8 +53,7 @@ class _EntityWalk:
     """Walk through the visible entities of a drawing, including those in blocks.
 
     lines   collector of lines, which counts entities that are left out
-    frozen  names of frozen layers, in lower case; references to blocks on these layers are hidden with all their
-    contents
+    frozen  names of frozen layers, in lower case; a reference to a block on such a layer hides all the block's contents
     """
 
     def __init__(self, lines: Lines, frozen: set[str]) -> None:
@@ -63,8 +62,8 @@ class _EntityWalk:
     def within(self, entities: Any, matrix: Any, around: str, deep: int) -> Iterator[_PlacedEntity]:
         """Yield visible entities, those of a block once for each reference to the block.
 
-        Layer 0 within a block stands for the layer of the reference. Matrices are multiplied here, because ezdxf
-        changes a reference within a stretched block into a form that it can represent.
+        Layer 0 within a block stands for the layer of the reference. Matrices are multiplied here, because ezdxf would
+        change a reference in a stretched block into a form that it can represent.
 
         matrix  from ``entities`` to the drawing, or None
         around  layer of the reference
@@ -76,7 +75,7 @@ class _EntityWalk:
             layer = str(entity.dxf.get("layer", "0"))
             layer = around if layer == "0" and around else layer
             kind = entity.dxftype()
-            if entity.dxf.get("invisible", 0):  # group 60, such as the states of a dynamic block that are not chosen
+            if entity.dxf.get("invisible", 0):  # group code 60, for example for unselected states of a dynamic block
                 lines.left_out["invisible"] += 1
             elif kind == "MLINE":
                 yield from (_PlacedEntity(part, matrix, layer) for part in self._parts(entity))
@@ -107,7 +106,7 @@ class _EntityWalk:
 
 
 def _add(placed: _PlacedEntity, shown: bool, lines: Lines) -> None:
-    """Add the lines of an entity; ``shown``: whether its layer is shown."""
+    """Add the lines of an entity; ``shown`` tells whether its layer is on."""
     from ezdxf import path  # of an extra
 
     entity, matrix, layer = placed
@@ -121,7 +120,7 @@ def _add(placed: _PlacedEntity, shown: bool, lines: Lines) -> None:
     try:
         paths = [*path.from_hatch(entity)] if kind == "HATCH" else [path.make_path(entity)]
         paths = paths if matrix is None else [each.transform(matrix) for each in paths]
-    except (TypeError, ValueError, ArithmeticError):  # a mesh, a circle without a radius
+    except (TypeError, ValueError, ArithmeticError):  # for example a mesh, or a circle without a radius
         lines.left_out[f"{kind} without a line"] += 1
         return
     lines.add(layer, [points for each in paths for points in _polylines(each)], filled=solid)
@@ -132,7 +131,7 @@ def _add(placed: _PlacedEntity, shown: bool, lines: Lines) -> None:
 
 
 def _band(polyline: Any, lines: Lines) -> list[Any]:
-    """Return the quadrilaterals that a polyline with widths (groups 40, 41 and 43) fills, four corners each."""
+    """Return the quadrilaterals, four corners each, that a polyline with widths fills (group codes 40, 41 and 43)."""
     from ezdxf.math import Vec3  # of an extra
     from ezdxf.render.trace import TraceBuilder  # of an extra
 

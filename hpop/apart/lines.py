@@ -1,6 +1,6 @@
 """Collector of the lines and filled areas of a drawing.
 
-Counted by layer, bounded in number, clipped to visible parts.
+Lines are counted by layer, limited in number, and clipped to visible parts.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ MOST_POINTS = 500_000
 MOST_THINGS = 1_000_000
 """Largest number of entities that are read, including references to blocks or forms."""
 MOST_DEEP = 16
-"""Blocks within blocks."""
+"""Largest depth of blocks within blocks."""
 FARTHEST = 1e12
-"""Greatest coordinate, in the drawing's units."""
+"""Largest absolute coordinate, in the drawing's units."""
 SAG = 5e-4
 """Largest distance of a curve from its chords, as a share of its size."""
 
@@ -31,13 +31,13 @@ HIDDEN = "on layers that are off or frozen"
 """Note on hidden entities."""
 Points = Sequence[tuple[float, float]]
 NEAR = 0.01
-"""Largest distance of a point beyond a border that still counts as on it."""
+"""Largest distance beyond a border at which a point still counts as on the border."""
 
 
 class Lines:
     """Collector of the lines and areas of a drawing.
 
-    layers : names of the layers to read, or None for all layers that are shown
+    layers  names of the layers to read, or None for all layers that are shown
     """
 
     def __init__(self, layers: Sequence[str] | None) -> None:
@@ -57,7 +57,7 @@ class Lines:
         """Number of thick lines that are read as areas."""
 
     def count_entity(self) -> None:
-        """Count one more entity of the drawing; `ChildRefused` if there are too many."""
+        """Count one more entity of the drawing; raise `ChildRefused` if there are too many."""
         self._things += 1
         if self._things > MOST_THINGS:
             raise ChildRefused(
@@ -65,7 +65,7 @@ class Lines:
             )
 
     def wants(self, layer: str, *, shown: bool = True) -> bool:
-        """Count an entity of a layer, and return whether to read the entity."""
+        """Count an entity of a layer, and return whether to read it; ``shown`` tells whether the layer is on."""
         self.counted[layer] += 1
         if self._asked is not None:
             return layer.casefold() in self._asked
@@ -81,9 +81,9 @@ class Lines:
         filled: bool = False,
         width: float = 0.0,
     ) -> None:
-        """Add polylines, each given by its points; if ``filled``, all of them together bound one area.
+        """Add polylines, each given by its points; if ``filled``, they bound one area together.
 
-        width  thickness of lines with flat ends, in the drawing's units; 0 for the width of a pen
+        width  thickness of the lines, which have flat ends, in the drawing's units; 0 for pen strokes
         """
         self._areas += filled
         for path in paths:
@@ -96,15 +96,15 @@ class Lines:
             self._width.append(width)
             if len(self._points) > MOST_POINTS:
                 raise ChildRefused(
-                    f"its lines have more than {MOST_POINTS:,} points; expected a floor plan. Choose layers, or remove "
-                    f"some out; it has {counts_text(self.counted)}"
+                    f"its lines have more than {MOST_POINTS:,} points, too many for a floor plan; select some of its "
+                    f"layers: {counts_text(self.counted)}"
                 )
 
     def answer(self, known: Iterable[str], **words: Any) -> ChildAnswer:
-        """Return the collected lines; `ChildRefused` if a requested layer is missing.
+        """Return the collected lines; raise `ChildRefused` if a requested layer is missing.
 
-        known : names of all layers that the file lists, including layers without lines
-        words : further words of the answer
+        known  names of all layers that the file lists, including layers without lines
+        words  further words of the answer
         """
         names = {name.casefold(): name for name in (*known, *self.counted)}
         for name in sorted(self._asked or ()):
@@ -112,7 +112,7 @@ class Lines:
                 near = get_close_matches(name[:100], list(names)[:10_000], n=1)
                 hint = f" Did you mean {names[near[0]]!r}?" if near else ""
                 raise ChildRefused(
-                    f"it has no layer {name[:100]!r}.{hint} It has {counts_text(self.counted) or 'none'}"
+                    f"it has no layer {name[:100]!r}.{hint} Its layers are {counts_text(self.counted) or 'none'}"
                 )
         points = np.array(self._points, dtype=np.float64).reshape(-1, 2)
         if not (np.abs(points) <= FARTHEST).all():
@@ -129,7 +129,7 @@ class Lines:
 
 
 def counts_text(counted: Counter[str] | dict[str, int], most: int = 12) -> str:
-    """Return names with their counts in words, the largest count first."""
+    """Return names with their counts as text, the largest count first."""
     several = sorted(counted.items(), key=lambda entry: (-entry[1], entry[0]))
     return ", ".join(f"{name} ({count:,})" for name, count in several[:most]) + ", ..." * (len(several) > most)
 
@@ -138,8 +138,8 @@ def counts_text(counted: Counter[str] | dict[str, int], most: int = 12) -> str:
 class Visible:
     """Visible part of a drawing: the intersection of a rectangle with areas, in the drawing's coordinates.
 
-    box    x0, y0, x1, y1
-    areas  shapely polygons, for clip paths that are no axis-parallel rectangles
+    box    x0, y0, x1, y1 of the rectangle
+    areas  shapely polygons, for clip paths that are not axis-parallel rectangles
     """
 
     box: tuple[float, float, float, float]
@@ -175,7 +175,7 @@ class Visible:
 
 
 def _is_box(corners: Points) -> bool:
-    """Return whether corners, the first perhaps repeated at the end, form an axis-parallel rectangle."""
+    """Return whether corners (the first may be repeated at the end) form an axis-parallel rectangle."""
     points = list(dict.fromkeys(corners))
     if len(points) != 4:
         return False

@@ -1,7 +1,7 @@
-"""Reader of the lines and dark fills of a PDF page, by pdfium.
+"""Reader of the lines and dark fills of a PDF page, with the library pdfium.
 
-pdfium reports neither the unit of a page nor the layers that are off when the document is opened. But it can rewrite a
-document with uncompressed objects, in which these entries are plain text.
+pdfium reports neither the unit of a page nor the layers that are off when the document is opened. But it can write a
+document again with uncompressed objects, in which these entries are plain text.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ OBJECT = re.compile(rb"\b(\d{1,10}) \d{1,5} obj\b(.*?)\bendobj", re.DOTALL)
 PAGE = re.compile(rb"/Type\s*/Page\b")
 UNIT = re.compile(rb"/UserUnit\s+(\d{1,6}(?:\.\d*)?|\.\d+)")
 MOST_UNIT = 75_000.0
-"""Largest unit of a page, points: a page is at most 200 inches of its units across, and 237 miles."""
+"""Largest unit of a page, points."""
 REFERENCE = re.compile(rb"(\d{1,10})\s+\d{1,5}\s+R\b")
 NAME = re.compile(rb"/Name\s*(\((?:\\.|[^\\()])*\)|<[0-9A-Fa-f\s]*>)", re.DOTALL)
 ESCAPE = re.compile(rb"\\([0-7]{1,3}|\r\n|.)", re.DOTALL)
 LETTERS = {b"n": b"\n", b"r": b"\r", b"t": b"\t", b"b": b"\b", b"f": b"\f", b"\n": b"", b"\r": b"", b"\r\n": b""}
 PAPER = 0.9
-"""Brightness above which a line is ignored: it only covers what lies below."""
+"""Brightness above which a line is ignored, because it only covers what is below it."""
 INK = 0.5
-"""Brightness below which a fill is solid; lighter fills colour rooms."""
+"""Brightness below which a fill is read as solid; lighter fills colour rooms."""
 LAYERLESS = "(no layer)"
 PEN = 72 / 25.4
-"""Thickness, 1 mm on paper, up to which a line is a pen stroke; a thicker line is an area."""
+"""Largest thickness of a pen stroke, points (1 mm on paper); a thicker line is read as an area."""
 Matrix = np.ndarray[Any, np.dtype[np.float64]]
 
 
@@ -65,7 +65,7 @@ def hidden_layers(document: Any, data: bytes) -> set[str]:
 
 
 def _may_have(data: bytes, name: bytes) -> bool:
-    """Return whether a file may have an entry ``name``: it occurs in the data, or objects are compressed."""
+    """Return whether a file may have an entry ``name``: whether it occurs in the data, or objects are compressed."""
     return name in data or b"ObjStm" in data
 
 
@@ -77,7 +77,7 @@ def _objects(document: Any) -> dict[int, bytes]:
 
 
 def _entry(body: bytes, name: bytes, objects: dict[int, bytes]) -> bytes:
-    """Return the dictionary under a name in another dictionary, in place or by reference; empty if there is none."""
+    """Return the dictionary under a name in another dictionary, direct or by reference; empty if there is none."""
     found = re.search(rb"/" + name + rb"\s*(?:(\d{1,10})\s+\d{1,5}\s+R\b|<<)", body)
     if found is None:
         return b""
@@ -92,7 +92,7 @@ def _entry(body: bytes, name: bytes, objects: dict[int, bytes]) -> bytes:
 
 
 def _references(body: bytes, name: bytes, objects: dict[int, bytes]) -> Iterator[int]:
-    """Yield the object numbers in an array under a name, in place or by reference."""
+    """Yield the object numbers in the array under a name, which is direct or a reference."""
     found = re.search(rb"/" + name + rb"\s*(?:(\d{1,10})\s+\d{1,5}\s+R\b|\[([^\]]*)\])", body)
     if found is not None:
         array = objects.get(int(found[1]), b"") if found[1] else found[2]
@@ -122,13 +122,13 @@ def _unescaped(escape: bytes) -> bytes:
 
 
 def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
-    """Return the lines of a page, in points from the lower left corner of the page as it is shown."""
+    """Return the lines of a page, in points from the lower left corner of the displayed page."""
     try:
         import pypdfium2 as pdfium  # of an extra
         from pypdfium2 import raw  # of an extra
     except ImportError as error:
         raise ChildRefused(
-            f"PDF drawings are read by pypdfium2, the extra hpop[plans] ({error}); pip install 'hpop[plans]'"
+            f"reading PDF drawings needs pypdfium2, which cannot be imported ({error}); run pip install 'hpop[plans]'"
         ) from None
     try:
         document = pdfium.PdfDocument(data)
@@ -137,7 +137,9 @@ def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
             raise ChildRefused(f"it has {pages:,} pages; page must be from 1 to {pages:,}, got {options['page']}")
         page = document[options["page"] - 1]
     except pdfium.PdfiumError as error:
-        raise ChildRefused(f"it cannot be read as a PDF ({str(error)[:200]}); does it have a password?") from None
+        raise ChildRefused(
+            f"it cannot be read as a PDF ({str(error)[:200]}); if it has a password, save it without one"
+        ) from None
     lines = Lines(options["layers"])
     unit = page_unit(pdfium, document, options["page"] - 1, data)
     hidden = hidden_layers(document, data)
@@ -156,7 +158,7 @@ def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
 
 
 def _display_matrix(page: Any, unit: float) -> tuple[Matrix, float, float]:
-    """Return the matrix from page coordinates to points of the page as displayed, and the page's size, in points."""
+    """Return the matrix from page coordinates to points of the displayed page, and that page's width and height."""
     left, bottom, right, top = page.get_cropbox()
     x0, y0, x1, y1 = page.get_mediabox()
     if min(right, x1) > max(left, x0) and min(top, y1) > max(bottom, y0):
@@ -177,12 +179,12 @@ def _display_matrix(page: Any, unit: float) -> tuple[Matrix, float, float]:
 def _visible_objects(
     raw: Any, parent: Any, matrix: Matrix, around: str, clip: Visible, deep: int, lines: Lines
 ) -> Iterator[tuple[Any, Matrix, str, Visible]]:
-    """Yield the objects of a page or form, each with its matrix, layer and clip.
+    """Yield the objects of a page or form, each with its matrix, layer and visible part.
 
     parent  page or form
-    matrix  from its coordinates to the page as displayed
+    matrix  from its coordinates to the displayed page
     around  layer of the form
-    clip    visible part
+    clip    visible part of the page or form
     deep    depth of nested forms
     """
     of_page = deep == 0
@@ -205,9 +207,9 @@ def _visible_objects(
 
 
 def _object_clip(raw: Any, thing: Any, matrix: Matrix, clip: Visible, lines: Lines) -> Visible:
-    """Return the visible part of an object.
+    """Return the visible part of an object: the intersection of ``clip`` and the object's clip paths.
 
-    The intersection of ``clip`` and its own clip paths, in its parent's coordinates.
+    matrix  from the coordinates of its parent to the displayed page
     """
     own = raw.FPDFPageObj_GetClipPath(thing)
     for number in range(max(0, raw.FPDFClipPath_CountPaths(own))):
@@ -228,7 +230,7 @@ def _layer(raw: Any, thing: Any) -> str:
 
 
 def _name(raw: Any, mark: Any) -> str:
-    """Return the name in a content mark, read as bytes, since pdfium takes UTF-16 for UTF-8."""
+    """Return the name in a content mark; it is read as bytes, since pdfium would read UTF-16 as UTF-8."""
     size = ctypes.c_ulong()
     buffer = ctypes.create_string_buffer(512)
     to = ctypes.cast(buffer, ctypes.POINTER(ctypes.c_ubyte))
@@ -238,7 +240,7 @@ def _name(raw: Any, mark: Any) -> str:
 
 
 def _text(get: Any) -> str:
-    """Return a text that the pdfium function ``get`` writes into a buffer, in UTF-16."""
+    """Return the text that the pdfium function ``get`` writes into a buffer, in UTF-16."""
     size = ctypes.c_ulong()
     buffer = ctypes.create_string_buffer(512)
     pointer = ctypes.cast(buffer, ctypes.POINTER(ctypes.c_ushort))
@@ -264,7 +266,7 @@ def _add(raw: Any, path: Any, matrix: Matrix, layer: str, clip: Visible, lines: 
     parts = _parts(raw, (raw.FPDFPath_GetPathSegment(path, i) for i in range(count)), count, matrix)
     seen = clip.of(parts, filled=is_area)
     if seen != parts:
-        lines.left_out["partly or wholly outside the page or a clip path"] += 1
+        lines.left_out["partly or fully outside the page or a clip path"] += 1
     lines.add(layer, seen, filled=is_area, width=_thickness(raw, path, matrix) if is_line and not is_area else 0.0)
 
 
@@ -278,7 +280,7 @@ def _thickness(raw: Any, path: Any, matrix: Matrix) -> float:
 
 
 def _brightness(get: Any, path: Any) -> float:
-    """Return the brightness on white paper, from 0 (black) to 1 (white, or transparent)."""
+    """Return the brightness on white paper, from 0 (black) to 1 (white or transparent)."""
     red, green, blue, alpha = (ctypes.c_uint() for _ in range(4))
     if not get(path, *(ctypes.byref(value) for value in (red, green, blue, alpha))):
         return 0.0
@@ -289,7 +291,9 @@ def _parts(raw: Any, segments: Iterable[Any], count: int, matrix: Matrix) -> lis
     """Return the parts of a path as points; curves are flattened within a tolerance relative to their size."""
     parts: list[list[tuple[float, float]]] = []
     if count > MOST_POINTS:
-        raise ChildRefused(f"one of its lines has {count:,} points, more than {MOST_POINTS:,}; expected a floor plan")
+        raise ChildRefused(
+            f"one of its lines has {count:,} points, more than {MOST_POINTS:,}, too many for a floor plan; remove it"
+        )
     curve: list[tuple[float, float]] = []
     x, y = ctypes.c_float(), ctypes.c_float()
     for segment in segments:
@@ -314,9 +318,9 @@ def _parts(raw: Any, segments: Iterable[Any], count: int, matrix: Matrix) -> lis
 
 
 def _bezier_points(*corners: tuple[float, float]) -> list[tuple[float, float]]:
-    """Return points of a cubic Bézier curve, without its first, so dense that chords stay within a tolerance."""
+    """Return points of a cubic Bézier curve, without its first; chords between them are within a tolerance of it."""
     a, b, c, d = np.array(corners)
-    bend = max(math.hypot(*(a - 2 * b + c)), math.hypot(*(b - 2 * c + d)))  # second differences bound the sagitta
+    bend = max(math.hypot(*(a - 2 * b + c)), math.hypot(*(b - 2 * c + d)))  # bounds the distance of chords
     size = float(np.hypot(*np.ptp(np.array(corners), axis=0)))
     pieces = max(1, math.ceil(math.sqrt(0.75 * bend / (SAG * size)))) if size > 0 else 1
     t = np.linspace(0, 1, pieces + 1)[1:, None]

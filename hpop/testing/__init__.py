@@ -1,7 +1,7 @@
-"""Conformance checks of criteria, models and planners on random worlds: the rules that hpop relies on.
+"""Conformance checks, on random worlds, of the rules for criteria, models and planners.
 
-``hpop check module:Name`` prints them; :func:`check_criterion`, :func:`check_model` and :func:`check_planner` raise,
-for use in tests.
+``hpop check module:Name`` prints the checks. :func:`check_criterion`, :func:`check_model` and :func:`check_planner`
+are for use in tests: they raise an error if a check fails.
 """
 
 from __future__ import annotations

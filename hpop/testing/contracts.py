@@ -1,4 +1,4 @@
-"""Conformance checks: comparisons of attributes with their protocols, and of bodies with their poses."""
+"""Parts of the conformance checks: comparisons of attributes with their protocols, and of bodies with their poses."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ BODY_TOLERANCE = 5e-3  # relative: quadrature, and polygons in place of curves
 
 
 class Check(NamedTuple):
-    """Conformance check: its claim, and a contradiction of it ("" if it holds)."""
+    """Conformance check: a claim, and the fault that contradicts it ("" if there is none)."""
 
     claim: str
     fault: str
 
 
 def raise_faults(what: str, checks: Iterable[Check], error: type[HpopError]) -> None:
-    """Raise an error that lists every failed check, if any fails."""
+    """Raise ``error`` with a list of all failed checks, if any check of ``what`` failed."""
     faults = [f"{check.claim}: {check.fault}" for check in checks if check.fault]
     if faults:
         raise error(f"{what} fails {len(faults)} check{'s' * (len(faults) > 1)}:\n  " + "\n  ".join(faults))
 
 
 def fault_of(test: Callable[[], str]) -> str:
-    """Return the fault that a check finds; an exception of the tested code is a fault, not a crash."""
+    """Return the fault that a test finds; an exception of the tested code counts as a fault."""
     try:
         return test()
     except Exception as error:
@@ -54,10 +54,10 @@ def fault_of(test: Callable[[], str]) -> str:
 
 
 def differ(what: str, expected: FloatArray, found: FloatArray, tolerance: float, scale: float | None = None) -> str:
-    """Return where two columns differ, in words; "" if they agree.
+    """Return a message on the largest difference of two columns; "" if they agree.
 
-    what       the compared quantity, for the message
-    tolerance  relative to each value and to ``scale``, by default the largest value
+    what       compared quantity, for the message
+    tolerance  relative to each value and to ``scale`` (default: the largest expected value)
     """
     gap = np.abs(expected - found)
     largest = float(np.abs(expected).max(initial=0.0)) if scale is None else scale
@@ -69,15 +69,15 @@ def differ(what: str, expected: FloatArray, found: FloatArray, tolerance: float,
 
 
 def model_says(model: Model, world: World, states: States) -> str:
-    """Return faults of the optional attributes of a model, in states (N,); "" if there are none."""
+    """Return the first fault of the optional attributes of a model, in states (N,); "" if there is none."""
     if not (isinstance(model.name, str) and model.name):
-        return f"name is a word, got {shown(model.name)}"
+        return f"name must be a text that is not empty, got {shown(model.name)}"
     try:
         checked_field_of_view(model.field_of_view)
     except ModelError as error:
         return str(error)
     if not (isinstance(model.notes, tuple) and all(isinstance(note, str) for note in model.notes)):
-        return f"notes is a tuple of sentences, got {shown(model.notes)}"
+        return f"notes must be a tuple of sentences, got {shown(model.notes)}"
     return (
         _joints_fault(model)
         or _execution_fault(model)
@@ -91,19 +91,19 @@ def model_says(model: Model, world: World, states: States) -> str:
 def _joints_fault(model: Model) -> str:
     joints = model.joints
     if not isinstance(joints, tuple) or not set(joints) <= set(model.space.names) - {"x", "y", "yaw"}:
-        return f"joints is a tuple of states besides x, y and yaw, got {shown(joints)}"
+        return f"joints must be a tuple of names of states other than x, y and yaw, got {shown(joints)}"
     if bool(joints) != ("joints" in model.provides):
-        return f"joints names {', '.join(joints) or 'none'}, but provides {'has no' if joints else 'has'} 'joints'"
+        return f"joints is {joints!r}, but provides {'lacks' if joints else 'contains'} 'joints'; change one of them"
     return ""
 
 
 def _execution_fault(model: Model) -> str:
     executed, kinds = model.executed, set(model.laws)
     if not isinstance(executed, Mapping):
-        return f"executed maps kinds of laws to kinds, got {shown(executed)}"
+        return f"executed must be a mapping from kinds of laws to kinds of laws, got {shown(executed)}"
     for planned, done in executed.items():
         if planned in kinds and done not in kinds:
-            return f"executed does a {planned} by {done!r}, but the laws are {', '.join(sorted(kinds))}"
+            return f"executed must map {planned!r} to one of the laws {', '.join(sorted(kinds))}, got {done!r}"
     return ""
 
 
@@ -114,83 +114,93 @@ def _wheels_fault(model: Any) -> str:
     for name in (*WHEELS, *(RIGID if curves else ())):
         value = getattr(model, name, None)
         if not (isinstance(value, int | float) and 0.0 < value < math.inf):
-            return f"wheels, but its {name} is {shown(value)}, no positive number (hpop.motions.Wheeled)"
+            return (
+                f"provides contains 'wheels', so {name} must be a positive number (see hpop.motions.Wheeled), "
+                f"got {shown(value)}"
+            )
     if curves and "drive" not in model.laws:
-        return f"wheels and rigid, but it has no law 'drive' for curves; its laws are {', '.join(model.laws)}"
+        return (
+            "provides contains 'wheels' and 'rigid', so the laws must include 'drive' for curves, "
+            f"got {', '.join(model.laws)}"
+        )
     return ""
 
 
 def _platform_fault(model: Model, states: States) -> str:
-    """Return a fault of a planar model's platform: a part that it leaves out in some state; "" if there is none."""
+    """Return a fault of a planar model's platform, such as a part that extends beyond it; "" if there is none."""
     strange = [part for part in model.platform if not isinstance(part, Part) or part.on]
     if strange:
-        return f"platform holds parts without joints (hpop.models.base.Part), got {shown(strange[0])}"
+        return f"platform must hold parts that no joint carries (hpop.models.base.Part), got {shown(strange[0])}"
     if "plane" not in model.provides:
         return ""
     if not model.platform:
-        return "plane, but its platform is empty"
+        return "provides contains 'plane', so platform must hold at least one part, got none"
     reach, top = max(part.reach for part in model.platform), max(part.z_max for part in model.platform)
     for part in model.parts:
         corners = part.placed(states) - np.stack([states.x, states.y], axis=1)[:, None]
         farthest = float(np.hypot(*corners.transpose(2, 0, 1)).max()) + part.radius
         if farthest > reach + SAME:
-            return f"a part reaches {farthest:.6g} m from the axis, its platform {reach:.6g} m"
+            return f"a part reaches {farthest:.6g} m from the axis, but the platform only {reach:.6g} m; enlarge it"
         if (highest := part.z_max + float(part.lift(states).max())) > top + SAME:
-            return f"a part comes up to {highest:.6g} m, its platform to {top:.6g} m"
+            return f"a part reaches a height of {highest:.6g} m, but the platform only {top:.6g} m; make it higher"
     return ""
 
 
 def _bodies_fault(model: Model, states: States) -> str:
     for shape, poses in model.bodies(states):
         if not hasattr(shape, "corners") and not hasattr(shape, "radius"):
-            return f"bodies are shapes of hpop.world.geometry.solids with poses, got {shown(shape)}"
+            return f"bodies must be shapes of hpop.world.geometry.solids, each with poses, got {shown(shape)}"
         if np.shape(poses) not in ((4, 4), (1, 4, 4), (states.size, 4, 4)):
-            return f"the poses of a body have the shape {np.shape(poses)}, for {states.size} states (N, 4, 4)"
+            return f"the poses of a body must have the shape (4, 4) or ({states.size}, 4, 4), got {np.shape(poses)}"
         if not np.isfinite(poses).all():
-            return "a pose of a body is no number"
+            return "the poses of a body must be finite, got nan or infinity"
     return ""
 
 
 def _collision_fault(model: Model, world: World, states: States) -> str:
-    """Return faults of the optional attributes of a collision test."""
+    """Return the first fault of the optional attributes of the model's collision test; "" if there is none."""
     collision = collision_of(model, world)
     if (clearance := collision.clearance) is not None:
         found = np.asarray(clearance(states))
         if found.shape != (states.size,) or not (found >= 0.0).all():
-            return f"clearance of its collision is a distance >= 0 a state, got {shown(found.tolist())}"
+            return (
+                f"clearance of its collision test must return a distance >= 0 for each state, got "
+                f"{shown(found.tolist())}"
+            )
     if "plane" not in model.provides or collision.posture_matters or not model.joints:
         return ""
     other = States(**states.__dict__ | {name: getattr(states, name)[::-1] for name in model.joints})
     if (collision.states_free(states) != collision.states_free(other)).any():
-        return "its collision depends on joints, but its posture_matters is False"
+        return "its collision test depends on joints, but its posture_matters is False; set it to True"
     return ""
 
 
 def law_says(motions: Motions) -> str:
-    """Return faults of the optional attributes of a law, on some of its motions."""
+    """Return the first fault of the optional attributes of a law, on some of its motions; "" if there is none."""
     law = motions.law
     extra = law.extra
     if not isinstance(extra, tuple) or not all(isinstance(name, str) for name in extra):
-        return f"extra of a {law.kind} is a tuple of names of states, got {shown(extra)}"
+        return f"extra of a {law.kind} must be a tuple of names of states, got {shown(extra)}"
     if law.quadrature not in (None, "adaptive"):
-        return f"quadrature of a {law.kind} is 'adaptive' or None, got {shown(law.quadrature)}"
+        return f"quadrature of a {law.kind} must be 'adaptive' or None, got {shown(law.quadrature)}"
     if not law.reversible:
         return ""
     there, back = law.phases(motions.start, motions.end), law.phases(motions.end, motions.start)
     lasts, again = (sum(phase.duration for phase in phases) for phases in (there, back))
-    if fault := differ(f"duration of a {law.kind}, which is reversible, back", lasts, again, SAME, 1.0):
+    back_text = f"of a {law.kind}, which is reversible, on the way back"
+    if fault := differ(f"duration {back_text}", lasts, again, SAME, 1.0):
         return fault
     share = np.full(len(motions), 0.3)
     for name in law.varies:
         onward = law.interpolate(name, motions.start, motions.end, share)
         other = law.interpolate(name, motions.end, motions.start, 1.0 - share)
-        if fault := differ(f"{name} of a {law.kind}, which is reversible, on the way back", onward, other, 1e-6, 1.0):
+        if fault := differ(f"{name} {back_text}", onward, other, 1e-6, 1.0):
             return fault
     return ""
 
 
 def criterion_says(criterion: Criterion) -> str:
-    """Return faults of the declarations of a criterion; "" if there are none."""
+    """Return the first fault of the declarations of a criterion; "" if there is none."""
     choices = {
         "group": (criterion.group, get_args(Group)),
         "aggregate": (criterion.aggregate, get_args(Aggregate)),
@@ -200,21 +210,21 @@ def criterion_says(criterion: Criterion) -> str:
     }
     for name, (value, allowed) in choices.items():
         if value not in allowed:
-            return f"{name} is one of {', '.join(map(str, allowed))}, got {shown(value)}"
+            return f"{name} must be one of {', '.join(map(str, allowed))}, got {shown(value)}"
     for name in ("name", "unit"):
         if not (isinstance(value := getattr(criterion, name), str) and value.strip()):
-            return f"{name} is a word, got {shown(value)}"
+            return f"{name} must be a text that is not empty, got {shown(value)}"
     for name in ("requires", "instead"):
         value = getattr(criterion, name)
         if not isinstance(value, tuple) or not all(isinstance(one, str) for one in value):
-            return f"{name} is a tuple of names, such as ('camera',), got {shown(value)}"
+            return f"{name} must be a tuple of names, such as ('camera',), got {shown(value)}"
     if strange := [name for name in criterion.instead if name not in criteria]:
-        return f"instead names {', '.join(strange)}, which is no criterion"
+        return f"instead must hold names of registered criteria, got {', '.join(strange)}"
     if not (isinstance(criterion.quantum, int | float) and 0.0 < criterion.quantum < math.inf):
-        return f"quantum is a positive number, got {shown(criterion.quantum)}"
+        return f"quantum must be a positive number, got {shown(criterion.quantum)}"
     for name in ("bound", "convex"):
         if not (getattr(criterion, name) is None or callable(getattr(criterion, name))):
-            return f"{name} is a method or None, got {shown(getattr(criterion, name))}"
+            return f"{name} must be a method or None, got {shown(getattr(criterion, name))}"
     return _integral_fault(criterion)
 
 
@@ -223,9 +233,9 @@ def _integral_fault(criterion: Criterion) -> str:
     if integral is None:
         return ""
     if criterion.aggregate != "time-mean":
-        return f"integral stands in for a time-mean, and this is a {criterion.aggregate}"
+        return f"integral must be None unless aggregate is 'time-mean', but aggregate is {criterion.aggregate!r}"
     if not isinstance(integral, Criterion) or integral.aggregate != "sum":
-        return f"integral is a criterion that is a sum, got {shown(integral)}"
+        return f"integral must be a criterion with the aggregate 'sum', got {shown(integral)}"
     return ""
 
 
@@ -238,26 +248,23 @@ def _as_trajectories(motions: Motions) -> Iterator[Trajectory]:
 
 
 def _columns(vector: Vector, size: int) -> FloatArray:
-    """Return the three components of a vector, columns or numbers, as an array (3, N)."""
+    """Return the three components of a vector, each a column or a number, as an array (3, N)."""
     return np.stack([np.broadcast_to(column, (size,)) for column in vector])
 
 
 def axes_of(pose: Pose, size: int) -> FloatArray:
-    """Return the position, and the axes ahead, left and up, of a pose, as an array (4, 3, N)."""
+    """Return the position of a pose, and its axes ahead, left and up, as an array (4, 3, N)."""
     return np.stack([_columns(v, size) for v in ((pose.x, pose.y, pose.z), pose.ahead, pose.left, pose.up)])
 
 
 def _rotations(before: FloatArray, after: FloatArray) -> FloatArray:
-    """Return rotation vectors (3, N) of small angles between axes (3, 3, N)."""
+    """Return the rotation vectors (3, N) between two frames, given by their axes (3, 3, N), for small angles."""
     turned: FloatArray = 0.5 * np.cross(before, after, axis=1).sum(axis=0)
     return turned
 
 
 def axes_fault(bodies: list[str], batches: list[Motions]) -> str:
-    """Return where axes of bodies are not orthogonal, not of length 1, or disagree with their yaw and pitch.
-
-    "" if nowhere.
-    """
+    """Return a message if the axes of a body are not orthonormal, or do not match its yaw and pitch; "" otherwise."""
     for motions in batches:
         for body in bodies:
             pose = motions.model.pose(body, motions.start)
@@ -276,7 +283,7 @@ def axes_fault(bodies: list[str], batches: list[Motions]) -> str:
 
 
 def twist_fault(bodies: list[str], batches: list[Motions], rng: np.random.Generator) -> str:
-    """Return where twists and their rates disagree with finite differences of poses and twists; "" if nowhere."""
+    """Return a message if twists or their rates differ from finite differences of poses or twists; "" otherwise."""
     for motions in batches:
         model = motions.model
         for trajectory in _as_trajectories(motions):
@@ -307,7 +314,7 @@ def twist_fault(bodies: list[str], batches: list[Motions], rng: np.random.Genera
 
 
 def length_fault(bodies: list[str], batches: list[Motions]) -> str:
-    """Return where lengths and rotations of bodies disagree with sums over samples of their poses; "" if nowhere."""
+    """Return a message if lengths or rotations of bodies differ from sums over sampled poses; "" otherwise."""
     for motions in batches:
         size = len(motions)
         for name in bodies:
@@ -330,22 +337,25 @@ def length_fault(bodies: list[str], batches: list[Motions]) -> str:
             if fault := differ(f"sum of the turns of the {name} in a {motions.kind}", body.rotation, added, 1e-6, 1.0):
                 return fault
             if body.stays and way.max() > SAME:
-                return f"the {name} is said to stay in a {motions.kind}, but goes {way.max():.3g} m"
+                return f"stays of the {name} is True in a {motions.kind}, but it moves {way.max():.3g} m"
             if body.steady and turned.max() > SAME:
-                return f"the {name} is said not to turn in a {motions.kind}, but turns {turned.max():.3g} rad"
+                return f"steady of the {name} is True in a {motions.kind}, but it turns {turned.max():.3g} rad"
             if body.upright and tilted.max() > SAME:
-                return f"the {name} is said to stay upright in a {motions.kind}, but tilts {tilted.max():.3g} rad"
+                return f"upright of the {name} is True in a {motions.kind}, but it tilts {tilted.max():.3g} rad"
     return ""
 
 
 def extent_fault(bodies: list[str], batches: list[Motions]) -> str:
-    """Return which body moves or turns farther than the extent of its motions; "" if none does."""
+    """Return a message if a body moves or turns farther than the extent of its motions; "" otherwise."""
     for motions in (batch for batch in batches if not batch.stands):
         farthest, most_turned = (column + np.zeros(len(motions)) for column in motions.model.extent(motions))
         for name in bodies:
             body: Body = motions.model.body(name, motions)
-            for what, bound, found in (("goes", farthest, body.length), ("turns", most_turned, body.turned)):
+            for what, bound, found in (("moves", farthest, body.length), ("turns", most_turned, body.turned)):
                 if (found > bound * (1 + 1e-6) + 1e-6).any():
                     worst = int(np.argmax(found - bound))
-                    return f"the {name} {what} {found[worst]:.6g} in a {motions.kind}, the bound is {bound[worst]:.6g}"
+                    return (
+                        f"the {name} {what} {found[worst]:.6g} in a {motions.kind}, but extent() gives at most "
+                        f"{bound[worst]:.6g}"
+                    )
     return ""

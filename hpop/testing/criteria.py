@@ -1,4 +1,4 @@
-"""Checks of a criterion on motions in random worlds, for planners and fronts."""
+"""Conformance checks of a criterion, on motions in random worlds: the rules that planners and fronts rely on."""
 
 from __future__ import annotations
 
@@ -47,18 +47,18 @@ IN_HALVES = ("move", HOLD.kind)
 HELD = 1.5  # s, duration of the hold in a tour
 NEAR = 0.3  # length of drawn motions, as a share of the distance to another random state
 LEAST_CHANGE = 0.1  # m or rad: drawn motions that change less are skipped
-CUT_TOLERANCE = 5e-3  # relative, of a curve: costs may jump where a wheel begins to turn the other way
-SPLIT_TOLERANCE = 2e-3  # relative: two quadratures of one integral
+CUT_TOLERANCE = 5e-3  # relative, for a curve: costs may jump where a wheel begins to turn the other way
+SPLIT_TOLERANCE = 2e-3  # relative: difference between two quadratures of one integral
 ALONE = 8  # every eighth motion is evaluated alone
-DIFFERENTIATED = 4  # motions of each batch: among many, one would lie at a kink
+DIFFERENTIATED = 4  # motions of each batch; among many motions, one would lie at a kink
 GRADIENT_STEP = 1e-5  # m or rad, of the central difference
 GRADIENT_TOLERANCE = 1e-3
-FRAME_TOLERANCE = 0.03  # relative: fields of 0.1 m cells, sampled on another grid
+FRAME_TOLERANCE = 0.03  # relative: distance fields with cells of 0.1 m are sampled on another grid
 
 
 @checked_arguments
 def check_criterion(criterion: Criterion, *, rng: RNG = 0) -> None:
-    """Raise CriterionError that lists every failed check of a criterion, on worlds drawn with a seed."""
+    """Raise CriterionError with a list of all failed checks of a criterion; ``rng`` draws the worlds."""
     if isinstance(criterion, type) or not isinstance(criterion, Criterion):
         made = f"{criterion.__name__}()" if isinstance(criterion, type) else "Turns()"
         raise CriterionError(f"expected an instance of a criterion, such as {made}, got {shown(criterion)}")
@@ -66,9 +66,10 @@ def check_criterion(criterion: Criterion, *, rng: RNG = 0) -> None:
 
 
 def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
-    """Yield the checks of a criterion, one after the other; the others need costs, and are skipped without them.
+    """Yield the checks of a criterion, one after the other.
 
-    A criterion that requires joints is checked on a base with a pan-tilt head, without curves and lattices.
+    If its declarations or its costs are invalid, the checks end there. A criterion that requires joints is checked on a
+    base with a pan-tilt head, without curves and lattices.
     """
     with_optional_members(criterion, CRITERION_DEFAULTS)
     seed = seed_of(rng)
@@ -87,19 +88,17 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
     else:
         kinds, drawn = (OF_HEAD, _linear_motions) if jointed else (KINDS, random_motions)
         batches = [drawn(random, world, model, kind, size) for kind in kinds for size in SIZES]
-        standing = np.random.default_rng(
-            (seed, 1)
-        )  # a generator of its own, so that a seed draws the other motions unchanged
+        standing = np.random.default_rng((seed, 1))  # a separate generator, so that a seed still draws the same motions
         batches += [drawn(standing, world, model, HOLD.kind, size) for size in SIZES]
 
         def ask(asked: Criterion) -> FloatArray:
             return np.concatenate([motion_costs(asked, motions) for motions in batches])
 
-    declared = Check("declares what its protocol asks", fault_of(lambda: criterion_says(criterion)))
+    declared = Check("has valid declarations", fault_of(lambda: criterion_says(criterion)))
     yield declared
     if declared.fault:
         return
-    first: list[FloatArray] = []  # its costs, for later comparisons
+    first: list[FloatArray] = []  # the first costs, for comparisons
 
     def costs() -> str:
         first.append(ask(criterion))
@@ -107,23 +106,21 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
 
     finite = Check("costs a finite number >= 0 for each motion", fault_of(costs))
     yield finite
-    if finite.fault:  # the other checks compare costs, and would all repeat this
+    if finite.fault:  # the other checks compare costs, so all of them would fail
         return
     (before,) = first
-    yield Check("survives pickling", fault_of(lambda: _pickling_fault(criterion, ask, before)))
+    yield Check("gives the same costs after pickling", fault_of(lambda: _pickling_fault(criterion, ask, before)))
     yield Check(
-        "gives the same costs when asked again",
-        fault_of(lambda: differ("the second time", before, ask(criterion), 0.0)),
+        "gives the same costs when evaluated again",
+        fault_of(lambda: differ("in the second evaluation", before, ask(criterion), 0.0)),
     )
     if (stand_in := criterion.integral) is not None:
         yield Check(
-            "costs as much as what stands in for it",
+            "has an integral that costs each motion the same",
             fault_of(lambda: differ(f"{stand_in.name} of a motion", before, ask(stand_in), 1e-9)),
         )
     if not criterion.world_frame:
-        yield Check(
-            "costs the same wherever the world's frame lies", fault_of(lambda: _frame_fault(criterion, world, tours))
-        )
+        yield Check("costs the same in any frame of the world", fault_of(lambda: _frame_fault(criterion, world, tours)))
     if criterion.bound is not None:
         yield Check(
             "bounds the cost of every trajectory from below", fault_of(lambda: _bound_fault(criterion, world, model))
@@ -140,7 +137,8 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
         )
     yield Check("costs a motion the same alone and in a batch", fault_of(lambda: _batch_fault(criterion, batches)))
     yield Check(
-        "costs halves of a move or hold as much as the whole", fault_of(lambda: _halves_fault(criterion, batches))
+        "costs the two halves of a move or hold as much as the whole",
+        fault_of(lambda: _halves_fault(criterion, batches)),
     )
     if not jointed:
         yield Check(
@@ -149,7 +147,7 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
     if criterion.smooth:
         functions = cache(lambda: list(_on_symbols(criterion, batches)))
         yield Check("has the same value on CasADi symbols", fault_of(lambda: _symbols_fault(criterion, functions)))
-        yield Check("has the gradient of its differences", fault_of(lambda: _gradient_fault(functions)))
+        yield Check("has a gradient that agrees with finite differences", fault_of(lambda: _gradient_fault(functions)))
     if not jointed and ABOUT_PEOPLE & set(criterion.requires):
         yield from prediction_checks(criterion, world, batches)
         if criterion.smooth:
@@ -159,7 +157,8 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
                 fault_of(lambda: _symbols_fault(criterion, walked)),
             )
             yield Check(
-                "has the gradient of its differences where people walk", fault_of(lambda: _gradient_fault(walked))
+                "has a gradient that agrees with finite differences where people walk",
+                fault_of(lambda: _gradient_fault(walked)),
             )
 
 
@@ -184,7 +183,7 @@ def _subset(motions: Motions, index: slice | IntArray) -> Motions:
 
 
 def _cutting_fault(criterion: Criterion, rng: np.random.Generator, world: World, model: Model) -> str:
-    """Return a fault if curves, each a trajectory of one motion, cost more or less when cut in two or in five."""
+    """Return a fault if the costs of curves (trajectories of one motion) change when they are cut in two or in five."""
     m = random_motions(rng, world, model, "drive", 12)
     columns = {name: np.stack([getattr(m.start, name), getattr(m.end, name)], axis=1) for name in m.start.names}
     wholes = [Trajectory(model, States(**{n: c[i] for n, c in columns.items()}), (m.kind,)) for i in range(len(m))]
@@ -206,7 +205,7 @@ def _halves_fault(criterion: Criterion, batches: list[Motions]) -> str:
         first = motion_costs(criterion, replace(motions, end=middle))
         second = motion_costs(criterion, replace(motions, start=middle, t0=t_middle))
         halves = np.maximum(first, second) if criterion.aggregate == "max" else first + second
-        # A worst moment between two samples is missed by the change of the cost within a cell, in metres.
+        # The worst moment may lie between two samples; the error is the change of the cost within a cell.
         limits = (motions.world.cell, 1.0) if criterion.aggregate == "max" else (SPLIT_TOLERANCE, None)
         fault = differ("in two halves", motion_costs(criterion, motions), halves, *limits)
         if fault:
@@ -215,14 +214,14 @@ def _halves_fault(criterion: Criterion, batches: list[Motions]) -> str:
 
 
 def _detour(model: Model, scale: float) -> Trajectory:
-    """Return moves and turns through the room, of its size or smaller, with a rest."""
+    """Return a trajectory of moves and turns in place with a hold, scaled from the size of the room."""
     poses = [(1, 1, 0), (3, 1, 0), (4, 5, np.pi), (1, 8, -2.0)]
     tour = Trajectory.from_poses(model, [(scale * x, scale * y, yaw) for x, y, yaw in poses])
     return tour.with_hold(at=3, seconds=HELD)
 
 
 def _slalom(model: Model) -> Trajectory:
-    """Return curves through the room from rest to rest: left, right, straight on, and round on the spot."""
+    """Return a trajectory of curves through the room, from rest to rest: left, right, straight on, turns in place."""
     left, right = [(0.0, 2.0, 0.6), (0.0, 0.0, 0.4), (0.0, -2.0, 0.6)], [(0.0, -2.0, 0.6), (0.0, 2.0, 0.6)]
     on_the_spot = [(0.0, 3.0, 0.4), (0.0, -3.0, 0.4)]
     controls = [(1.0, 0.0, 0.8), *left, *right, (0.0, 0.0, 1.0), *right, *left, (-0.8, 0.0, 1.0), *on_the_spot]
@@ -230,14 +229,17 @@ def _slalom(model: Model) -> Trajectory:
 
 
 def _head_tour(model: Model) -> Trajectory:
-    """Return a trajectory through the room with a head that looks round, up and down, with a rest."""
+    """Return a trajectory through the room with a hold, in which the head pans and tilts."""
     rows = [(1, 1, 0, 0, 0), (3, 1, 0, 1.0, 0.3), (4, 5, np.pi, -0.5, 0.3), (1, 8, -2.0, -1.2, -0.4)]
     through = States(**dict(zip(model.space.names, np.array(rows, float).T, strict=True)))
     return Trajectory.through(model, through).with_hold(at=4, seconds=HELD)
 
 
 def _linear_motions(rng: np.random.Generator, world: World, model: Model, kind: str, size: int) -> Motions:
-    """Return random motions of a law that changes its states linearly, too long to be smoothed on symbols."""
+    """Return random motions of a law that changes its states linearly.
+
+    Very short motions are left out, because their costs are smoothed on symbols.
+    """
     motions = drawn_motions(model, kind, world, rng, 20 * size, NEAR)
     assert motions is not None
     if motions.stands:
@@ -246,11 +248,11 @@ def _linear_motions(rng: np.random.Generator, world: World, model: Model, kind: 
 
 
 def _edges_fault(criterion: Criterion, world: World, tours: list[Trajectory]) -> str:
-    """Return a fault if the cost of a trajectory differs from the sum (mean, maximum) over its motions, law by law."""
+    """Return a fault if the cost of a trajectory is not the sum (mean, maximum) over its motions."""
     for trajectory in tours:
         costs = np.zeros(len(trajectory))
         for index, motions in trajectory.batches(world):
-            # On a graph without time; a criterion that reads the time is only defined on trajectories.
+            # A graph has no time, and a criterion that reads the time is defined on trajectories only.
             costs[index] = motion_costs(criterion, replace(motions, t0=None))
         added = _sum_of_edges(criterion, costs, trajectory)
         fault = differ("on the trajectory", added, _trajectory_value(criterion, trajectory, world), 1e-9)
@@ -260,18 +262,18 @@ def _edges_fault(criterion: Criterion, world: World, tours: list[Trajectory]) ->
 
 
 def _bound_fault(criterion: Any, world: World, model: Model) -> str:
-    """Return a fault if a bound exceeds the cost of a straight path, which may attain it, or of detours."""
+    """Return a fault if the bound exceeds the cost of a straight path, where the two may be equal, or of detours."""
     straight = Trajectory.from_poses(model, [(1.0, 1.0, 0.0), (3.0, 1.0, 0.0)])
     for trajectory in (straight, _slalom(model), *(_detour(model, scale) for scale in (0.3, 1.0))):
         ends = [trajectory.states.take(slice(i, i + 1)) for i in (0, len(trajectory))]
         bound, value = float(criterion.bound(*ends)[0]), trajectory_cost(criterion, trajectory, world)
         if not 0.0 <= bound <= value * (1 + 1e-9):
-            return f"bound {bound:.6g} for a trajectory that costs {value:.6g}"
+            return f"bound() must be at most the cost {value:.6g} of a trajectory, and at least 0, got {bound:.6g}"
     return ""
 
 
 def _lattice_fault(criterion: Criterion, rng: np.random.Generator, world: World) -> str:
-    """Return a fault if a random walk on a lattice costs more or less than the trajectory along it."""
+    """Return a fault if the edges of a random walk on a lattice cost more or less than the trajectory along them."""
     lattice = StateLattice(
         make_model({"differential_drive": {"radius": 0.2}}), world, (0.5, 0.5), 0.5, Headings(8), False
     )
@@ -300,7 +302,7 @@ def _trajectory_value(criterion: Criterion, trajectory: Trajectory, world: World
 
 
 def _frame_fault(criterion: Criterion, world: World, tours: list[Trajectory]) -> str:
-    """Return a fault if costs change when world and trajectory are turned and shifted together."""
+    """Return a fault if costs change when the world and the trajectory are rotated and shifted together."""
     elsewhere = reframed(world)
     for trajectory in tours:
         s = trajectory.states
@@ -315,15 +317,15 @@ def _frame_fault(criterion: Criterion, world: World, tours: list[Trajectory]) ->
 
 
 class _SampledWorld(World):
-    """World with the sampled field as clearance, for numbers as for symbols, so that both must be equal."""
+    """World whose clearance is the sampled field for numbers too, as it is for symbols, so that both are equal."""
 
     def clearance(self, x: Column, y: Column, *, z: tuple[float, float] = (-np.inf, np.inf)) -> Column:
         return self.clearance_field(z=z)(x, y)
 
 
 def _on_symbols(criterion: Criterion, batches: list[Motions]) -> Iterator[tuple[Motions, SymbolicMotions, Any]]:
-    """Yield for each batch: the motions, their symbols, and the function from states to costs and their Jacobian."""
-    from hpop.motions.symbolic import SymbolicMotions  # casadi, on first use
+    """Yield, for each batch, its motions, their symbols, and the function from states to costs and their Jacobian."""
+    from hpop.motions.symbolic import SymbolicMotions  # imports casadi
 
     for motions in (replace(m, world=m.world.stand_in(_SampledWorld), panels=1) for m in batches):
         symbols = SymbolicMotions.of(motions)
@@ -340,12 +342,12 @@ def _symbols_fault(criterion: Criterion, functions: Callable[[], list[tuple[Moti
 
 
 def _gradient_fault(functions: Callable[[], list[tuple[Motions, SymbolicMotions, Any]]]) -> str:
-    """Return a fault if gradients differ from finite differences, for a few motions and one state after the other."""
+    """Return a fault if gradients differ from finite differences, for a few motions and each state."""
     for motions, symbols, function in (one for one in functions() if len(one[0]) > 1):
         value, jacobian = (np.array(part)[:DIFFERENTIATED] for part in function(symbols.point))
         slopes = jacobian.reshape(len(value), -1, len(motions)).sum(axis=2)  # (M, states)
-        least = GRADIENT_STEP / GRADIENT_TOLERANCE  # beside a kink differences are no more exact than their step
-        scale = max(least, *(float(np.abs(part).max()) for part in (value, jacobian)))  # nor than the values
+        least = GRADIENT_STEP / GRADIENT_TOLERANCE  # near a kink, differences are as inexact as their step
+        scale = max(least, *(float(np.abs(part).max()) for part in (value, jacobian)))  # and as the values
         for column, found in enumerate(slopes.T):
             step = GRADIENT_STEP * np.repeat(np.arange(slopes.shape[1]) == column, len(motions))
             below, above = (np.array(function(symbols.point + ahead)[0])[: len(value), 0] for ahead in (-step, step))

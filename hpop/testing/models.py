@@ -1,4 +1,4 @@
-"""Checks of a model on states and motions in random worlds, for criteria, planners and verification."""
+"""Conformance checks of a model in random worlds: the rules that criteria, planners and verification rely on."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ PAIRS = 12  # motions of each law
 STATES = 200  # random states that are read and connected
 JUDGED = 80  # random states, and random motions of each law, that are checked for collisions
 HELD = 2.0  # s, duration of the hold in a trajectory
-NEAR = 0.15  # length of drawn motions, as a share of the distance to another state; short ones are often free
-PASSED = 0.01  # m or rad: tolerance with which an execution passes the planned states
+NEAR = 0.15  # length of drawn motions, as a share of the distance to another state; short motions are often free
+PASSED = 0.01  # m or rad: largest distance of an execution from the planned states as it passes them
 BODIES = ("base", "camera", "tool")
 
 
 @checked_arguments
 def check_model(model: Model, *, rng: RNG = 0) -> None:
-    """Raise ModelError that lists every failed check of a model, on worlds drawn with a seed."""
+    """Raise ModelError with a list of all failed checks of a model; ``rng`` draws the worlds."""
     if isinstance(model, type) or not isinstance(model, Model):
         made = f"{model.__name__}()" if isinstance(model, type) else "DifferentialDrive()"
         raise ModelError(f"expected an instance of a model, such as {made}, got {shown(model)}")
@@ -58,16 +58,16 @@ def check_model(model: Model, *, rng: RNG = 0) -> None:
 def model_checks(model: Model, *, rng: RNG = 0) -> Iterator[Check]:
     """Yield the checks of a model, one after the other; checks that need motions are skipped if its laws are faulty.
 
-    Laws of curves are checked if hpop can draw motions of them, as of "drive".
+    Of the laws of curves, only "drive" is checked, since hpop cannot draw motions of others.
     """
     with_optional_members(model, MODEL_DEFAULTS)
     seed = seed_of(rng)
     random = np.random.default_rng(seed)
     world = random_world(random)
-    yield Check("is made again from its description", fault_of(lambda: _description_fault(model)))
+    yield Check("can be made again from its description", fault_of(lambda: _description_fault(model)))
     yield Check("reads and writes its states", fault_of(lambda: _space_fault(model, world, random)))
-    yield Check("provides what it says", fault_of(lambda: _capability_fault(model, world)))
-    yield Check("says of itself what its protocol asks", fault_of(lambda: _attribute_fault(model, world, seed)))
+    yield Check("has everything that it says it provides", fault_of(lambda: _capability_fault(model, world)))
+    yield Check("has valid optional attributes", fault_of(lambda: _attribute_fault(model, world, seed)))
     batches: list[Motions] = []
     led = Check("has laws that lead from start to end", fault_of(lambda: _laws_fault(model, world, random, batches)))
     yield led
@@ -75,10 +75,18 @@ def model_checks(model: Model, *, rng: RNG = 0) -> Iterator[Check]:
         return
     bodies = [name for name in BODIES if name in model.provides]
     yield Check("has poses with axes at right angles", fault_of(lambda: axes_fault(bodies, batches)))
-    yield Check("has twists that say how its poses change", fault_of(lambda: twist_fault(bodies, batches, random)))
-    yield Check("moves its bodies as far as their poses go", fault_of(lambda: length_fault(bodies, batches)))
+    yield Check(
+        "has twists that agree with the changes of its poses", fault_of(lambda: twist_fault(bodies, batches, random))
+    )
+    yield Check(
+        "gives lengths and rotations of bodies that agree with their poses",
+        fault_of(lambda: length_fault(bodies, batches)),
+    )
     yield Check("moves no body farther than its extent", fault_of(lambda: extent_fault(bodies, batches)))
-    yield Check("calls nothing free that its judge does not", fault_of(lambda: _judge_fault(model, world, random)))
+    yield Check(
+        "has a collision test that accepts nothing its judge refuses",
+        fault_of(lambda: _judge_fault(model, world, random)),
+    )
     connected = Check(
         "connects states by motions that lead there", fault_of(lambda: _connection_fault(model, world, random))
     )
@@ -86,9 +94,11 @@ def model_checks(model: Model, *, rng: RNG = 0) -> Iterator[Check]:
     if connected.fault:  # the other checks need trajectories of these motions
         return
     if model.provides >= {"plane", "turn-move"}:
-        yield Check("has stations that motions in place join", fault_of(lambda: _stations_fault(in_plane(model))))
-    yield Check("executes a plan between its ends", fault_of(lambda: _execution_fault(model, world, random)))
-    yield Check("finds no fault in what it connects", fault_of(lambda: _false_alarm(model, world, random)))
+        yield Check(
+            "has stations that are joined by motions in place", fault_of(lambda: _stations_fault(in_plane(model)))
+        )
+    yield Check("executes a plan from its start to its end", fault_of(lambda: _execution_fault(model, world, random)))
+    yield Check("finds no fault in its own trajectories", fault_of(lambda: _false_alarm(model, world, random)))
 
 
 # Description and states
@@ -98,25 +108,27 @@ def _description_fault(model: Model) -> str:
     description = model.describe()
     again = make_model(json.loads(json.dumps(description, allow_nan=False)))
     if again.describe() != description:
-        return f"described as {description}, and what is made of that as {again.describe()}"
+        return f"it is described as {description}, but the model made from that as {again.describe()}"
     if (again, hash(again)) != (model, hash(model)):
-        return f"what is made of {description} is not equal to it, or has another hash"
-    return "" if pickle.loads(pickle.dumps(model)) == model else "after pickling it is another"
+        return f"the model made from {description} is not equal to the original, or has another hash"
+    return "" if pickle.loads(pickle.dumps(model)) == model else "after pickling it is not equal to the original"
 
 
 def _space_fault(model: Model, world: World, rng: np.random.Generator) -> str:
     space = model.space
     states = drawn_states(model, world, rng, STATES)
     if states.names != space.names:
-        return f"a sample has the states {states.names}, the space {space.names}"
+        return f"samples of its space must have the states {space.names}, got {states.names}"
     for i in range(PAIRS):
         one = states.take(slice(i, i + 1))
         if space.values(space.state(space.values(one))) != space.values(one):
-            return f"{space.values(one)} is read as {space.values(space.state(space.values(one)))}"
+            return f"the state {space.values(one)} is read back as {space.values(space.state(space.values(one)))}"
     turned = States(**{n: getattr(states, n) + 2 * np.pi * (n in space.turning) for n in space.names})
     for body in (name for name in BODIES if name in model.provides):
         here, there = axes_of(model.pose(body, states), STATES), axes_of(model.pose(body, turned), STATES)
-        if fault := differ(f"{body} after a whole turn of {', '.join(space.turning)}", here, there, SAME, 10.0):
+        if fault := differ(
+            f"pose of the {body} after a full turn of {', '.join(space.turning)}", here, there, SAME, 10.0
+        ):
             return fault
     return ""
 
@@ -124,22 +136,25 @@ def _space_fault(model: Model, world: World, rng: np.random.Generator) -> str:
 def _capability_fault(model: Model, world: World) -> str:
     provides, names = model.provides, set(model.space.names)
     if not provides & set(BODIES):
-        return f"neither of the bodies {' and '.join(BODIES)}: criteria have nothing to read"
+        return f"provides must contain one of {', '.join(BODIES)}, whose poses criteria read, got {sorted(provides)}"
     if "plane" in provides:
         if not {"x", "y", "yaw"} <= names:
-            return f"plane, but x, y and yaw are not all among {', '.join(model.space.names)}"
+            return f"provides contains 'plane', so its states must include x, y and yaw, got {model.space.names}"
         for collision in (model.collision(world),):
             if not (hasattr(collision, "clear") and hasattr(collision, "yaw_matters")):
-                return f"plane, but its collision, {type(collision).__name__}, has no clear() and yaw_matters"
+                return (
+                    "provides contains 'plane', so its collision test must have clear() and yaw_matters, "
+                    f"got {type(collision).__name__}"
+                )
     if "rigid" in provides and names != {"x", "y", "yaw"}:
-        return f"rigid, but it has the states {', '.join(model.space.names)}"
+        return f"provides contains 'rigid', so its states must be x, y and yaw, got {model.space.names}"
     if "turn-move" in provides and not {"turn", "move"} <= set(model.laws):
-        return f"turn-move, but it has the laws {', '.join(model.laws)}"
+        return f"provides contains 'turn-move', so its laws must include turn and move, got {', '.join(model.laws)}"
     return ""
 
 
 def _attribute_fault(model: Model, world: World, seed: int) -> str:
-    own = np.random.default_rng((seed, 1))  # a generator of its own, so that a seed draws the other checks unchanged
+    own = np.random.default_rng((seed, 1))  # a separate generator, so that a seed still draws the same other checks
     return model_says(model, world, drawn_states(model, world, own, STATES))
 
 
@@ -147,7 +162,7 @@ def _attribute_fault(model: Model, world: World, seed: int) -> str:
 
 
 def drawn_states(model: Model, world: World, rng: np.random.Generator, size: int) -> States:
-    """Return random states (size,), anywhere in a world and within the model's own limits."""
+    """Return random states (size,) anywhere in a world, within the model's limits."""
     x_min, y_min, x_max, y_max = world.bounds
     spans = {"x": (x_min, x_max), "y": (y_min, y_max)}
     return model.space.bounded(**{n: s for n, s in spans.items() if n in model.space.names}).sample(rng, size)
@@ -156,7 +171,7 @@ def drawn_states(model: Model, world: World, rng: np.random.Generator, size: int
 def drawn_motions(
     model: Model, kind: str, world: World, rng: np.random.Generator, size: int, share: float = 1.0
 ) -> Motions | None:
-    """Return random motions (size,) of a law, None for curves that hpop cannot draw.
+    """Return random motions (size,) of a law, or None for a law of curves of which hpop cannot draw motions.
 
     share  length of each motion, as a share of the distance to another random state
     """
@@ -168,7 +183,7 @@ def drawn_motions(
     start, other = (drawn_states(model, world, rng, size) for _ in range(2))
     changes, ones = space.differences(start, other), np.ones(size)
     end = States(**{n: getattr(start, n) + share * changes[n] * (n in law.varies) for n in space.names})
-    # States that a law changes together (a head that turns back as its base turns) determine where it can end.
+    # A law may change states together (a head turns back while its base turns), which determines where it can end.
     led = {n: law.interpolate(n, start, end, ones) if n in law.varies else getattr(end, n) for n in space.names}
     end = States(**led)
     if SPEED in law.extra:
@@ -179,65 +194,65 @@ def drawn_motions(
 
 
 def _laws_fault(model: Model, world: World, rng: np.random.Generator, batches: list[Motions]) -> str:
-    """Return a fault of the laws' ends and phases; fill ``batches`` with motions for the other checks."""
+    """Return a fault in the ends or phases of laws; add motions to ``batches``, for the other checks."""
     if HOLD.kind in model.laws:
-        return f"a law called {HOLD.kind!r}, which hpop adds to every model; give yours another name"
+        return f"no law may be called {HOLD.kind!r}, because hpop adds this law to every model; choose another name"
     for kind, law in laws_of(model).items():
         if law.kind != kind:
-            return f"the law under {kind!r} calls itself {law.kind!r}"
+            return f"the law with the key {kind!r} must have this kind, got {law.kind!r}"
         motions = drawn_motions(model, kind, world, rng, PAIRS)
         if motions is None:
             continue
         if strange := law.varies - set(motions.start.names):
-            return f"a {kind} varies {', '.join(sorted(strange))}, which is no state of it"
+            return f"varies of a {kind} must hold names of its states, got {', '.join(sorted(strange))}"
         start, end, ones, half = motions.start, motions.end, np.ones(PAIRS), np.full(PAIRS, 0.5)
         for name in law.varies:
             for share, states in ((0.0, start), (1.0, end)):
                 found = law.interpolate(name, start, end, share * ones)
                 if fault := differ(f"{name} of a {kind} at {share:.0%}", getattr(states, name), found, 1e-6, 1.0):
                     return fault
-            if (
-                is_curve(law) or name == SPEED
-            ):  # other laws change states evenly with the share: collisions and integrals rely on it
+            # Collision tests and integrals assume that other laws change states linearly with the share.
+            if is_curve(law) or name == SPEED:
                 continue
             middle, found = 0.5 * (getattr(start, name) + getattr(end, name)), law.interpolate(name, start, end, half)
-            if fault := differ(f"{name} of a {kind}, which is no curve, half of it done", middle, found, 1e-6, 1.0):
+            if fault := differ(f"{name} halfway through a {kind}, which is no curve", middle, found, 1e-6, 1.0):
                 return fault
         done: Column = 0.0 * ones
         for phase in motions.phases:
             lasts = phase.duration + 0.0 * ones
             if not (np.isfinite(lasts).all() and (lasts >= 0).all()):
-                return f"a phase of a {kind} lasts {lasts.min()} s"
-            if fault := differ(f"share of a {kind} done as a phase begins", done, phase.begin + 0.0 * ones, SAME, 1.0):
+                return f"the phases of a {kind} must have finite durations >= 0 s, got {lasts.min()}"
+            if fault := differ(f"begin of a phase of a {kind}", done, phase.begin + 0.0 * ones, SAME, 1.0):
                 return fault
             done = phase.end + 0.0 * ones
-        if fault := differ(f"share of a {kind} done at its end", ones, done, SAME, 1.0):
+        if fault := differ(f"end of the last phase of a {kind}", ones, done, SAME, 1.0):
             return fault
         if fault := law_says(motions):
             return fault
         batches.append(motions)
-    return "" if batches else "none of which motions can be drawn"
+    return "" if batches else "hpop can draw motions of none of its laws, so they cannot be checked"
 
 
 def _judge_fault(model: Model, world: World, rng: np.random.Generator) -> str:
-    """Return a fault if planning accepts what the judge refuses, or refuses most of what the judge accepts."""
+    """Return a fault if ``collision`` accepts what ``judge`` refuses, or refuses most of what ``judge`` accepts."""
     collision, judge = model.collision(world), model.judge(world)
     states = drawn_states(model, world, rng, JUDGED)
     answers = [("states", collision.states_free(states), judge.states_free(states))]
     for kind in model.laws:  # a hold is free if its state is
         motions = drawn_motions(model, kind, world, rng, JUDGED, NEAR)
         if motions is not None:
-            answers.append((f"motions, each a {kind},", collision.motions_free(motions), judge.motions_free(motions)))
+            answers.append((f"motions of the law {kind}", collision.motions_free(motions), judge.motions_free(motions)))
     for what, planned, judged in answers:
         if (planned & ~judged).any():
-            return f"{(planned & ~judged).sum()} of {planned.size} {what} are free to plan by, and collide to the judge"
+            return f"{(planned & ~judged).sum()} of {planned.size} {what} are free by collision(), but not by judge()"
         if 2 * planned.sum() < judged.sum():
-            return f"of {judged.sum()} {what} free to the judge, only {planned.sum()} are to plan by"
+            return f"of {judged.sum()} {what} that are free by judge(), only {planned.sum()} are free by collision()"
     for i in range(PAIRS):
         one = states.take(slice(i, i + 1))
         for name, asked in (("collision", collision), ("judge", judge)):
-            if bool(asked.why_blocked(one)) == bool(asked.states_free(one)[0]):
-                return f"its {name} says {asked.why_blocked(one)!r} of a state, free or not: {asked.states_free(one)}"
+            reason, is_free = asked.why_blocked(one), bool(asked.states_free(one)[0])
+            if bool(reason) == is_free:
+                return f"why_blocked() of its {name} returns {reason!r} for a {'free' if is_free else 'blocked'} state"
     return ""
 
 
@@ -253,47 +268,49 @@ def _connection_fault(model: Model, world: World, rng: np.random.Generator) -> s
     b, here = States(**columns), a
     for leg in model.connect(a, b):
         if leg.kind not in model.laws:
-            return f"by a {leg.kind}, but its laws are {', '.join(model.laws)}"
+            return f"connect() must return motions of the laws {', '.join(model.laws)}, got {leg.kind!r}"
         changes = {n: np.abs(getattr(leg.end, n) - getattr(here, n)) for n in space.names}
         for name, change in changes.items():
             if np.isnan(change).any():
-                return f"by a {leg.kind} at whose end {name} is no number: where b leaves it free, it is as it comes"
+                return f"{name} is nan at the end of a {leg.kind}; if b leaves it free, connect() must choose a value"
             if change[~leg.present].max(initial=0.0) > SAME:
-                return f"by a {leg.kind} that is not there, but changes {name} by {change[~leg.present].max():.3g}"
+                return f"a {leg.kind} that is not present changes {name} by {change[~leg.present].max():.3g}"
             if name not in model.laws[leg.kind].varies and change.max() > STILL:
-                return f"by a {leg.kind} that changes {name} by {change.max():.3g}, which its law does not"
+                return f"a {leg.kind} changes {name} by {change.max():.3g}, but its law does not vary {name}"
             if name in space.turning and change.max() > np.pi + SAME:
-                return f"by a {leg.kind} whose {name} goes {change.max():.3g} rad, more than half round: it jumps"
+                return (
+                    f"a {leg.kind} changes {name} by {change.max():.3g} rad, more than half a turn; turn the other way"
+                )
         here = leg.end
     missed = max(float(np.nanmax(np.abs(miss))) for miss in space.differences(b, here).values())
-    return f"to {missed:.3g} m or rad beside where it should lead" if missed > STILL else ""
+    return f"the motions end {missed:.3g} m or rad from the requested states" if missed > STILL else ""
 
 
 def _tour(model: Model, world: World, rng: np.random.Generator) -> Trajectory:
-    """Return a trajectory through random states, as the model connects them, with a hold."""
+    """Return a trajectory with a hold through random states, which the model connects."""
     through = Trajectory.through(model, drawn_states(model, world, rng, 5))
     rests = np.flatnonzero(getattr(through.states, SPEED, np.zeros(len(through) + 1)) == 0.0)
     return through.with_hold(at=int(rests[rests.size // 2]), seconds=HELD)
 
 
 def _stations_fault(model: PlanarModel) -> str:
-    """Return a fault of the states of a lattice's stations with four headings, or of the motions between them."""
+    """Return a fault of the stations of a lattice with four headings, or of the motions between them."""
     yaw: FloatArray = np.linspace(0.0, 1.5 * np.pi, 4)
     space = model.space
     try:
         states, headings, motions = model.stations(yaw)
-    except UnsupportedModel:  # no lattice supports it
+    except UnsupportedModel:  # lattices do not support this model
         return ""
     if fault := differ("yaws of stations", yaw[headings], states.yaw, SAME, 1.0):
         return fault
     for kind, (tails, heads) in motions.items():
         law, start, wanted = model.laws[kind], states.take(tails), states.take(heads)
         if moved := law.varies & {"x", "y"}:
-            return f"a {kind} joins stations at one place, but its law varies {', '.join(sorted(moved))}"
+            return f"motions between stations must stay in place, but a {kind} varies {', '.join(sorted(moved))}"
         end, ones = space.onward(start, wanted), np.ones(tails.size)
         led = {n: law.interpolate(n, start, end, ones) if n in law.varies else getattr(start, n) for n in space.names}
         for name, miss in space.differences(wanted, States(**led)).items():
-            if fault := differ(f"off in {name} after a {kind} in place", 0.0 * ones, miss, STILL, 1.0):
+            if fault := differ(f"error in {name} after a {kind} in place", 0.0 * ones, miss, STILL, 1.0):
                 return fault
     return ""
 
@@ -307,14 +324,14 @@ def _execution_fault(model: Model, world: World, rng: np.random.Generator) -> st
             there, wanted = done.states.take([place]), planned.states.take([place])
             missed = max(float(np.abs(miss).max()) for miss in space.differences(wanted, there).values())
             if missed > STILL:
-                return f"it {what} {missed:.3g} m or rad beside the plan"
+                return f"the execution {what} {missed:.3g} m or rad from the plan"
         if np.shape(passed) != planned.times.shape or not (np.diff(passed) >= 0).all():
-            return f"it passes {len(planned) + 1} states at {passed}, not one after the other"
+            return f"the times of passing {len(planned) + 1} planned states must not decrease, got {passed}"
         if not np.isclose(passed[-1], done.duration, rtol=SAME, atol=SAME):
-            return f"it lasts {done.duration:.6g} s, but passes the last state at {passed[-1]:.6g} s"
+            return f"the execution lasts {done.duration:.6g} s, but passes the last state at {passed[-1]:.6g} s"
         missed = max(float(np.abs(miss).max()) for miss in space.differences(planned.states, done.at(passed)).values())
         if missed > PASSED:
-            return f"it is {missed:.3g} m or rad away from a state as it is said to pass it"
+            return f"the execution is {missed:.3g} m or rad from a planned state at the time given for passing it"
     return ""
 
 
@@ -323,5 +340,5 @@ def _false_alarm(model: Model, world: World, rng: np.random.Generator) -> str:
         planned = _tour(model, world, rng)
         for what, trajectory in (("planned", planned), ("executed", planned.execution())):
             for fault in model.faults(trajectory):
-                return f"{what}, it {fault}"
+                return f"by faults(), the {what} trajectory {fault}"
     return ""

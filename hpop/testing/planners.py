@@ -1,4 +1,4 @@
-"""Checks of a planner on small worlds with the models that it accepts, for problems and fronts."""
+"""Conformance checks of a planner, in small worlds with the models that it accepts."""
 
 from __future__ import annotations
 
@@ -37,31 +37,35 @@ ROOM = (5.0, 4.0)  # m
 LEFT, RIGHT = 1.2, 3.8  # m: largest x of a start, least x of a goal
 ASIDE = 0.6  # m: largest distance of start and goal from the middle line, where the box is
 WALL = shapely.box(2.45, 0.0, 2.55, ROOM[1])  # between start and goal
-WALKER = Person(2.4, 3.7, velocity=(0.0, -0.1), until=8.0, name="Ada")  # towards the box, and then gone
+WALKER = Person(2.4, 3.7, velocity=(0.0, -0.1), until=8.0, name="Ada")  # walks towards the box, and then leaves
 TRIES = 1000  # states drawn to find a free start and goal
 POSTURES = 50  # states drawn for a robot that is not in the plane
-BALL = 0.2  # radius, as share of the distance from start to goal, for a robot that is not in the plane
+BALL = 0.2  # radius, as a share of the distance from start to goal, for a robot that is not in the plane
 REPORTS = (1, 4)  # numbers of the progress reports at which the planner is interrupted
-SOON = 1e-3  # s: a time limit that ends before any result, or soon after
+SOON = 1e-3  # s: a time limit that is exceeded before the first result, or soon after
 ASKED = (
     ("length", "exposure"),
     ("length", "proximity"),
     ("duration", "rotation"),
     ("length",),
 )  # criteria, of which the first that the planner accepts are used
-IN_SPACE = ASKED[2:]  # criteria for a robot that is not in the plane, whose exposure would need rays
+IN_SPACE = ASKED[2:]  # criteria for a robot that is not in the plane; its exposure would need ray casting
 DEMANDING = (
     "obstruction",
     "clearance",
     "smoothness",
     "rotation_time",
-)  # a mean, a worst moment, with memory, without gradient
+)  # a mean, a worst moment, a criterion with memory, and one without gradient
 WORDS = frozenset({"base", "camera", "tool", "heading", "wheels", "joints", "plane", "turn-move", "rigid", "spline"})
 
 
 @checked_arguments
 def check_planner(planner: Planner, *, models: Sequence[Model] = (), rng: RNG = 0) -> None:
-    """Raise OptionError that lists every failed check of a planner, with some models or all that it accepts."""
+    """Raise OptionError with a list of all failed checks of a planner.
+
+    models  to plan for; by default all registered ones, with their defaults, that the planner accepts
+    rng     draws the worlds
+    """
     if isinstance(planner, type) or not callable(getattr(planner, "solve", None)):
         made = f"{planner.__name__}()" if isinstance(planner, type) else "Lattice(step=0.5)"
         raise OptionError(f"expected an instance of a planner, such as {made}, got {shown(planner)}")
@@ -70,19 +74,20 @@ def check_planner(planner: Planner, *, models: Sequence[Model] = (), rng: RNG = 
 
 
 def planner_checks(planner: Planner, *, models: Sequence[Model] = (), rng: RNG = 0) -> Iterator[Check]:
-    """Yield the checks of a planner, one after the other; for a model without results, only the first ones.
+    """Yield the checks of a planner, one after the other; if it finds no trajectory for a model, only the first ones.
 
-    models  to plan for; by default the registered ones, with their defaults, that the planner accepts
+    models  to plan for; by default all registered ones, with their defaults, that the planner accepts
     """
     seed, planner = seed_of(rng), make_planner(planner)
-    yield Check("says what it needs of a model", fault_of(lambda: _needs_fault(planner)))
+    yield Check("declares what it needs of a model", fault_of(lambda: _needs_fault(planner)))
     accepted = [model for model in models or registered_models() if planner.needs <= model.provides]
     if not accepted:
-        yield Check("serves a model", f"none that is registered provides {', '.join(sorted(planner.needs))}")
+        yield Check("accepts a registered model", f"none of them provides {', '.join(sorted(planner.needs))}")
         return
     if planner.needs:
         yield Check(
-            "refuses by name a model that lacks what it needs", fault_of(lambda: _refusal_fault(planner, accepted[0]))
+            "gives its name when it refuses a model that lacks what it needs",
+            fault_of(lambda: _refusal_fault(planner, accepted[0])),
         )
     for model in accepted:
         of = f" for {model.name}" * (len(accepted) > 1)
@@ -92,18 +97,27 @@ def planner_checks(planner: Planner, *, models: Sequence[Model] = (), rng: RNG =
         if plans.fault:
             continue
         ((problem, first),) = found
-        yield Check(f"says what it found{of}", fault_of(lambda: _result_fault(problem, first)))  # noqa: B023
-        yield Check(f"costs what it planned{of}", fault_of(lambda: _costs_fault(problem, first)))  # noqa: B023
-        yield Check(f"keeps ends and stays free{of}", fault_of(lambda: _collision_fault(problem, first)))  # noqa: B023
-        yield Check(f"is saved and loaded{of}", fault_of(lambda: _saving_fault(problem, first)))  # noqa: B023
-        yield Check(f"finds the same again{of}", fault_of(lambda: _repeat_fault(planner, problem, first)))  # noqa: B023
+        yield Check(f"returns a complete result{of}", fault_of(lambda: _result_fault(problem, first)))  # noqa: B023
+        yield Check(f"reports costs that a re-evaluation confirms{of}", fault_of(lambda: _costs_fault(problem, first)))  # noqa: B023
+        yield Check(
+            f"leads from start to goal without collisions{of}",
+            fault_of(lambda: _collision_fault(problem, first)),  # noqa: B023
+        )
+        yield Check(
+            f"returns a result that can be saved and loaded{of}",
+            fault_of(lambda: _saving_fault(problem, first)),  # noqa: B023
+        )
+        yield Check(f"finds the same result again{of}", fault_of(lambda: _repeat_fault(planner, problem, first)))  # noqa: B023
         if "plane" in model.provides:  # no wall separates the postures of an arm
-            yield Check(f"says so where no path leads{of}", fault_of(lambda: _wall_fault(planner, problem)))  # noqa: B023
+            yield Check(f"reports that there is no path{of}", fault_of(lambda: _wall_fault(planner, problem)))  # noqa: B023
             yield Check(
                 f"plans among people who move, or refuses them by name{of}",
                 fault_of(lambda: _people_fault(planner, problem)),  # noqa: B023
             )
-        yield Check(f"takes criteria or refuses them by name{of}", fault_of(lambda: _criteria_fault(planner, problem)))  # noqa: B023
+        yield Check(
+            f"accepts criteria, or refuses them by name{of}",
+            fault_of(lambda: _criteria_fault(planner, problem)),  # noqa: B023
+        )
         yield Check(f"ends when it is interrupted{of}", fault_of(lambda: _interrupt_fault(planner, problem)))  # noqa: B023
         if "time_limit" in {option.name for option in fields(cast(Any, planner))}:
             yield Check(f"ends at its time limit{of}", fault_of(lambda: _time_limit_fault(planner, problem)))  # noqa: B023
@@ -121,7 +135,7 @@ def registered_models() -> list[Model]:
 
 
 def small_problem(model: Model, criteria: Sequence[str], seed: int = 0) -> Problem:
-    """Return a problem with a small obstacle between two free states; angles are free at the goal."""
+    """Return a problem with a small obstacle between two free states; the goal leaves angles free."""
     rng = np.random.default_rng(seed)
     world, start, goal = (_in_a_room if "plane" in model.provides else _in_space)(model, rng)
     space = model.space
@@ -130,7 +144,7 @@ def small_problem(model: Model, criteria: Sequence[str], seed: int = 0) -> Probl
 
 
 def _in_a_room(model: Model, rng: np.random.Generator) -> tuple[World, States, States]:
-    """Return a room with a box in it, and states to the left and right of it."""
+    """Return a room with a box, and free states to the left and right of the box."""
     corner, size = rng.uniform((1.8, 1.2), (2.1, 1.5)), rng.uniform((0.6, 0.9), (0.9, 1.2))
     world = World.from_polygons([shapely.box(*corner, *(corner + size))], extent=shapely.box(0, 0, *ROOM))
     states = _free_states(model, world, drawn_states(model, world, rng, TRIES))
@@ -142,7 +156,7 @@ def _in_a_room(model: Model, rng: np.random.Generator) -> tuple[World, States, S
 
 def _in_space(model: Model, rng: np.random.Generator) -> tuple[World, States, States]:
     """Return a world with a ball between two positions of the camera."""
-    extent = shapely.box(0, 0, *ROOM)  # no wall in space
+    extent = shapely.box(0, 0, *ROOM)  # its border is no wall for robots in space
     nowhere = World.from_solids([], extent=extent)
     states = _free_states(model, nowhere, drawn_states(model, nowhere, rng, POSTURES))
     pose = model.pose("camera", states)
@@ -154,7 +168,7 @@ def _in_space(model: Model, rng: np.random.Generator) -> tuple[World, States, St
         world, goal = World.from_solids([ball], extent=extent), states.take(slice(other, other + 1))
         if all(_free_states(model, world, end).size for end in (start, goal)):
             return world, start, goal
-    raise ModelError(f"none of {POSTURES} states of {model.name} is free beside a ball")
+    raise ModelError(f"no two of {POSTURES} states of {model.name} are free with a ball between them")
 
 
 def _free_states(model: Model, world: World, states: States) -> States:
@@ -168,13 +182,13 @@ def _free_states(model: Model, world: World, states: States) -> States:
 
 def _needs_fault(planner: Planner) -> str:
     if planner.needs is UNDECLARED:
-        return "it has no needs; give it needs = frozenset() if any model will do"
+        return "it declares no needs; set needs = frozenset() if it can plan for any model"
     strange = planner.needs - WORDS
-    return f"{', '.join(sorted(strange))}; models provide {', '.join(sorted(WORDS))}" if strange else ""
+    return f"needs must be among {', '.join(sorted(WORDS))}, got {', '.join(sorted(strange))}" if strange else ""
 
 
 class _Bare:
-    """Model that provides its bodies alone."""
+    """Model that provides only the bodies of another model."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -193,43 +207,46 @@ def _refusal_fault(planner: Planner, model: Model) -> str:
     try:
         bare.solve(planner)
     except UnsupportedModel as error:
-        return "" if planner.name in str(error) else f"it does not say its name: {error}"
-    return "it planned for it"
+        return "" if planner.name in str(error) else f"its error does not name the planner: {error}"
+    return "it planned for such a model; raise UnsupportedModel"
 
 
 def _planning_fault(planner: Planner, model: Model, seed: int, found: list[tuple[Problem, Candidates]]) -> str:
-    """Plan with the first criteria that the planner accepts; add problem and result to ``found``, or return a fault."""
+    """Plan with the first criteria that the planner accepts; add problem and result to ``found``.
+
+    Returns a fault if it accepts no criteria, or finds no trajectory.
+    """
     asked = ASKED if "plane" in model.provides else IN_SPACE
     for criteria in asked:
         try:
             problem = small_problem(model, criteria, seed)
             candidates = planner.solve(problem)
-        except CriterionError:  # not for this planner, or not for this model
+        except CriterionError:  # the planner or the model does not support these criteria
             continue
-        if not len(candidates.trajectories):  # it may find no path round a box
+        if not len(candidates.trajectories):  # it may find no path around a box
             problem = replace(problem, world=World.from_polygons([], extent=problem.world.extent))
             candidates = planner.solve(problem)
         if not len(candidates.trajectories):
-            return f"none in an empty room: {candidates.status}, {'; '.join(candidates.notes)}"
+            return f"it finds none in an empty room: {candidates.status}, {'; '.join(candidates.notes)}"
         found.append((problem, candidates))
         return ""
-    return f"it accepts none of {', '.join(' and '.join(criteria) for criteria in asked)}"
+    return f"it accepts no criteria of these: {', '.join(' and '.join(criteria) for criteria in asked)}"
 
 
 def _result_fault(problem: Problem, found: Candidates) -> str:
     shape = (len(found.trajectories), len(found.objectives))
     for what, array in (("planned", found.planned), ("tolerance", found.tolerance)):
         if np.shape(array) != shape:
-            return f"{what} has the shape {np.shape(array)}, expected trajectories and objectives {shape}"
+            return f"{what} must have the shape {shape} (trajectories, objectives), got {np.shape(array)}"
     if not isinstance(found.status, Status):
-        return f"its status is {shown(found.status)}, expected a hpop.Status"
+        return f"status must be a hpop.Status, got {shown(found.status)}"
     if not found.certificate.strip():
-        return "its certificate is empty: say what is claimed of the front"
+        return "certificate must say what is claimed of the front, but it is empty"
     if len(found.provenance) != shape[0] or any("planner" not in origin for origin in found.provenance):
-        return f"its provenance must name the planner of each of {shape[0]} trajectories"
+        return f"provenance must have an entry with the key 'planner' for each of {shape[0]} trajectories"
     json.dumps([list(found.provenance), dict(found.stats)], allow_nan=False)
     strange = {trajectory.model for trajectory in found.trajectories} - {problem.model}
-    return f"it planned for another model: {strange}" if strange else ""
+    return f"its trajectories must be of the problem's model, got {strange}" if strange else ""
 
 
 def _costs_fault(problem: Problem, found: Candidates) -> str:
@@ -237,14 +254,14 @@ def _costs_fault(problem: Problem, found: Candidates) -> str:
     off = np.abs(again - found.planned) > found.tolerance + 1e-9 * np.abs(again)
     for i, j in np.argwhere(off):
         name = found.objectives[j].name
-        return f"{name} of trajectory {i} is planned as {found.planned[i, j]:.9g}, re-evaluated {again[i, j]:.9g}"
+        return f"{name} of trajectory {i} is reported as {found.planned[i, j]:.9g}, but it is {again[i, j]:.9g}"
     return ""
 
 
 def _collision_fault(problem: Problem, found: Candidates) -> str:
     colliding = np.flatnonzero(~collision_free(problem, found.trajectories))
     if colliding.size:
-        return f"trajectory {colliding[0]} collides, by the model's judge"
+        return f"trajectory {colliding[0]} collides by the model's judge()"
     return "; ".join(verify(problem, problem.front(found)))
 
 
@@ -255,7 +272,7 @@ def _saving_fault(problem: Problem, found: Candidates) -> str:
         front.save(file)
         again = Front.load(file)
     if not np.array_equal(again.costs, front.costs) or again.certificate != front.certificate:
-        return "its costs or its certificate are other ones when loaded"
+        return "its costs or its certificate are different after loading"
     return "; ".join(verify(Problem.from_description(again.problem or {}), again))
 
 
@@ -264,15 +281,15 @@ def _saving_fault(problem: Problem, found: Candidates) -> str:
 
 def _difference(expected: Candidates, found: Candidates) -> str:
     if not np.array_equal(expected.planned, found.planned):
-        return f"{len(expected.planned)} costs of before, and now {len(found.planned)}, or other ones"
+        return f"{len(expected.planned)} trajectories first, then {len(found.planned)}, or other costs"
     for i, (one, other) in enumerate(zip(expected.trajectories, found.trajectories, strict=True)):
         if one.describe() != other.describe():
-            return f"trajectory {i} is another"
+            return f"trajectory {i} is different the second time"
     return ""
 
 
 def _repeat_fault(planner: Planner, problem: Problem, first: Candidates) -> str:
-    """Return a fault if a copy, as processes get it, has another result; on an executor if the planner sweeps."""
+    """Return a fault if a pickled copy has another result; on an executor, if the planner sweeps."""
     copy = pickle.loads(pickle.dumps(planner))
     if not sweeps(planner):
         return _difference(first, copy.solve(problem))
@@ -286,26 +303,27 @@ def _wall_fault(planner: Planner, problem: Problem) -> str:
     world = World.from_polygons([WALL], extent=problem.world.extent)
     found = planner.solve(replace(problem, world=world))
     if len(found.trajectories):
-        return f"it found {len(found.trajectories)} through a wall"
-    return "it calls nothing complete" if found.status is Status.COMPLETE and not found.notes else ""
+        return f"it finds {len(found.trajectories)} trajectories through a wall"
+    claims = found.status is Status.COMPLETE and not found.notes
+    return "its empty result is complete, but no note says that there is no path; add one to notes" if claims else ""
 
 
 def _people_fault(planner: Planner, problem: Problem) -> str:
-    """Return a fault if a result touches a person who crosses the room, or a refusal does not name this person."""
+    """Return a fault if a result touches a person who crosses the room, or a refusal does not say why."""
     among = replace(problem, world=problem.world.with_content(people=[WALKER]))
     try:
         found = planner.solve(among)
     except HpopError as error:
         said = str(error)
         known = WALKER.name in said or any(criterion.name in said for criterion in problem.criteria)
-        return "" if known else f"it refuses a moving person, but names neither the person nor a criterion: {said}"
+        return "" if known else f"it refuses a moving person, but its error names neither person nor criterion: {said}"
     if fault := _result_fault(among, found) or _costs_fault(among, found) or _collision_fault(among, found):
         return fault
     return _difference(found, pickle.loads(pickle.dumps(planner)).solve(among))
 
 
 class _Begun(BaseException):
-    """Signal that a planner has begun, by reading the criteria."""
+    """Signal that a planner has accepted the criteria and begun."""
 
 
 def _stop(progress: Progress) -> Never:
@@ -325,12 +343,12 @@ def _criteria_fault(planner: Planner, problem: Problem) -> str:
                 continue
             except UnsupportedCriterion as error:
                 if not any(known in str(error) for known in called):
-                    return f"it refuses {name} without saying so: {error}"
+                    return f"it refuses {name}, but its error does not name it: {error}"
     return ""
 
 
 def _interrupt_fault(planner: Planner, problem: Problem) -> str:
-    """Return a fault of the result after Ctrl-C at one progress report or another."""
+    """Return a fault of the results after Ctrl-C, at an early and at a later progress report."""
     for number in REPORTS:
         reports = count(1)
 
@@ -352,5 +370,5 @@ def _time_limit_fault(planner: Planner, problem: Problem) -> str:
 
 
 def _early_end_fault(problem: Problem, found: Candidates) -> str:
-    """Return a fault if results found before an early end are invalid."""
+    """Return a fault of a result that ended early."""
     return _result_fault(problem, found) or _costs_fault(problem, found) or _collision_fault(problem, found)

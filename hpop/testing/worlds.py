@@ -1,4 +1,4 @@
-"""Worlds, motions and predictions of people drawn at random for conformance checks."""
+"""Random worlds, motions and predictions of people for conformance checks."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from hpop.world.tracks import Track
 FRAME = (-7.3, 4.1, 0.7)  # m, m, rad: position and yaw of the map's frame in another frame
 MOST_DRAWN = 100_000
 """Largest number of motions in one draw."""
-TOLERANCE = 2e-3  # relative: panels of integrals end where people turn, which differs between worlds
+TOLERANCE = 2e-3  # relative: the panels of integrals end where people turn, so they differ between worlds
 ASKED = ("move", HOLD.kind)
-SLACK = 0.1  # relative tolerance of a worst moment, which lies between two samples
+SLACK = 0.1  # relative tolerance of a worst moment, since it lies between two samples
 
 
 @checked_arguments
@@ -56,7 +56,7 @@ def random_world(rng: np.random.Generator) -> World:
 
 @checked_arguments
 def reframed(world: World) -> World:
-    """Return a world of polygons and solids turned and shifted by ``FRAME``, content included."""
+    """Return a world of polygons and solids, with its content, rotated and shifted by ``FRAME``."""
 
     def place(geometry: Any) -> Any:
         return shapely.transform(geometry, lambda points: np.stack(in_frame(points[:, 0], points[:, 1]), axis=1))
@@ -89,11 +89,10 @@ def in_frame(x: Any, y: Any) -> tuple[Any, Any]:
 
 @checked_arguments
 def random_motions(rng: np.random.Generator, world: World, model: Model, kind: str, size: int) -> Motions:
-    """Return random motions (size,) that begin 0.5 m or more from obstacles: short moves, turns, holds, or curves.
+    """Return random motions (size,) of one kind (short moves, turns, holds or curves), 0.5 m or more from obstacles.
 
-    Turns are up to half a turn and cross yaw = pi. Every third curve begins or ends at rest; every fourth turns first
-    to
-    one side and then to the other.
+    The distance holds at their starts. Turns are up to half a turn, and some cross yaw = pi. Every third curve begins
+    or ends at rest; every fourth one turns first to one side and then to the other.
     """
     size = whole("size", size, 1, MOST_DRAWN, "a number of motions")
     x, y = rng.uniform((0.5, 0.5), (11.5, 8.5), size=(50 * size + 1000, 2)).T
@@ -116,21 +115,21 @@ def random_motions(rng: np.random.Generator, world: World, model: Model, kind: s
 
 
 def holds(world: World, model: Model, states: States, rng: np.random.Generator) -> Motions:
-    """Return holds in states (M,), of random durations up to three seconds and from random times."""
+    """Return holds in states (M,), with random durations up to three seconds and random start times."""
     clock, lasts = rng.uniform(0, 60, states.size), rng.uniform(0.2, 3.0, states.size)
     start, end = (States(**states.__dict__ | {CLOCK: time}) for time in (clock, clock + lasts))
     return Motions(world, model, HOLD, start, end, t0=clock)
 
 
 def sure_world(world: World) -> World:
-    """Return a world with certain predictions, in which people follow a track, walk away, or stand, for a minute."""
+    """Return a world with certain predictions: for a minute, people follow a track, walk and then leave, or stand."""
     doings = (_on_a_track, _with_end, lambda person: person)
     people = [doings[i % 3](person) for i, person in enumerate(world.content.people)]
     return with_people(world, people)
 
 
 def open_world(world: World) -> World:
-    """Return a world with uncertain predictions: people have two hypotheses each, one of them ever less certain."""
+    """Return a world with uncertain predictions: each person has two futures, one of which grows less certain."""
     people = [
         replace(
             person,
@@ -146,18 +145,19 @@ def open_world(world: World) -> World:
 
 
 def prediction_checks(criterion: Criterion, world: World, batches: list[Motions]) -> Iterator[Check]:
-    """Yield checks of a criterion with people who have several hypotheses, and with people who have left.
+    """Yield checks of a criterion with people who have several futures, and with people who have left.
 
-    A criterion may refuse futures and uncertain positions, by a CriterionError.
+    A criterion may refuse futures and uncertain positions with a CriterionError.
     """
     yield Check(
-        "reckons with each of a person's futures", fault_of(lambda: _hypotheses_fault(criterion, world, batches))
+        "takes each possible future of a person into account",
+        fault_of(lambda: _hypotheses_fault(criterion, world, batches)),
     )
-    yield Check("costs nothing for people who are gone", fault_of(lambda: _absence_fault(criterion, world, batches)))
+    yield Check("ignores people who have left", fault_of(lambda: _absence_fault(criterion, world, batches)))
 
 
 def predicted_batches(criterion: Criterion, world: World, batches: list[Motions]) -> list[Motions]:
-    """Return the moves and holds of some batches in worlds of people who walk, and of people with several futures.
+    """Return the moves and holds of some batches, in a world where people walk and in one where they have two futures.
 
     Worlds that the criterion refuses are left out.
     """
@@ -196,7 +196,7 @@ def _costs(criterion: Criterion, world: World, batches: list[Motions]) -> FloatA
 
 
 def _hypotheses_fault(criterion: Criterion, world: World, batches: list[Motions]) -> str:
-    """Return a fault if a person with hypotheses costs less or more than worlds in which each hypothesis is certain."""
+    """Return a fault if the cost for a person with two futures does not fit the costs for each future alone."""
     everyone = open_world(world).content.people
     if refuses(criterion, with_people(world, list(everyone)), batches):
         return ""
@@ -213,8 +213,9 @@ def _hypotheses_fault(criterion: Criterion, world: World, batches: list[Motions]
         return ""
     i = int(np.argmax(wrong))
     return (
-        f"{found[i]:.6g} where a person may do two things, of which {least[i]:.6g} is the "
-        f"{'largest share' if worst else 'mean'} and {most[i]:.6g} the sum; see hpop.world.content.proxemics.expected"
+        f"for a person with two futures, the cost must be between {least[i]:.6g}, the "
+        f"{'largest weighted cost' if worst else 'mean'} of the futures, and {most[i]:.6g}, their sum, "
+        f"got {found[i]:.6g}; see hpop.world.content.proxemics.expected"
     )
 
 

@@ -22,11 +22,11 @@ NAMES = [
     "social_force",
     "visibility_to_people",
 ]
-PREDICTED = "reckons with each of a person's futures"
+PREDICTED = "takes each possible future of a person into account"
 TIMELESS = {  # asked on graphs without time, or in a frame in which velocities are not turned
     "costs the same on a trajectory as on its edges",
     "adds up along lattice edges to the trajectory's cost",
-    "costs the same wherever the world's frame lies",
+    "costs the same in any frame of the world",
 }
 
 

@@ -15,22 +15,22 @@ from hpop.testing import check_criterion, conformance, random_motions, random_wo
 from hpop.world.content.proxemics import any_moves, expected, offset
 from tests.own_criteria import NAMES, own_criterion
 
-FRAME = "costs the same wherever the world's frame lies"
+FRAME = "costs the same in any frame of the world"
 BOUND = "bounds the cost of every trajectory from below"
 WALK = "adds up along lattice edges to the trajectory's cost"
-PICKLE = "survives pickling"
-DECLARED = "declares what its protocol asks"
-STANDS_IN = "costs as much as what stands in for it"
+PICKLE = "gives the same costs after pickling"
+DECLARED = "has valid declarations"
+STANDS_IN = "has an integral that costs each motion the same"
 FINITE = "costs a finite number >= 0 for each motion"
-AGAIN = "gives the same costs when asked again"
+AGAIN = "gives the same costs when evaluated again"
 EDGES = "costs the same on a trajectory as on its edges"
 ALONE = "costs a motion the same alone and in a batch"
-HALVES = "costs halves of a move or hold as much as the whole"
+HALVES = "costs the two halves of a move or hold as much as the whole"
 CUT = "costs the same wherever a curve is cut"
 SYMBOLS = "has the same value on CasADi symbols"
-FUTURES = "reckons with each of a person's futures"
-GONE = "costs nothing for people who are gone"
-GRADIENT = "has the gradient of its differences"
+FUTURES = "takes each possible future of a person into account"
+GONE = "ignores people who have left"
+GRADIENT = "has a gradient that agrees with finite differences"
 
 
 @dataclass(frozen=True)
@@ -287,18 +287,18 @@ def declaring(**declared):
 
 
 DECLARES = {
-    "group is one of P, C, R, O, got 'X'": {"group": "X"},
-    "aggregate is one of sum, time-mean, max, trajectory, got 'total'": {"aggregate": "total"},
-    "role is one of None, duration, length, turns, stops_missed, got 'way'": {"role": "way"},
-    "smooth is one of True, False, got 'yes'": {"smooth": "yes"},
-    "world_frame is one of True, False, got None": {"world_frame": None},
-    "unit is a word, got ''": {"unit": ""},
-    r"requires is a tuple of names, such as \('camera',\), got 'camera'": {"requires": "camera"},
-    "instead names lenght, which is no criterion": {"instead": ("lenght",)},
-    "quantum is a positive number, got 0": {"quantum": 0},
-    "bound is a method or None, got 1.0": {"bound": 1.0},
-    "convex is a method or None, got True": {"convex": True},
-    "integral stands in for a time-mean, and this is a sum": {"integral": Square()},
+    "group must be one of P, C, R, O, got 'X'": {"group": "X"},
+    "aggregate must be one of sum, time-mean, max, trajectory, got 'total'": {"aggregate": "total"},
+    "role must be one of None, duration, length, turns, stops_missed, got 'way'": {"role": "way"},
+    "smooth must be one of True, False, got 'yes'": {"smooth": "yes"},
+    "world_frame must be one of True, False, got None": {"world_frame": None},
+    "unit must be a text that is not empty, got ''": {"unit": ""},
+    r"requires must be a tuple of names, such as \('camera',\), got 'camera'": {"requires": "camera"},
+    "instead must hold names of registered criteria, got lenght": {"instead": ("lenght",)},
+    "quantum must be a positive number, got 0": {"quantum": 0},
+    "bound must be a method or None, got 1.0": {"bound": 1.0},
+    "convex must be a method or None, got True": {"convex": True},
+    "integral must be None unless aggregate is 'time-mean', but aggregate is 'sum'": {"integral": Square()},
 }
 
 
@@ -321,15 +321,15 @@ WRONG = [
     (Columns(), FINITE, "shape"),
     (Words(), FINITE, "numbers"),
     (Failing(), FINITE, "AttributeError: .*lenght"),
-    (Moody(), AGAIN, "the second time"),
+    (Moody(), AGAIN, "in the second evaluation"),
     (NegativeMemory(), FINITE, "'trajectory' motions cost -"),
-    (MoodyMemory(), AGAIN, "the second time"),
+    (MoodyMemory(), AGAIN, "in the second evaluation"),
     (Unpicklable(lambda: 1.0), PICKLE, "pickle|lambda"),
     (Relative(), ALONE, "a move alone"),
     (Timed(), EDGES, "this planner plans without time"),
     (Northward(), FRAME, "in another frame"),
     (Crowded(), WALK, "along lattice edges"),
-    (Boastful(), BOUND, "bound 2.2 for a trajectory that costs 2"),
+    (Boastful(), BOUND, r"bound\(\) must be at most the cost 2 of a trajectory, and at least 0, got 2.2"),
     pytest.param(Flat(), HALVES, "in two halves", marks=pytest.mark.proof),
     (Flat(1e-5), HALVES, "in two halves"),
     pytest.param(Square(), HALVES, "in two halves", marks=pytest.mark.proof),
@@ -339,7 +339,7 @@ WRONG = [
     (NumbersOnly(), SYMBOLS, "Error"),
     (OtherOnSymbols(), SYMBOLS, "on symbols"),
     (Kinked(), GRADIENT, "d cost/d state"),
-    (Likeliest(), FUTURES, "where a person may do two things"),
+    (Likeliest(), FUTURES, "for a person with two futures, the cost must be between"),
     (Haunted(), GONE, "with a person who has left"),
 ]
 

@@ -21,20 +21,20 @@ from hpop.motions import Phase, States
 from hpop.testing import check_model, conformance
 
 PLUGIN = Path(__file__).resolve().parents[2] / "examples/plugin"
-DESCRIBED = "is made again from its description"
+DESCRIBED = "can be made again from its description"
 SPACE = "reads and writes its states"
-PROVIDES = "provides what it says"
-SAYS = "says of itself what its protocol asks"
+PROVIDES = "has everything that it says it provides"
+SAYS = "has valid optional attributes"
 LED = "has laws that lead from start to end"
 AXES = "has poses with axes at right angles"
-TWISTS = "has twists that say how its poses change"
-BODIES = "moves its bodies as far as their poses go"
+TWISTS = "has twists that agree with the changes of its poses"
+BODIES = "gives lengths and rotations of bodies that agree with their poses"
 EXTENT = "moves no body farther than its extent"
-JUDGED = "calls nothing free that its judge does not"
+JUDGED = "has a collision test that accepts nothing its judge refuses"
 CONNECTED = "connects states by motions that lead there"
-STATIONS = "has stations that motions in place join"
-EXECUTED = "executes a plan between its ends"
-FAULTLESS = "finds no fault in what it connects"
+STATIONS = "has stations that are joined by motions in place"
+EXECUTED = "executes a plan from its start to its end"
+FAULTLESS = "finds no fault in its own trajectories"
 CLAIMS = DESCRIBED, SPACE, PROVIDES, SAYS, LED, AXES, TWISTS, BODIES, EXTENT, JUDGED, CONNECTED, EXECUTED, FAULTLESS
 
 
@@ -342,42 +342,66 @@ MISTAKES = [
     (TWISTS, "rotation of the base in a slide", {"twist": turned_about}),
     (TWISTS, "angular acceleration of the base", {"twist_rate": turned_about}),
     (BODIES, "turned of the base in a slide", {"body": forgetful}),
-    (BODIES, "the base is said to stay in a slide, but goes", {"body": staying}),
-    (EXTENT, "the base goes", {"extent": short}),
-    (JUDGED, "states are free to plan by, and collide", {"collision": kind_to("states_free")}),
-    (JUDGED, "motions, each a slide, are free to plan by, and collide", {"collision": kind_to("motions_free")}),
-    (JUDGED, "only 0 are to plan by", {"collision": timid}),
-    (JUDGED, "its judge says ''", {"judge": silent}),
-    (CONNECTED, "beside where it should lead", {"connect": astray}),
-    (CONNECTED, "more than half round: it jumps", {"connect": jumping}),
-    (CONNECTED, "yaw is no number: where b leaves it free", {"connect": unfree}),
-    (EXECUTED, "it begins .* beside the plan", {"execution": elsewhere}),
-    (EXECUTED, "away from a state as it is said to pass it", {"execution": unpunctual}),
-    (FAULTLESS, "planned, it has no battery", {"faults": grumbling}),
+    (BODIES, "stays of the base is True in a slide, but it moves", {"body": staying}),
+    (EXTENT, "the base moves", {"extent": short}),
+    (JUDGED, "states are free by collision.., but not by judge", {"collision": kind_to("states_free")}),
+    (JUDGED, "motions of the law slide are free by collision", {"collision": kind_to("motions_free")}),
+    (JUDGED, "only 0 are free by collision", {"collision": timid}),
+    (JUDGED, "of its judge returns '' for a blocked state", {"judge": silent}),
+    (CONNECTED, "m or rad from the requested states", {"connect": astray}),
+    (CONNECTED, "more than half a turn", {"connect": jumping}),
+    (CONNECTED, "yaw is nan at the end of a", {"connect": unfree}),
+    (EXECUTED, "the execution begins .* from the plan", {"execution": elsewhere}),
+    (EXECUTED, "from a planned state at the time given for passing it", {"execution": unpunctual}),
+    (FAULTLESS, "the planned trajectory has no battery", {"faults": grumbling}),
     (LED, "x of a slide at 100%|y of a slide at 100%|yaw of a slide at 100%", {"laws": law(Lagging)}),
-    (LED, "yaw of a slide, which is no curve, half of it done", {"laws": law(Swerving)}),
-    (LED, "share of a slide done at its end", {"laws": law(Halting)}),
-    (LED, "a phase of a slide lasts -", {"laws": law(Backwards)}),
-    (LED, "the law under 'glide' calls itself 'slide'", {"laws": lambda laws: {"glide": laws["slide"]}}),
+    (LED, "yaw halfway through a slide, which is no curve", {"laws": law(Swerving)}),
+    (LED, "end of the last phase of a slide", {"laws": law(Halting)}),
+    (LED, "phases of a slide must have finite durations >= 0 s, got -", {"laws": law(Backwards)}),
+    (
+        LED,
+        "the law with the key 'glide' must have this kind, got 'slide'",
+        {"laws": lambda laws: {"glide": laws["slide"]}},
+    ),
     (AXES, "ahead x left of the base", {"pose": lying}),
-    (SPACE, "base after a whole turn of yaw", {"pose": halved}),
-    (PROVIDES, "neither of the bodies", {"provides": lambda has: has - {"base", "camera"}}),
-    (PROVIDES, "turn-move, but it has the laws slide, glide", {"provides": lambda has: has | {"turn-move"}}),
-    (SAYS, "name is a word, got ''", {"name": says("")}),
+    (SPACE, "base after a full turn of yaw", {"pose": halved}),
+    (PROVIDES, "provides must contain one of base, camera, tool", {"provides": lambda has: has - {"base", "camera"}}),
+    (
+        PROVIDES,
+        "'turn-move', so its laws must include turn and move, got slide, glide",
+        {"provides": lambda has: has | {"turn-move"}},
+    ),
+    (SAYS, "name must be a text that is not empty, got ''", {"name": says("")}),
     (SAYS, r"field_of_view must be \(horizontal, vertical\)", {"field_of_view": says(1.0)}),
-    (SAYS, "notes is a tuple of sentences, got 'sure'", {"notes": says("sure")}),
-    (SAYS, "joints is a tuple of states besides x, y and yaw, got .'lift'", {"joints": says(("lift",))}),
-    (SAYS, "joints names none, but provides has 'joints'", {"provides": lambda has: has | {"joints"}}),
-    (SAYS, "executed does a slide by 'fly', but the laws are glide, slide", {"executed": says({"slide": "fly"})}),
-    (SAYS, "wheels, but its wheel_base is None", {"provides": lambda has: has | {"wheels"}}),
-    (SAYS, "plane, but its platform is empty", {"platform": says(())}),
-    (SAYS, "a part reaches 0.43[0-9]* m from the axis, its platform 0.1 m", {"platform": says(SMALL)}),
-    (SAYS, "bodies are shapes of hpop.world.geometry.solids", {"bodies": says(lambda states: [("box", np.eye(4))])}),
-    (SAYS, "the poses of a body have the shape .3, 4, 4.", {"bodies": says(lambda s: [(BOX, np.ones((3, 4, 4)))])}),
-    (SAYS, "clearance of its collision is a distance >= 0", {"collision": measuring(-1.0)}),
-    (LED, "duration of a slide, which is reversible, back", {"laws": law(Sluggish)}),
-    (LED, "extra of a slide is a tuple of names of states, got 'clock'", {"laws": law(Vague)}),
-    (DESCRIBED, "not equal to it|described as", {}),
+    (SAYS, "notes must be a tuple of sentences, got 'sure'", {"notes": says("sure")}),
+    (SAYS, "joints must be a tuple of names of states .*, got .'lift'", {"joints": says(("lift",))}),
+    (SAYS, r"joints is \(\), but provides contains 'joints'", {"provides": lambda has: has | {"joints"}}),
+    (
+        SAYS,
+        "executed must map 'slide' to one of the laws glide, slide, got 'fly'",
+        {"executed": says({"slide": "fly"})},
+    ),
+    (
+        SAYS,
+        "'wheels', so wheel_base must be a positive number .*, got None",
+        {"provides": lambda has: has | {"wheels"}},
+    ),
+    (SAYS, "'plane', so platform must hold at least one part, got none", {"platform": says(())}),
+    (SAYS, "a part reaches 0.43[0-9]* m from the axis, but the platform only 0.1 m", {"platform": says(SMALL)}),
+    (
+        SAYS,
+        "bodies must be shapes of hpop.world.geometry.solids",
+        {"bodies": says(lambda states: [("box", np.eye(4))])},
+    ),
+    (
+        SAYS,
+        "the poses of a body must have the shape .*, got .3, 4, 4.",
+        {"bodies": says(lambda s: [(BOX, np.ones((3, 4, 4)))])},
+    ),
+    (SAYS, "clearance of its collision test must return a distance >= 0", {"collision": measuring(-1.0)}),
+    (LED, "duration of a slide, which is reversible, on the way back", {"laws": law(Sluggish)}),
+    (LED, "extra of a slide must be a tuple of names of states, got 'clock'", {"laws": law(Vague)}),
+    (DESCRIBED, "not equal to the original|described as", {}),
 ]
 
 
@@ -390,7 +414,7 @@ class Upright(hpop.PanTilt):
 
 
 def test_a_tilt_that_is_said_to_be_none_is_a_mistake() -> None:
-    with pytest.raises(ModelError, match="the camera is said to stay upright in a tilt, but tilts"):
+    with pytest.raises(ModelError, match="upright of the camera is True in a tilt, but it tilts"):
         check_model(Upright(hpop.DifferentialDrive()))
 
 
@@ -440,7 +464,7 @@ def fault_of_stations(model: Any) -> str:
     ("change", "said"),
     [
         (lambda found: found._replace(motions={"turn": found.motions["turn"][:1] * 2, "move": found.motions["turn"]}),
-         "a move joins stations at one place, but its law varies x, y"),
+         "motions between stations must stay in place, but a move varies x, y"),
         (lambda found: found._replace(headings=found.headings[::-1]), "yaws of stations: expected"),
     ],
 )  # fmt: skip
@@ -461,4 +485,4 @@ def test_turns_that_leave_the_head_where_it_was_join_no_stations_with_other_pans
             found = super().stations(yaw)
             return found._replace(motions={"turn": found.motions["unwind"]})
 
-    assert "off in pan after a turn in place: expected 0" in fault_of_stations(Loose())
+    assert "error in pan after a turn in place: expected 0" in fault_of_stations(Loose())

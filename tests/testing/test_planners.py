@@ -22,17 +22,17 @@ from hpop.testing.planners import planner_checks
 from hpop.trajectories.trajectory import Trajectory
 
 ROBOT = hpop.DifferentialDrive(radius=0.2)
-NEEDS = "says what it needs of a model"
-REFUSES = "refuses by name a model that lacks what it needs"
+NEEDS = "declares what it needs of a model"
+REFUSES = "gives its name when it refuses a model that lacks what it needs"
 FINDS = "finds trajectories"
-SAYS = "says what it found"
-COSTS = "costs what it planned"
-KEEPS = "keeps ends and stays free"
-SAVED = "is saved and loaded"
-AGAIN = "finds the same again"
+SAYS = "returns a complete result"
+COSTS = "reports costs that a re-evaluation confirms"
+KEEPS = "leads from start to goal without collisions"
+SAVED = "returns a result that can be saved and loaded"
+AGAIN = "finds the same result again"
 PEOPLE = "plans among people who move, or refuses them by name"
-NO_PATH = "says so where no path leads"
-CRITERIA = "takes criteria or refuses them by name"
+NO_PATH = "reports that there is no path"
+CRITERIA = "accepts criteria, or refuses them by name"
 INTERRUPTED = "ends when it is interrupted"
 LATE = "ends at its time limit"
 CLAIMS = [NEEDS, REFUSES, FINDS, SAYS, COSTS, KEEPS, SAVED, AGAIN, NO_PATH, PEOPLE, CRITERIA, INTERRUPTED, LATE]
@@ -192,24 +192,24 @@ class Copied(Changed):
 
 
 MISTAKES = [
-    (NEEDS, "it has no needs; give it", Undeclared()),
-    (NEEDS, "wings; models provide base", Strange()),
-    (FINDS, "it accepts none of length and exposure", Needless()),
-    (COSTS, "length of trajectory 0 is planned as", Changed(short)),
-    (SAYS, "its certificate is empty", Changed(silent)),
-    (SAYS, "its provenance must name the planner", Changed(nameless)),
-    (SAYS, "planned has the shape", Changed(lost)),
+    (NEEDS, "it declares no needs; set", Undeclared()),
+    (NEEDS, "needs must be among base, .*, got wings", Strange()),
+    (FINDS, "it accepts no criteria of these: length and exposure", Needless()),
+    (COSTS, "length of trajectory 0 is reported as", Changed(short)),
+    (SAYS, "certificate must say what is claimed of the front, but it is empty", Changed(silent)),
+    (SAYS, "provenance must have an entry with the key 'planner'", Changed(nameless)),
+    (SAYS, "planned must have the shape", Changed(lost)),
     (KEEPS, "trajectory 0 collides", Changed(through)),
     (KEEPS, "m from the goal", Changed(elsewhere)),
-    (AGAIN, "costs of before, and now", Changed(moody)),
+    (AGAIN, "trajectories first, then", Changed(moody)),
     (AGAIN, "on an executor: ", Sweeping()),
     (AGAIN, "cannot be pickled", Copied()),
-    (NO_PATH, "it calls nothing complete", Changed(dumb)),
+    (NO_PATH, "its empty result is complete, but no note", Changed(dumb)),
     (PEOPLE, "touches Ada at", Changed(into_people)),
-    (PEOPLE, "it refuses a moving person, but names neither", Curt()),
-    (CRITERIA, "it refuses .* without saying so", Mumbling()),
+    (PEOPLE, "it refuses a moving person, but its error names neither", Curt()),
+    (CRITERIA, "it refuses .*, but its error does not name it", Mumbling()),
     (INTERRUPTED, "ValueError: half a front", Crashing()),
-    (LATE, "length of trajectory 0 is planned as", Hurried()),
+    (LATE, "length of trajectory 0 is reported as", Hurried()),
 ]
 
 
@@ -227,7 +227,7 @@ def test_all_faults_are_raised_together() -> None:
         check_planner(Changed(silent), models=[ROBOT])
     first, *faults = str(raised.value).split("\n  ")
     assert first == f"planner 'changed' fails {len(faults)} check{'s' * (len(faults) > 1)}:"
-    assert f"{SAYS}: its certificate is empty" in faults[0]
+    assert f"{SAYS}: certificate must say what is claimed of the front, but it is empty" in faults[0]
 
 
 def test_a_good_planner_passes_every_check_in_this_order() -> None:
@@ -237,7 +237,7 @@ def test_a_good_planner_passes_every_check_in_this_order() -> None:
 
 
 def test_a_planner_that_no_model_serves_is_told_so() -> None:
-    with pytest.raises(OptionError, match=r"serves a model: none that is registered provides .*wings"):
+    with pytest.raises(OptionError, match=r"accepts a registered model: none of them provides .*wings"):
         check_planner(Strange())
 
 

@@ -143,7 +143,7 @@ def test_blocks_are_where_they_are_inserted_on_the_layer_of_the_reference():
         (lambda d: d.modelspace().add_text("Hall"), {}, r"has no lines; left out: TEXT \(1\)"),
         (lambda d: d.modelspace().add_line((0, 0), (1e-9, 0)), {}, "a scale of 1 m per unit makes it 1e-09 x 0 m"),
         (lambda d: d.modelspace().add_line((0, 0), (9, 9), dxfattribs={"layer": "WALLS"}), {"layers": "WALS"},
-         r"it has no layer 'wals'. Did you mean 'WALLS'\? It has WALLS \(1\)"),
+         r"it has no layer 'wals'. Did you mean 'WALLS'\? Its layers are WALLS \(1\)"),
     ],
 )  # fmt: skip
 def test_what_is_no_plan_is_refused_with_what_there_is(tmp_path, draw, options, message):

@@ -83,7 +83,7 @@ def test_what_forms_draw_is_where_they_are_placed_and_belongs_to_the_layer_of_it
     assert lines == [[[110, 100], [130, 100]], [[20, 20], [20, 30]]]
     assert found(data, layers=["walls"])[1] == lines[1:]
     with pytest.raises(
-        ChildRefused, match=r"no layer 'wals'. Did you mean 'Walls'\? It has \(no layer\) \(1\), Walls \(1\)"
+        ChildRefused, match=r"no layer 'wals'. Did you mean 'Walls'\? Its layers are \(no layer\) \(1\), Walls \(1\)"
     ):
         found(data, layers=["wals"])
 
@@ -173,7 +173,7 @@ def test_what_lies_outside_of_the_page_is_not_shown():
     assert parts[0][:2] == [[50, 50], [350, 50]]
     assert parts[1] == pytest.approx(np.array([[390, 100], [400.01, 100]]))
     assert shapely.Polygon(parts[2]).bounds == pytest.approx((380, 200, 400.01, 250))
-    assert words["left_out"] == {"partly or wholly outside the page or a clip path": 3}
+    assert words["left_out"] == {"partly or fully outside the page or a clip path": 3}
     cropped = found(pdf(ROOM, page=b"/CropBox [0 0 200 300]"))[1]
     assert max(x for part in cropped for x, _ in part) == pytest.approx(200.01)
 
@@ -186,7 +186,7 @@ def test_clip_paths_cut_what_is_drawn():
         [pytest.approx([99.99, 150]), pytest.approx([200.01, 150])],
         [pytest.approx([0, 50]), pytest.approx([50, 50])],
     ]
-    assert words["left_out"] == {"partly or wholly outside the page or a clip path": 3}
+    assert words["left_out"] == {"partly or fully outside the page or a clip path": 3}
     fill = found(pdf(b"q 100 100 m 300 100 l 100 300 l h W n 0 g 0 0 200 200 re f Q"))[1]
     assert shapely.Polygon(fill[0]).area == pytest.approx(100 * 100)
 

@@ -67,14 +67,22 @@ GRIDS = {"/a/map": [grid([[0]])], "/b/map": [grid([[0]])]}
         ({}, {}, r"no map, a nav_msgs/msg/OccupancyGrid; its topics are /chatter std_msgs/msg/String \(1\), /tf"),
         ({"/map": []}, {}, "no message on /map"),
         (GRIDS, {}, "several maps; give topic, one of /a/map, /b/map"),
-        (GRIDS, {"topic": "/a/mapp"}, r"no map on '/a/mapp'; maps are on /a/map, /b/map. Did you mean '/a/map'\?"),
+        (
+            GRIDS,
+            {"topic": "/a/mapp"},
+            r"no map on '/a/mapp'; topics with maps: /a/map, /b/map. Did you mean '/a/map'\?",
+        ),
         (GRIDS, {"topic": "/chatter"}, "no map on '/chatter'"),
         (GRIDS, {"topic": 3}, "topic must be the name of a topic"),
         (GRIDS, {"topik": "/map"}, "Did you mean 'topic'"),
         ({"/map": [grid([[0]], resolution=0.0)]}, {}, "resolution"),
         ({"/map": [grid([[0]], 1.0, origin=(math.nan, 0))]}, {}, "origin"),
-        ({"/map": [grid([[0, 0]], width=3)]}, {}, "3 x 1 with 2 cells; expected as many as its size says"),
-        ({"/map": [grid([[0, 0]], turned=(0.5, 0.5, 0.5, 0.5))]}, {}, "tilted"),
+        (
+            {"/map": [grid([[0, 0]], width=3)]},
+            {},
+            "must have width x height cells, at most 100,000,000, got 2 cells for 3 x 1",
+        ),
+        ({"/map": [grid([[0, 0]], turned=(0.5, 0.5, 0.5, 0.5))]}, {}, "must be horizontal, got the orientation"),
     ],
 )
 def test_what_has_no_map_is_refused_with_what_is_there(tmp_path, grids, options, message):
