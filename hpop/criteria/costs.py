@@ -136,7 +136,8 @@ def _shared_costs(
 ) -> FloatArray:
     """Return the costs (n, k) of trajectories by criteria that add up over motions; evaluate each distinct motion once.
 
-    The cost is NaN, to be computed otherwise, for trajectories with curves and for criteria that depend on the time.
+    The cost is NaN for trajectories with curves and for criteria that depend on the time; callers compute these costs
+    in another way.
     """
     of_motions, lengths = np.zeros((len(criteria), len(table))), np.zeros(len(table))  # (k, M), (M,) s
     done = 0

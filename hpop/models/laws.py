@@ -106,7 +106,7 @@ class InPlaceGeometry(LawDefaults):
 
 @dataclass(frozen=True)
 class Move(StraightGeometry):
-    """Planned law of a straight move: all of it at cruise speed, m/s."""
+    """Planned law of a straight move, whose whole length is driven at cruise speed, m/s."""
 
     speed: float
     kind: str = "move"
