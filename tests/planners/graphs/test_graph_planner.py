@@ -77,7 +77,7 @@ def test_on_a_lattice_they_are_what_they_are_with_its_options() -> None:
             {"on": "roadmap", "step": 0.5},
             "step, headings and corner_cutting are options of the lattice, which `on` replaces",
         ),
-        ({"on": 7}, "a graph is given as a name"),
+        ({"on": 7}, "a graph must be given as a name"),
     ],
 )
 def test_what_is_no_graph_is_refused(options: dict[str, Any], said: str) -> None:
