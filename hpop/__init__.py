@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from hpop.problems.front import Front as Front
     from hpop.problems.problem import Planning as Planning
     from hpop.problems.problem import Problem as Problem
+    from hpop.problems.retiming import retime as retime
     from hpop.runtime.status import Status as Status
     from hpop.trajectories.trajectory import Trajectory as Trajectory
     from hpop.world import Person as Person

@@ -137,6 +137,7 @@ hpop.ros.pose_message
 hpop.ros.trajectory_of
 hpop.ros.typed
 hpop.scenario.load_scenario
+hpop.retime
 hpop.search.Graph
 hpop.search.Prepared
 hpop.search.pareto_paths

@@ -28,6 +28,7 @@ from hpop.cli.exporting import export, ros
 from hpop.cli.looking import look, new
 from hpop.cli.preferring import prefer
 from hpop.cli.results import SAVED
+from hpop.cli.retiming import retime
 from hpop.cli.riding import ride
 from hpop.cli.saved import pick, show
 from hpop.cli.studying import study
@@ -204,6 +205,7 @@ main.add_command(prefer)
 main.add_command(ride)
 main.add_command(drive)
 main.add_command(export)
+main.add_command(retime)
 main.add_command(ros)
 main.add_command(look)
 main.add_command(new)

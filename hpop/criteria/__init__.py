@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from hpop.criteria.comfort.rotation_time import RotationTime as RotationTime
     from hpop.criteria.comfort.sickness import Sickness as Sickness
     from hpop.criteria.comfort.speed_changes import SpeedChanges as SpeedChanges
+    from hpop.criteria.comfort.squared_acceleration import SquaredAcceleration as SquaredAcceleration
     from hpop.criteria.comfort.turns import Turns as Turns
     from hpop.criteria.learnt import Learnt as Learnt
     from hpop.criteria.others.against_flow import AgainstFlow as AgainstFlow

@@ -149,6 +149,8 @@ def class_execution(planned: Trajectory, executed: Mapping[str, str]) -> tuple[T
     executed  law of execution by planned law, "run" for moves; motions of other laws are executed as planned
     """
     laws, kinds = laws_of(planned.model), planned.kinds
+    if not {*executed, CHANGE} & {*kinds}:  # it is executed as planned
+        return planned, planned.times
     spaced = {name: getattr(planned.states, name) for name in planned.model.space.names}
     columns: dict[str, list[FloatArray]] = {name: [column[:1]] for name, column in spaced.items()}
     speeds, done, held = [np.zeros(1)], list[str](), [np.zeros(1)]

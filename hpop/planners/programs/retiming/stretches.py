@@ -1,0 +1,286 @@
+"""Path of a trajectory, cut into stretches between standstills, each on a grid of path positions.
+
+Let q be the coordinates of a robot: the way driven and the heading of a base, or the joints of an arm. A stretch has a
+path coordinate s, which grows by the length of dq with each coordinate divided by its largest speed. So the unit of s
+is the second, and ds/dt is about 1 at full speed. Between two neighbouring grid positions, dq/ds is quadratic in s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, cast
+
+import numpy as np
+
+from hpop.base.arrays import BoolArray, FloatArray
+from hpop.errors import OptionError, UnsupportedModel
+from hpop.motions import HOLD, Law, Model, States, Wheeled, is_curve, laws_of
+from hpop.motions.laws import CLOCK, SPEED
+from hpop.planners.programs.spline.knots import LAW as SPLINE
+from hpop.planners.programs.spline.knots import SplineLaw
+from hpop.trajectories.trajectory import Trajectory
+
+DRIVE = "drive"  # kind of the law of curves of a base
+TURN_RATE = "turn_rate"
+INTERVAL, FEWEST, MOST = 0.1, 16, 400  # s: length of a grid interval at the input's speed; intervals in each phase
+CURVED = 600  # intervals in all motions of a stretch of curves
+REST = 1e-6  # share of full speed below which a robot stands
+STRAIGHT = 1e-9  # difference of unit directions that is a rounding error
+PARALLEL = 1e-6  # difference of unit directions that counts as none
+
+
+class Coordinates(Protocol):
+    """Coordinates (c,) of a robot along a path, and the law that can drive any speed profile along it."""
+
+    @property
+    def kind(self) -> str:
+        """Kind of the law: "drive" or "spline"."""
+
+    @property
+    def law(self) -> Law:
+        """The law itself."""
+
+    @property
+    def unit(self) -> FloatArray:
+        """Largest speed (c,) of each coordinate, by which lengths along the path are measured."""
+
+    @property
+    def joins(self) -> bool:
+        """True if stretches in one straight direction become one, as reaches of an arm do."""
+
+    def rates(self, states: States, rates: States) -> FloatArray:
+        """Return the rates (N, c) of the coordinates from the rates of the states."""
+
+    def rates_of_states(self, states: States, rates: FloatArray, changes: FloatArray) -> tuple[States, States]:
+        """Return first and second derivatives of the states from those (N, c) of the coordinates."""
+
+    def knots(self, states: States, rates: FloatArray, clock: FloatArray) -> States:
+        """Return states (N,) with all columns of the law, from the rates (N, c) of the coordinates and the time, s."""
+
+    def limits(self, slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return limits of a stretch with slopes (N, c): rows (r, c), and the largest speed and acceleration (r,).
+
+        The combinations rows @ q of the coordinates have these limits.
+        """
+
+
+@dataclass(frozen=True)
+class BaseCoordinates:
+    """Way driven, m, and heading, rad, of a base with two wheels."""
+
+    model: Wheeled
+    kind: str = DRIVE
+    joins: bool = False
+
+    @property
+    def law(self) -> Law:
+        return self.model.laws[DRIVE]
+
+    @property
+    def unit(self) -> FloatArray:
+        return np.array([self.model.speed, self.model.turn_rate])
+
+    def rates(self, states: States, rates: States) -> FloatArray:
+        ahead = rates.x * np.cos(states.yaw) + rates.y * np.sin(states.yaw)
+        return np.stack([ahead, rates.yaw], axis=1)
+
+    def rates_of_states(self, states: States, rates: FloatArray, changes: FloatArray) -> tuple[States, States]:
+        cos, sin, (v, turn), (a, turn_change) = np.cos(states.yaw), np.sin(states.yaw), rates.T, changes.T
+        zero = 0.0 * v
+        first = {"x": v * cos, "y": v * sin, "yaw": turn, SPEED: a, TURN_RATE: turn_change, CLOCK: zero}
+        second = {"x": a * cos - v * turn * sin, "y": a * sin + v * turn * cos, "yaw": turn_change}
+        return States(**first), States(**second | dict.fromkeys((SPEED, TURN_RATE, CLOCK), zero))
+
+    def knots(self, states: States, rates: FloatArray, clock: FloatArray) -> States:
+        columns = {SPEED: rates[:, 0], TURN_RATE: rates[:, 1], CLOCK: clock}
+        return States(x=states.x, y=states.y, yaw=states.yaw, **columns)
+
+    def limits(self, slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        model = self.model
+        moves: BoolArray = np.any(np.abs(slopes) > REST * self.unit, axis=0)
+        if moves.all():
+            half, both = 0.5 * model.wheel_base, np.ones(2)
+            rows = np.array([[1.0, -half], [1.0, half]])
+            return rows, model.wheel_speed * both, model.wheel_acceleration * both
+        if moves[1]:
+            return np.array([[0.0, 1.0]]), np.array([model.turn_rate]), np.array([model.turn_acceleration])
+        return np.array([[1.0, 0.0]]), np.array([model.speed]), np.array([model.acceleration])
+
+
+@dataclass(frozen=True)
+class JointCoordinates:
+    """Joints of an arm, rad or m."""
+
+    model: Model
+    kind: str = SPLINE
+    joins: bool = True
+
+    @property
+    def law(self) -> SplineLaw:
+        return cast(SplineLaw, self.model.laws[SPLINE])
+
+    @property
+    def unit(self) -> FloatArray:
+        return np.array(self.law.speeds)
+
+    def rates(self, states: States, rates: States) -> FloatArray:
+        return np.stack([np.broadcast_to(getattr(rates, n), states.size) for n in self.law.names], axis=1)
+
+    def rates_of_states(self, states: States, rates: FloatArray, changes: FloatArray) -> tuple[States, States]:
+        zero = np.zeros(states.size)
+        return self.law.knots([*rates.T], [*changes.T], zero), self.law.knots([*changes.T], [*0.0 * rates.T], zero)
+
+    def knots(self, states: States, rates: FloatArray, clock: FloatArray) -> States:
+        return self.law.knots([getattr(states, name) for name in self.law.names], [*rates.T], clock)
+
+    def limits(self, slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        return np.eye(len(self.law.names)), self.unit, np.array(self.law.accelerations)
+
+
+def coordinates_of(model: Model) -> Coordinates:
+    """Return the coordinates of a model; raise UnsupportedModel if it has no law for any speed profile."""
+    if SPLINE in model.laws and "spline" in model.provides:
+        return JointCoordinates(model)
+    if DRIVE in model.laws and {"wheels", "rigid"} <= model.provides:
+        return BaseCoordinates(cast(Wheeled, model))
+    raise UnsupportedModel(
+        f"to retime a path, a model needs limits of its acceleration and a law with free speeds: {DRIVE} of a base "
+        f"with wheels, or {SPLINE} of an arm. The model {model.name} has the laws {', '.join(model.laws)}; plan with a "
+        "differential_drive or a serial_arm"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class PathStretch:
+    """Part of a path between two standstills, on a grid of n + 1 positions.
+
+    steps          (n,)      s    differences of the path coordinate, all positive
+    states         (n+1,)         states of the model
+    slopes         (n+1, c)       dq/ds
+    bends          (2, n, c)      d²q/ds² at the start and at the end of each interval, linear between them
+    pace           (n+1,)         ds/dt of the input, 0 at both ends
+    middle         (n,)           states in the middles of the intervals
+    rows           (r, c)         limited combinations of the coordinates
+    speeds         (r,)           their largest speeds
+    accelerations  (r,)           their largest accelerations
+    """
+
+    steps: FloatArray
+    states: States
+    slopes: FloatArray
+    bends: FloatArray
+    pace: FloatArray
+    middle: States
+    rows: FloatArray
+    speeds: FloatArray
+    accelerations: FloatArray
+
+    @property
+    def in_middle(self) -> tuple[FloatArray, FloatArray]:
+        """Slopes and bends (n, c) in the middles of the intervals."""
+        turn = np.diff(self.bends, axis=0)[0] * self.steps[:, None] / 8.0
+        return 0.5 * (self.slopes[1:] + self.slopes[:-1]) - turn, 0.5 * self.bends.sum(axis=0)
+
+    def followed_by(self, other: PathStretch) -> PathStretch:
+        """Return both stretches as one; the other one must begin at the end of this one, in its direction."""
+        names = self.states.names
+        joined = {n: np.concatenate([getattr(self.states, n), getattr(other.states, n)[1:]]) for n in names}
+        middle = {n: np.concatenate([getattr(self.middle, n), getattr(other.middle, n)]) for n in names}
+        steps = np.concatenate([self.steps, other.steps])
+        slopes = np.concatenate([self.slopes, other.slopes[1:]])
+        bends = np.concatenate([self.bends, other.bends], axis=1)
+        limits = (self.rows, self.speeds, self.accelerations)
+        pace = np.concatenate([self.pace, other.pace[1:]])
+        pace[self.steps.size] = 0.5 * (pace[self.steps.size - 1] + pace[self.steps.size + 1])
+        return PathStretch(steps, States(**joined), slopes, bends, pace, States(**middle), *limits)
+
+    def continues(self, before: PathStretch) -> bool:
+        """Return whether the robot need not stand between another stretch and this one: both have one direction."""
+        if before.bends.any() or self.bends.any():
+            return False
+        return float(np.abs(before.slopes[-1] - self.slopes[0]).max()) < PARALLEL * float(np.abs(self.slopes[0]).max())
+
+
+def stretches_of(run: Trajectory, coordinates: Coordinates) -> list[PathStretch | float]:
+    """Return the stretches of an executed trajectory and, as floats, the seconds for which it stands between them.
+
+    Reaches in one straight direction without a hold between them become one stretch.
+    """
+    parts: list[PathStretch | float] = []
+    motions: list[int] = []
+    lasts = run.durations
+    for i, kind in enumerate(run.kinds):
+        if lasts[i] <= 0.0:
+            continue
+        if kind == HOLD.kind:
+            parts.append(float(lasts[i]))
+            continue
+        motions.append(i)
+        if i + 1 < len(run) and not _stands(run, run.times[i + 1], coordinates) and run.kinds[i + 1] != HOLD.kind:
+            continue
+        stretch = _stretch(run, motions, coordinates)
+        motions = []
+        before = parts[-1] if parts else None
+        if coordinates.joins and isinstance(before, PathStretch) and stretch.continues(before):
+            parts[-1] = before.followed_by(stretch)
+        else:
+            parts.append(stretch)
+    return parts
+
+
+def _stands(run: Trajectory, t: float, coordinates: Coordinates) -> bool:
+    """Return whether the robot stands at a time."""
+    return bool(np.abs(coordinates.rates(run.at(t), run.rates(t)[0]) / coordinates.unit).max() < REST)
+
+
+def _stretch(run: Trajectory, motions: Sequence[int], coordinates: Coordinates) -> PathStretch:
+    """Return the stretch of some motions, on a grid with the borders of all their phases."""
+    times = _grid(run, motions)
+    middles = 0.5 * (times[1:] + times[:-1])
+    states, middle = run.at(times), run.at(middles)
+    rates, between = (
+        coordinates.rates(s, run.rates(t)[0]) / coordinates.unit for s, t in ((states, times), (middle, middles))
+    )
+    rates[[0, -1]] = 0.0  # at the end, `rates` are those of the next motion
+    pace, within = np.linalg.norm(rates, axis=1), np.linalg.norm(between, axis=1)
+    steps = np.diff(times) * (pace[:-1] + 4.0 * within + pace[1:]) / 6.0  # Simpson's rule
+    if (steps <= 0.0).any() or (pace[1:-1] < REST).any():
+        raise OptionError(
+            f"motion {motions[0]} of the trajectory, a {run.kinds[motions[0]]}, stands on its way, so its path has no "
+            "direction there; split it into motions that begin and end where the robot stands"
+        )
+    half = np.diff(times) * (5.0 * pace[:-1] + 8.0 * within - pace[1:]) / 24.0 / steps  # share of a step at its middle
+    slopes, halfway = np.zeros_like(rates), between / within[:, None]
+    slopes[1:-1] = rates[1:-1] / pace[1:-1, None]
+    slopes[0] = halfway[0] - (slopes[1] - halfway[0]) * half[0] / (1.0 - half[0])  # at rest: linear
+    slopes[-1] = halfway[-1] + (halfway[-1] - slopes[-2]) * (1.0 - half[-1]) / half[-1]
+    if np.abs(slopes - slopes[1]).max() < STRAIGHT:
+        slopes[:] = slopes[1]
+        bends = np.zeros((2, steps.size, slopes.shape[1]))
+    else:  # of the quadratic through both ends and the middle
+        first = (halfway - slopes[:-1]) / (half * steps)[:, None]
+        last = (slopes[1:] - halfway) / ((1.0 - half) * steps)[:, None]
+        third = (last - first) / steps[:, None]
+        bends = np.stack([first - third * (half * steps)[:, None], last + third * ((1.0 - half) * steps)[:, None]])
+    unit = coordinates.unit
+    slopes, bends = slopes * unit, bends * unit
+    return PathStretch(steps, states, slopes, bends, pace, middle, *coordinates.limits(slopes))
+
+
+def _grid(run: Trajectory, motions: Sequence[int]) -> FloatArray:
+    """Return times, s, that cut each phase of some motions evenly."""
+    laws = laws_of(run.model)
+    fewest = CURVED // len(motions) if is_curve(laws[run.kinds[motions[0]]]) else FEWEST
+    pieces = [run.times[motions[0] : motions[0] + 1]]
+    for i in motions:
+        start, end = run.states.take([i]), run.states.take([i + 1])
+        begin = float(run.times[i])
+        for phase in laws[run.kinds[i]].phases(start, end):
+            lasts = float(np.ravel(phase.duration)[0])
+            if lasts > REST * run.durations[i]:
+                count = int(np.clip(np.ceil(lasts / INTERVAL), max(fewest, FEWEST), MOST))
+                pieces.append(begin + lasts * np.arange(1, count + 1) / count)
+                begin += lasts
+        pieces[-1][-1] = run.times[i + 1]
+    return np.concatenate(pieces)

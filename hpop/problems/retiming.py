@@ -1,0 +1,264 @@
+"""Fronts of speed profiles along one path: duration against a convex discomfort."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray, frozen
+from hpop.base.options import LEAST, MOST, real, whole
+from hpop.base.text import shown
+from hpop.criteria.base import Criterion, CriterionSpec, make_criterion
+from hpop.criteria.costs import motion_costs, trajectory_costs
+from hpop.errors import ModelError, OptionError, QueryError
+from hpop.motions import HOLD, Motions, States
+from hpop.motions.laws import CLOCK
+from hpop.planners.base import Candidates
+from hpop.planners.needs import people_move
+from hpop.planners.programs.retiming.profile import Discomfort, Profiles
+from hpop.planners.programs.retiming.stretches import Coordinates, PathStretch, coordinates_of, stretches_of
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.problems.solving import front as evaluated_front
+from hpop.problems.verify import collision_free
+from hpop.runtime.status import Status
+from hpop.trajectories.trajectory import Trajectory
+
+MOST_POINTS = 1000
+FACTOR = 20.0  # largest value of `slowest`
+SLOWER, TRIALS = 1.0005, 80  # factor on the time, and largest number of them, until a curved path keeps its limits
+EXACT, QUADRATURE, SAMPLED = 1e-6, 1e-2, 0.25  # shares by which planned and re-evaluated costs may differ
+CONSTANT = 1e-9  # a smaller discomfort of the fastest profile is none
+
+
+def _camera_acceleration(problem: Problem, criterion: Criterion, path: _Path) -> Discomfort:
+    """Return the discomfort: the integral of the squared acceleration of the camera."""
+    slopes, bends = list[FloatArray](), list[FloatArray]()
+    for one in path.stretches:
+        rates, changes = path.coordinates.rates_of_states(one.middle, *one.in_middle)
+        model, size = problem.model, one.steps.size
+        for rows, twist in (
+            (slopes, model.twist("camera", one.middle, rates)),
+            (bends, model.twist_rate("camera", one.middle, rates, changes)),
+        ):
+            rows.append(np.stack([np.broadcast_to(np.asarray(v, float), size) for v in twist.velocity], axis=1))
+    return Discomfort(slopes=np.concatenate(slopes), bends=np.concatenate(bends))
+
+
+def _largest_flow(problem: Problem, criterion: Criterion, path: _Path) -> Discomfort:
+    """Return the discomfort: the largest value of a criterion that is proportional to the speed."""
+    flows = []
+    for one in path.stretches:
+        knots = path.coordinates.knots(one.states, one.slopes, np.append(0.0, np.cumsum(one.steps)))
+        n = one.steps.size
+        start, end = knots.take(slice(0, n)), knots.take(slice(1, n + 1))
+        flows.append(motion_costs(criterion, Motions(problem.world, problem.model, path.coordinates.law, start, end)))
+    return Discomfort(flow=np.concatenate(flows))
+
+
+DISCOMFORTS: Mapping[str, tuple[Callable[[Problem, Criterion, _Path], Discomfort], float]] = {
+    "squared_acceleration": (_camera_acceleration, QUADRATURE),
+    "peak_optic_flow": (_largest_flow, SAMPLED),
+}
+"""Discomforts by the name of their criterion: their data for programs, and the tolerance of planned costs."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Path:
+    """Path of an executed trajectory: stretches in which the robot moves, and seconds for which it stands."""
+
+    run: Trajectory
+    coordinates: Coordinates
+    parts: tuple[PathStretch | float, ...]
+
+    @classmethod
+    def of(cls, trajectory: Trajectory) -> _Path:
+        run, coordinates = trajectory.execution(), coordinates_of(trajectory.model)
+        return cls(run, coordinates, tuple(stretches_of(run, coordinates)))
+
+    @cached_property
+    def stretches(self) -> list[PathStretch]:
+        return [part for part in self.parts if isinstance(part, PathStretch)]
+
+    @property
+    def held(self) -> float:
+        """Seconds for which the robot stands in all."""
+        return sum(part for part in self.parts if not isinstance(part, PathStretch))
+
+    @property
+    def is_straight(self) -> bool:
+        """True if each stretch is a straight line of the coordinates, which profiles follow exactly."""
+        return not any(one.bends.any() for one in self.stretches)
+
+    def trajectory(self, profiles: Profiles, b: FloatArray) -> Trajectory:
+        """Return the trajectory with a speed profile b at all grid positions."""
+        lasts, root, coordinates = profiles.durations(b), np.sqrt(b), self.coordinates
+        knots, kinds, now, interval, place = list[States](), list[str](), 0.0, 0, 0
+        for part in self.parts:
+            if not isinstance(part, PathStretch):
+                kinds.append(HOLD.kind)
+                now += part
+                if not knots:
+                    knots.append(coordinates.knots(self.run.at(0.0), np.zeros((1, coordinates.unit.size)), np.zeros(1)))
+                knots.append(States(**knots[-1].take([-1]).__dict__ | {CLOCK: np.array([now])}))
+                continue
+            n = part.steps.size
+            clock = now + np.append(0.0, np.cumsum(lasts[interval : interval + n]))
+            rates = part.slopes * root[place : place + n + 1, None]
+            stretch = coordinates.knots(part.states, rates, clock)
+            knots.append(stretch.take(slice(1 if knots else 0, None)))
+            kinds += [coordinates.kind] * n
+            now, interval, place = float(clock[-1]), interval + n, place + n + 1
+        names = knots[0].names
+        states = States(**{name: frozen(np.concatenate([getattr(k, name) for k in knots])) for name in names})
+        return Trajectory(self.run.model, states, tuple(kinds))
+
+
+@checked_arguments
+def retime(
+    problem: Problem,
+    trajectory: Trajectory,
+    *,
+    discomfort: CriterionSpec = "squared_acceleration",
+    points: int = 12,
+    slowest: float = 2.0,
+    jerk: float | None = None,
+) -> Front:
+    """Return the front of speed profiles along the path of a trajectory: duration against a discomfort.
+
+    The path and its holds stay. Each point is the gentlest profile for its duration, by a convex program. The first one
+    is the fastest. The other criteria of the problem are evaluated and reported.
+
+    Parameters
+    ----------
+    discomfort : "squared_acceleration" or "peak_optic_flow", or such a criterion with parameters
+    points : number of durations, in equal ratios, from the least one to ``slowest`` times it
+    slowest : largest duration of the moving parts, as a multiple of the least one
+    jerk : largest jerk, in m/s³ for moves, rad/s³ for turns, and the units of the joints of an arm; None: no limit
+
+    Raises UnsupportedModel for a robot without a law for any speed, QueryError among people who move, OptionError for
+    invalid options, and for a jerk on a path with curves.
+
+    >>> import hpop
+    >>> museum = hpop.examples.museum()
+    >>> path = hpop.Trajectory.from_poses(museum.model, [museum.start, (10, 2, 0)])
+    >>> problem = hpop.Problem(museum.world, museum.model, museum.start, (10, 2, 0), ["length"])
+    >>> front = hpop.retime(problem, path, points=5)
+    >>> front.names, len(front)
+    (('duration', 'squared_acceleration'), 5)
+    """
+    points = whole("points", points, 1, MOST_POINTS, "a number of speed profiles")
+    slowest = real("slowest", slowest, 1.0 + EXACT, FACTOR, "a multiple of the least duration, over 1")
+    if jerk is not None:
+        jerk = real("jerk", jerk, LEAST, MOST, "a jerk, in m/s³, rad/s³ or units of joints,")
+    criterion = _discomfort(problem, discomfort)
+    if trajectory.model != problem.model:
+        raise ModelError(
+            "the trajectory is of another robot than the problem; give a trajectory of the problem's model"
+        )
+    if people_move(problem) or trajectory.punctual:
+        raise QueryError(
+            "retime does not know where people walk at what time, so it would not keep clear of them; take people who "
+            "move out of the problem"
+        )
+    began = time.perf_counter()
+    path = _Path.of(trajectory)
+    if not path.stretches:
+        raise OptionError("the trajectory does not move, so it has no speed to choose; retime one that moves")
+    if jerk is not None and not path.is_straight:
+        raise OptionError(
+            "jerk can be limited along straight moves, turns in place and reaches, but this path has curves, along "
+            "which accelerations jump at any speed; leave jerk out, or retime a path of a lattice or a roadmap"
+        )
+    build, tolerance = DISCOMFORTS[criterion.name]
+    profiles = Profiles(path.stretches, build(problem, criterion, path), jerk)
+    own = [c for c in problem.criteria if c.name == "stops_missed"]  # a tour with optional stops needs it
+    names = {"duration", criterion.name, *(c.name for c in own)}
+    quanta = {name: quantum for name, quantum in problem.quanta.items() if name in names}
+    asked = replace(problem, criteria=(make_criterion("duration"), criterion, *own), quanta=quanta)
+    found = _swept(path, profiles, points, slowest)
+    if jerk is None and path.run.duration < found[0][0].duration * (1.0 - EXACT):  # its curves are not on the grid
+        found.insert(0, (path.run, float(trajectory_costs([criterion], [path.run], problem.world)[0, 0])))
+    free = np.ones(len(found), bool) if path.is_straight else collision_free(asked, [t for t, _ in found])
+    kept = [one for one, is_free in zip(found, free.tolist(), strict=True) if is_free]
+    planned = np.array([[t.duration, cost, *np.zeros(len(own))] for t, cost in kept]).reshape(len(kept), 2 + len(own))
+    candidates = Candidates(
+        objectives=asked.criteria,
+        filters=(),
+        trajectories=tuple(t for t, _ in kept),
+        planned=planned,
+        tolerance=np.array([EXACT, tolerance, *np.full(len(own), np.inf)]) * np.maximum(planned, 1.0),
+        status=Status.COMPLETE,
+        certificate=_certificate(profiles, criterion),
+        provenance=tuple({"planner": "retime", "discomfort": criterion.name, "jerk": jerk} for _ in kept),
+        notes=_notes(profiles, criterion, len(found) - len(kept)),
+        stats={"planner": "retime", "intervals": int(profiles.steps.size), "seconds": time.perf_counter() - began},
+    )
+    also = [c for c in problem.criteria if c.name not in names]
+    result = evaluated_front(asked, candidates)
+    return asked.evaluate(result, also=also) if also else result
+
+
+def _discomfort(problem: Problem, given: CriterionSpec) -> Criterion:
+    """Return the criterion of a discomfort: the problem's own if only its name is given."""
+    own = {c.name: c for c in problem.criteria}
+    criterion = own[given] if isinstance(given, str) and given in own else make_criterion(given)
+    if criterion.name not in DISCOMFORTS:
+        raise OptionError(
+            f"discomfort must be one of {', '.join(DISCOMFORTS)}, which are convex in the squared speed along a path, "
+            f"got {shown(criterion.name)}; list other criteria in the problem, to have them evaluated"
+        )
+    return criterion
+
+
+def _swept(path: _Path, profiles: Profiles, points: int, slowest: float) -> list[tuple[Trajectory, float]]:
+    """Return trajectories, from the fastest to the slowest, each with its discomfort as the program has it."""
+    b, found = profiles.fastest, list[tuple[Trajectory, float]]()
+    least = float(profiles.durations(b).sum())
+    constant = profiles.cost(b) < CONSTANT
+    for ratio in np.geomspace(1.0, slowest, 1 if constant else points).tolist():
+        solved = b if ratio == 1.0 else profiles.gentlest(ratio * least, b)
+        if solved is None:
+            continue
+        b = solved
+        for _ in range(TRIALS):
+            trajectory = path.trajectory(profiles, solved)
+            if path.is_straight or not any(True for _ in trajectory.model.faults(trajectory)):
+                found.append((trajectory, profiles.cost(solved)))
+                break
+            solved = solved / SLOWER**2
+    if not found:
+        raise OptionError(
+            "no speed profile of this path keeps the limits of the robot; check that its trajectory does: `hpop show`"
+        )
+    return found
+
+
+def _certificate(profiles: Profiles, criterion: Criterion) -> str:
+    """Return the claim for a front of speed profiles."""
+    claim = (
+        f"each point is the speed profile of least {criterion.name} for its duration on one path, with constant "
+        f"acceleration along it in each of {profiles.steps.size:,} intervals (convex programs, solved by Clarabel)"
+    )
+    if profiles.jerk is None:
+        return claim
+    return (
+        f"each point has little {criterion.name} for its duration on one path, with constant acceleration along it in "
+        f"each of {profiles.steps.size:,} intervals; the mean jerk from each interval to the next is at most "
+        f"{profiles.jerk:g}, by a series of convex restrictions, so that better profiles may exist"
+    )
+
+
+def _notes(profiles: Profiles, criterion: Criterion, colliding: int) -> tuple[str, ...]:
+    """Return notes on profiles for the user."""
+    notes = []
+    if profiles.cost(profiles.fastest) < CONSTANT:
+        notes.append(f"the path has no {criterion.name} at any speed, so only the fastest profile is left")
+    if colliding:
+        notes.append(f"{colliding} speed profiles are left out, since they do not keep clear of obstacles in curves")
+    return tuple(notes)

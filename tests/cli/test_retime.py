@@ -1,0 +1,58 @@
+"""`hpop retime`: the front that Python returns, in a folder that other commands read, and mistakes in one message."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import Result
+
+import hpop
+from hpop.problems.front import Front
+from hpop.scenario import load_scenario
+
+Run = Callable[..., Result]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, write_map, write) -> Path:
+    """Return a folder with the front of a room."""
+    place = tmp_path_factory.mktemp("room")
+    write_map(place)
+    write(place)
+    scenario = load_scenario(place / "room.yaml")
+    (place / "out").mkdir()
+    scenario.problem.solve(scenario.planners).save(place / "out/front.json")
+    return place / "out"
+
+
+def test_it_writes_the_front_that_python_returns(run: Run, folder: Path, no_pictures) -> None:
+    result = run("retime", folder, "--rows", "0", "--points", "3", "--jerk", "4")
+    assert result.exit_code == 0, result.output
+    written, front = Front.load(folder / "retimed/front.json"), Front.load(folder / "front.json")
+    problem = hpop.Problem.from_description(front.problem)
+    wanted = hpop.retime(problem, front[0].trajectory, points=3, jerk=4.0)
+    assert np.allclose(written.costs, wanted.costs)
+    assert written.names == ("duration", "squared_acceleration")
+    again = run("show", folder / "retimed")
+    assert again.exit_code == 0, again.output
+    assert "verified" in again.output
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--rows", "99"), "no row 99"),
+        (("--rows", "kne"), "no row is called 'kne'"),
+        (("--points", "0"), "points must be"),
+        (("--discomfort", "turns"), "discomfort must be one of"),
+        (("--jerk", "-1"), "jerk must be"),
+    ],
+)
+def test_mistakes_end_in_one_message(run: Run, folder: Path, options: tuple[str, ...], message: str) -> None:
+    result = run("retime", folder, *options, "--out", folder / "not")
+    assert result.exit_code not in (0, 1)
+    assert message in result.output.replace("\n", " ")
+    assert not (folder / "not").exists()
