@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import reduce
 from operator import or_
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -72,7 +73,7 @@ def retime(
     with progress_bar() as progress:
         for row in chosen:
             progress(Progress(f"speed profiles of {row}"))
-            options = {"discomfort": discomfort, "points": points, "slowest": slowest, "jerk": jerk}
+            options: dict[str, Any] = {"discomfort": discomfort, "points": points, "slowest": slowest, "jerk": jerk}
             fronts.append(profiles(problem, row.point.trajectory, **options))
     found = reduce(or_, fronts)
     results.save(found, out)
