@@ -17,7 +17,8 @@ from typing import Any
 def on_first_use(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
     """Return a function for ``__getattr__`` of a package that imports each public name when it is first used.
 
-    homes  module that defines each name, as returned by :func:`homes_of`; "" for a module of the package itself
+    homes  for each name, the module that defines it, as returned by :func:`homes_of`; "" if the name is itself a
+           submodule of the package
     """
 
     def imported(name: str) -> Any:

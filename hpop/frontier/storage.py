@@ -148,7 +148,9 @@ def read(path: str | os.PathLike[str]) -> StoredFront:
 def checked_path(path: object) -> Path:
     """Check that a value is a path and return it as a Path; FrontFileError for anything else."""
     if not isinstance(path, str | os.PathLike):
-        raise FrontFileError(f"path must be that of a front's file, such as 'front.json', got {shown(path)}")
+        raise FrontFileError(
+            f"path must be a string or a path object that names a file, such as 'front.json', got {shown(path)}"
+        )
     return Path(path)
 
 

@@ -225,7 +225,8 @@ def extract(module: str, path: str | Path, data: bytes, options: dict[str, Any])
         raise MapError(f"{named(path)}: {refused}.") from None
     except (ValueError, KeyError, TypeError):
         raise MapError(
-            f"{named(path)} cannot be read: the child process that reads it returned no valid result. Check the file."
+            f"{named(path)} cannot be read: the answer of the child process that reads it is garbled. Make sure that "
+            "nothing prints when Python starts (such as a sitecustomize module); otherwise report this with the file."
         ) from None
     limits.hold(READING, STAYS * len(output))
     return answer

@@ -72,7 +72,7 @@ def test_ctrl_c_keeps_what_a_running_search_has_found(room: Path, warm: Warm) ->
         assert b"search" in seen
         assert b" MB" in seen
         process.send_signal(signal.SIGINT)
-        until(ours, rb"stopping: what was found is kept")
+        until(ours, rb"stopping: the results so far are being saved")
         assert process.wait() == 130
     finally:
         process.kill()
@@ -116,7 +116,7 @@ def test_sigterm_keeps_what_a_running_search_has_found_and_its_checkpoint(
         assert process.wait() == 130, errors.read_text()
     finally:
         process.kill()
-    assert "stopping: what was found is kept" in errors.read_text()
+    assert "stopping: the results so far are being saved" in errors.read_text()
     assert "status: interrupted" in said.read_text()
     assert "plan again with --checkpoint search.ckpt to continue" in said.read_text()
     front = Front.load(room / "out" / "front.json")

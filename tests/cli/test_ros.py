@@ -70,7 +70,7 @@ def test_it_plans_goals_until_ctrl_c(run: Run, room: Path) -> None:
     ("options", "code", "said"),
     [
         (["--url", "localhost:9090"], 10, "url must be the address of a bridge, such as ws://localhost:9090"),
-        (["--url", "ws://a", "--distro", "jazy"], 10, "distribution is 'jazy'. Did you mean 'jazzy'"),
+        (["--url", "ws://a", "--distro", "jazy"], 10, "got 'jazy'. Did you mean 'jazzy'"),
         (["--url", "ws://a", "--action", "a b"], 10, "action must be a name of ROS"),
         (["--url", "ws://a", "--pose-type", "Pose"], 10, "pose_type must be one of geometry_msgs/msg/Pose"),
         (["--url", "ws://a", "--choice", "turnes"], 7, "choice must be one of knee, least turns"),

@@ -295,7 +295,10 @@ class OnGraph:
 
     @cached_property
     def family(self) -> GraphFamily:
-        """Graph family that ``on`` selects; raises OptionError for options that it does not have."""
+        """Graph family that ``on`` selects.
+
+        Raises UnknownName if there is no such family, OptionError for options that the family does not have.
+        """
         return make_family(self.on)
 
     def anchored(self) -> Self:

@@ -313,7 +313,7 @@ class Query:
         return graph_with_tie_break(self.graph, self.space.turned, self.space.spending)
 
     def break_ties(self) -> None:
-        """Make the copy of the graph that breaks ties now, so that the search accounts for its memory."""
+        """Make ``graph_with_tie_break`` now, not on first use, so that its memory is counted before the search."""
         _ = self.graph_with_tie_break
 
     def drop_ties(self) -> None:

@@ -251,7 +251,7 @@ class TrajectoryGraph(ABC):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Numbers that describe the size of the graph, by name, for statistics."""
+        """Numbers that describe the size of the graph, by name, for statistics; none by default."""
         return {}
 
     @property

@@ -107,8 +107,9 @@ class PreparedTimed:
         limit of `budget`, or at Ctrl-C. Then the paths found so far are returned, and `gap` bounds how much better
         missing ones may be.
 
-        `known` are paths from the node that the caller knows. If the graph allows them at their ticks, they count as
-        found, even with a deadline of 0; others are ignored.
+        `known` are paths from the node that the caller knows. They count as found, even with a deadline
+        of 0. A path is ignored if the graph does not allow it from the source at its ticks, if it ends at no target,
+        or if it arrives too late.
 
         Raises QueryError if the source is no node, or cannot be reached by that tick.
         """
@@ -146,7 +147,11 @@ class _TimedPreparedRun:
         self.is_approximate_complete = False  # whether the approximate search is complete
 
     def add_known_paths(self, known: Sequence[TimedPath]) -> None:
-        """Add the paths that a caller knows to the solutions, if the graph allows them at their ticks."""
+        """Add the paths that a caller knows to the solutions.
+
+        A path is ignored if the graph does not allow it from the source at its ticks, if it ends at no target, or if it
+        arrives too late.
+        """
         prepared, k = self.prepared, self.prepared.graph.graph.criteria
         latest = prepared.graph.arrive_by
         for path in known:

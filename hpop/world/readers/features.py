@@ -134,7 +134,7 @@ def _ranges(numbers: list[int]) -> str:
 
 
 def length(value: Any) -> float | None:
-    """Return a length, m, from a number, or from text with or without a unit; None for anything else.
+    """Return a length, m, from a number up to 1e9 or a short text, in metres if it has no unit; None for other values.
 
     >>> length(3), length("3"), length("12 ft"), length("250 cm"), length(f'''6'11"'''), length("high")
     (3.0, 3.0, 3.6576000000000004, 2.5, 2.1082, None)

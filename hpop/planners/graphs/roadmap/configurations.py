@@ -66,7 +66,7 @@ class ConfigurationRoadmap(TrajectoryGraph):
         return not self.lazy
 
     def with_checked_arcs(self) -> ConfigurationRoadmap:
-        """Return a roadmap of which all chains are checked when it is built, without those that collide."""
+        """Return this roadmap as one that checks all chains when its arcs are first needed, and omits those in collision."""
         return replace(self, lazy=False) if self.lazy else self
 
     @property

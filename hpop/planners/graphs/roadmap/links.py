@@ -275,7 +275,10 @@ def _box(connections: Connections, start: FloatArray, goals: FloatArray, longest
 
 
 def _free_draws(connections: Connections, draw: Rows, number: int, spending: Spending) -> FloatArray:
-    """Draw rows with ``draw`` until ``number`` of them (n, k) are free of collisions; fewer if nearly all collide."""
+    """Call ``draw`` until ``number`` of the drawn rows are free of collisions, and return these (n, k).
+
+    Fewer rows are returned if nearly all draws collide.
+    """
     at_once = min(max(1, number), DRAWN_AT_ONCE)
     parts, count = [np.zeros((0, len(connections.weights)))], 0
     for _ in range(DRAWS * math.ceil(number / at_once)):
