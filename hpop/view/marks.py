@@ -192,7 +192,7 @@ CLOCK = Path.make_compound_path(Path.unit_circle(), HANDS)
 
 
 class Held(NamedTuple):
-    """Position, m, where a robot waits, the total waiting time there, s, and the indices of these waits among its motions."""
+    """Position, m, where a robot waits, the total waiting time there, s, and the indices of these waits."""
 
     x: float
     y: float

@@ -189,7 +189,7 @@ def test_a_missing_folder_is_named_with_the_way_out(tmp_path):
 @pytest.mark.parametrize("path", [3, None, b"front.json"])
 def test_what_is_no_path_is_refused(path):
     for use in (front_of().save, Front.load):
-        with pytest.raises(FrontFileError, match="path must be that of a front's file"):
+        with pytest.raises(FrontFileError, match="path must be a string or a path object"):
             use(path)
 
 

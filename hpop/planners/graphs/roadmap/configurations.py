@@ -66,7 +66,7 @@ class ConfigurationRoadmap(TrajectoryGraph):
         return not self.lazy
 
     def with_checked_arcs(self) -> ConfigurationRoadmap:
-        """Return this roadmap as one that checks all chains when its arcs are first needed, and omits those in collision."""
+        """Return this roadmap as one that omits chains in collision, once its arcs are first needed."""
         return replace(self, lazy=False) if self.lazy else self
 
     @property
