@@ -227,7 +227,7 @@ def _table_rows(document: Document, given: Any, folder: Path) -> tuple[Mapping[s
     except OSError as error:
         raise ScenarioError(f"{where}: cannot read {given}: {error.strerror or error}") from None
     except (ValueError, yaml.YAMLError) as error:
-        raise ScenarioError(f"{where}: {given}: {error}") from None
+        raise ScenarioError(f"{where}: cannot read the table {given}: {error}") from None
     cells = tuple({key: value for key, value in row.items() if value is not None} for row in rows)
     if not cells:
         raise ScenarioError(f"{where}: {given} has no rows")

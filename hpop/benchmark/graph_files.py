@@ -144,10 +144,11 @@ def read_dimacs(paths: Sequence[Path]) -> Graph:
 
 
 def read_raith_ehrgott(paths: Sequence[Path]) -> Graph:
-    """Read a network of Raith and Ehrgott (Computers & Operations Research 36, 2009): ``sp min NODES ARCS``.
+    """Read the network file of Raith and Ehrgott (Computers & Operations Research 36, 2009); ``paths`` has one path.
 
-    Two lines with a source and a target follow, then ``TAIL HEAD COST COST`` for each arc, with nodes from 1. Their
-    additional cycle of arcs with costs 10000 stays in the graph.
+    Line 1 is ``sp min NODES ARCS``. Lines 2 and 3, a source and a target, are skipped. Each further line is an arc
+    ``TAIL HEAD COST COST``, with nodes numbered from 1. The authors added a cycle of arcs with costs 10000; it stays in
+    the graph.
     """
     (path,) = paths
     with path.open(encoding="ascii", errors="replace") as file:

@@ -279,7 +279,10 @@ def withdraw(folder: Path, participant: str, yes: bool) -> None:
 
 
 def _check_words(language: str, path: Path | None) -> None:
-    """Raise StudyError if texts of the pages are missing: in the file, or in hpop's own texts for this language."""
+    """Raise StudyError unless the pages' texts are complete: those in the file ``path``, or hpop's own without a file.
+
+    ``language`` selects hpop's own texts.
+    """
     from hpop.study.words import checked_file
     from hpop.study.words import words as shipped
 

@@ -172,7 +172,7 @@ def criterion(
         }
         wrong = [text for text, holds in checks.items() if not holds]
         if wrong:
-            raise CriterionError(f"criterion {name!r} ({cls.__qualname__}): {'; '.join(wrong)}")
+            raise CriterionError(f"criterion {name!r} ({cls.__qualname__}) is declared wrongly: {'; '.join(wrong)}")
         declared = {
             "name": name,
             "group": group,

@@ -89,7 +89,7 @@ OF_PEOPLE = frozenset({"people", "moving people", "groups"})  # requirements of 
 
 
 def bare(world: World) -> World:
-    """Return a world without people and without named keep-out zones, which may change during a drive."""
+    """Return a world without its people and named keep-out zones, because these may change during a drive."""
     content = world.content
     zones = tuple(zone for zone in content.zones if not (zone.kind == "keep-out" and zone.name))
     if not content.people and len(zones) == len(content.zones):
@@ -134,7 +134,10 @@ class DriveGraph:
         return cls(name, query, problem.world, tuple(closings), tuple(masks))
 
     def from_beside(self, problem: Problem) -> DriveGraph:
-        """Return the graph with the start of a problem, which is no state of the graph, joined to it."""
+        """Return this graph with a new start: the start of a problem, a state off the graph, joined to it by motions.
+
+        The goal, criteria and closed areas stay those of this graph's drive.
+        """
         joined = DriveGraph.laid_out(self.name, self.inner, problem, self.query.objectives)
         return replace(joined, closings=self.closings, masks=self.masks, reading=self.reading)
 
@@ -183,7 +186,7 @@ class DriveGraph:
     # Changes
 
     def changed(self, world: World, closings: Sequence[Closing], *, people: bool) -> DriveGraph:
-        """Return the graph for a changed world and changed closed areas; ``people`` says that people have changed.
+        """Return the graph for a changed world and changed closed areas; ``people`` is True if people have changed.
 
         Only criteria that depend on the change are evaluated again, and masks of known areas are reused.
         """
@@ -252,7 +255,7 @@ class DriveGraph:
         return np.where(same, nearest, -1)
 
     def arcs_of(self, trajectories: Sequence[Trajectory]) -> list[IntArray]:
-        """Return for each trajectory the arcs of its last part, from where it follows the graph to a goal."""
+        """Return for each trajectory the arcs of its last part: from its last state off the graph on, up to a goal."""
         return [arcs for arcs, _ in self.arcs_and_places(trajectories)]
 
     def arcs_and_places(self, trajectories: Sequence[Trajectory]) -> list[tuple[IntArray, IntArray]]:

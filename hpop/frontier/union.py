@@ -28,10 +28,10 @@ BEYOND = 0.1  # share of the range: the default reference is that far beyond the
 def join(first: F, second: F) -> F:
     """Return the union of two fronts of one problem: the points that no point of either front dominates.
 
-    In costs the union is commutative, associative and idempotent. The status is "complete" if both are; otherwise it
-    lists the different ones. The certificate lists the different certificates of both fronts, joined by " | ". Each
-    still holds for the search space that it names, because each cost vector of its front is matched or dominated by a
-    point of the union. It says nothing about the points of the other front.
+    In costs the union is commutative, associative and idempotent. If both fronts have an equal status, it is that of
+    the union; otherwise the union has both, joined by " | ". Certificates are treated alike. Each certificate still
+    holds for the search space that it names, because each cost vector of its front is matched or dominated by a point
+    of the union. It says nothing about the points of the other front.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def _require_same(name: str, mine: object, theirs: object) -> None:
 
 
 def _joined(first: str, second: str) -> str:
-    """Return the different statements of two certificates (or statuses), in alphabetical order, joined by " | "."""
+    """Return all statements of two certificates (or statuses), each once, in alphabetical order, joined by " | "."""
     return JOINT.join(sorted({*first.split(JOINT), *second.split(JOINT)}))
 
 

@@ -122,8 +122,8 @@ class LookAt(Region):
                           effect if the camera looks straight up or down, within 1e-6 rad
     angle_tolerance  rad  largest error of the view: the target's angle from its middle and the roll together
 
-    Obstacles between camera and target do not matter here, but to a criterion (``occlusion``); a front has a note if
-    nothing of the target is visible.
+    The goal ignores obstacles between camera and target; the criterion ``occlusion`` measures them. A front has a note
+    if nothing of the target is visible.
     """
 
     target: tuple[float, float, float]
@@ -161,7 +161,7 @@ class LookAt(Region):
 
     @property
     def places(self) -> tuple[Place, ...]:
-        """Return the positions that pictures mark: the target."""
+        """Return the positions that pictures mark; here only one, the target."""
         return (self.target,)
 
     @property
@@ -248,7 +248,7 @@ class PoseAt(Region):
 
     @property
     def places(self) -> tuple[Place, ...]:
-        """Return the positions that pictures mark: the position of the goal."""
+        """Return the positions that pictures mark; here only one, that of the goal."""
         return (self.position,)
 
     @property

@@ -98,7 +98,9 @@ class TourStop:
                 continue
             if key not in goals:
                 hint = did_you_mean(key, [*known, *goals])
-                raise QueryError(f"a stop has no key {shown(key)}.{hint} It takes {', '.join([*known, *goals])}")
+                raise QueryError(
+                    f"{shown(key)} is not a key of a stop.{hint} A stop takes {', '.join([*known, *goals])}"
+                )
             if own.get("goal") is not None:
                 raise QueryError(f"a stop must have one goal, got {shown(key)} beside another; leave one out")
             own["goal"] = {key: spec[key]}

@@ -335,9 +335,10 @@ class Motions:
     def _instants(
         self, phase: Phase, u: Column, owner: IntArray | None, known: dict[str, Column] | None = None
     ) -> Instants:
-        """Return the moments at fraction ``u`` of a phase's time, of motions ``owner`` (indices) or of all (None).
+        """Return states and speeds at one moment of each motion: when the fraction ``u`` of the phase's time is over.
 
-        ``known`` is a cache of state columns at these moments; columns that are computed are added to it.
+        ``owner`` has the indices of the motions; None means all. ``known`` is a cache of state columns at these
+        moments, to which computed columns are added.
         """
         columns = {} if known is None else known
 

@@ -91,8 +91,8 @@ def _refuse_no_duration(law: Law, start: States, end: States, numbers: IntArray)
     if wrong.any():
         i = int(np.argmax(wrong))
         raise ModelError(
-            f"motion {numbers[i]}, a {law.kind}, must last 0 to {LONGEST:,.0f} s, got {lasts[i]:.6g} s; correct the "
-            f"difference of {CLOCK} between its ends"
+            f"motion {numbers[i]}, a {law.kind}, must last 0 to {LONGEST:,.0f} s, got {lasts[i]:.6g} s, "
+            f"which is the {CLOCK} of its end minus the {CLOCK} of its start; correct these"
         )
 
 

@@ -99,9 +99,9 @@ class PlaneCollision(Collision, Protocol):
     def turn_part(self) -> float: ...
 
     def clear(self, x: FloatArray, y: FloatArray, beyond: float = 0.0) -> BoolArray:
-        """Return whether each position (P,) is free at every yaw, and so is every turn there.
+        """Return a mask (P,): True where the robot collides at no yaw, and so in no turn in place.
 
-        With ``beyond``, m, so are all positions within that distance, and all moves between them.
+        With ``beyond``, m, True also means this for all positions within that distance, and for all moves between them.
         """
 
     def differs(self, before: PlaneCollision, x: FloatArray, y: FloatArray, within: float) -> BoolArray:

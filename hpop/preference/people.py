@@ -56,7 +56,7 @@ class Association(NamedTuple):
 class People:
     """Preferences of several people about one question, with their profiles.
 
-    preferences  preferences of people who answered one question about the same costs
+    preferences  one for each person; all answered one question about the same costs
     profiles     numbers by name, such as {"mssq": 12.5, "age_band": 3}, one dictionary for each person; empty for none.
                  Missing values are left out
     """
@@ -76,7 +76,7 @@ class People:
         if len(about) > 1:
             said = "; ".join(sorted(f"{question}: {', '.join(columns)}" for question, columns in about))
             raise StudyError(
-                f"expected people who answered one question about the same costs, got {said}; pool each group alone"
+                f"expected people with equal questions and equal costs, got {said}; pool each group of people alone"
             )
         object.__setattr__(self, "measures", self._common_measures())
         if self.profiles and len(self.profiles) != len(self.preferences):

@@ -238,7 +238,7 @@ def _stored_model(path: str | os.PathLike[str], problem: Mapping[str, Any] | Non
     except (LookupError, TypeError, ValueError, AttributeError) as error:
         raise FrontFileError(
             f"{path}: expected a front with a robot model, found a model that cannot be built ({error!s:.1200}); plan "
-            "again, or pass decode= if its items are no trajectories"
+            "again, or, if the front was saved with encode=, pass decode="
         ) from None
 
 
@@ -248,8 +248,7 @@ def _trajectories(path: str | os.PathLike[str], model: Model, items: dict[str, A
         return MotionTable.from_description(model, items).trajectories()
     except (ModelError, ValueError) as error:
         raise FrontFileError(
-            f"{path}: its trajectories cannot be read: {error!s:.600}; plan again, or pass decode= if its items are no "
-            "trajectories"
+            f"{path}: its trajectories cannot be read: {error!s:.600}; restore the file, or plan again"
         ) from None
 
 

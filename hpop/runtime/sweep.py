@@ -1,8 +1,11 @@
 """Sweeps: many small tasks on shared data, run by any ``concurrent.futures.Executor`` or in this process.
 
 Results are equal whether tasks run here, in a process pool or on a cluster (:func:`dask`, :func:`ray`). Shared data are
-sent once. Workers on this machine map one file into their memory. A worker on another machine requests the data and
-gets them with a task, while its further tasks wait. If a worker dies, its current tasks are done in this process.
+sent once to each worker. Workers on this machine map one file into their memory. A worker on another machine requests
+the data and gets them with a task; its other tasks wait until then.
+
+If a process of a pool dies, Python closes the pool, and this process does all unfinished tasks. Other executors may
+lose single tasks only; this process does these.
 """
 
 from __future__ import annotations
@@ -111,7 +114,8 @@ class Sweep(Generic[S, T, R]):
     job       function of a module that workers can import; its results must depend on its arguments only
     shared    data for all tasks, not None; they, tasks and results must be picklable
     executor  any executor; None to run the tasks in this process, one after another
-    chunk     largest number of tasks in one message; with some tenths of a second of work, sending costs little
+    chunk     largest number of tasks in one message; choose it so that they take some tenths of a second together, as
+              sending then costs little
     notes     sentences for the user on failures of the executor
 
     >>> with Sweep(pow, 2) as sweep:
@@ -140,8 +144,8 @@ class Sweep(Generic[S, T, R]):
     def run(self, tasks: Sequence[T], stop: Callable[[], bool] = lambda: False) -> Iterator[tuple[int, R]]:
         """Run all tasks; yield index and result of each task when it finishes. Stop early once ``stop()`` is true.
 
-        An error of a task is raised again in this process. An error of the executor is added to ``notes``, and its lost
-        tasks are run in this process.
+        If a task fails on the executor, or the executor fails, a note is added to ``notes``, and the tasks without a
+        result are run again in this process. An error of a task is then raised here.
         """
         remaining = list(range(len(tasks)))
         if self.executor is not None and tasks:

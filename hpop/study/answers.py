@@ -284,7 +284,10 @@ def read_sessions(folder: Path, design: Design) -> tuple[list[Session], list[str
     """Return the usable sessions in a study's folder, sorted by id, and messages about the unusable files."""
     files = sorted(path for path in (folder / FOLDER).glob("*.json") if not path.name.startswith("."))
     if len(files) > MOST_FILES:
-        raise StudyError(f"{folder / FOLDER} has {len(files):,} files; expected at most {MOST_FILES:,}")
+        raise StudyError(
+            f"{folder / FOLDER} has {len(files):,} .json files; expected at most {MOST_FILES:,}, one for each session; "
+            "move other files out of this folder"
+        )
     sessions: dict[str, Session] = {}
     refused = []
     for path in files:

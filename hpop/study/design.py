@@ -70,7 +70,7 @@ class Design:
     enrolled      the participants, as planned
     questionnaires  forms, in the order in which they are asked
     order         "permutations", "williams", "latin" or "random"
-    left          participants who left; not part of the design's digest
+    left          participants who dropped out or withdrew; not part of the design's digest
     """
 
     front_sha256: str
@@ -246,7 +246,7 @@ class Design:
     def after(self, participant: str, *, withdrawn: bool) -> Design:
         """Return the design after a participant left. A successor with the next free id gets the order and the strata.
 
-        A drop-out's answers stay part of the study; a withdrawn participant's do not.
+        Answers of a participant who dropped out stay part of the study. Those of a withdrawn participant do not.
         """
         self.participant(participant)
         earlier = next((one for one in self.left if one.participant == participant), None)
@@ -260,12 +260,12 @@ class Design:
 
     @property
     def withdrawn(self) -> frozenset[str]:
-        """Return the ids of withdrawn participants, whose data are deleted."""
+        """Return the ids of the participants who withdrew; `hpop.study.withdraw` has deleted their data."""
         return frozenset(departure.participant for departure in self.left if departure.withdrawn)
 
     @property
     def expected(self) -> tuple[Participant, ...]:
-        """Return the participants who take part, with their session done or not: all except those who left."""
+        """Return all participants except those who left, whether their session is done or not."""
         departed = {departure.participant for departure in self.left}
         return tuple(person for person in self.participants if person.id not in departed)
 

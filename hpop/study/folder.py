@@ -178,7 +178,10 @@ class Checked(NamedTuple):
 
 @checked_arguments
 def check(folder: str | os.PathLike[str]) -> Checked:
-    """Check the front, stimuli, pages and answers in a study's folder; StudyError if it has no design."""
+    """Check the front, stimuli, pages and answers in a study's folder, and return faults and notes.
+
+    Raises StudyError if the folder has no valid design, or too many files of answers.
+    """
     target = Path(folder)
     design = Design.load(target)
     faults = []

@@ -110,7 +110,7 @@ class Study:
         for condition in self.design.conditions:
             if condition.stimulus == name:
                 return self.folder / name
-        raise Refusal(HTTPStatus.NOT_FOUND, "there is no such stimulus")
+        raise Refusal(HTTPStatus.NOT_FOUND, "the study has no such stimulus")
 
     def taken(self, participant: str, sent: Any) -> dict[str, Any]:
         """Save the event that a page sent, or open the session if it sent none.
@@ -286,7 +286,9 @@ class StudyServer(PageServer):
         try:
             open_regular(path, MOST_BYTES if is_page else MOST_VIDEO).close()
         except OSError:
-            raise Refusal(HTTPStatus.NOT_FOUND, "there is no such stimulus") from None
+            raise Refusal(
+                HTTPStatus.NOT_FOUND, "the file of this stimulus is missing or cannot be read; restore the file"
+            ) from None
         return FileResponse(path, media_type="text/html" if is_page else "video/mp4")
 
     async def _take(self, request: Request) -> Response:

@@ -55,11 +55,12 @@ DIGIT, GAP = 0.64 * SMALL, 11.0  # points: width of a digit at a tick, and other
 def draw_trace(
     problem: Problem, trajectory: Trajectory, *, name: str = "the trajectory", ax: Axes | None = None
 ) -> Figure:
-    """Draw each criterion, and the camera's planned and executed speeds, over time along one trajectory.
+    """Draw, over time along one trajectory, each criterion, and the camera's speed and rotation.
 
-    A sum is shown as its running total, a criterion with memory as its running value. For a time-mean or a maximum, a
-    line shows the running mean or maximum, and an area the value at the time. Planned turns in place and waits are
-    shaded; their executed times differ slightly. On a tour, each visit has the number and name of its stop.
+    Speed and rotation are shown as planned and as executed. For a sum, the line is the running total; for a criterion
+    of the whole trajectory, its value up to then. For a time-mean or a maximum, a line shows the running mean or
+    maximum, and an area the value at the time. Planned turns in place and waits are shaded; the robot executes them at
+    slightly different times. On a tour, each visit has the number and name of its stop.
 
     Parameters
     ----------
@@ -70,8 +71,9 @@ def draw_trace(
     name : str
         Name in the title.
     ax : Axes, optional
-        Axes of a grid, such as those of `plt.subplots`, to be replaced by the picture; their figure is returned. Use
-        ``layout="constrained"``, so that texts have room. By default a new figure.
+        Axes in a grid, such as those of `plt.subplots`. They are removed, the picture takes their place, and this part
+        of the figure is returned. Make the grid with ``layout="constrained"``, so that texts have room. By default, the
+        picture is a new figure.
     """
     executed = trajectory.execution()
     rows = len(problem.criteria) + 2
@@ -284,8 +286,9 @@ def draw_states(front: Front, *, chosen: Mapping[str, int] | None = None, ax: Ax
     chosen : mapping from label to row, optional
         Trajectories to draw; by default the knee and the best of each criterion.
     ax : Axes, optional
-        Axes of a grid, such as those of `plt.subplots`, to be replaced by the picture; their figure is returned. Use
-        ``layout="constrained"``, so that texts have room. By default a new figure.
+        Axes in a grid, such as those of `plt.subplots`. They are removed, the picture takes their place, and this part
+        of the figure is returned. Make the grid with ``layout="constrained"``, so that texts have room. By default, the
+        picture is a new figure.
     """
     named = marks(front, chosen)
     trajectories = [front.trajectories[mark.row] for mark in named]

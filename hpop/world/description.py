@@ -245,7 +245,7 @@ def _at(description: Mapping[str, Any], places: Mapping[str, str]) -> dict[str, 
 
 
 def _unchanged(description: Any) -> bool:
-    """Return whether the files of a description exist and have the hashes that it states."""
+    """Return whether a world can be built from a description: its files exist and have the hashes that it states."""
     try:
         build(description)
     except MapError:

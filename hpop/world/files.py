@@ -112,7 +112,10 @@ def _encoding_of(data: bytes, first: int) -> str:
 
 
 def read_yaml(text: str, path: str | Path) -> Any:
-    """Load a plain YAML file with at most one document; `MapError` as for `read_yaml_documents`, or for several."""
+    """Load a plain YAML file and return its one document, or None if it is empty.
+
+    Raises `MapError` for several documents, and for all that `read_yaml_documents` refuses.
+    """
     documents = read_yaml_documents(text, path)
     if len(documents) > 1:
         raise MapError(

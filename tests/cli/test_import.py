@@ -183,7 +183,12 @@ def test_the_example_is_planned_as_it_says(hpop: Hpop, tmp_path: Path) -> None:
             "registers no criterion, planner, graph, model, goal, reader or format",
         ),
         (WAY.replace("my_way", "turns"), "own.py", 8, "own.py, line 4: criterion name 'turns' is taken by hpop."),
-        (WAY.replace('"C"', '"X"'), "own.py", 8, "own.py, line 4: criterion 'my_way' (Way): group must be one of"),
+        (
+            WAY.replace('"C"', '"X"'),
+            "own.py",
+            8,
+            "own.py, line 4: criterion 'my_way' (Way) is declared wrongly: group must be one of",
+        ),
         (WAY, "queue.py", 14, "its name is taken by the module 'queue'"),
         (WAY, "moocore.py", 14, "its name is taken by the module 'moocore'"),
         (WAY, "own.v2.py", 14, "NAME.py, with no other dot"),

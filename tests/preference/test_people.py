@@ -89,7 +89,7 @@ def test_a_prior_of_people_needs_fewer_answers_to_be_right(forty: People) -> Non
 
 def test_comfort_and_preference_are_not_pooled() -> None:
     asked = [Preference.fit(FRONT, question=question) for question in ("prefer", "comfort")]
-    with pytest.raises(StudyError, match="one question about the same costs"):
+    with pytest.raises(StudyError, match="people with equal questions and equal costs"):
         People(asked)
     with pytest.raises(StudyError, match="one for each person, got 1"):
         People(asked[:1] * 2, [{"mssq": 1.0}])

@@ -1,4 +1,4 @@
-"""Visibility to people: whether people can see the robot without turning round."""
+"""Visibility to people: time near people who would have to turn to see the robot."""
 
 from __future__ import annotations
 

@@ -337,7 +337,8 @@ def _check_parts(arm: Any, base: Any) -> None:
         )
     if taken := [kind for kind in base.laws if kind == REACH]:
         raise ModelError(
-            f"no law of the base may be called {taken[0]!r}, the name of the arm's law; rename the base's law"
+            f"the base must not have a law (kind of motion) called {taken[0]!r}, because the arm's law has this name; "
+            "rename the base's law"
         )
     if any(part.link == PLATFORM for part in arm.parts):
         raise ModelError(

@@ -299,8 +299,9 @@ class ArmFile(NamedTuple):
     apart    pairs of links that are not tested for collision: they touch by design, or the SRDF excludes them
     notes    sentences for the user on oddities in the files that do not prevent their use
     states   values of the chain's joints, by the name of each named state
-    unnamed  by names of the SRDF that cannot be used as named states: the reason; under "" the reason for other names
-    hashes   SHA-256 of the URDF, then of its meshes in the order in which it names them
+    unnamed  reason why a name is no usable state, by name: states of the SRDF that lack a joint's value; without an
+             SRDF, one reason for all names, under ""
+    hashes   SHA-256 of the URDF, then of each collision mesh, in the order in which the URDF first names them
     srdf_hash  SHA-256 of the SRDF, or None
     """
 

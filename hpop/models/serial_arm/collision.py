@@ -1,4 +1,7 @@
-"""Proved collision test of an arm with the world and with itself, and the search for links that always touch."""
+"""Collision test of an arm with the world and itself, which proves whole motions free.
+
+Also here: the search for pairs of links that touch in all of many random states.
+"""
 
 from __future__ import annotations
 

@@ -33,9 +33,10 @@ FORMS = "the name of a planner, {name: options}, a front, or a list of trajector
 
 
 class Starting(Protocol):
-    """Interface of a planner that starts from warm starts: the options that are read here.
+    """Interface of a planner that improves known paths (warm starts): the options that this module reads.
 
-    It may also have options with the names SHARED, which are passed on to the planner of the warm starts.
+    It may also have the options named in SHARED. If ``warm_start`` is the name of a planner without options, that
+    planner gets their values.
     """
 
     @property
@@ -60,7 +61,7 @@ class WarmStarts(NamedTuple):
     candidates: Candidates | None = None
 
     def with_unimproved(self, after: Candidates, improved: Iterable[int]) -> Candidates:
-        """Return the candidates of a planner, and the warm starts it did not get to if a limit or Ctrl-C stopped it.
+        """Return the candidates of a planner; if a limit or Ctrl-C stopped it, add the warm starts not yet improved.
 
         Warm starts that the user passed are not added.
 

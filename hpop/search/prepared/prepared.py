@@ -316,14 +316,15 @@ class Prepared:
     ) -> ParetoPaths:
         """Find every non-dominated cost vector of the paths from a source to the targets, each with one path.
 
-        Paths with closed arcs do not count. The search ends after `deadline` seconds of this thread's processor time,
-        at a limit of `budget`, or at Ctrl-C. Then the paths found so far are returned, and `gap` bounds how much better
-        missing ones may be. The deadline includes the computation of the result and the gap, but not the first
-        compilation of kernels.
+        No path uses a closed arc (:meth:`close`). The search ends after `deadline` seconds of this thread's processor
+        time, when a limit of `budget` is reached, or at Ctrl-C. Then the paths found so far are returned, and `gap`
+        bounds how much better missing ones may be. The deadline includes the computation of the result and the gap, but
+        not the first compilation of kernels.
 
         `known` are paths from the source that the caller knows, such as the remaining parts of earlier results
-        (:meth:`.ParetoPaths.suffixes`), given by the indices of their arcs in the graph. If they have no closed arc,
-        they count as found, even with a deadline of 0.
+        (:meth:`.ParetoPaths.suffixes`), given by the indices of their arcs in the graph. Those without closed arcs
+        count as found from the beginning, as does the least path in each cost. So a deadline of 0 returns the
+        non-dominated paths among them.
 
         Raises QueryError if the source is no node, and if a known path does not lead from it to a target.
         """

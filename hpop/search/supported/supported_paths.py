@@ -207,7 +207,10 @@ class SupportedRun:
         return Status.TIME_LIMIT
 
     def _solve_round(self, weights: list[Vector], sweep: Sweep[Reduced, Task, IntArray]) -> bool:
-        """Solve a round of weights, again while paths are blocked, and record the paths; return False at a limit."""
+        """Find and record the best path for each vector of weights; return False if the time limit comes earlier.
+
+        A path with a blocked arc is not recorded. Its weights are solved again without the arcs known to be blocked.
+        """
         points = list(self.paths)
         nearest = (np.array(points, float) @ np.array(weights, float).reshape(-1, self.graph.criteria).T).argmin(axis=0)
         tasks = [self._task(w, _dot(w, points[i])) for w, i in zip(weights, nearest, strict=True)]

@@ -137,7 +137,8 @@ class TimedGraph:
         tails = np.repeat(np.arange(n), np.diff(self.graph.indptr))
         if (place[tails] != place[heads])[stays].any():
             raise GraphError(
-                "an arc in stays must join two nodes of the same place, got one that does not; correct place or stays"
+                "a stay (an arc marked in stays) must begin and end at nodes of one place, got one that does not; "
+                "correct place or stays"
             )
         for name, least in (("hold", 1), ("arrive_by", 0)):
             given = getattr(self, name)

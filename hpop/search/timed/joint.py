@@ -108,7 +108,7 @@ def weigh_final_arcs(tables: TimedTables, weights: FloatArray, priced: IntLanes,
 def weigh_arc(
     tables: TimedTables, weights: FloatArray, most: FloatArray, fixed: IntLanes, a: int, t: int, out: IntLanes
 ) -> None:
-    """Write the weighted cost of timed arc a for a departure at tick t to `out` (1, LANES).
+    """Write the costs of timed arc a for a departure at tick t, weighted by each weight vector, to `out` (1, LANES).
 
     weights  (k, LANES)
     most     (k,)        largest cost for which no weighted sum overflows
@@ -132,7 +132,7 @@ def weigh_stay(
 ) -> None:
     """Write the weighted cost of standing at place p from tick t on, for a number of ticks, to `out[ticks]` (LANES,).
 
-    Only costs with a table count. The first lane is CUT if the robot must not stand there so long.
+    Only costs with a table count, and no maxima. The first lane is CUT if the robot must not stand there so long.
     """
     t = min(t, tables.since.shape[1] - 1)
     for lane in range(LANES):
@@ -149,7 +149,12 @@ def weigh_stay(
 
 @inlined
 def weigh_standing(tables: TimedTables, weights: FloatArray, p: int, t: int, out: IntArray) -> None:
-    """Write the weighted cost of standing at place p from tick 0 to t to `out` (LANES,); weights (k, LANES)."""
+    """Write the weighted costs of standing at place p from tick 0 to t to `out` (LANES,), one for each weight vector.
+
+    Costs that are maxima are left out.
+
+    weights  (k, LANES)
+    """
     for lane in range(LANES):
         out[lane] = 0
     for j in range(len(weights)):

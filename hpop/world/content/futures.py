@@ -74,9 +74,10 @@ class Future:
     weight      above 0; the weights of a person's futures are normalised to sum 1
     velocity    (x, y) m/s
     track       positions over time, instead of a velocity
-    until       s   when this future ends; None: when the person's prediction ends
-    x, y        m   where this future begins; None: at the person's position. A track must begin there, unless x or y
-                is given; then it may begin anywhere.
+    until       s   when this future ends, if the person's prediction does not end earlier; None: when that ends
+    x, y        m   where this future begins; None: at the person's position. If there is a track, they are not used:
+                the future begins at the track's position at time 0. This must be the person's position, unless x or y
+                is given
     yaw, afterwards, spread, growth  see `Person`; None: the person's own values
     """
 

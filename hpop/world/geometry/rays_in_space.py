@@ -123,7 +123,7 @@ class Surfaces:
         return out
 
     def filled(self, centres: FloatArray, radius: float, rays: int) -> FloatArray:
-        """Return the fraction (N,) of the ball of ``radius`` m round each centre (N, 3), m, that bodies fill."""
+        """Return the fraction (N,) of the ball of ``radius`` m around each centre (N, 3), m, that bodies fill."""
         from hpop.world.geometry._kernels import filled  # numba is slow to import
 
         out = np.zeros(len(centres))
@@ -154,9 +154,10 @@ def rows(vector: Vector, size: int) -> FloatArray:
 
 
 def over_sphere(count: int, width: float = 2.0 * math.pi, height: float = math.pi) -> FloatArray:
-    """Return unit vectors (count, 3), spread evenly over directions round the x axis; by default over all directions.
+    """Return unit vectors (count, 3), spread evenly over a field of view centred on +x; by default over the sphere.
 
-    They lie within ``width``, an angle about the z axis, and ``height``, an angle up and down, rad.
+    width   rad  whole horizontal angle of the field of view, half of it to each side of +x
+    height  rad  whole vertical angle, half of it above and half below the horizontal plane
     """
     number = np.arange(count) + 0.5
     z = math.sin(0.5 * height) * (2.0 * number / count - 1.0)

@@ -251,17 +251,18 @@ def read_dxf(
         Thickness of the walls along lines, m.
     inside : (x, y), optional
         A point in the free space, m. Areas that cannot be reached from there become solid, such as the inside of walls
-        drawn as two lines, and everything outside the building. By default the extent is the bounding box of the walls.
+        drawn as two lines, and everything outside the building. Without it nothing is filled, and the extent is the
+        bounding box of walls and obstacles.
     origin : (x, y)
         The drawing's point that becomes (0, 0), in its units.
     door_arcs : "closed" or "open"
         Whether arcs that look like the swing of a door (0.4 to 1.6 m, about a quarter of a circle) are walls, or left
         out. ``world.notes`` say where they are.
 
-    Lines, polylines, arcs, circles, ellipses, splines and MLINEs are walls, also in inserted blocks; wide polylines,
-    solid hatches, solids and traces are obstacles. Everything invisible, or on layers that are off or frozen, is left
-    out. ``world.notes`` count by layer what was read and what was left out. Curves become polylines, accurate to 1/2000
-    of their size.
+    Lines, polylines, arcs, circles, ellipses, splines and MLINEs are walls, also in inserted blocks; wide polylines and
+    filled shapes (solid hatches, SOLID, TRACE) are obstacles. Everything invisible, or on layers that are off or
+    frozen, is left out. ``world.notes`` count by layer what was read and what was left out. Curves become polylines,
+    accurate to 1/2000 of their size.
 
     Raises
     ------

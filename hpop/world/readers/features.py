@@ -167,7 +167,9 @@ def truth(value: Any) -> bool | None:
 
 
 def values(key: str, value: Any) -> set[str]:
-    """Return the values of a property as texts: items of a list, parts between semicolons, levels of a range.
+    """Return the values of a property as texts: items of a list, or parts between semicolons.
+
+    A range is replaced by its levels if the property is in RANGED.
 
     >>> sorted(values("level", "0-2")), sorted(values("level", 0.0)), sorted(values("type", "room;hall"))
     (['0', '1', '2'], ['0'], ['hall', 'room'])

@@ -166,9 +166,10 @@ def walls(line: LineString, width: float, what: str) -> list[Polygon]:
 
 
 def widened(lines: NDArray[np.object_], width: float, cap: Literal["square", "flat"] = "square") -> list[Polygon]:
-    """Return the walls of thickness ``width`` (m) along lines (n,), as `walls` does for one line.
+    """Return the walls of thickness ``width`` (m) along lines (n,): the polygons of all lines, in one list.
 
-    The lines must have passed `check_widenable`. ``cap`` is the shape of the ends.
+    ``cap`` is the shape of the ends. Lines are not checked here: call `check_widenable` first for a line that may be
+    long and close to itself.
     """
     strips = shapely.buffer(lines, width / 2, cap_style=cap, join_style="mitre", mitre_limit=SHARPEST)
     parts: NDArray[np.object_] = shapely.get_parts(strips)

@@ -174,11 +174,14 @@ class Bearings:
 
     @property
     def sector(self) -> float:
-        """Return the angle between two bearings, rad."""
+        """Return the angle between neighbouring bearings, rad."""
         return 2.0 * math.pi / len(self.directions)
 
     def _share(self, bearing: int, seen: ViewAngles) -> Column:
-        """Return the fraction (M,) of the sector about a bearing that is within the view."""
+        """Return the fraction (M,), 0 to 1, of a bearing's sector that is in view.
+
+        ``bearing`` is the number of the bearing. Its sector, 2 pi / B wide, is centred on it.
+        """
         angle = bearing * self.sector - seen.yaw
         off = np.abs(np.arctan2(np.sin(angle), np.cos(angle)))
         inside = (0.5 * seen.width - off) / self.sector + 0.5

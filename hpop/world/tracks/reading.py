@@ -55,7 +55,11 @@ def read_numbers(text: str, source: TrackFile, widths: Sequence[int], columns: s
 
 
 def _wrong_line(text: str, widths: Sequence[int]) -> str:
-    """Describe, for an error, the first line with a word that is no finite number, or with a wrong number of words."""
+    """Return the end of an error message, which quotes the first wrong line; "" if there is none.
+
+    A line is wrong if a word is no finite number, or if its number of words is not in ``widths`` or differs from that
+    of the first line with words.
+    """
     width = None
     for number, line in enumerate(text.splitlines(), 1):
         words = line.partition("#")[0].split()
@@ -73,7 +77,7 @@ def _is_finite(value: Any) -> bool:
 
 
 def _wrong_cell(rows: Sequence[Sequence[Any]]) -> str:
-    """Describe, for an error, the first cell of JuPedSim's tables that is no finite number."""
+    """Describe, for an error message, the first cell of JuPedSim's tables that is no finite number."""
     for number, row in enumerate(rows, 1):
         for column, value in zip(CELLS, row, strict=True):
             if not _is_finite(value):
@@ -205,7 +209,7 @@ def read_tracks(
     text = read_text(data, path, "the track file")  # type: ignore[arg-type]  # checked there
     if text.lstrip()[:1] in ("{", "["):
         raise source.error(
-            "is JSON, which is not read; write it as CSV: a line id,t,x,y, then a row per person and time"
+            "is JSON, which hpop does not read; write it as CSV: a line id,t,x,y, then a row per person and time"
         )
     if format == "obsmat" or (format is None and is_obsmat(text)):
         return obsmat_tracks(text, source, ids)

@@ -257,7 +257,7 @@ def test_a_wrong_tour_is_refused_with_its_place(tmp_path: Path, order: str, stop
         ([EAST, NORTH], [("east", "south")], "got 'south'"),
         ([{**EAST, "name": str(i)} for i in range(7)], "any", "six stops in any order"),
         ([EAST], "sometimes", "order must be given, any, or a list of pairs"),
-        ([{"look_up": 3}], "given", "a stop has no key 'look_up'. Did you mean 'look_at'?"),
+        ([{"look_up": 3}], "given", "'look_up' is not a key of a stop. Did you mean 'look_at'?"),
         ([{**EAST, "dwell": 3000}, {**NORTH, "dwell": 3000}], "given", "3,600 s at most in all"),
     ],
 )

@@ -297,7 +297,7 @@ def test_some_of_a_file_may_be_asked_for(tmp_path):
         (
             '{"track": {"f": 1, "p": 1, "x": 0, "y": 0}}',
             {},
-            "is JSON, which is not read; write it as CSV: a line id,t,x,y",
+            "is JSON, which hpop does not read; write it as CSV: a line id,t,x,y",
         ),
         ("1,0,0,0\n1,1,150,0\n", {}, "faster than anybody .* taken as id,t,x,y; name them in a first line"),
         ("id,t,x,y\n1,0,0,0\n1,1,nan,0\n", {}, "has 'nan' in the column x of line 3; expected a finite number"),

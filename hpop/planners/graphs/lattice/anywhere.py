@@ -1,8 +1,8 @@
-"""Costs of motions in place that do not depend on the position: evaluated once for the whole lattice.
+"""Costs of motions that stay at a position, computed once for all positions of a lattice if they are equal there.
 
-Most arcs of a lattice turn in place, and many criteria, such as the duration or the number of turns, cost a turn
-without reading where the robot stands. Such a criterion is found by what it reads: it is evaluated on motions that
-record access to the position and to the world.
+Most arcs of a lattice turn in place. Many criteria, such as the duration or the number of turns, give a turn the same
+cost at every position. To find these criteria, each is evaluated on motions that record whether it reads the position
+or the world.
 """
 
 from __future__ import annotations
@@ -54,9 +54,11 @@ class RecordedMotions(Motions):
 
 
 def costs_anywhere(lattice: StateLattice, kind: str, criterion: Criterion) -> IntArray | None:
-    """Return the cost of each motion in place of a kind, in quanta, as a table (S, S) by tail and head station.
+    """Return the costs, in quanta, of all motions of one kind that stay at a position, such as turns.
 
-    None if the criterion reads the position or the world, or cannot cost the motions.
+    They form a table (S, S) by the stations (headings and joint values) in which the motions begin and end. None if the
+    costs may depend on the position, because the criterion reads the position or the world; also if the criterion
+    cannot cost these motions, or if the lattice has no position.
     """
     if not lattice.cells[0].size:
         return None

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
 # Building a large roadmap may take longer than the time limit. With a time limit, smaller roadmaps are therefore
-# searched first: one with a sixteenth of the samples, then one with a quarter, each within a share of the time.
+# searched first, each within a share of the time. Each has a quarter of the samples of the next, but at least SMALLEST.
 
 
 SMALLEST = 250  # smallest number of samples of a roadmap that is searched first
@@ -68,7 +68,7 @@ class RoadmapGraph(GraphFamily):
                 fresh one (SPEC 7)
 
     To have a result even after a short time, a planner first searches a smaller graph: the guides alone, if there are
-    any, or, for positions with a time limit, roadmaps with a sixteenth and a quarter of the samples.
+    any; or, for positions with a time limit, smaller roadmaps, each with a quarter of the samples of the next.
     """
 
     goal_sets: ClassVar[bool] = True
