@@ -169,10 +169,10 @@ class GraphFamily:
         """
         if problem.tour is None:
             for built in self.graphs(problem, objectives, spending, in_stages=in_stages):
-                yield replace(built, ends=with_speeds(built.ends, problem.model))
+                yield replace(built, ends=with_speeds(built.ends, problem.model, objectives.optimised))
             return
         for built in self.graphs(problem, objectives, spending):
-            yield replace(built, ends=with_tour(built.ends, built.problem, problem.tour))
+            yield replace(built, ends=with_tour(built.ends, built.problem, problem.tour, objectives.optimised))
 
     def has_clock(self, problem: Problem) -> bool:
         """Return whether the graph can be searched in time steps, so that people may move; by default it cannot."""

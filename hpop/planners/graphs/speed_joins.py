@@ -141,10 +141,13 @@ class JoinCopies:
 
     @property
     def turned(self) -> NDArray[np.int8]:
-        """Number (c,) of motions in place in each copy, changes of speed among them."""
-        turned = np.zeros(len(self), np.int8)
+        """Number (c,) of motions in place in each copy; a change to a class counts one more for each faster class."""
+        turned, speeds = np.zeros(len(self), np.int8), np.array(self.speeds)
         for step in self._chains[2]:
             turned[step.rows] += np.int8("x" not in laws_of(self.model)[self._kind(step)].varies)
+            if self._kind(step) == CHANGE:
+                faster = len(speeds) - np.searchsorted(speeds, step.end.speed, side="right")
+                turned[step.rows] += np.where(step.end.speed > 0.0, faster, 0).astype(np.int8)
         return turned
 
     def costs(self, criteria: Sequence[Criterion]) -> IntArray:

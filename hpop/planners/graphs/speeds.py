@@ -36,9 +36,13 @@ from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph, ag
 from hpop.planners.objectives import quantised
 from hpop.search import Graph
 
+SAME = 1e-9  # relative difference of equal costs: rounding
 
-def with_speeds(ends: Ends, model: Model) -> Ends:
+
+def with_speeds(ends: Ends, model: Model, criteria: Sequence[Criterion]) -> Ends:
     """Extend a graph with start and goal to the graph of the model's speeds; return it unchanged for one speed.
+
+    criteria  costs that the search minimises
 
     Raises QueryError for a graph whose arcs are not known motion by motion, such as a roadmap of configurations.
     """
@@ -50,7 +54,8 @@ def with_speeds(ends: Ends, model: Model) -> Ends:
             f"{space.words} has no states at which a speed could change; give the model one speed, or plan on a "
             "lattice or on a roadmap of positions"
         )
-    layered = SpeedGraph(space.model, space.world, space, tuple(model.speed_classes), spending=space.spending)
+    speeds = tuple(model.speed_classes)
+    layered = SpeedGraph(space.model, space.world, space, speeds, tuple(criteria), spending=space.spending)
     return Ends(layered, layered.node(start), [layered.node(goal) for goal in goals])
 
 
@@ -60,12 +65,14 @@ class SpeedGraph(TrajectoryGraph):
 
     State v of the inner graph has the node v * L + l in layer l, with L - 1 classes. Nodes of joins come last.
 
-    inner   graph of states, with start and goals among its nodes
-    speeds  m/s, rising: the classes
+    inner     graph of states, with start and goals among its nodes
+    speeds    m/s, rising: the classes
+    criteria  costs that the search minimises
     """
 
     inner: TrajectoryGraph
     speeds: tuple[float, ...]
+    criteria: tuple[Criterion, ...]
 
     @property
     def _alone(self) -> StateGraph:
@@ -200,10 +207,15 @@ class SpeedGraph(TrajectoryGraph):
 
     @property
     def turned(self) -> NDArray[np.int8]:
-        """Number (m,) of motions in place in each arc, changes of speed among them; of joins all but the moves."""
+        """Number (m,) of motions in place in each arc, changes of speed among them; of joins all but the moves.
+
+        A change to a class counts one more for each faster class, so that fast paths are preferred among equal costs.
+        """
         alone, (_, moves) = self._alone, self._in_place_and_moves
         turned = [alone.turned, np.zeros((len(self.speeds) - 1) * moves.size, np.int8)]
-        turned.append(np.ones(alone.size * len(self._pairs), np.int8))
+        until = self._pairs[:, 1]
+        of_pairs = 1 + np.where(until > 0, len(self.speeds) - until, 0).astype(np.int8)
+        turned.append(np.tile(of_pairs, alone.size))
         return np.concatenate([*turned, self._joins.turned, np.zeros(1, np.int8)])[self._arcs[2]]
 
     # Costs
@@ -317,17 +329,37 @@ class SpeedGraph(TrajectoryGraph):
     def _passed(self, ids: IntArray, sizes: IntArray) -> BoolArray:
         """Mark the nodes (N,) of paths that a change from rest to a class, or back, passes by way of slower classes.
 
-        Such a change costs no more by way of them, and is one change.
+        This is one change, where it costs as much as those by way of the nodes, in each criterion.
         """
         layer, joins = ids % self._layers, ids >= self.inner.size * self._layers
         same = (np.diff(ids // self._layers) == 0) & ~(joins[1:] | joins[:-1])  # a change of speed
         same[np.cumsum(sizes)[:-1] - 1] = False  # not from one path to the next
         rises, falls = same & (np.diff(layer) > 0), same & (np.diff(layer) < 0)
+        begins, middle, ends = layer[:-2], layer[1:-1], layer[2:]
+        upwards = self._is_one_change(ids[1:-1], rises[:-1] & rises[1:], 0 * begins, middle, ends)
+        downwards = self._is_one_change(ids[1:-1], falls[:-1] & falls[1:], begins, middle, 0 * ends)
         passed = np.zeros(ids.size, dtype=np.bool_)
         for _ in range(self._layers - 2):  # from rest onwards, and towards rest
-            rests, stops = (layer == 0) | passed, (layer == 0) | passed
-            passed[1:-1] |= rests[:-2] & rises[:-1] & rises[1:] | stops[2:] & falls[:-1] & falls[1:]
+            at_rest = (layer == 0) | passed
+            passed[1:-1] |= at_rest[:-2] & upwards | at_rest[2:] & downwards
         return passed
+
+    def _is_one_change(self, nodes: IntArray, some: BoolArray, *layers: IntArray) -> BoolArray:
+        """Return for ``some`` nodes (n,) whether a change from the first to the last of three layers costs as much.
+
+        That is as much as two changes, by way of the second layer. The result is False for the other nodes.
+        """
+        result, own = some.copy(), np.flatnonzero(some)
+        if not own.size:
+            return result
+        states, law = self.inner.states(nodes[own] // self._layers), laws_of(self.model)[CHANGE]
+        at = [at_speed(states, self._speed_of[layer[own]]) for layer in layers]
+        whole, *parts = (Motions(self.world, self.model, law, at[i], at[j]) for i, j in ((0, 2), (0, 1), (1, 2)))
+        for criterion in self.criteria:
+            paid = [motion_costs(criterion, part) for part in parts]
+            by_way = np.maximum(*paid) if criterion.aggregate == "max" else sum(paid)
+            result[own] &= np.isclose(motion_costs(criterion, whole), by_way, rtol=SAME, atol=SAME * criterion.quantum)
+        return result
 
     def _kinds_into(self, ids: IntArray, places: IntArray) -> IntArray:
         """Return the kind (p,) of the motion that leads to nodes at some places of paths; any for first nodes."""

@@ -19,6 +19,7 @@ from hpop.base.arrays import BoolArray, IntArray, copied
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
 from hpop.motions import Motions, PlaneCollision, States, collision_of, onward
+from hpop.motions.laws import SPEED
 from hpop.planners.graphs.arcs import MOVE, Arcs, Counts, Quanta, blocks, table
 from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph, aggregates
 from hpop.planners.objectives import quantised
@@ -118,10 +119,12 @@ class StateGraph(TrajectoryGraph):
     def motions(self, kind: str, tails: IntArray, heads: IntArray) -> Motions:
         """Return the motions (M,) of one kind from states ``tails`` to ``heads``, with angles in the shorter direction.
 
-        Half a turn is counter-clockwise.
+        Half a turn is counter-clockwise. Moves of a model with several speeds have the fastest one.
         """
         law, start = self.model.laws[kind], self.states(tails)
         end = onward(law, self.model.space, start, self.states(heads))
+        if SPEED in law.extra:
+            start = States(**start.__dict__, **{SPEED: np.full(tails.size, self.model.speed_classes[-1])})
         kept = {name: getattr(start, name) for name in start.names if name not in law.varies}
         return Motions(self.world, self.model, law, start, States(**{**end.__dict__, **kept}))
 

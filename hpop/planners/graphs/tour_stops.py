@@ -20,6 +20,7 @@ from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.needs import elsewhere
 
 if TYPE_CHECKING:
+    from hpop.criteria.base import Criterion
     from hpop.problems.problem import Problem
     from hpop.world import World
 
@@ -27,19 +28,21 @@ DRAWN = 16  # most states that are added to a graph for a stop at which it has n
 TRIED = 64  # random states among which these are chosen
 
 
-def with_tour(ends: Ends, problem: Problem, tour: Tour) -> Ends:
+def with_tour(ends: Ends, problem: Problem, tour: Tour, criteria: Sequence[Criterion]) -> Ends:
     """Extend a graph with start and goals to the graph of a tour (:class:`.tour.TourGraph`).
 
     If the robot can visit a stop at no state of the graph, random states of the stop are added first and connected to
     states nearby. Then come the layers of the model's speeds, if it has several. Raises QueryError for a stop that
     cannot be visited.
+
+    criteria  costs that the search minimises
     """
     space = ends.space
     members = [_members(space, stop, problem.world) for stop in tour.stops]
     if empty := [i for i, found in enumerate(members) if not found.size]:
         space = _with_states(space, problem, [tour.stops[i] for i in empty])
     plain = ends.space
-    space, start, goals = with_speeds(ends._replace(space=space), problem.model)
+    space, start, goals = with_speeds(ends._replace(space=space), problem.model, criteria)
     if space is not plain:
         members = [_members(space, stop, problem.world) for stop in tour.stops]
     layered = TourGraph(

@@ -13,13 +13,15 @@ import pytest
 import shapely
 
 import hpop
+from hpop.base.arrays import Column
 from hpop.cli.report import print_front
+from hpop.criteria.base import criterion
 from hpop.errors import HpopError, ModelError, QueryError, UnsupportedModel
 from hpop.models import PanTilt
 from hpop.models.base import Mount, Part, PlanarModel, plane_space
 from hpop.models.laws import Spin, Turn
 from hpop.models.speeds import speed_laws
-from hpop.motions import Law, States, StateSpace
+from hpop.motions import Law, Motions, States, StateSpace
 from hpop.planners.base import PlannerSpec
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
@@ -82,6 +84,49 @@ def test_max_turns_and_a_checkpoint_leave_the_front_as_it_is(tmp_path: Path) -> 
     saved = {"lattice": {"step": 0.5, "checkpoint": str(tmp_path / "search")}}
     for _ in range(2):
         assert np.array_equal(asked.solve(saved).costs, front.costs)
+
+
+@criterion("test_jolt", group="C", unit="1", aggregate="sum")
+@dataclass(frozen=True)
+class Jolt:
+    """Own criterion: the square of a change of speed, so that two small changes cost less than a large one."""
+
+    def cost(self, m: Motions) -> Column:
+        return (m.end.speed - m.start.speed) ** 2 if m.law.varies == {"speed"} else 0.0 * m.duration
+
+
+@criterion("test_wear", group="R", unit="1", aggregate="sum")
+@dataclass(frozen=True)
+class Wear:
+    """Own criterion: the square of the speed over time, read from the states of a move."""
+
+    def cost(self, m: Motions) -> Column:
+        return m.start.speed**2 * m.duration if "speed" in m.law.extra else 0.0 * m.duration
+
+
+def test_changes_by_way_of_slower_speeds_stay_where_they_cost_less_than_one_change() -> None:
+    asked = problem(criteria=("duration", "test_jolt"), goal=(6, 5, 0), start=(1, 5, 0))
+    front = asked.solve({"lattice": {"step": 1.0}})
+    assert verify(asked, front) == []
+    assert "NOT VALID" not in front.certificate
+    # To a class in steps of 0.5 m/s, then to rest at once or in such steps: both last equally long.
+    assert front.costs.tolist() == pytest.approx(np.array([[5 / 1.5 + 1.5, 1.5], [6.0, 1.0], [10.5, 0.5]]))
+
+
+def test_a_criterion_may_read_the_speed_of_moves() -> None:
+    asked = problem(criteria=("duration", "test_wear"), goal=(6, 5, 0), start=(1, 5, 0))
+    front = asked.solve({"lattice": {"step": 1.0}})
+    assert verify(asked, front) == []
+    assert "NOT VALID" not in front.certificate
+    assert speeds_of(front) == set(SPEEDS)
+
+
+@pytest.mark.parametrize("planner", [{"lattice": {"step": 1.0, "anchor": "world"}}, {"roadmap": {"samples": 60}}])
+@pytest.mark.parametrize("start", [(1, 1, 0), (1.2, 1.1, 0.3)])
+def test_plans_use_the_fastest_speed_if_no_cost_depends_on_it(planner: PlannerSpec, start: tuple[float, ...]) -> None:
+    front = problem(criteria=("length", "turns"), start=start).solve(planner)
+    assert len(front)
+    assert speeds_of(front) == {SPEEDS[-1]}
 
 
 def test_a_mean_over_time_is_that_of_the_whole_plan_with_its_changes() -> None:
