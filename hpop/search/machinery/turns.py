@@ -125,8 +125,11 @@ class Groups:
         if name not in cache:
             cache[name] = cls._computed(graph.base, column, clock)
         groups: Self | None = cache[name]
-        check_room(clock, 0 if groups is None else groups.nbytes)
-        return None if groups is None else groups._with_added_nodes(graph, graph.base)
+        if groups is None:
+            return None
+        copies = 1 if ("plain arcs", column) in cache else 2  # one is cached
+        check_room(clock, groups.nbytes + copies * groups.origin.size * graph.criteria * graph.base.costs.itemsize)
+        return groups._with_added_nodes(graph, graph.base)
 
     def _with_added_nodes(self, graph: ExtendedGraph, base: Graph) -> Self:
         """Return the groups of a graph that adds start and goal nodes to ``base``, the graph of these groups."""

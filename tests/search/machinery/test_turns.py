@@ -116,6 +116,20 @@ def cliques(kinds: np.ndarray, size: int) -> Graph:
     return Graph.from_arcs(size * len(kinds), tails, heads, np.concatenate([turns, np.tile([5, 0], (len(chain), 1))]))
 
 
+def test_groups_of_a_graph_with_ends_are_refused_before_costs_of_arcs_are_copied():
+    base = cliques(np.zeros(20_000, int), 2)
+    graph = base.extended(base.nodes + 1, np.array([base.nodes]), np.array([0]), np.array([[1, 0]]), is_reused=True)
+    before = Groups.of_turns(graph, 1, Clock(Budget(), None)).nbytes
+    base.cache.pop(("plain arcs", 1))
+    tight = Clock(Budget(max_memory=before - 1), None)
+    tracemalloc.start()
+    with pytest.raises(NoRoom):
+        Groups.of_turns(graph, 1, tight)
+    taken = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert taken < 100_000  # the costs of the plain arcs take 320,000 bytes
+
+
 @pytest.mark.parametrize(("kinds", "number"), [(3, 400), (700, 700), (1_100, 1_100)], ids=["few", "many", "all"])
 def test_groups_with_equal_turns_share_their_costs(kinds, number):
     """1,100 groups of 8 nodes need a larger table than the first one."""
