@@ -22,10 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.options import LEAST
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
-from hpop.errors import QueryError
-from hpop.models.speeds import neighbouring
+from hpop.errors import ModelError, QueryError
+from hpop.models.speeds import checked_speeds, neighbouring
 from hpop.motions import Model, Motions, States, laws_of
 from hpop.motions.laws import CHANGE, SPEED
 from hpop.planners.graphs.arcs import blocks
@@ -44,17 +45,23 @@ def with_speeds(ends: Ends, model: Model, criteria: Sequence[Criterion]) -> Ends
 
     criteria  costs that the search minimises
 
-    Raises QueryError for a graph whose arcs are not known motion by motion, such as a roadmap of configurations.
+    Raises QueryError for a graph whose arcs are not known motion by motion, such as a roadmap of configurations, and
+    ModelError for a model whose speeds do not rise or whose laws have no change of speed.
     """
     if not model.speed_classes:
         return ends
+    speeds = checked_speeds(model.speed_classes, LEAST)
+    if CHANGE not in laws_of(model):
+        raise ModelError(
+            f"the model {model.name!r} has speed_classes, so its laws must include {CHANGE!r}, got "
+            f"{', '.join(laws_of(model))}; add **speed_laws(speed_classes, acceleration) from hpop.models.speeds"
+        )
     space, start, goals = ends
     if space.states_alone is None:
         raise QueryError(
             f"{space.words} has no states at which a speed could change; give the model one speed, or plan on a "
             "lattice or on a roadmap of positions"
         )
-    speeds = tuple(model.speed_classes)
     layered = SpeedGraph(space.model, space.world, space, speeds, tuple(criteria), spending=space.spending)
     return Ends(layered, layered.node(start), [layered.node(goal) for goal in goals])
 
@@ -102,7 +109,7 @@ class SpeedGraph(TrajectoryGraph):
     def words(self) -> str:
         """Description of the inner graph and the speeds, for certificates."""
         *some, last = (f"{speed:g}" for speed in self.speeds)
-        return f"{self.inner.words}, at speeds of {', '.join(some)} and {last} m/s"
+        return f"{self.inner.words}, at speeds of {', '.join(some)} and {last} m/s" if some else self.inner.words
 
     @property
     def options(self) -> dict[str, Any]:

@@ -182,6 +182,23 @@ class Cart(PlanarModel):
         return {"base": Mount(), "camera": Mount(height=1.2)}
 
 
+class OneSpeedCart(Cart):
+    """A base that lists speeds but lacks their laws."""
+
+    @property
+    def laws(self) -> Mapping[str, Law]:
+        return {kind: law for kind, law in super().laws.items() if kind != "speed_change"}
+
+
+@pytest.mark.parametrize(
+    ("cart", "message"),
+    [(Cart((0.8, 0.4)), "rising speeds.*sort them"), (OneSpeedCart(), "its laws must include 'speed_change'")],
+)
+def test_a_robot_whose_speeds_do_not_fit_its_laws_is_refused(cart: Cart, message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        problem(cart, ("duration", "length")).solve(LATTICE)
+
+
 @pytest.mark.parametrize(
     "base", [ROBOT, hpop.DifferentialDrive(radius=0.3, speeds=(0.4, 1.2), camera_offset=(0.1, 0)), Cart()]
 )
