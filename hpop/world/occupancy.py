@@ -110,7 +110,8 @@ class FromCells:
             Occupancy in the rectangle, as in :meth:`from_occupancy_grid`, or True for an occupied cell; row 0 at the
             bottom.
         at : (x, y)
-            Column and row of the rectangle's lower-left cell, as in a map_msgs/OccupancyGridUpdate.
+            Column and row of the rectangle's lower-left cell, as in a map_msgs/OccupancyGridUpdate; the lower-left
+            corner of the map by default.
 
         Raises MapError in a world without cells, for a rectangle that reaches beyond them, and for invalid data.
 
@@ -181,7 +182,10 @@ def _corner(at: Any) -> tuple[int, int]:
         column, row = at
     except (TypeError, ValueError):
         raise MapError(f"at must be the column and row of a cell, got {shown(at)}") from None
-    column, row = (whole("at", value, 0, MOST_CELLS, "a column and a row", error=MapError) for value in (column, row))
+    column, row = (
+        whole("at", value, 0, MOST_CELLS, "whole numbers of cells (column, row)", error=MapError)
+        for value in (column, row)
+    )
     return column, row
 
 

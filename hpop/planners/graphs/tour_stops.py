@@ -172,6 +172,6 @@ def _reason(space: TrajectoryGraph, problem: Problem, stop: TourStop) -> str:
             "landmark, or give a larger within."
         )
     return (
-        f"{said}: no free robot state was found that reaches {stop.target} with its target in view. Move the goal, or "
-        "make it larger."
+        f"{said}: no free robot state was found that reaches {stop.target} with its target in view. The target may "
+        "be inside or behind an obstacle: give a point in front of it, or make the goal larger."
     )

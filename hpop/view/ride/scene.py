@@ -378,4 +378,5 @@ def _notes(world: World, storey: float) -> Iterator[str]:
             o for o in world.obstacles if o.z_min < mark.z < o.z_max and o.polygon.covers(shapely.Point(mark.x, mark.y))
         ]
         if inside:
-            yield f"landmark {printable(mark.name) or 'without a name'} is inside an obstacle, which hides it"
+            name = printable(mark.name) or "without a name"
+            yield f"landmark {name} is inside an obstacle, which hides it in this view"
