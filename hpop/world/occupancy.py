@@ -98,7 +98,9 @@ class FromCells:
             outside_is_obstacle=not unknown_is_free,
         )
 
-    def updated(self, data: Any, at: tuple[int, int] = (0, 0), *, thresholds: tuple[float, float] = THRESHOLDS) -> Self:
+    def updated(
+        self, data: Any, at: tuple[int, int] | None = None, *, thresholds: tuple[float, float] = THRESHOLDS
+    ) -> Self:
         """Return the world with new occupancy in a rectangle of its cells.
 
         Values derived from the cells, such as distances, are computed again only near changed cells, and equal those
@@ -110,8 +112,8 @@ class FromCells:
             Occupancy in the rectangle, as in :meth:`from_occupancy_grid`, or True for an occupied cell; row 0 at the
             bottom.
         at : (x, y)
-            Column and row of the rectangle's lower-left cell, as in a map_msgs/OccupancyGridUpdate; the lower-left
-            corner of the map by default.
+            Column and row of the rectangle's lower-left cell, as in a map_msgs/OccupancyGridUpdate. Without it,
+            the data must be those of the whole map.
 
         Raises MapError in a world without cells, for a rectangle that reaches beyond them, and for invalid data.
 
@@ -128,8 +130,13 @@ class FromCells:
                 "World.from_occupancy_grid(data, 0.05), for example"
             )
         part = occupied_cells(data, thresholds, unknown_is_free=not ground.outside_is_obstacle)
-        column, row = _corner(at)
         rows, columns = raster.cells.shape
+        if at is None and part.shape != (rows, columns):
+            raise MapError(
+                f"without at, the data must have the {columns} x {rows} cells of the map, got {part.shape[1]} x "
+                f"{part.shape[0]}; give at=(column, row) of the part's lower-left cell"
+            )
+        column, row = _corner((0, 0) if at is None else at)
         if row + part.shape[0] > rows or column + part.shape[1] > columns:
             raise MapError(
                 f"the part of {part.shape[1]} x {part.shape[0]} cells at column {column} and row {row} reaches beyond "

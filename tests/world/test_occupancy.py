@@ -125,3 +125,11 @@ def test_values_after_many_changes_equal_those_of_a_world_made_anew(seed: int) -
     segments = (*ends[0].T, *(0.9 * ends[0] + 0.1 * ends[1]).T)
     np.testing.assert_array_equal(world.segments_free(*segments, 0.2), anew.segments_free(*segments, 0.2))
     assert world.solid().equals(anew.solid())
+
+
+def test_a_part_of_the_map_needs_a_place_and_a_whole_map_needs_none():
+    world = World.from_cells(np.zeros((3, 4), dtype=bool), 0.5)
+    whole = np.arange(12).reshape(3, 4) % 2 * 100
+    np.testing.assert_array_equal(world.updated(whole).raster.cells, whole > 0)
+    with pytest.raises(MapError, match=r"without at, .* 4 x 3 cells of the map, got 2 x 1; give at=\(column, row\)"):
+        world.updated([[100, 100]])
