@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -10,31 +9,16 @@ import click
 from click.core import ParameterSource
 
 from hpop.cli.results import loaded, problem_of
-from hpop.cli.terminal import echo, imports_option, points_option, user_errors
+from hpop.cli.terminal import echo, imports_option, listed, points_option, rows_option, user_errors
 from hpop.errors import HpopError, OutputError
 from hpop.runtime.status import Status, progress_bar
 
 # Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 
-def listed(context: click.Context, option: click.Parameter, given: Sequence[str]) -> list[str]:
-    """Split the values of a repeated option at commas; return all names in one list."""
-    names = [name.strip() for text in given for name in text.split(",")]
-    if not all(names):
-        raise click.BadParameter("expected names or numbers between commas, such as knee,3", context, option)
-    return names
-
-
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option(
-    "--rows",
-    metavar="ROW,ROW",
-    multiple=True,
-    callback=listed,
-    default=["knee"],
-    help="Trajectories: numbers from `hpop show`, knee, or a criterion, for the row with its least value. [knee]",
-)
+@rows_option("Trajectories")
 @points_option("Trajectories that represent the front (largest hypervolume), instead of --rows or beside them.")
 @click.option(
     "--format",

@@ -10,9 +10,8 @@ from typing import Any
 import click
 
 from hpop.cli import results
-from hpop.cli.exporting import listed
 from hpop.cli.results import SAVED, loaded, problem_of
-from hpop.cli.terminal import echo, imports_option, user_errors
+from hpop.cli.terminal import echo, imports_option, rows_option, user_errors
 from hpop.runtime.status import Progress, progress_bar
 
 # Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
@@ -20,14 +19,7 @@ from hpop.runtime.status import Progress, progress_bar
 
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option(
-    "--rows",
-    metavar="ROW,ROW",
-    multiple=True,
-    callback=listed,
-    default=["knee"],
-    help="Paths: numbers from `hpop show`, knee, or a criterion, for the row with its least value. [knee]",
-)
+@rows_option("Paths")
 @click.option("--points", type=int, default=12, metavar="N", help="Speed profiles of each path. [12]")
 @click.option(
     "--discomfort",

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING
 import click
 
 from hpop.base.text import argument, counted
-from hpop.cli.exporting import listed
 from hpop.cli.results import loaded
 from hpop.cli.study_scores import folder_argument, power, report, score
-from hpop.cli.terminal import Commands, echo, user_errors
+from hpop.cli.terminal import Commands, echo, listed, user_errors
 from hpop.errors import StudyError
 from hpop.runtime import status
 from hpop.runtime.status import Progress

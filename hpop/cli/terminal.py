@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
@@ -79,6 +79,26 @@ NO_PATH = 6
 NOTHING_FOUND = 13
 INTERRUPTED = 130
 F = TypeVar("F", bound=Callable[..., Any])
+
+
+def listed(context: click.Context, option: click.Parameter, given: Sequence[str]) -> list[str]:
+    """Split the values of a repeated option at commas; return all names in one list."""
+    names = [name.strip() for text in given for name in text.split(",")]
+    if not all(names):
+        raise click.BadParameter("expected names or numbers between commas, such as knee,3", context, option)
+    return names
+
+
+def rows_option(what: str) -> Callable[[F], F]:
+    """Return the option --rows, which chooses rows of a front; ``what`` names them in its help text."""
+    return click.option(
+        "--rows",
+        metavar="ROW,ROW",
+        multiple=True,
+        callback=listed,
+        default=["knee"],
+        help=f"{what}: numbers from `hpop show`, knee, or a criterion, for the row with its least value. [knee]",
+    )
 
 
 def points_option(words: str) -> Callable[[F], F]:
