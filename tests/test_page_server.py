@@ -172,6 +172,30 @@ def test_what_has_come_whole_may_take_longer_to_answer() -> None:
             assert b"".join(iter(lambda: quick.recv(1000), b"")).endswith(b"at last")
 
 
+def test_a_complete_request_is_answered_although_the_server_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hpop.runtime.page_server, "FAREWELL", 60.0)
+    come, ending = Event(), Event()
+
+    def slow(request: Request) -> Response:
+        come.set()
+        assert ending.wait(60)
+        return PlainTextResponse("at last")
+
+    server = PageServer([Route("/", slow)])
+    Thread(target=server.serve_forever, daemon=True).start()
+    with server, socket.create_connection((LOCAL, server.server_address[1])) as client:
+        client.sendall(b"GET / HTTP/1.1\r\nHost: %b:%d\r\n\r\n" % (LOCAL.encode(), server.server_address[1]))
+        assert come.wait(60)
+        end = Thread(target=server.shutdown)
+        end.start()
+        end.join(0.1)  # the server has begun to end
+        ending.set()
+        client.settimeout(60)
+        assert b"".join(iter(lambda: client.recv(1000), b"")).endswith(b"at last")
+        end.join(60)
+    assert not end.is_alive()
+
+
 def test_a_client_that_takes_nothing_of_its_answer_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hpop.runtime.page_server, "SENDING", 0.1)
     page = bytes(2**25)  # more than sockets hold

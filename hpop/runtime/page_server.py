@@ -37,8 +37,8 @@ READING = 20.0
 """Time, s, within which a request, including its body, must be complete."""
 SENDING = 30.0
 """Time, s, within which a client must read data that wait to be sent."""
-FAREWELL = 2.0
-"""Time, s, that remains for responses that are being sent when the server ends."""
+FAREWELL = 5.0
+"""Time, s, that remains for responses when the server ends."""
 CONNECTIONS = 128
 """Largest number of connections at a time."""
 PLAIN_PORTS = {"http": 80, "https": 443}
@@ -154,7 +154,7 @@ class PageServer:
         return self.refused(request.method, status, status.phrase)
 
     async def _serve(self) -> None:
-        """Accept connections until the server shall end, then wait shortly for responses that are being sent."""
+        """Accept connections until the server shall end, then wait shortly for the responses to complete requests."""
         self._config.load()
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
         state = ServerState()
@@ -171,8 +171,8 @@ class PageServer:
             await self._stop.wait()
         finally:
             server.close()
-            for connection in self.connections:
-                connection.transport.close()  # sends waiting data first
+            for connection in list(self.connections):
+                connection.end()
             last = self._loop.time() + FAREWELL
             while self.connections and self._loop.time() < last:
                 await asyncio.sleep(0.01)
@@ -224,6 +224,14 @@ class _Connection(H11Protocol):
         """Continue to send, and cancel the deadline."""
         super().resume_writing()
         self._expect(None)
+
+    def end(self) -> None:
+        """Close the connection once waiting data are sent, unless the response to a complete request is still to come.
+
+        After that response the connection closes by itself, since each carries one request.
+        """
+        if not self._server.connections[self] or self.cycle is None or self.cycle.response_started:
+            self.transport.close()
 
     def _expect(self, seconds: float | None) -> None:
         """Set the deadline of the connection, in s from now; None cancels it."""
