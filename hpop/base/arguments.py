@@ -290,8 +290,8 @@ def type_in_words(hint: Any) -> str:
         is_typed = len(entries) == 1 and isinstance(get_origin(entries[0]) or entries[0], type)
         return f"a list (each {type_in_words(entries[0])})" if is_typed else "a list"
     builders = [name for name in dir(cls) if BUILDERS.fullmatch(name) and inspect.ismethod(getattr(cls, name))]
-    made = f" (made by {cls.__name__}, {', '.join(f'{cls.__name__}.{name}' for name in builders)})" if builders else ""
-    return article(cls.__name__) + made
+    makers = [getattr(cls, "made_by", cls.__name__), *(f"{cls.__name__}.{name}" for name in builders)]
+    return article(cls.__name__) + (f" (made by {', '.join(makers)})" if makers != [cls.__name__] else "")
 
 
 def _is_array(value: Any, hint: Any) -> bool:

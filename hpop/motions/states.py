@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -40,6 +40,9 @@ class States:
     >>> s.size, s.names, float(s.take(1).y)
     (2, ('x', 'y', 'yaw'), 1.0)
     """
+
+    made_by: ClassVar[str] = "model.space.state([x, y, ...])"
+    """Call that makes states, for messages on arguments of a wrong type."""
 
     def __init__(self, **columns: Column) -> None:
         self.__dict__.update(columns)

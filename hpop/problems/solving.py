@@ -355,5 +355,5 @@ def _checkpoints(planner: Planner) -> Iterator[tuple[str, Checkpoint]]:
 
 def _empty_groups(criteria: Sequence[Criterion]) -> list[str]:
     """Return a note for the user on the groups (performance, comfort, robot, others) without a criterion."""
-    empty = [f"{name} ({group})" for group, name in GROUPS.items() if all(c.group != group for c in criteria)]
-    return [f"groups without a criterion: {', '.join(empty)}"] if empty else []
+    empty = [name for group, name in GROUPS.items() if all(c.group != group for c in criteria)]
+    return [f"no criterion for {', '.join(empty)} (see hpop explain group)"] if empty else []

@@ -98,6 +98,6 @@ def test_the_note_on_empty_groups_is_one_line_and_said_once(
     several = "planner:\n  - lattice: {step: 0.5}\n  - weighted-sum: {step: 0.5}"
     write(room, ("planner:\n  lattice: {step: 0.5}", several))
     lines = run("plan", room / "room.yaml", "--out", room / "out").stdout.splitlines()  # 80 characters each
-    assert [line for line in lines if "criterion:" in line] == [
-        "note: groups without a criterion: performance (P), robot (R), others (O)"
+    assert [line for line in lines if "no criterion" in line] == [
+        "note: no criterion for performance, robot, others (see hpop explain group)"
     ]

@@ -262,3 +262,11 @@ def test_a_robot_with_a_head_that_slides_is_evaluated_and_judged():
     assert costs["rotation"] == pytest.approx(1.0)  # the camera stands on the base
     assert collision_free(problem, [planned]).all()
     assert judge(problem, problem.criteria[:2], [planned]).reasons == ("",)
+
+
+@pytest.mark.parametrize("asked", ["why_blocked", "states_free"])
+def test_a_collision_test_asked_with_plain_numbers_says_how_to_make_states(asked: str) -> None:
+    model = DifferentialDrive()
+    collision = model.collision(World.from_occupancy_grid(np.zeros((20, 20), int), 0.5))
+    with pytest.raises(TypeError, match=rf"{asked}: .* must be a States \(made by model\.space\.state\("):
+        getattr(collision, asked)((1.0, 2.0, 0.0))

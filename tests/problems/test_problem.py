@@ -183,7 +183,7 @@ def test_a_front_keeps_what_is_not_dominated_and_says_who_found_it() -> None:
     assert front.certificate == "as given"
     (run,) = front.runs
     assert run["planner"] == "fixed"
-    assert run["notes"] == ["groups without a criterion: performance (P), robot (R), others (O)"]
+    assert run["notes"] == ["no criterion for performance, robot, others (see hpop explain group)"]
 
 
 @pytest.mark.parametrize(("off", "tolerance", "valid"), [(0.0, 0.0, True), (0.01, 0.02, True), (0.01, 0.005, False)])

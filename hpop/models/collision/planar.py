@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, numbered
 from hpop.base.text import shown
 from hpop.models.collision.parts import Part, joints_of
@@ -127,6 +128,7 @@ class PlanarCollision:
             found |= now.differs(then, x, y, within)
         return found
 
+    @checked_arguments
     def states_free(self, states: States) -> BoolArray:
         """Return whether the robot is free in each state (N,)."""
         return self._every_part(lambda part, at: self.part_free(part, states.take(at)), states.size)
@@ -163,6 +165,7 @@ class PlanarCollision:
 
         return self._every_part(free, len(motions))
 
+    @checked_arguments
     def why_blocked(self, state: States) -> str:
         """Return a text, without final full stop: what blocks one state (1,) and a remedy; "" if the state is free."""
         blocked = next((part for part in self.parts if not self.part_free(part, state)[0]), None)

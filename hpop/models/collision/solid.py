@@ -16,6 +16,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, numbered
 from hpop.models.collision.parts import Part, joints_of
 from hpop.models.collision.planar import blocking_reason
@@ -87,6 +88,7 @@ class SolidCollision:
             (part, fcl.CollisionObject(_part_geometry(replace(part, on=())), fcl.Transform())) for part in self.parts
         ]
 
+    @checked_arguments
     def states_free(self, states: States) -> BoolArray:
         """Return whether the robot is free in each state (N,)."""
         rows = np.stack([getattr(states, name) for name in self._names], axis=1)
@@ -103,6 +105,7 @@ class SolidCollision:
             free[part] = np.bincount(owner, ~self._rows_free(rows), minlength=part.size) == 0
         return free
 
+    @checked_arguments
     def why_blocked(self, state: States) -> str:
         """Return a text, without final full stop: what blocks one state (1,) and a remedy; "" if the state is free."""
         if self.states_free(state)[0]:

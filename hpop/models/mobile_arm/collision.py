@@ -15,6 +15,7 @@ from itertools import combinations
 
 import numpy as np
 
+from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.models.collision.parts import Part as Prism
 from hpop.models.serial_arm.chain import ArmPart, Chain, FrameMount, Pair, pair_of
@@ -87,6 +88,7 @@ class BaseAndLinks:
     base: Collision
     links: Collision
 
+    @checked_arguments
     def states_free(self, states: States) -> BoolArray:
         """Return whether the robot is free in each state (N,)."""
         free = self.base.states_free(states)
@@ -100,6 +102,7 @@ class BaseAndLinks:
         free[free] = self.links.motions_free(Motions(motions.world, motions.model, motions.law, start, end))
         return free
 
+    @checked_arguments
     def why_blocked(self, state: States) -> str:
         """Return a text, without final full stop: what blocks one state (1,) and a remedy; "" if the state is free."""
         return self.base.why_blocked(state) or self.links.why_blocked(state)

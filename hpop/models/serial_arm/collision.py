@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, numbered
 from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, pair_of
 from hpop.models.serial_arm.scene import ArmScene, paired, scene_of, within_reach
@@ -99,6 +100,7 @@ class ArmCollision:
 
         return not is_cached(blocked_by)
 
+    @checked_arguments
     def states_free(self, states: States) -> BoolArray:
         """Return whether the arm is free in each state (N,)."""
         rows = self._rows(states)
@@ -160,6 +162,7 @@ class ArmCollision:
                 return Separations(owner[:found], distance[:found], gradient[:found])
             room = found
 
+    @checked_arguments
     def why_blocked(self, state: States) -> str:
         """Return a text, without final full stop: what blocks one state (1,) and a remedy; "" if the state is free."""
         row = self._rows(state)
