@@ -40,7 +40,7 @@ def test_candidates_are_what_they_claim(smoothed):
     assert "NOT VALID" not in front.certificate
     assert "local optima" in front.certificate
     json.dumps(candidates.provenance)
-    assert any("ramps at start and goal" in note for note in candidates.notes)
+    assert any("begin and end at rest" in note for note in candidates.notes)
 
 
 def test_no_candidate_has_fewer_turns_than_its_polyline(smoothed):
