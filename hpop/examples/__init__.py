@@ -33,7 +33,7 @@ SCENARIOS = {
 
 def museum() -> Problem:
     """Return the problem of the museum tour: 30 x 20 m, a two-wheeled robot; obstruction, turns and length as costs."""
-    from hpop.scenario import load_scenario
+    from hpop.scenario import load_scenario  # start-up time: pydantic
 
     return load_scenario(path("museum.yaml")).problem
 

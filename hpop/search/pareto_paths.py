@@ -14,9 +14,12 @@ from hpop.base.arrays import IntArray
 from hpop.base.text import shown
 from hpop.errors import OptionError
 from hpop.runtime.status import Budget, ProgressCallback, Status
+from hpop.search import general, machinery, staircase, supported
 from hpop.search.choice import choose_method, choose_order
 from hpop.search.graph import Graph
+from hpop.search.lazy_paths import Free, LazyRun
 from hpop.search.machinery.approximation import EXACT, Precision, proven_gap
+from hpop.search.machinery.checkpoint import CheckpointSpec, Keeper
 from hpop.search.queries import (
     UNLIMITED,
     ParetoPaths,
@@ -31,8 +34,6 @@ from hpop.search.queries import (
 if TYPE_CHECKING:
     import networkx as nx
 
-    from hpop.search.lazy_paths import Free
-    from hpop.search.machinery.checkpoint import CheckpointSpec, Keeper
     from hpop.search.machinery.slices import Clock, Search
     from hpop.search.machinery.turns import Groups
 
@@ -66,13 +67,11 @@ class SearchQuery:
         """
         ends = self.graph, self.source, self.targets
         if method == "staircase":
-            from hpop.search.staircase.search import Staircase
-
             three = (order[0], order[1], order[2] if len(order) > 2 else -1)
-            return Staircase(*ends, h, three, groups, clock, self.precision, self.at_most, jointly=jointly)
-        from hpop.search.general.search import General
-
-        return General(*ends, h, order, groups, clock, self.precision, self.at_most)
+            return staircase.search.Staircase(
+                *ends, h, three, groups, clock, self.precision, self.at_most, jointly=jointly
+            )
+        return general.search.General(*ends, h, order, groups, clock, self.precision, self.at_most)
 
 
 METHODS = ("auto", "staircase", "general")
@@ -147,16 +146,13 @@ def pareto_paths(
         raise OptionError(f"method must be one of {', '.join(METHODS)}, got {shown(method)}")
     graph = _converted(graph, costs, quanta, aggregates)
     start, targets = checked_node(graph, source, "source"), checked_targets(graph, target)
-    from hpop.search.machinery.checkpoint import Keeper
-    from hpop.search.machinery.slices import Clock  # numba: on first use
-
     precision = precision_of(graph, eps, tolerance)
     bounds = bounds_of(graph, at_most)
     options = (float(precision.eps), precision.of(range(graph.criteria)), np.array(bounds, np.int64))
     keeper = Keeper.of(checkpoint, graph, start, targets, method, *options, *["lazily"][: free is not None])
 
     def search(part: Graph, left: Budget) -> ParetoPaths:
-        clock = Clock(left, progress)
+        clock = machinery.slices.Clock(left, progress)
         run = _ParetoRun(part, start, targets, method, precision, bounds, keeper)
         try:
             status = run.go(clock)
@@ -169,8 +165,6 @@ def pareto_paths(
 
     if free is None:
         return search(graph, budget)
-    from hpop.search.lazy_paths import LazyRun
-
     return LazyRun(graph, free, search, budget, progress, keeper, precision.of(range(graph.criteria))).go()
 
 
@@ -204,43 +198,35 @@ class _ParetoRun:
         prepared = self._prepare(clock)
         if isinstance(prepared, Status):
             return prepared
-        from hpop.search.staircase.tables import TooWide
-
         self.search = prepared
         try:
             return prepared.run(clock) if self.keeper is None else self.keeper.run(prepared, self.method, clock)
-        except TooWide:
+        except staircase.tables.TooWide:
             self.method = "general"
             return self.go(clock)
 
     def _prepare(self, clock: Clock) -> Search | Status:
         """Compute bounds and choose the method; return the new search, or the status if the query ends before it."""
-        from hpop.search.machinery.bounds import UNREACHABLE
-        from hpop.search.machinery.plain_bounds import plain_bounds
-        from hpop.search.machinery.turns import Groups, NoRoom
-
         try:
-            groups = Groups.of(self.graph, clock)
-        except NoRoom:
+            groups = machinery.turns.Groups.of(self.graph, clock)
+        except machinery.turns.NoRoom:
             return Status.MEMORY_LIMIT
-        h, samples, status = plain_bounds(self.graph, self.source, self.targets, clock, groups)
+        h, samples, status = machinery.plain_bounds.plain_bounds(self.graph, self.source, self.targets, clock, groups)
         self.after_bounds = clock.seconds()
         if status is not None:
             return status
         self.method, index = choose_method(self.graph, self.method, samples, groups)
-        if h[0, self.source] >= UNREACHABLE:
+        if h[0, self.source] >= machinery.bounds.UNREACHABLE:
             return Status.NO_PATH
         query = SearchQuery(self.graph, self.source, self.targets, self.precision, self.at_most)
         costs = samples, h[:, self.source]
         self.order = choose_order(self.graph, self.method, index, *costs, groups)
         if self.method == "staircase":
-            from hpop.search.staircase.tables import TooWide
-
             if groups.column != index:
-                groups = Groups.single_nodes(self.graph, clock)
+                groups = machinery.turns.Groups.single_nodes(self.graph, clock)
             try:
                 return query.search("staircase", self.order, h, groups, clock, jointly=self.keeper is None)
-            except TooWide:
+            except staircase.tables.TooWide:
                 self.method, self.order = "general", choose_order(self.graph, "general", index, *costs, groups)
         return query.search(self.method, self.order, h, groups, clock, jointly=False)
 
@@ -300,10 +286,6 @@ def main_kernels(aggregates: Sequence[str], turns: int) -> tuple[Any, Any]:
     aggregates  "sum" or "max" for each cost
     turns       column of the cost that counts turns, or -1
     """
-    from hpop.search.supported.weighted_path import weighted_path
-
-    if turns >= 0 and len(aggregates) == 3:
-        from hpop.search.staircase.kernel import advance
-    else:
-        from hpop.search.general.search import advance
-    return advance, advance if "max" in aggregates else weighted_path
+    is_staircase = turns >= 0 and len(aggregates) == 3
+    advance = staircase.kernel.advance if is_staircase else general.search.advance
+    return advance, advance if "max" in aggregates else supported.weighted_path.weighted_path

@@ -16,12 +16,14 @@ import numpy as np
 
 from hpop.runtime import garbage
 from hpop.runtime.status import Budget
+from hpop.search.general.search import General
 from hpop.search.graph import Graph
 from hpop.search.machinery.beside import kernel_name
 from hpop.search.machinery.bounds import lower_bounds
 from hpop.search.machinery.kernels import is_ready, make_ready
 from hpop.search.machinery.slices import Clock, Search
 from hpop.search.machinery.turns import Groups
+from hpop.search.staircase.search import Staircase
 from hpop.search.supported.supported_paths import SupportedRun
 
 SIDE, HEADINGS = 3, 8  # positions along each side of the lattice, and headings
@@ -76,13 +78,9 @@ def rehearse(part: str, aggregates: Sequence[str], turns: int) -> None:
     h = np.zeros((graph.criteria, graph.nodes), np.int64)
     search: Search
     if turns >= 0 and graph.criteria == 3:
-        from hpop.search.staircase.search import Staircase
-
         moving = [j for j in range(3) if j != turns]
         search = Staircase(graph, 0, target, h, (moving[0], turns, moving[1]), groups, clock, width=1)
     else:
-        from hpop.search.general.search import General
-
         search = General(graph, 0, target, h, tuple(range(graph.criteria)), groups, clock)
     clock.compiles = True
     search.run(clock)

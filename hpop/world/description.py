@@ -18,10 +18,11 @@ import shapely
 from shapely.geometry import MultiPolygon, Polygon, mapping, shape
 from shapely.geometry.base import BaseGeometry
 
+from hpop.base import registry
 from hpop.base.arrays import BoolArray
-from hpop.base.registry import readers
 from hpop.base.text import shown
 from hpop.errors import MapError
+from hpop.world import readers
 from hpop.world.content.content import Content
 from hpop.world.files import by_names, place_seen_from, places_found_from
 from hpop.world.geometry.shapes import MAX_CELLS, Obstacle, Raster, check_size
@@ -43,16 +44,12 @@ class FromFiles:
         :mod:`hpop.world.readers.drawing` or :mod:`~hpop.world.readers.ros_map`; :mod:`hpop.world.readers.readers` lists
         all.
         """
-        from hpop.world.readers.readers import read_world, reader_of  # readers build worlds
-
-        return read_world(reader_of(path) if reader is None else reader, path, **options)
+        return readers.read_world(readers.reader_of(path) if reader is None else reader, path, **options)
 
     @staticmethod
     def from_moveit_scene(path: str | Path) -> World:
         """Read a planning scene of MoveIt or MotionBenchMaker; see `hpop.world.readers.moveit_scene.read`."""
-        from hpop.world.readers import moveit_scene  # readers build worlds
-
-        return moveit_scene.read(path)
+        return readers.moveit_scene.read(path)
 
     @staticmethod
     def from_ros_map(
@@ -63,16 +60,12 @@ class FromFiles:
         height: Heights | None = None,
     ) -> World:
         """Read a ROS map_server map; see `hpop.world.readers.ros_map.read`."""
-        from hpop.world.readers import ros_map  # readers build worlds
-
-        return ros_map.read(path, unknown_is_free=unknown_is_free, keep_out=keep_out, height=height)
+        return readers.ros_map.read(path, unknown_is_free=unknown_is_free, keep_out=keep_out, height=height)
 
     @staticmethod
     def from_movingai(path: str | Path, *, resolution: float = 1.0) -> World:
         """Read a grid map of the MovingAI benchmark; see `hpop.world.readers.movingai.read`."""
-        from hpop.world.readers import movingai  # readers build worlds
-
-        return movingai.read(path, resolution=resolution)
+        return readers.movingai.read(path, resolution=resolution)
 
     @staticmethod
     def from_geojson(
@@ -87,10 +80,8 @@ class FromFiles:
         where: Mapping[str, Any] | None = None,
     ) -> World:
         """Read a vector floor plan, in metres, degrees or a projection; see `hpop.world.readers.geojson.read`."""
-        from hpop.world.readers import geojson  # readers build worlds
-
         placed: dict[str, Any] = {"scale": scale, "origin": origin, "units": units, "crs": crs}
-        return geojson.read(path, **placed, polygons=polygons, wall_width=wall_width, where=where)
+        return readers.geojson.read(path, **placed, polygons=polygons, wall_width=wall_width, where=where)
 
     @staticmethod
     def from_image(
@@ -106,9 +97,7 @@ class FromFiles:
         thinnest_obstacle: float | None = None,
     ) -> World:
         """Read a blueprint image; see `hpop.world.readers.image.read`."""
-        from hpop.world.readers import image  # readers build worlds
-
-        return image.read(
+        return readers.image.read(
             path,
             resolution,
             threshold=threshold,
@@ -172,7 +161,7 @@ def build(description: Mapping[str, Any]) -> World:
     """Build a world from its description. Every value is checked, because the description may come from any file."""
     kind = description.get("kind") if isinstance(description, Mapping) else None
     try:
-        if kind == "geometry" or kind in readers:
+        if kind == "geometry" or kind in registry.readers:
             world = _from_geometry(description) if kind == "geometry" else _from_files(description, str(kind))
             content = description.get("content")
             if content is None:
@@ -195,7 +184,7 @@ def build(description: Mapping[str, Any]) -> World:
             "the description of a world is malformed: expected a dict as World.describe returns, got one that fails "
             f"with {shown(error)}; describe the world anew"
         ) from None
-    known = ", ".join(("geometry", *readers))
+    known = ", ".join(("geometry", *registry.readers))
     raise MapError(f'a world\'s description must have a "kind", one of {known}; got {shown(kind)}.')
 
 
@@ -284,10 +273,8 @@ def _paths(description: Any) -> dict[str, str]:
 
 def _from_files(description: Mapping[str, Any], kind: str) -> World:
     options = dict(description["options"])
-    from hpop.world.readers.readers import read_world  # readers build worlds
-
     try:
-        world = read_world(kind, description["path"], **options)
+        world = readers.read_world(kind, description["path"], **options)
     except MapError:
         _refuse_lost(description)
         raise

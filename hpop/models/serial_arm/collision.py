@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hpop import runtime
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, numbered
+from hpop.models import serial_arm
 from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, pair_of
 from hpop.models.serial_arm.scene import ArmScene, paired, scene_of, within_reach
 from hpop.motions import Law, Motions, Separations, States, is_coupled, slopes
@@ -95,10 +97,7 @@ class ArmCollision:
     @property
     def is_uncompiled(self) -> bool:
         """True if kernels must be compiled first, which takes some 20 s."""
-        from hpop.models.serial_arm.certificate import blocked_by  # kernels: importing numba takes half a second
-        from hpop.runtime.compiled import is_cached
-
-        return not is_cached(blocked_by)
+        return not runtime.compiled.is_cached(serial_arm.certificate.blocked_by)
 
     @checked_arguments
     def states_free(self, states: States) -> BoolArray:
@@ -124,12 +123,10 @@ class ArmCollision:
 
         It is a lower bound, too small by at most a millionth plus 1e-6 m. Distances between links do not count.
         """
-        from hpop.models.serial_arm.certificate import nearest  # numba, on first use
-
         rows = self._rows(states)
         least = np.empty(len(rows))
         for part in _slices(len(rows)):
-            nearest(self._outer_scene, rows[part], np.inf, CLOSE, least[part])
+            serial_arm.certificate.nearest(self._outer_scene, rows[part], np.inf, CLOSE, least[part])
         return np.maximum(0.0, least - ROUNDING)
 
     def least_clearance(self, motions: Motions, most: float) -> FloatArray:
@@ -137,8 +134,6 @@ class ArmCollision:
 
         The motions must be straight in joint space. A motion and its reverse have exactly equal values.
         """
-        from hpop.models.serial_arm.distances import closest  # numba, on first use
-
         own, which = np.unique(motions.twins, return_inverse=True)
         start, end = self._rows(motions.start.take(own)), self._rows(motions.end.take(own))
         differs = np.argmax(start != end, axis=1)[:, None]
@@ -146,18 +141,16 @@ class ArmCollision:
         start, end = np.where(back, end, start), np.where(back, start, end)
         least = np.empty(len(start))
         for part in _slices(len(start)):
-            closest(self._outer_scene, start[part], end[part], most, MISSED, least[part])
+            serial_arm.distances.closest(self._outer_scene, start[part], end[part], most, MISSED, least[part])
         return np.asarray(np.maximum(0.0, least - ROUNDING)[which])
 
     def separations(self, states: States, within: float) -> Separations:
         """Return the distance of each pair of solids closer than ``within`` m, in states (N,), with its gradient."""
-        from hpop.models.serial_arm.distances import near_pairs  # numba, on first use
-
         rows, room = self._rows(states), 64 * states.size
         while True:
             owner, distance = np.empty(room, np.int64), np.empty(room)
             gradient = np.empty((room, len(self.chain)))
-            found = near_pairs(self._scene, rows, within, owner, distance, gradient)
+            found = serial_arm.distances.near_pairs(self._scene, rows, within, owner, distance, gradient)
             if found <= room:
                 return Separations(owner[:found], distance[:found], gradient[:found])
             room = found
@@ -212,11 +205,11 @@ class ArmCollision:
 
         The arguments are those of :func:`certificate.blocked_by`.
         """
-        from hpop.models.serial_arm.certificate import blocked_by  # numba, on first use
-
         found = np.full(len(start), -1)
         for part in _slices(len(start)):
-            blocked_by(self._scene, start[part], end[part], deviation[part], near, kept, found[part])
+            serial_arm.certificate.blocked_by(
+                self._scene, start[part], end[part], deviation[part], near, kept, found[part]
+            )
         return found
 
     # Curves
@@ -275,8 +268,6 @@ def always_touching(chain: Chain, parts: Sequence[ArmPart], apart: frozenset[Pai
     Such pairs would block the arm everywhere, so callers do not test them. Pairs that touch in some states are real
     collisions. Pairs that touch in none are tested as well, because samples prove nothing about other states.
     """
-    from hpop.models.serial_arm.certificate import blocked_by  # numba, on first use
-
     scene = scene_of(chain, parts, ())
     states = np.random.default_rng(SEED).uniform(chain.low, chain.high, (SAMPLES, len(chain)))
     links: dict[str, list[int]] = {}
@@ -287,7 +278,7 @@ def always_touching(chain: Chain, parts: Sequence[ArmPart], apart: frozenset[Pai
         both = paired(scene, [(a, b) for a in links[one] for b in links[other]])
         for some in (states[:FEW], states):
             found = np.empty(len(some), np.int64)
-            blocked_by(both, some, some, np.zeros_like(some), KEPT, KEPT, found)
+            serial_arm.certificate.blocked_by(both, some, some, np.zeros_like(some), KEPT, KEPT, found)
             if (found < 0).any():
                 return False
         return True

@@ -17,6 +17,7 @@ from subprocess import DEVNULL, PIPE, Popen
 from time import sleep
 from typing import Any, NamedTuple
 
+from hpop import runtime
 from hpop.runtime.interrupts import interrupts_held
 
 PARTS = ("search", "bounds", "weights")  # groups of kernels, the most urgent first
@@ -113,10 +114,8 @@ def compiling_beside(aggregates: Sequence[str], turns: int, onset: Onset, kernel
     turns       column of the cost that counts turns, or -1
     kernels     returns, for these costs, the kernel that takes longest to compile and the kernel of a first result
     """
-    from hpop.runtime.compiled import can_be_cached, is_cached  # numba: on first use
-
     longest, first = kernels(aggregates, turns)
-    if can_be_cached(longest) and not is_cached(longest):
+    if runtime.compiled.can_be_cached(longest) and not runtime.compiled.is_cached(longest):
         _missing.append(_MissingKernels(aggregates, turns, first))
     try:
         if onset is Onset.AT_ONCE:
@@ -147,19 +146,15 @@ def is_first_kernel_missing() -> bool:
     """Return whether the kernel that computes a first result is not compiled yet; SciPy then computes that result."""
     if not _missing:
         return False
-    from hpop.runtime.compiled import is_cached
-
-    return not is_cached(_missing[0].first)
+    return not runtime.compiled.is_cached(_missing[0].first)
 
 
 def wait_for(compiled: Any, report: Callable[[], None]) -> None:
     """Wait while a background process compiles a kernel; call ``report`` again and again meanwhile."""
     if not _processes:
         return
-    from hpop.runtime.compiled import compiling_elsewhere
-
     name = kernel_name(compiled)
-    with compiling_elsewhere():
+    with runtime.compiled.compiling_elsewhere():
         while any(process.is_compiling_kernel(name) for process in _processes):
             report()
             sleep(POLL)

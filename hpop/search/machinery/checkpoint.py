@@ -38,6 +38,7 @@ from hpop.base.options import MOST, set_reals
 from hpop.base.text import shown
 from hpop.errors import HpopWarning, OptionError, OutputError
 from hpop.runtime.status import Status
+from hpop.search import machinery
 
 if TYPE_CHECKING:
     from hpop.search.graph import Graph
@@ -329,11 +330,9 @@ def fingerprint(graph: Graph, *question: Any) -> str:
 
 def restore(search: Search, arrays: Arrays, clock: Clock, path: Path) -> None:
     """Put a new search into the state that was saved as arrays; raise CheckpointError if they do not fit its query."""
-    from hpop.search.machinery.labels import Labels, Unsound  # numba: on first use
-
     try:
-        search.resume(Labels.of(arrays), clock)
-    except Unsound as error:
+        search.resume(machinery.labels.Labels.of(arrays), clock)
+    except machinery.labels.Unsound as error:
         raise invalid_checkpoint(path, error) from None
 
 

@@ -17,13 +17,14 @@ from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.options import whole
 from hpop.errors import GraphError, OptionError
 from hpop.runtime.status import Budget, ProgressCallback, Status
+from hpop.search import machinery, mean
 from hpop.search.graph import Graph
+from hpop.search.machinery.checkpoint import CheckpointSpec, Keeper
 from hpop.search.mean.limits import MAX_PRODUCT, MeanLimits
 from hpop.search.pareto_paths import pareto_paths
 from hpop.search.queries import UNLIMITED, ParetoPaths, checked_graph, checked_node, checked_targets
 
 if TYPE_CHECKING:
-    from hpop.search.machinery.checkpoint import CheckpointSpec, Keeper
     from hpop.search.machinery.slices import Clock
     from hpop.search.mean.search import CappedMean
 
@@ -116,11 +117,8 @@ def capped_mean_paths(
     start, targets = checked_node(checked_graph(graph), source, "source"), checked_targets(graph, target)
     columns = _columns(graph, integral, duration)
     limits = MeanLimits.of(graph, columns, cap, at_most)
-    from hpop.search.machinery.checkpoint import Keeper
-    from hpop.search.machinery.slices import Clock  # numba: on first use
-
     keeper = Keeper.of(checkpoint, graph, start, targets, METHOD, *columns, limits.most)
-    clock = Clock(budget, progress)
+    clock = machinery.slices.Clock(budget, progress)
     bounds = list(at_most) and [bound for j, bound in enumerate(at_most) if j != integral]
     first = pareto_paths(
         _without_column(graph, integral), start, targets, budget=budget, progress=progress, at_most=bounds
@@ -163,24 +161,20 @@ class _MeanRun:
 
         The walks found are in ``search``, or in ``front`` if the run ended before that search.
         """
-        from hpop.search.machinery.bounds import lower_bounds
-        from hpop.search.machinery.slices import N_GENERATED
-        from hpop.search.mean.kernel import insert_all
-        from hpop.search.mean.search import CappedMean
-
-        self.size = int(clock.call(insert_all, self.walks, self.front, self.solutions))
+        self.size = int(clock.call(mean.kernel.insert_all, self.walks, self.front, self.solutions))
         if self.first.status is not Status.COMPLETE:
             return self.first.status
         if not self.size:
             return Status.NO_PATH
         begin = clock.seconds()
-        h, _, status = lower_bounds(self.graph, source, targets, clock)
+        h, _, status = machinery.bounds.lower_bounds(self.graph, source, targets, clock)
         self.seconds_bounds += clock.seconds() - begin
         if status is not None:
             return status
         first = (self.front, self.solutions, self.size)
-        self.search = CappedMean(self.graph, source, targets, h, self.columns, self.limits, first)
-        self.search.counters[N_GENERATED] = self.first.stats.labels_generated  # both searches share the limit
+        self.search = mean.search.CappedMean(self.graph, source, targets, h, self.columns, self.limits, first)
+        # Both searches share the limit on labels.
+        self.search.counters[machinery.slices.N_GENERATED] = self.first.stats.labels_generated
         return self.search.run(clock) if self.keeper is None else self.keeper.run(self.search, METHOD, clock)
 
     def result(self, source: int, clock: Clock, status: Status) -> MeanPaths:

@@ -17,6 +17,7 @@ from hpop.base.arrays import FloatArray, IntArray
 from hpop.errors import GraphError, OptionError
 from hpop.runtime.status import Budget, Progress, ProgressCallback, Status
 from hpop.runtime.sweep import Sweep
+from hpop.search import machinery, supported
 from hpop.search.graph import Graph
 from hpop.search.lazy_paths import ArcStates, Free
 from hpop.search.queries import UNLIMITED, ParetoPaths, SearchStats, checked_graph, checked_node, checked_targets
@@ -121,9 +122,8 @@ def supported_paths(
         divisions = checked_divisions(divisions, graph.criteria)
         fixed = list(simplex_lattice(divisions, graph.criteria))
     start, targets = checked_node(graph, source, "source"), checked_targets(graph, target)
-    from hpop.search.machinery.slices import Clock  # numba: on first use
-
-    run = SupportedRun(graph, start, Clock(budget, progress), None if free is None else ArcStates(graph, free))
+    clock = machinery.slices.Clock(budget, progress)
+    run = SupportedRun(graph, start, clock, None if free is None else ArcStates(graph, free))
     try:
         status = run.go(targets, fixed, executor)
     except KeyboardInterrupt:
@@ -162,18 +162,16 @@ class SupportedRun:
 
     def go(self, targets: IntArray, fixed: list[Vector] | None, executor: Executor | None) -> Status:
         """Run the query for ``fixed`` weights, or for adaptive ones if None; return the status, fill ``paths``."""
-        from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
-
         k = self.graph.criteria
-        h, _, status = lower_bounds(self.graph, self.source, targets, self.clock)
+        h, _, status = machinery.bounds.lower_bounds(self.graph, self.source, targets, self.clock)
         self.after_bounds = self.clock.seconds()
         if status is not None:
             return status
-        if h[0, self.source] >= UNREACHABLE:
+        if h[0, self.source] >= machinery.bounds.UNREACHABLE:
             return Status.NO_PATH
         self.least = self.nadir = h[:, self.source].copy()
         self.ideal = self.least.copy()
-        self._set_reduced_costs(h, targets, UNREACHABLE)
+        self._set_reduced_costs(h, targets, machinery.bounds.UNREACHABLE)
         del h
         units = [tuple(int(i == j) for i in range(k)) for j in range(k)]
         for j, unit in enumerate(units):
@@ -261,19 +259,17 @@ class SupportedRun:
 
         h  (k, n)  lower bounds of the remaining costs, `unreachable` if no target is reached
         """
-        from hpop.search.machinery.slices import PARTS
-        from hpop.search.supported.weighted_path import arcs_onward, reduce_costs
-
         graph, k = self.graph, len(h)
-        start = self.clock.call(arcs_onward, graph.indptr, graph.heads, h[0], unreachable)
+        start = self.clock.call(supported.weighted_path.arcs_onward, graph.indptr, graph.heads, h[0], unreachable)
         m = int(start[-1])
         farthest = h.max(axis=1, initial=0, where=h < unreachable)
         narrow = (graph.largest + farthest).max() < 2**31  # a bound on reduced costs
         self.arc_index, heads = np.empty(m, np.int64), np.empty(m, np.int32)
         costs = np.empty((m, k), np.int32 if narrow else np.int64)
-        borders = np.linspace(0, graph.nodes, PARTS + 1).astype(int).tolist()
+        borders = np.linspace(0, graph.nodes, machinery.slices.PARTS + 1).astype(int).tolist()
         tables = ((graph.indptr, graph.heads, graph.costs), h, unreachable, start, self.arc_index, heads, costs)
-        largest, bound = zip(*self.clock.call_all(reduce_costs, [(p, *tables) for p in pairwise(borders)]), strict=True)
+        calls = [(part, *tables) for part in pairwise(borders)]
+        largest, bound = zip(*self.clock.call_all(supported.weighted_path.reduce_costs, calls), strict=True)
         if np.max(largest) < 2**31:
             costs = costs.astype(np.int32, copy=False)
         is_target = np.zeros(graph.nodes, np.uint8)

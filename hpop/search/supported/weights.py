@@ -16,6 +16,7 @@ from hpop.base.arrays import IntArray
 from hpop.base.options import real, whole
 from hpop.base.text import shown
 from hpop.errors import OptionError
+from hpop.search import supported
 
 # Let Y be the points found so far. The weights to try next are normals of facets of the polyhedron conv(Y) + R^k_>=. An
 # inequality w . y >= b that holds on this polyhedron is a point (w, b) of the cone
@@ -210,12 +211,12 @@ def least_path(data: Reduced, task: Task, call: Any) -> IntArray | None:
 
     call  function that calls a kernel with its arguments
     """
-    from hpop.search.supported.weighted_path import encoded, weighted_path  # numba: on first use
-
-    weights, limit = encoded(task.weights, task.limit, data.largest)
+    kernels = supported.weighted_path
+    weights, limit = kernels.encoded(task.weights, task.limit, data.largest)
     heads = data.heads
     if task.blocked.size:  # they become loops, which no shortest path uses
         heads = heads.copy()
         heads[task.blocked] = np.searchsorted(data.indptr, task.blocked, side="right") - 1
-    arcs: IntArray = call(weighted_path, data.indptr, heads, data.costs, data.source, data.is_target, weights, limit)
+    ends = data.source, data.is_target
+    arcs: IntArray = call(kernels.weighted_path, data.indptr, heads, data.costs, *ends, weights, limit)
     return None if arcs.size and arcs[0] < 0 else arcs

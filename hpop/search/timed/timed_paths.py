@@ -14,6 +14,7 @@ from hpop.base.text import shown
 from hpop.errors import GraphError
 from hpop.frontier import is_nondominated
 from hpop.runtime.status import Budget, ProgressCallback, Status
+from hpop.search import machinery, timed
 from hpop.search.machinery.approximation import ANYTHING, Precision
 from hpop.search.queries import (
     UNLIMITED,
@@ -85,13 +86,11 @@ def timed_paths(
         raise GraphError(f"graph must be a TimedGraph of hpop.search, got {shown(graph)}; make one from a Graph")
     static = graph.graph
     start, targets = checked_node(static, source, "source"), checked_targets(static, target)
-    from hpop.search.machinery.slices import Clock  # numba: on first use
-    from hpop.search.timed.solutions import StoredSolutions
 
     precision, bounds = precision_of(static, eps, tolerance), bounds_of(static, at_most)
     query = (start, targets, float(precision.eps), precision.of(range(static.criteria)), np.array(bounds, np.int64))
-    stored = StoredSolutions(graph, checkpoint, *query)
-    clock = Clock(budget, progress)
+    stored = timed.solutions.StoredSolutions(graph, checkpoint, *query)
+    clock = machinery.slices.Clock(budget, progress)
     run = _TimedRun(graph, start, targets, precision, bounds, stored)
     try:
         status = run.go(clock)
@@ -131,36 +130,31 @@ class _TimedRun:
         """Run the query and return its status; the solutions are in ``search`` and ``seeds``."""
         if self.at_goal:
             return Status.COMPLETE
-        from hpop.search.machinery.bounds import UNREACHABLE
-        from hpop.search.timed.bounds import TimedJointBounds
-        from hpop.search.timed.calm import path_bounds, remaining_bounds
-        from hpop.search.timed.search import TimedSearch
-        from hpop.search.timed.tables import TimedTables, own_bytes
 
-        if (limit := clock.exceeded(0, own_bytes(self.graph), record=False)) is not None:
+        if (limit := clock.exceeded(0, timed.tables.own_bytes(self.graph), record=False)) is not None:
             return limit
-        self.tables = tables = TimedTables.of(self.graph)
-        self.bounds, status = path_bounds(self.graph, tables, self.source, self.targets, clock)
+        self.tables = tables = timed.tables.TimedTables.of(self.graph)
+        self.bounds, status = timed.calm.path_bounds(self.graph, tables, self.source, self.targets, clock)
         if self.bounds is None:
             assert status is not None
             return status
-        if self.bounds.ticks[self.source] >= UNREACHABLE:
+        if self.bounds.ticks[self.source] >= machinery.bounds.UNREACHABLE:
             return Status.NO_PATH
         seeds = self.stored.seeds(tables, self.source, self.targets, clock)
-        bounds = TimedJointBounds(self.graph, tables, self.bounds, self.source, self.targets, seeds)
+        bounds = timed.bounds.TimedJointBounds(self.graph, tables, self.bounds, self.source, self.targets, seeds)
         self.seeds = bounds.seeds
         bounds.make(clock)
         if (status := clock.exceeded(0, 0, record=False)) is not None:
             self.save()
             return status
-        rest = remaining_bounds(self.graph, self.bounds, bounds.layout.needed)
+        rest = timed.calm.remaining_bounds(self.graph, self.bounds, bounds.layout.needed)
         self.after_bounds = clock.seconds()
         joint = bounds.joint()
         for precision, enough in self._precision_stages():
             before = (0, 0) if self.search is None else self.search.label_counts
             self.seeds = self._solutions()
             query = (self.source, self.targets, precision, self.at_most, bounds, joint, self.seeds, before)
-            self.search = TimedSearch(self.graph, tables, rest, *query)
+            self.search = timed.search.TimedSearch(self.graph, tables, rest, *query)
             status = self.search.run(clock, lambda: self.stored.save_if_due(self._solutions), enough)
             if status is not None and not status.is_final:
                 self.save()
@@ -202,9 +196,6 @@ class _TimedRun:
         end = clock.seconds()
         gap = self.precision.eps if status.is_final else self.proven
         if self.tables is not None and self.bounds is not None:
-            from hpop.search.machinery.kernels import proven_gap  # numba: on first use
-            from hpop.search.timed.best_paths import merge_holds
-
             if self.search is not None:
                 costs, paths = self.search.costs_and_paths()
                 counts = self.search.counts()
@@ -213,12 +204,12 @@ class _TimedRun:
                 costs = np.array([seed.costs for seed in seeds], np.int64).reshape(-1, k)
                 paths = [(seed.arcs, seed.leaves) for seed in seeds]
             for row, (arcs, leaves) in zip(costs, paths, strict=True):
-                clock.call(merge_holds, self.tables, self.source, 0, arcs, leaves, row)
+                clock.call(timed.best_paths.merge_holds, self.tables, self.source, 0, arcs, leaves, row)
             if not status.is_final and self.search is not None:
-                missing = max(proven_gap(costs, block, gap) for block in self.search.estimates())
+                missing = max(machinery.kernels.proven_gap(costs, block, gap) for block in self.search.estimates())
                 gap = min(gap, max(self.search.eps, missing))
             elif not status.is_final:
-                gap = min(gap, proven_gap(costs, self.bounds.least[:, self.source][None], gap))
+                gap = min(gap, machinery.kernels.proven_gap(costs, self.bounds.least[:, self.source][None], gap))
         costs.setflags(write=False)
         stats = SearchStats(
             METHOD,

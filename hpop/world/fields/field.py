@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from threading import RLock
 from typing import Any, NamedTuple
 
@@ -25,6 +24,7 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, Column, FloatArray, IntArray
 from hpop.base.math import is_symbolic
 from hpop.base.symbols import lift
+from hpop.world import fields
 from hpop.world.geometry.shapes import rotate
 
 PAD = 2
@@ -107,14 +107,12 @@ class Field:
 
     def gradient(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the partial derivatives (df/dx, df/dy), per metre, in the world frame; 0 beyond the border."""
-        from hpop.world.fields._kernels import quadratics  # numba is slow to import
-
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         u, v = (np.ravel(at) for at in self._grid(x, y))
         coefficients, at = self.coefficients_at(u, v), np.stack([u, v], axis=1)
         last = np.array(coefficients.shape[::-1]) - 2.0
         out = np.empty((u.size, 8))
-        quadratics(coefficients, np.clip(at, 1.0, last), out)
+        fields._kernels.quadratics(coefficients, np.clip(at, 1.0, last), out)
         rise = out[:, 3:5] * ((at >= 1.0) & (at <= last)) / self.spacing  # (M, 2)
         du, dv = rise.T.reshape(2, *x.shape)
         slopes: tuple[FloatArray, FloatArray] = rotate(du, dv, self.origin[2])
@@ -132,7 +130,7 @@ class Field:
         rows, columns = coefficients.shape
         (row, up), (column, right) = _step(v, rows), _step(u, columns)
         out = np.zeros(u.size)
-        _kernel()(coefficients, row, column, up, right, out)
+        fields._kernels.spline(coefficients, row, column, up, right, out)
         return out.reshape(shape)
 
     def coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
@@ -156,9 +154,7 @@ class Field:
         """Return the values (M, 1) at points in grid steps, as a CasADi expression."""
         u, v, points, size = places
         if points is None:
-            from hpop.world.fields.symbols import look  # CasADi is slow to import
-
-            return lift(look(self, u, v), size)
+            return lift(fields.symbols.look(self, u, v), size)
         function = self.__dict__.get("_function")
         if function is None:
             function = self._build()
@@ -181,14 +177,6 @@ def _step(at: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
     at = np.minimum(np.maximum(at, 1.0), count - 2.0)
     before = np.fmin(at, count - 3.0).astype(np.int64)  # fmin also bounds NaN
     return before, at - before
-
-
-@lru_cache(maxsize=1)
-def _kernel() -> Any:
-    """Return the compiled spline; numba, which takes half a second to import, is imported on first use."""
-    from hpop.world.fields._kernels import spline  # numba is slow to import
-
-    return spline
 
 
 def grid_points(bounds: tuple[float, float, float, float], spacing: float) -> tuple[FloatArray, FloatArray]:

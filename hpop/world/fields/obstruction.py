@@ -22,6 +22,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.base.arrays import Column, FloatArray, IntArray
 from hpop.runtime import limits
+from hpop.world import fields
 from hpop.world.geometry.rays_in_space import Surfaces, surfaces_of
 from hpop.world.geometry.shapes import Obstacle, Raster, overlaps
 
@@ -168,8 +169,6 @@ def prism_obstruction(
 
     The obstacles are prisms that do not overlap, as :func:`disjoint_prisms` returns them.
     """
-    from hpop.world.fields._kernels import ball_volumes  # numba is slow to import
-
     columns = (np.asarray(c, dtype=np.float64) for c in (x, y, z))
     x, y, z = (np.ravel(c) for c in np.broadcast_arrays(*columns))
     volume = np.zeros(x.shape)
@@ -185,7 +184,7 @@ def prism_obstruction(
         points, box, found = order[cuts[i] : cuts[i + 1]], boxes[i], part_of[begin:end]
         edges, slab = _edges([shapely.intersection(parts[i], box) for i in found])
         part = np.zeros(points.size)
-        ball_volumes(edges, slab, heights[found], x[points], y[points], z[points], radius, part)
+        fields._kernels.ball_volumes(edges, slab, heights[found], x[points], y[points], z[points], radius, part)
         volume[points] = part
     phi = volume / (4.0 / 3.0 * math.pi * radius**3)
     phi[np.abs(phi) < ROUNDING] = 0.0

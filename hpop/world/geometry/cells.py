@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.world import geometry
 from hpop.world.geometry.planar import TOLERANCE, EdgeTree, FreeSpace
 from hpop.world.geometry.shapes import Raster
 
@@ -191,10 +192,10 @@ class CellSpace(FreeSpace):
 
     def contains(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Return which points (M,) lie strictly inside the free region."""
-        from hpop.world.geometry._cells import inside_cells  # numba is slow to import
-
         free = np.empty(x.shape, dtype=np.bool_)
-        inside_cells(self.raster.cells, *self._lines, np.asarray(x, np.float64), np.asarray(y, np.float64), free)
+        geometry._cells.inside_cells(
+            self.raster.cells, *self._lines, np.asarray(x, np.float64), np.asarray(y, np.float64), free
+        )
         if self.rest is not None:
             inside = np.flatnonzero(free)
             free[inside] = self.rest.contains(x[inside], y[inside])

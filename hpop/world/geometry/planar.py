@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, distinct
+from hpop.world import geometry
 
 LEAF = 4  # pieces of edges in a leaf
 ROUNDING = 8  # units in the last place by which boxes are enlarged against rounding
@@ -72,20 +73,17 @@ class EdgeTree:
 
     def distance(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return the distance (M,), m, of points to the nearest edge."""
-        from hpop.world.geometry._kernels import nearest  # numba is slow to import
-
         out, levels = np.empty(x.shape), len(self.members).bit_length() + 1
-        nearest(self.edges, self.members, self.boxes, np.empty(2 * levels, np.int64), np.empty(2 * levels), x, y, out)
+        scratch = np.empty(2 * levels, np.int64), np.empty(2 * levels)
+        geometry._kernels.nearest(self.edges, self.members, self.boxes, *scratch, x, y, out)
         return out
 
     def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
         """Update in ``relation`` (N,) whether convex hulls of corners (N, c, 2), m, meet the edges."""
-        from hpop.world.geometry._hulls import compare_hulls  # numba is slow to import
-
         levels, count = len(self.members).bit_length() + 1, corners.shape[1]
         scratch = np.empty(2 * levels, np.int64), *np.split(np.empty((6 * count, 3)), [count, 3 * count])
         slack = SLACK * float(np.abs(self.boxes[0]).max())
-        compare_hulls(
+        geometry._hulls.compare_hulls(
             self.edges, self.members, self.boxes, *scratch[:1], corners, *scratch[1:], margin, slack, relation
         )
 
@@ -217,15 +215,14 @@ class FreeSpace:
         The result equals :meth:`shapes_free`, which is slower and therefore called only for hulls whose distance from
         the border is the margin up to rounding.
         """
-        from hpop.world.geometry._hulls import CLEAR, UNSURE, is_worth_compiling  # numba is slow to import
-
-        if not is_worth_compiling(len(corners)):
+        hulls = geometry._hulls
+        if not hulls.is_worth_compiling(len(corners)):
             return self.shapes_free(convex_hulls(corners), margin)
-        relation = np.full(len(corners), CLEAR, np.uint8)
+        relation = np.full(len(corners), hulls.CLEAR, np.uint8)
         self.compare(corners, margin - TOLERANCE if margin > TOLERANCE else 0.0, relation)
-        free: BoolArray = relation == CLEAR
+        free: BoolArray = relation == hulls.CLEAR
         free[free] = self.contains(corners[free, 0, 0], corners[free, 0, 1])
-        unsure = np.flatnonzero(relation == UNSURE)
+        unsure = np.flatnonzero(relation == hulls.UNSURE)
         if unsure.size:
             free[unsure] = self.shapes_free(convex_hulls(corners[unsure]), margin)
         return free

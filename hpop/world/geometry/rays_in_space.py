@@ -18,6 +18,7 @@ from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.math import is_symbolic
 from hpop.errors import OptionError
 from hpop.runtime import limits
+from hpop.world import geometry
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Shape, Solid, Sphere
 
 if TYPE_CHECKING:
@@ -72,15 +73,13 @@ class Surfaces:
         The rays have unit directions (N, K, 3) and begin at origins (N, 3), m. A body that contains or touches the
         origin, such as the case of the camera, does not stop a ray.
         """
-        from hpop.world.geometry._kernels import first_hits  # numba is slow to import
-
         out = np.full(directions.shape[:2], float(reach))
         if len(self):
             for begin in range(0, len(origins), CAST):
                 limits.check(RAYS)
                 part = slice(begin, begin + CAST)
                 o, d = (np.ascontiguousarray(of[part], dtype=np.float64) for of in (origins, directions))
-                first_hits(self.planes, self.begin, self.rounds, o, d, float(reach), out[part])
+                geometry._kernels.first_hits(self.planes, self.begin, self.rounds, o, d, float(reach), out[part])
         return out
 
     def blocked(
@@ -91,12 +90,12 @@ class Surfaces:
         Rays have unit directions (N, K, 3). Bodies are these surfaces, and the robot's surfaces ``own``, each of
         which moves with a frame: poses (B, N, 4, 4).
         """
-        from hpop.world.geometry._sight_in_space import blocked  # numba is slow to import
-
         limits.check(RAYS)
         out = np.empty(len(origins))
         arrays = (np.ascontiguousarray(array, dtype=np.float64) for array in (poses, origins, directions, reach))
-        blocked(self.planes, self.begin, self.rounds, own.planes, own.begin, own.rounds, *arrays, out)
+        geometry._sight_in_space.blocked(
+            self.planes, self.begin, self.rounds, own.planes, own.begin, own.rounds, *arrays, out
+        )
         return out
 
     def flow(
@@ -112,20 +111,18 @@ class Surfaces:
         largest: bool,
     ) -> FloatArray:
         """Return the mean or largest angular speed (N,), rad/s, of surfaces that a camera sees; see `_kernels.flow`."""
-        from hpop.world.geometry._kernels import flow  # numba is slow to import
-
         out = np.empty(len(places))
         for begin in range(0, len(places), CAST):
             limits.check(RAYS)
             part = slice(begin, begin + CAST)
             camera = (np.ascontiguousarray(of[part], dtype=np.float64) for of in (places, axes, velocity, rotation))
-            flow(self.planes, self.begin, self.rounds, *camera, view, reach, nearest, largest, out[part])
+            geometry._kernels.flow(
+                self.planes, self.begin, self.rounds, *camera, view, reach, nearest, largest, out[part]
+            )
         return out
 
     def filled(self, centres: FloatArray, radius: float, rays: int) -> FloatArray:
         """Return the fraction (N,) of the ball of ``radius`` m around each centre (N, 3), m, that bodies fill."""
-        from hpop.world.geometry._kernels import filled  # numba is slow to import
-
         out = np.zeros(len(centres))
         if len(self):
             directions = over_sphere(rays)
@@ -133,7 +130,7 @@ class Surfaces:
                 limits.check(RAYS)
                 part = slice(begin, begin + CAST)
                 o = np.ascontiguousarray(centres[part], dtype=np.float64)
-                filled(self.planes, self.begin, self.rounds, o, directions, float(radius), out[part])
+                geometry._kernels.filled(self.planes, self.begin, self.rounds, o, directions, float(radius), out[part])
         return out
 
 
@@ -172,10 +169,8 @@ def towards_ball(
 
     The points are (N, 3), m; lengths are 0 for points inside the ball.
     """
-    from hpop.world.geometry._kernels import towards_ball  # numba is slow to import
-
     directions, reach = np.empty((len(places), rays, 3)), np.empty((len(places), rays))
-    towards_ball(places, np.array(centre, float), radius, over_disc(rays), directions, reach)
+    geometry._kernels.towards_ball(places, np.array(centre, float), radius, over_disc(rays), directions, reach)
     return directions, reach
 
 

@@ -19,6 +19,7 @@ from hpop.base.arrays import BoolArray, Column, FloatArray
 from hpop.base.math import SMOOTHING, hypot, is_symbolic, is_zero, smooth_abs, smooth_step
 from hpop.base.options import MOST, real, whole
 from hpop.runtime import limits
+from hpop.world import sight
 from hpop.world.content.content import Content, Landmark
 from hpop.world.fields.field import PAD, Field, grid_points
 from hpop.world.geometry.planar import EdgeGrid, FreeSpace, without
@@ -208,8 +209,6 @@ class Bearings:
         *,
         largest: bool,
     ) -> FloatArray:
-        from hpop.world.sight._kernels import flow  # numba is slow to import
-
         u, v = (x - self.origin[0]) / self.spacing + PAD, (y - self.origin[1]) / self.spacing + PAD
         shape = np.broadcast_shapes(*(np.shape(c) for c in (u, v, *velocity, *rotation)))
         u, v, vx, vy, rate = (_column(c, shape) for c in (u, v, *velocity[:2], rotation[2]))
@@ -218,7 +217,7 @@ class Bearings:
         yaw, width = (np.empty(0), 0.0) if seen is None else (_column(seen.yaw, shape), seen.width)
         out = np.empty(u.shape)
         layers = self.distances if largest else self.layers(nearest)
-        flow(layers, self.directions, u, v, vx, vy, rate, tilt, yaw, width, nearest, largest, out)
+        sight._kernels.flow(layers, self.directions, u, v, vx, vy, rate, tilt, yaw, width, nearest, largest, out)
         return out
 
 
@@ -283,15 +282,13 @@ def _cast(edges: FloatArray, x: FloatArray, y: FloatArray, directions: FloatArra
     """Return the distances (M, B), m, from points to the first edge along each direction; at most `REACH`."""
     out = np.full((x.size, len(directions)), REACH)
     if len(edges):
-        from hpop.world.sight._kernels import cast  # numba is slow to import
-
         grid = EdgeGrid.build(edges)
         shape = grid.shape
         index = (grid.edges, grid.start, grid.members, shape, grid.corner, grid.side)
         for begin in range(0, x.size, CAST):
             limits.check(DISTANCES)
             part = slice(begin, begin + CAST)
-            cast(*index, x[part], y[part], directions, REACH, out[part])
+            sight._kernels.cast(*index, x[part], y[part], directions, REACH, out[part])
     return out
 
 

@@ -26,6 +26,7 @@ from hpop.base.math import is_symbolic
 from hpop.base.options import LEAST, MOST, real
 from hpop.errors import OptionError
 from hpop.runtime import limits
+from hpop.world import sight
 from hpop.world.content.content import Landmark
 from hpop.world.fields.field import PAD, Field, grid_points
 from hpop.world.fields.sampling import MAX_HEIGHTS
@@ -102,16 +103,16 @@ def landmark_field(world: World, index: int, camera_z: float, near: float, far: 
 
 def _seen(ground: Ground, landmark: Landmark, camera_z: float, near: float, far: float) -> Window:
     """Return the samples of :func:`landmark_field` within a window, outside which they are 0."""
-    sight = _lit(ground, landmark, camera_z, far)
+    window = _lit(ground, landmark, camera_z, far)
     xs, ys, _ = _grid(ground)
-    dx, dy = (xs[sight.columns] - landmark.x)[None, :], (ys[sight.rows] - landmark.y)[:, None]
+    dx, dy = (xs[window.columns] - landmark.x)[None, :], (ys[window.rows] - landmark.y)[:, None]
     flat = np.hypot(dx, dy)
     distance = np.hypot(flat, camera_z - landmark.z)
-    value = sight.values * np.clip((far - distance) / (far - near), 0.0, 1.0)
+    value = window.values * np.clip((far - distance) / (far - near), 0.0, 1.0)
     if landmark.facing is not None:
         along = dx * math.cos(landmark.facing) + dy * math.sin(landmark.facing)
         value = value * np.where(flat > 0, np.clip(along / np.where(flat > 0, flat, 1.0), 0.0, 1.0), 1.0)
-    return sight._replace(values=value)
+    return window._replace(values=value)
 
 
 def landmarks_unseen(
@@ -216,8 +217,6 @@ def _unseen_in_view(
     world: World, pose: Pose, z: float, near: float, far: float, fov: float, vertical: float
 ) -> FloatArray:
     """Return `landmarks_unseen` (M,) for poses given as numbers. All landmarks share the spline weights of a pose."""
-    from hpop.world.sight._kernels import unseen  # numba is slow to import
-
     ground, landmarks = world.ground, world.content.landmarks
 
     def make() -> tuple[FloatArray, IntArray]:
@@ -238,7 +237,7 @@ def _unseen_in_view(
     pitch = np.array(np.broadcast_to(pose.pitch, x.shape), np.float64).ravel() if limited else np.empty(0)
     corner = (float(xs[0]) - PAD * spacing, float(ys[0]) - PAD * spacing)
     out = np.empty(x.size)
-    unseen(
+    sight._kernels.unseen(
         values,
         windows,
         (ys.size, xs.size),
@@ -258,8 +257,6 @@ def _unseen_in_view(
 
 def _lit(ground: Ground, landmark: Landmark, camera_z: float, far: float) -> Window:
     """Return the fraction of free lines of sight for each sample up to ``far`` m from a landmark in x and y."""
-    from hpop.world.sight._kernels import lit, shadows  # numba is slow to import
-
     limits.check(SIGHT)
     xs, ys, spacing = _grid(ground)
     rows, columns = _part(ground, landmark, far)
@@ -275,9 +272,9 @@ def _lit(ground: Ground, landmark: Landmark, camera_z: float, far: float) -> Win
     lines = (edges[hides] - np.tile(corner, 2)) / step
     whole = ys.size * SPLIT, xs.size * SPLIT
     part = rows.start * SPLIT, columns.start * SPLIT
-    shadows(lines, near[hides], beyond[hides], light[0], light[1], whole, *part, turns)
+    sight._kernels.shadows(lines, near[hides], beyond[hides], light[0], light[1], whole, *part, turns)
     out = np.zeros(shape)
-    lit(turns, SPLIT, out)
+    sight._kernels.lit(turns, SPLIT, out)
     return Window(rows, columns, np.clip(out, 0.0, 1.0))
 
 
@@ -317,8 +314,6 @@ def _hiding(bottom: FloatArray, top: FloatArray, landmark_z: float, camera_z: fl
 
 
 def _sample_openness(ground: Ground, camera_z: float, radius: float) -> Field:
-    from hpop.world.sight._kernels import isovists  # numba is slow to import
-
     xs, ys, spacing = _grid(ground, min(radius / FINENESS, COARSEST))
     limits.hold(OPENNESS, xs.size * ys.size * SAMPLE, xs.size * ys.size * SCRATCH)
     x, y = (c.ravel() for c in np.meshgrid(xs, ys))
@@ -337,7 +332,7 @@ def _sample_openness(ground: Ground, camera_z: float, radius: float) -> Field:
         other = np.array([x[points].max(), y[points].max()]) + radius
         close = np.flatnonzero((low <= other).all(axis=1) & (high >= corner).all(axis=1))
         part = np.empty(points.size)
-        isovists(edges[close], x[points], y[points], radius, cos, sin, part)
+        sight._kernels.isovists(edges[close], x[points], y[points], radius, cos, sin, part)
         share[points] = part
     shapely.prepare(solid)
     share[shapely.contains_xy(solid, x, y)] = 0.0

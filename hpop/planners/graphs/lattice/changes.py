@@ -17,7 +17,7 @@ from hpop.motions import lacking
 from hpop.planners.graphs.arcs import MOVE, Arcs
 from hpop.planners.graphs.lattice.graph import StateLattice
 from hpop.planners.objectives import quantised
-from hpop.search import Graph
+from hpop.search import Graph, machinery
 from hpop.world import World
 from hpop.world.geometry.cells import changed_boxes
 from hpop.world.occupancy import take_over
@@ -81,8 +81,6 @@ def _take_over_graph(
     near     (rows, columns)  mask of the positions near the change
     changed  (m,)  mask of the arcs that are new, or have new costs
     """
-    from hpop.search.machinery.changed_turns import take_over_groups  # numba: on first use
-
     names = tuple(before.cache_name(criterion) for criterion in criteria)
     graph: Graph | None = None if None in names else before.cached_part(("graph", names))
     if graph is None or not lattice.costed(criteria):
@@ -91,7 +89,7 @@ def _take_over_graph(
     is_same = ~near[lattice.cells] & (np.diff(count[lattice.arcs.start[:: lattice.width]]) == 0)
     place = np.where(is_same, before.number[lattice.cells], -1)[:, None]
     nodes = np.where(place < 0, -1, place * lattice.width + np.arange(lattice.width))
-    take_over_groups(graph, lattice.graph(criteria), nodes.ravel())
+    machinery.changed_turns.take_over_groups(graph, lattice.graph(criteria), nodes.ravel())
 
 
 def _longest_step(lattice: StateLattice) -> float:
