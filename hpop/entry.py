@@ -88,7 +88,7 @@ class _TolerantStream(io.FileIO):
                 return super().write(data) or 0
         except OSError as error:
             if error.errno not in LEFT:
-                from hpop.errors import OutputError  # start-up time; printing rarely fails
+                from hpop.errors import OutputError  # Ctrl-C is handled only once main runs
 
                 self.failed = True  # further output is discarded
                 raise OutputError(f"cannot print: {error.strerror or error}; send the output elsewhere") from None
