@@ -159,13 +159,18 @@ def test_the_planner_in_the_docs_plans(tmp_path, monkeypatch):
     check_planner(straight(), models=[hpop.DifferentialDrive(), hpop.PanTilt()])
 
 
-def test_the_robot_in_the_docs_is_one(tmp_path, monkeypatch):
-    (block,) = (block for block in blocks("docs/own_robot.md") if "class Slider" in block)
-    (tmp_path / "docs_slider.py").write_text(block.replace('model("slider")', 'model("docs_slider")'))
+@pytest.mark.parametrize(
+    ("name", "options", "provides"),
+    [("Slider", {"speed": 0.7}, {"rigid"}), ("Cart", {}, {"turn-move", "joints"})],
+)
+def test_a_robot_in_the_docs_is_one(name, options, provides, tmp_path, monkeypatch):
+    (block,) = (block for block in blocks("docs/own_robot.md") if f"class {name}" in block)
+    module = f"docs_{name.lower()}"
+    (tmp_path / f"{module}.py").write_text(block.replace(f'model("{name.lower()}")', f'model("{module}")'))
     monkeypatch.syspath_prepend(tmp_path)
-    slider = importlib.import_module("docs_slider").Slider
-    check_model(slider(speed=0.7))
-    assert slider().provides == {"base", "camera", "plane", "rigid"}
+    robot = getattr(importlib.import_module(module), name)
+    check_model(robot(**options))
+    assert robot().provides == {"base", "camera", "plane", *provides}
 
 
 def test_a_planner_in_the_docs_is_one_of_those_that_there_are():

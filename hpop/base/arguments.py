@@ -311,9 +311,11 @@ def _is_array(value: Any, hint: Any) -> bool:
 
 
 def _is_collection(value: Any, cls: Any, parts: tuple[Any, ...]) -> bool:
-    """Return whether a value is a collection of class ``cls`` whose first entries fit the types ``parts``.
+    """Return whether the entries of a value of class ``cls`` fit the type arguments ``parts``: (int,) for list[int].
 
-    Iterators are not consumed.
+    A tuple of fixed length, such as tuple[int, str], is checked entry by entry. For other collections with one type
+    argument, the first ``CHECKED_ENTRIES`` entries are checked. Iterators fit if ``cls`` is Iterable or Iterator; their
+    entries are not checked, since this would consume them.
     """
     if isinstance(value, str | bytes) or not isinstance(value, Iterable):
         return False

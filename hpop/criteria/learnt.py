@@ -201,7 +201,7 @@ def _source(values: list[Any]) -> Source:
 
 
 def _refuse(path: Any, fault: str) -> NoReturn:
-    """Raise CriterionError for an invalid file of a learnt criterion."""
+    """Raise CriterionError for an invalid file of a learnt criterion; ``fault`` says what is wrong with it."""
     raise CriterionError(
         f"learnt: {shown(str(path), 400)}: expected a file from hpop.study.fit_criterion(...).save(file); found: "
         f"{fault:.600}; learn it again"

@@ -210,7 +210,10 @@ class DriveSurroundings:
 
 
 def _bodies(people: Iterable[Person], before: Mapping[Person, Closing], margin: float) -> dict[Person, Closing]:
-    """Return the closed area of each standing person: its body, enlarged by a margin, m; ``before`` is reused."""
+    """Return the closed area of each standing person: the person's body, enlarged by a margin, m.
+
+    A person who is in ``before`` (earlier areas) keeps the area from there, as the same object.
+    """
     bodies, content = {}, Content(people=tuple(people), kept=margin)
     for i, body in content.bodies.items():
         person = content.people[i]

@@ -165,7 +165,9 @@ def parts(table: Any, name: str, kinds: Kinds) -> list[Any]:
 
 
 def numbers(values: list[Any], name: str, size: int, *, gaps: bool = False) -> FloatArray:
-    """Check that a list has ``size`` finite numbers and return them as an array; with ``gaps``, null becomes NaN.
+    """Check that a list of a JSON file has ``size`` numbers within float64's range, and return them as an array.
+
+    With ``gaps``, null is allowed and becomes NaN. Raises ValueError for other values.
 
     >>> numbers([1, 0.5, None], "clock", 3, gaps=True)
     array([1. , 0.5, nan])

@@ -197,7 +197,9 @@ class Preference:
         return bool(self.answers) and self.random < 0.5
 
     def best(self, front: Front[Any] | None = None) -> Best:
-        """Return the best point for the person (least expected total cost), by default on the front of the questions.
+        """Return the point with the least expected total cost for the person, with the probability that it is the best.
+
+        front  by default the front from which the questions were taken
 
         Raises StudyError for a front without one of the costs.
         """

@@ -18,7 +18,7 @@ MOST_LETTERS = 40  # largest number of characters of a row's name in the name of
 
 @dataclass(frozen=True)
 class NamedRow:
-    """Row of a front, with the name by which a user requested it: "knee", "least turns", or "" for a number."""
+    """Row of a front, with the name by which a user requested it: "knee", "least turns", or "" if by its number."""
 
     point: Point
     name: str

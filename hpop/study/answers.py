@@ -346,7 +346,7 @@ class Ledger:
 
     @property
     def events(self) -> list[dict[str, Any]]:
-        """Return all events so far; StudyError for an invalid file, or a file of another design."""
+        """Return all events so far; StudyError if the file is missing or invalid, or belongs to another design."""
         return list(self._read()["events"])
 
     def add(self, event: Mapping[str, Any], device: Mapping[str, Any]) -> bool:

@@ -47,9 +47,9 @@ class Condition:
     """Stimulus of a study, which participants know only by a letter.
 
     id        "A", "B", ...: assigned at random, so that it does not reveal the row
-    row       row of the front; None for the still view and for baselines
-    name      name of the row, such as "knee"; "" for a number
-    kind      "ride", "video" or "view"
+    row       row of the front; None for the still view (what the camera sees at the start) and for baselines
+    name      name by which the row was chosen, such as "knee", or of a baseline; "" if it was chosen by its number
+    kind      "ride", "video", or "view" for the still view
     costs     by criterion; empty for the still view
     duration  s, executed
     """

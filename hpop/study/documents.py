@@ -250,7 +250,7 @@ class ReportFile(StrictObject):
 
 
 def read_report(folder: Path) -> ReportFile:
-    """Read report.json in the folder of a report; StudyError for an invalid file."""
+    """Read report.json in the folder of a report; StudyError if the file is missing or invalid."""
     return read(folder / REPORT, ReportFile, "the record of a report", MOST_REPORT)
 
 

@@ -32,7 +32,7 @@ BEFORE = "before"
 def score_tables(
     design: Design, matrix: Matrix, before: FloatArray | None, method: Method, correction: Correction
 ) -> tuple[Tables, list[str]]:
-    """Return all tables of one score by name, and the reasons for those that the answers do not suffice for."""
+    """Return all tables of one score by name, and notes on those for which there are too few answers."""
     labels, values = [label(design, letter) for letter in matrix.conditions], matrix.values
     wanted: dict[str, Callable[[], Sequence[Row]]] = {"scores": lambda: _quartile_rows(labels, values, before)}
     if len(labels) >= LEAST_STIMULI or method == "paper":
@@ -47,7 +47,7 @@ def score_tables(
 
 
 def choice_tables(design: Design, answers: Answers) -> tuple[Tables, list[str]]:
-    """Return all tables of the choices between pairs by name, and the reasons for those that are missing."""
+    """Return all tables of the choices between pairs by name, and notes on those that are missing, with the reason."""
     made = [(session.person.id, one) for session in answers.sessions for one in session.comparisons]
     tables: Tables = {}
     notes = []
@@ -94,7 +94,7 @@ def label(design: Design, letter: str) -> str:
 
 
 def _made(wanted: Mapping[str, Callable[[], Sequence[Row]]]) -> tuple[Tables, list[str]]:
-    """Compute tables; return those that succeed by name, and the reasons for the others."""
+    """Compute tables; return those that have rows, by name, and a note for each that raised StudyError."""
     tables: Tables = {}
     notes = []
     for name, make in wanted.items():

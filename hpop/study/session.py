@@ -148,7 +148,7 @@ class Session:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], design: Design) -> Session:
-        """Read a participant's file of answers; StudyError for an invalid file, or one that does not fit the design."""
+        """Read a participant's file of answers; StudyError if it is missing or invalid, or does not fit the design."""
         stored = read(path, AnswersFile, "the answers of a participant", MOST_BYTES)
         try:
             return cls.of(stored, design)

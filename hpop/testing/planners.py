@@ -168,7 +168,10 @@ def _in_space(model: Model, rng: np.random.Generator) -> tuple[World, States, St
         world, goal = World.from_solids([ball], extent=extent), states.take(slice(other, other + 1))
         if all(_free_states(model, world, end).size for end in (start, goal)):
             return world, start, goal
-    raise ModelError(f"no two of {POSTURES} states of {model.name} are free with a ball between them")
+    raise ModelError(
+        f"expected two states of {model.name} that are free with a ball between their camera positions, found none "
+        f"among {POSTURES} random states; check the limits of its joints and its collision test"
+    )
 
 
 def _free_states(model: Model, world: World, states: States) -> States:

@@ -304,7 +304,7 @@ def _draw_person(axes: Axes, person: Person, moment: float, weight: float) -> No
 
 
 def _draw_progress(axes: Axes, driven: _Driven, gaps: FloatArray, moments: FloatArray) -> None:
-    """Draw the distance driven over time, on a background coloured by the distance to the nearest person."""
+    """Draw the distance driven over time; the background shows how near people are to each position on the path."""
     levels = [-1e9, 0.0, *HALL.values(), 1e9]
     axes.imshow(
         gaps,
@@ -328,7 +328,12 @@ def _draw_progress(axes: Axes, driven: _Driven, gaps: FloatArray, moments: Float
 
 
 def _name_tube(axes: Axes, person: Person, driven: _Driven, gaps: FloatArray) -> None:
-    """Write a person's name in the chart of distance over time, where that person is nearest to the robot's path."""
+    """Write a person's name in the chart of the position on the robot's path over time.
+
+    The name is where the person would be nearest to the robot, if the robot were at that position at that time.
+
+    gaps  (PLACES, TIMES)  m  gap between person and robot, for each position on the path and each time
+    """
     touching = max(float(gaps.min()), 0.0)
     moments, places = np.nonzero((gaps <= touching).T)  # by time
     middle = moments.size // 2

@@ -43,8 +43,9 @@ class FromCells:
         """Build a world from occupancy cells (H, W), row 0 at the bottom; `Raster` explains the other parameters.
 
         >>> import hpop
-        >>> world = hpop.World.from_cells(np.eye(3, dtype=bool), 0.5)
-        >>> world.clearance(np.array([1.25]), np.array([0.25]))
+        >>> import numpy as np
+        >>> world = hpop.World.from_cells(np.eye(3, dtype=bool), 0.5, outside_is_obstacle=False)
+        >>> world.clearance(np.array([0.25]), np.array([0.75]))  # beside the cell in the middle, above the first
         array([0.25])
         """
         raster = Raster(occupied, resolution, origin, *check_heights(height))

@@ -1,4 +1,4 @@
-"""Angular acceleration above the threshold of the semicircular canals."""
+"""Excess of the camera's angular acceleration over the threshold of the semicircular canals."""
 
 from __future__ import annotations
 
@@ -42,5 +42,5 @@ class AngularAcceleration:
         set_reals(self, "threshold", least=0, most=MOST, kind="an angular acceleration in rad/s²", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
-        """Return the time integral (M,), rad/s, of the angular acceleration above the threshold."""
+        """Return the time integral (M,), rad/s, of the excess of the angular acceleration over the threshold."""
         return m.integrate(lambda s: hinge(norm(s.twist_rate("camera").rotation) - self.threshold))

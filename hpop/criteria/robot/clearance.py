@@ -25,8 +25,8 @@ class Clearance:
     m; the worst moment.
 
     If the model's collision test measures a ``clearance``, d is that of the whole robot: for an arm, the distance of
-    its links from all solids of the world. For reaches of an arm it is then proved to 0.01 mm, and programs on CasADi
-    symbols cannot use the criterion. A model needs either such a collision test or a base.
+    its links from all solids of the world. For reaches of an arm, its error is about 0.01 mm at most, and
+    programs on CasADi symbols cannot use the criterion. A model needs either such a collision test or a base.
     """
 
     enough: float = 1.0  # m, clearance from which on the cost is 0

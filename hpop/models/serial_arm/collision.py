@@ -130,9 +130,10 @@ class ArmCollision:
         return np.maximum(0.0, least - ROUNDING)
 
     def least_clearance(self, motions: Motions, most: float) -> FloatArray:
-        """Return the smallest clearance (M,), m, along each motion, cut off at ``most`` and proved to 0.01 mm.
+        """Return the smallest clearance (M,), m, along each motion; ``most`` if it is larger, 0 in a collision.
 
-        The motions must be straight in joint space. A motion and its reverse have exactly equal values.
+        A value may be too large or too small by about 0.01 mm. The motions must be straight in joint space. A motion
+        and its reverse have exactly equal values.
         """
         own, which = np.unique(motions.twins, return_inverse=True)
         start, end = self._rows(motions.start.take(own)), self._rows(motions.end.take(own))

@@ -152,7 +152,7 @@ def _proved(
 def closest(
     scene: ArmScene, start: FloatArray, end: FloatArray, most: float, tolerance: float, least: FloatArray
 ) -> int:
-    """Write to least (M,) the smallest distance, m, of any pair of bodies along each motion, cut off at ``most``.
+    """Write to least (M,) the smallest distance, m, of any pair of bodies along each motion, at most ``most``.
 
     start, end  (M, n) joint values at both ends; a motion is the segment between them in joint space
     tolerance   m, by which a result may be too large

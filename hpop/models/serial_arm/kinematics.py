@@ -89,16 +89,19 @@ class Kinematics:
         before = [np.eye(4), *turns]
         pairs = zip(before, chain.origins, turns, strict=False)
         self._offsets = [_offset(back.T @ origin @ turn) for back, origin, turn in pairs]
-        self._mounts = {name: self._body_offset(mount, before) for name, mount in chain.mounts.items()}
+        self._mounts = {name: self._body_offset(name, mount, before) for name, mount in chain.mounts.items()}
         self._kept: WeakKeyDictionary[States, Posture] = WeakKeyDictionary()
 
     def __reduce__(self) -> tuple[type[Kinematics], tuple[Chain]]:
         return Kinematics, (self.chain,)
 
-    def _body_offset(self, mount: FrameMount, turns: list[FloatArray]) -> Offset:
+    def _body_offset(self, body: str, mount: FrameMount, turns: list[FloatArray]) -> Offset:
         """Return the pose of a body in the last frame, after this frame is turned so that the joint's axis is z."""
         if mount.frame != len(self.chain):
-            raise ModelError(f"a body of an arm must be in its last frame, {len(self.chain)}, got frame {mount.frame}")
+            raise ModelError(
+                f"{body} must be mounted on the last frame of the arm, {len(self.chain)}, got frame {mount.frame}; "
+                "change the frame of its FrameMount"
+            )
         return _offset(turns[-1].T @ mount.pose)
 
     def pose(self, body: str, states: States) -> ArmPose:

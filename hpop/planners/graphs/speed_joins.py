@@ -1,4 +1,7 @@
-"""Joins of start and goals in a graph of speeds: one copy of each for every class in which its moves may be driven."""
+"""Joins in a graph of speeds, copied for each speed class in which their moves may be driven.
+
+A join is a chain of motions between the start, a goal or a stop and a state of the graph.
+"""
 
 from __future__ import annotations
 
@@ -20,10 +23,10 @@ from hpop.planners.objectives import quantised
 
 
 class ChainStep(NamedTuple):
-    """One motion of some copies of chains.
+    """One motion of joins, as columns for all copies of joins that have it.
 
     rows   (r,)  copies that have this motion
-    kind   index of its kind
+    kind   index of its kind in ``kinds`` of the inner graph; the next index is a change of speed
     start  states (r,) in which it begins, with speeds
     end    states (r,) in which it ends, with speeds
     """
@@ -35,9 +38,9 @@ class ChainStep(NamedTuple):
 
 
 class Waypoints(NamedTuple):
-    """Ends of all motions of the copies of joins (w,), copy by copy.
+    """States in which the motions of all copies of joins end (w,), copy after copy.
 
-    pointers  (c + 1,)  where the ends of each copy begin
+    pointers  (c + 1,)  index of the first state of each copy
     states    (w,)  with speeds
     kinds     (w,)  kind of the motion that ends there
     turns     (w,)  rad  by which each turning column changes in that motion
@@ -51,12 +54,12 @@ class Waypoints(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class JoinCopies:
-    """Copies (c,) of the joins of a graph: for each class one of a join with moves, with its changes of speed.
+    """Copies (c,) of the joins of a graph: one for each speed class if the join has moves, else a single one.
 
-    A join begins and ends at rest at a start, a goal or an added state of a stop. At a state of the graph it begins and
-    ends at the speed of its first and last motion.
+    A copy includes the changes of speed between its motions. It begins or ends at rest at a start, a goal or an added
+    state of a stop. At a state of the graph, it begins at the speed of its first motion, or ends at that of its last.
 
-    inner   graph with joins, or without
+    inner   graph of states, with joins or without
     model   model with speed classes
     speeds  m/s, rising: the classes
     """
@@ -73,7 +76,7 @@ class JoinCopies:
 
     @cached_property
     def _copies(self) -> tuple[IntArray, IntArray]:
-        """For each copy (c,): the join's row, and the layer of its moves."""
+        """Index of the join of each copy (c,), and the layer (speed class from 1) in which its moves are driven."""
         joins = self.inner.joins
         if joins is None:
             return np.zeros(0, np.int64), np.zeros(0, np.int64)
@@ -96,17 +99,17 @@ class JoinCopies:
 
     @property
     def begins(self) -> IntArray:
-        """Layer (c,) in which each copy begins."""
+        """Layer (speed class, 0 for rest) in which each copy (c,) begins."""
         return self._chains[0]
 
     @property
     def ends(self) -> IntArray:
-        """Layer (c,) in which each copy ends."""
+        """Layer (speed class, 0 for rest) in which each copy (c,) ends."""
         return self._chains[1]
 
     @cached_property
     def _chains(self) -> tuple[IntArray, IntArray, tuple[ChainStep, ...]]:
-        """For each copy (c,): the layers in which it begins and ends; and all motions, in order of time."""
+        """Layers (speed classes, 0 for rest) in which each copy (c,) begins and ends; then all motions, by time."""
         (rows, classes), joins, alone = self._copies, self.inner.joins, self.inner.states_alone
         if joins is None or alone is None:
             return rows, classes, ()
@@ -163,7 +166,7 @@ class JoinCopies:
 
     @cached_property
     def waypoints(self) -> Waypoints:
-        """Ends of the motions of all copies."""
+        """States in which the motions of all copies end."""
         steps, space = self._chains[2], self.model.space
         copy = np.concatenate([np.zeros(0, np.int64), *(step.rows for step in steps)])
         order = np.argsort(copy, kind="stable")

@@ -133,12 +133,12 @@ class SpeedGraph(TrajectoryGraph):
         return {**self.inner.counts, "speeds": len(self.speeds)}
 
     def _states_of(self, nodes: IntArray) -> IntArray:
-        """Return the inner state (N,) of each node; of a join the state to which it leads."""
+        """Return the inner state (N,) of each node; for the node of a join, the state to which the join leads."""
         last, heads = self.inner.size * self._layers, np.append(self._joins.heads, 0)
         return np.where(nodes < last, nodes // self._layers, heads[np.clip(nodes - last, 0, len(self._joins))])
 
     def states(self, ids: IntArray) -> States:
-        """Return the robot's states (N,) at some nodes, without speeds; of a join the state to which it leads."""
+        """Return the robot's states (N,) at nodes, without speeds; for the node of a join, the state after the join."""
         return self.inner.states(self._states_of(ids))
 
     def inside(self, nodes: list[int]) -> list[int]:
@@ -214,9 +214,10 @@ class SpeedGraph(TrajectoryGraph):
 
     @property
     def turned(self) -> NDArray[np.int8]:
-        """Number (m,) of motions in place in each arc, changes of speed among them; of joins all but the moves.
+        """Number (m,) of motions in place, including changes of speed, in each arc; in a join, of all but the moves.
 
-        A change to a class counts one more for each faster class, so that fast paths are preferred among equal costs.
+        A change to a class counts one more for each faster class. So among paths of equal costs, fast ones are
+        preferred.
         """
         alone, (_, moves) = self._alone, self._in_place_and_moves
         turned = [alone.turned, np.zeros((len(self.speeds) - 1) * moves.size, np.int8)]
@@ -302,8 +303,8 @@ class SpeedGraph(TrajectoryGraph):
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
         """Return n trajectories, not yet checked, through nodes (N,), with speeds.
 
-        The node of a join becomes the ends of its motions, and the node behind it is left out. So are nodes that a
-        change from or to rest passes in between.
+        The node of a join is replaced by the states in which its motions end, and the node after it is left out. Nodes
+        of slower classes are left out too, where one change from or to rest replaces several (:meth:`_passed`).
         """
         last, space = self.inner.size * self._layers, self.model.space
         pointers, ends, end_kinds, end_turns = self._joins.waypoints
@@ -334,9 +335,10 @@ class SpeedGraph(TrajectoryGraph):
         return Stretches.through(space, laws, States(**columns), kinds, lengths, turns)
 
     def _passed(self, ids: IntArray, sizes: IntArray) -> BoolArray:
-        """Mark the nodes (N,) of paths that a change from rest to a class, or back, passes by way of slower classes.
+        """Return a mask of the nodes (N,) of paths that can be left out, since one change of speed replaces several.
 
-        This is one change, where it costs as much as those by way of the nodes, in each criterion.
+        A path may change from rest to a fast class, or back, by way of slower classes at one state. One direct change
+        replaces these changes if it costs as much in each criterion.
         """
         layer, joins = ids % self._layers, ids >= self.inner.size * self._layers
         same = (np.diff(ids // self._layers) == 0) & ~(joins[1:] | joins[:-1])  # a change of speed
@@ -352,9 +354,10 @@ class SpeedGraph(TrajectoryGraph):
         return passed
 
     def _is_one_change(self, nodes: IntArray, some: BoolArray, *layers: IntArray) -> BoolArray:
-        """Return for ``some`` nodes (n,) whether a change from the first to the last of three layers costs as much.
+        """Return a mask of nodes (n,) where one change from the first to the last of three layers replaces two changes.
 
-        That is as much as two changes, by way of the second layer. The result is False for the other nodes.
+        It does so if it costs as much as the two changes, by way of the second layer, in each criterion. Only nodes in
+        the mask ``some`` are checked; for others the result is False.
         """
         result, own = some.copy(), np.flatnonzero(some)
         if not own.size:
@@ -369,7 +372,7 @@ class SpeedGraph(TrajectoryGraph):
         return result
 
     def _kinds_into(self, ids: IntArray, places: IntArray) -> IntArray:
-        """Return the kind (p,) of the motion that leads to nodes at some places of paths; any for first nodes."""
+        """Return the kind (p,) of the motion that leads to the node at each index; any for first nodes."""
         state = self._states_of(ids)
         before, now = state[np.maximum(places - 1, 0)], state[places]
         kinds = np.full(places.size, len(self.inner.kinds))

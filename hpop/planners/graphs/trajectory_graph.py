@@ -303,7 +303,10 @@ class TrajectoryGraph(ABC):
     @property
     @abstractmethod
     def turned(self) -> NDArray[np.int8]:
-        """Number (m,) of turns, or of motions, in each arc of `graph`; fewer are preferred among equal costs."""
+        """Number (m,) of turns and other motions in place in each arc of `graph`; some graphs count all motions.
+
+        Among paths of equal costs, searches prefer those with a smaller sum.
+        """
 
     @abstractmethod
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:

@@ -28,9 +28,9 @@ Places = NDArray[np.int32]
 
 
 class HullTables(NamedTuple):
-    """Tables from which kernels repair a hull: nodes in the order of groups, plain arcs in the order of chains.
+    """Tables from which kernels repair a hull: nodes sorted by group, plain arcs sorted along chains.
 
-    Chains are sequences of arcs, see :class:`.staircase.tables.ArcChains`.
+    Chains are straight runs of arcs, see :class:`.staircase.tables.ArcChains`.
 
     tails, heads           (m,)    nodes of each plain arc
     first, rest            (m,)    first and third cost of each plain arc
@@ -59,7 +59,7 @@ class HullTables(NamedTuple):
 class HullRepair:
     """A hull of joint bounds that can be repaired for closed arcs and restored.
 
-    arcs          (m,)  indices in the graph of the plain arcs, in the order of chains
+    arcs          (m,)  indices in the graph of the plain arcs, sorted along chains
     closed        (m,)  plain arcs that are closed in the repaired layers
     turns_closed  (g,)  groups with closed turns in the repaired layers
     """
@@ -82,7 +82,7 @@ class HullRepair:
         """
         self.hull, self.columns = hull, columns
         reaching = np.flatnonzero(least[columns[0], groups.nodes[groups.heads]] < UNREACHABLE)  # as a search lists them
-        plain_arcs = np.empty_like(reaching)  # of plain arcs, in the order of the chains
+        plain_arcs = np.empty_like(reaching)  # of plain arcs, sorted along chains
         plain_arcs[hull.step] = reaching
         self.arcs = groups.origin[plain_arcs].astype(np.int64)
         tails = np.repeat(np.arange(len(groups.nodes)), np.diff(groups.start))

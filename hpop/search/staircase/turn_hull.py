@@ -7,9 +7,9 @@ single cost. Here LANES weights are swept at once in the same way, layer after l
 H_m(v) = min(H_{m-1}(v), w.c + H_m(next node of v), min over turns to u of (w.turn + H_{m-1}(u))). The last layer, for
 any number of turns, repeats this until there is no change.
 
-Weighted costs are rounded down to 31 bits, and sums stop at FAR. A layer stores the excess over the weighted sum of the
-least remaining costs, in steps of 1 / 2^15 of a whole path, up to twice a whole path: 16 bits. All rounding is down, so
-the results are lower bounds. (Memory access takes most of the time: a layer of m300 has 6 million numbers.)
+Weighted costs are rounded down to 31 bits, and sums stop at FAR. A layer stores each bound minus the weighted sum of
+the least remaining costs, in steps of 1 / 2^15 of a whole path, up to twice a whole path: 16 bits. All rounding is
+down, so the results are lower bounds. (Memory access takes most of the time: a layer of m300 has 6 million numbers.)
 """
 
 from __future__ import annotations
@@ -67,11 +67,11 @@ class TurnHull:
     """Joint bounds of the first and the third cost: the least weighted remaining costs of all nodes, for LANES weights.
 
     weights  (LANES, 2)         weights of the two costs; each of the first two rows weighs one cost alone
-    layers   (m, nodes, LANES)  the bounds for at most 0, 1, ... turns, the last for any number; stored as the excess
-                                over the weighted sum of the least remaining costs, in steps of 2^STEP_BITS
-    moved    (m, arcs)          for each layer and arc, the lanes in which the arc improved the layer, as bits; arcs in
-                                the order of chains
-    step     (arcs,)            position of each arc in the order of chains
+    layers   (m, nodes, LANES)  the bounds for at most 0, 1, ... turns, the last for any number; stored as the bound
+                                minus the weighted sum of the least remaining costs, in steps of 2^STEP_BITS
+    moved    (m, arcs)          for each layer and arc, the lanes in which the arc improved the layer, as bits; best
+                                paths are traced by them. Arcs are sorted along chains (:class:`.ArcChains`)
+    step     (arcs,)            position of each arc in this order
     """
 
     weights: FloatArray
@@ -217,7 +217,7 @@ def write_weighted_least(nodes: NDArray[Any], weights: FloatArray, out: IntLanes
 
 @lean
 def write_excess(now: IntLanes, least: IntLanes, steps: Steps) -> None:
-    """Encode a layer: write the excess of `now` over `least` (n, LANES) to `steps`, in 16-bit steps, rounded down.
+    """Encode a layer: write `now` minus `least` (n, LANES) to `steps`, in 16-bit steps, rounded down.
 
     now    weighted remaining costs
     least  weighted sums of the least remaining costs
@@ -232,7 +232,7 @@ def write_excess(now: IntLanes, least: IntLanes, steps: Steps) -> None:
 def sweep_moves(now: IntLanes, order: IntArray, onward: IntArray, move: IntLanes, moved: NDArray[np.uint8]) -> bool:
     """Lower weighted remaining costs `now` (n, LANES) by moves along whole chains; return whether any became lower.
 
-    order, onward  (m,)  tails and heads of arcs in the order of chains
+    order, onward  (m,)  tails and heads of arcs, sorted along chains (:class:`.ArcChains`)
     move           (m, LANES)  weighted costs of these arcs
     moved          (m,)  output: the lanes that each arc improved, as bits
     """

@@ -86,9 +86,10 @@ def _least_paths(graph: Graph, source: int, targets: IntArray) -> Iterator[IntAr
 
 
 def _weights(k: int, totals: Sequence[FloatArray]) -> Iterator[FloatArray]:
-    """Yield weights (k,): each cost alone, then mixtures.
+    """Yield weight vectors (k,): each cost alone, then a fixed set of mixtures.
 
-    Mixtures are scaled by the ranges of the costs of the paths found so far, which the caller adds to `totals`.
+    The weights of a mixture are divided by the ranges of the costs in `totals`, to which the caller adds the costs of
+    each path that it finds meanwhile.
     """
     yield from np.eye(k) + TIE
     ranges = np.maximum(np.ptp(np.array(totals), axis=0), TIE)

@@ -32,8 +32,8 @@ from hpop.search.timed.tables import (
 # v is called calm.
 #
 # Proof: let a path leave v at t > L(v). Its first arc departs after the last change of this arc, and reaches its head u
-# at t + d > L(u). By induction, each arc of the path is as at H, also if the path is shifted in time. If its holds are
-# left out, no cost rises, and all later departures become earlier, but are still later than L of their tails.
+# at t + d > L(u). By induction, each arc of the path is as it is at H, also if the path is shifted in time. If its
+# holds are left out, no cost rises, and all later departures become earlier, but are still later than L of their tails.
 #
 # Waiting for an arc (v, u) is useful only if the arc improves: if it opens at some tick, or costs less than a tick
 # before, or the robot must not stand at u. Its cost here includes standing at v before it, less standing at u after
@@ -45,10 +45,12 @@ NOTHING = -1  # value of L(v) if nothing ever changes, so that v is calm from ti
 
 @lean
 def find_settled_ticks(tables: TimedTables, whole: BoolArray, settled: NDArray[np.int32]) -> None:
-    """Find for each place from which tick on standing there is as at the horizon H; write the ticks to `settled`.
+    """Write to `settled` the tick from which standing at each place no longer changes.
+
+    From this tick on, each tick of standing costs as much, and is allowed or forbidden, as it is at the horizon H.
 
     settled  (P,)  output
-    whole    (P,)  output: whether the costs of a tick of standing at the place are whole quanta from H on
+    whole    (P,)  output: whether, from H on, a tick of standing at the place costs a whole number of quanta
     """
     last = tables.since.shape[1] - 1
     for p in range(len(settled)):
@@ -77,8 +79,8 @@ def last_changes(
 ) -> None:
     """Find for each node the last tick at which one of its arcs differs from its state at the horizon H.
 
-    It is written to `out` (n,), and is NOTHING if no arc ever differs. An arc that stays may differ until its place is
-    settled.
+    It is written to `out` (n,), and is NOTHING if no arc ever differs. An arc that stays (leads to a node of its own
+    place) may differ until the place is settled.
 
     leads    (n,)  marks the nodes from which a target can be reached
     settled  (P,)  of :func:`find_settled_ticks`
@@ -226,7 +228,7 @@ class RemainingBounds(NamedTuple):
     whole, settled   of :func:`find_settled_ticks`
     gain     (m,)    last tick at which waiting for an arc is useful, valid once `until` of its tail is computed
     until    (n,)    last tick at which waiting at a node is useful, or UNKNOWN until it is computed
-    one_stay (P,)    1 if paths never need two arcs that stay one after the other (:mod:`.tables`), else 0, or UNKNOWN
+    one_stay (P,)    1 if paths never need two consecutive arcs within the place (:mod:`.tables`), else 0, or UNKNOWN
     nodes, first     needed nodes, sorted by place; those of place p are nodes[first[p] : first[p + 1]]
     """
 
@@ -256,7 +258,7 @@ def wait_until(tables: TimedTables, rest: RemainingBounds, v: int) -> int:
 
 @lean
 def needs_one_stay(tables: TimedTables, rest: RemainingBounds, p: int) -> bool:
-    """Return whether paths never need two arcs that stay one after the other at place p; cached in `rest`."""
+    """Return whether paths never need two consecutive arcs within place p; the result is cached in `rest`."""
     if rest.one_stay[p] == UNKNOWN:
         rest.one_stay[p] = one_stay_suffices(tables, rest.nodes[rest.first[p] : rest.first[p + 1]])
     return bool(rest.one_stay[p] != 0)

@@ -56,7 +56,7 @@ class JointTables(NamedTuple):
 
 
 class TimeWindows(NamedTuple):
-    """Times that limit at which ticks a path can pass each node.
+    """Bounds on the ticks at which a path can pass each node.
 
     ticks       (n,)  fewest ticks from the node to a target
     earliest    (n,)  earliest tick at which a path reaches the node
@@ -235,6 +235,8 @@ def lower_by_stay(least: Lanes, rows: IntLanes, row: int, fixed: IntLanes, a: in
 @inlined
 def depart(tables: TimedTables, ahead: TimeWindows, work: JointSweep, v: int, t: int) -> None:
     """Write dep(v, t), the least weighted remaining costs of a path that leaves node v at tick t, to `work.dep`.
+
+    ahead  node by node, the ticks at which a path can still reach a target
 
     The rows of later ticks must be filled already.
     """

@@ -97,10 +97,10 @@ class ClosedLabels(NamedTuple):
 class PruningBounds(NamedTuple):
     """Joint bounds and corners of the uncovered region, by which labels (partial paths) are pruned.
 
-    joint    joint bounds
+    joint    b tables of joint bounds: lower bounds of weighted remaining costs, for LANES weight vectors each
     corners  (c, k)         corners of the region of costs that solutions leave uncovered
     lanes    (c, b, LANES)  weighted sums of the corners, for the weights of the joint bounds
-    hint     (1,)           corner that did not exclude the last label
+    hint     (1,)           index of the corner because of which the last label was kept; it is tried first
     weighed  (b, LANES)     scratch
     """
 

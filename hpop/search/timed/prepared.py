@@ -67,7 +67,10 @@ class PreparedTimed:
         self, graph: TimedGraph, source: Hashable, target: Hashable | Iterable[Hashable], *, begin: int = 0
     ) -> None:
         if not isinstance(graph, TimedGraph):
-            raise GraphError(f"graph must be a TimedGraph of hpop.search, got {shown(graph)}; make one from a Graph")
+            raise GraphError(
+                f"graph must be a TimedGraph of hpop.search, got {shown(graph)}; make one from a Graph by "
+                "TimedGraph(graph, durations, horizon)"
+            )
         self.graph = graph
         first, self.targets = checked_node(graph.graph, source, "source"), checked_targets(graph.graph, target)
         begin = whole("begin", begin, 0, MOST_COUNTED, "a tick")

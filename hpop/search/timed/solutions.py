@@ -234,11 +234,11 @@ def may_improve(
 ) -> bool:
     """Return False if joint bounds prove that solutions cover every path that begins with a label (partial path).
 
-    joint           joint bounds
+    joint           joint bounds: lower bounds of weighted remaining costs
     corners, lanes  see :class:`.PruningBounds`
     row             row of the label's node and tick in the joint bounds
     g, f            (k,)  costs and estimate of the label
-    hint            (1,)  corner that did not exclude the last label, which is tried first
+    hint            (1,)  index of the corner because of which the last label was kept; it is tried first
     weighed         (b, LANES)  scratch
     """
     k = len(g)

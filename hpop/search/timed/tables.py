@@ -200,7 +200,7 @@ def arc_cost(tables: TimedTables, a: int, p: int, j: int, t: int) -> int:
 
 @lean
 def one_stay_suffices(tables: TimedTables, nodes: IntArray) -> bool:
-    """Return whether paths never need two arcs that stay one after the other at one place with the given nodes."""
+    """Return whether paths never need two consecutive arcs within a place (arcs that stay) that has these nodes."""
     for u in nodes:
         p = np.int64(tables.place[u])
         for first in range(tables.start[u], tables.start[u + 1]):

@@ -83,7 +83,10 @@ def timed_paths(
     ([[1, 0]], [0, -1, 1], [0, 1, 3, 4])
     """
     if not isinstance(graph, TimedGraph):
-        raise GraphError(f"graph must be a TimedGraph of hpop.search, got {shown(graph)}; make one from a Graph")
+        raise GraphError(
+            f"graph must be a TimedGraph of hpop.search, got {shown(graph)}; make one from a Graph by "
+            "TimedGraph(graph, durations, horizon)"
+        )
     static = graph.graph
     start, targets = checked_node(static, source, "source"), checked_targets(static, target)
 
@@ -104,7 +107,7 @@ class _TimedRun:
     """One run of a query: it computes bounds, then runs one search, or several of increasing precision.
 
     seeds   solutions known so far
-    proven  gap that the last complete search proves
+    proven  relative gap to missing solutions (:attr:`TimedPaths.gap`) that the last complete search proves
     """
 
     def __init__(
@@ -123,7 +126,7 @@ class _TimedRun:
         self.bounds: PathBounds | None = None
         self.seeds: list[Seed] = []
         self.after_bounds = 0.0
-        self.proven = math.inf  # gap of the last completed search
+        self.proven = math.inf
         self.at_goal = source in targets
 
     def go(self, clock: Clock) -> Status:

@@ -153,7 +153,7 @@ def _on_mask(mask: OccupancyMap, path: str | Path) -> tuple[str, ...]:
 
 
 def load(path: str | Path) -> OccupancyMap:
-    """Read a map_server yaml file and its image, and classify the cells; `MapError` for invalid files."""
+    """Read a map_server yaml file and its image, and classify the cells; MapError for a missing or invalid file."""
     content = read_bytes(path, "map file", limit=MAX_YAML)
     data = _mapping(read_text(content, path, "map file"), path)
     data = {key: _plain(value) for key, value in data.items()}

@@ -150,7 +150,7 @@ def _rate(text: str, source: TrackFile) -> float:
         return float(text)
     except ValueError:
         raise source.error(
-            f"says that there are {shown(text)} frames a second; expected a number, such as 12.5."
+            f"has a comment with the frame rate {shown(text)}; expected a number with a decimal point, such as 12.5."
         ) from None
 
 

@@ -72,11 +72,12 @@ class TrackFile:
             )
         if said is not None and not 0 < said <= FASTEST_CAMERA:
             raise self.error(
-                f"says that there are {said:g} frames a second; expected more than 0, up to {FASTEST_CAMERA:,.0f}."
+                f"states a frame rate of {said:g} per second; expected more than 0, up to {FASTEST_CAMERA:,.0f}."
             )
         if said is not None and self.frame_rate is not None and said != self.frame_rate:
             raise self.error(
-                f"says {said:g} frames a second, but frame_rate is {self.frame_rate:g}; leave frame_rate out."
+                f"states a frame rate of {said:g} per second, but frame_rate is {self.frame_rate:g}; leave out the "
+                "option frame_rate."
             )
         return float(said if self.frame_rate is None else self.frame_rate)  # type: ignore[arg-type]  # one is there
 

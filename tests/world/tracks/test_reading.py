@@ -169,7 +169,7 @@ def test_jupedsim_writes_databases(tmp_path):
     assert tracks == hpop.read_tracks(path, format="jupedsim")
     assert list(hpop.read_tracks(path, ids=np.array([2]))) == [2]
     assert tracks[1] == Track([1.0, 2.0], [1.5, 2.5], [3.5, 3.5], recorded=True)
-    with pytest.raises(MapError, match="says 8 frames a second, but frame_rate is 10"):
+    with pytest.raises(MapError, match="states a frame rate of 8 per second, but frame_rate is 10"):
         hpop.read_tracks(path, frame_rate=10)
     for rows, message in (([(0, 1, None, 0)], "cells that are no numbers"), ([], "has no rows")):
         with pytest.raises(MapError, match=message):
@@ -306,9 +306,9 @@ def test_some_of_a_file_may_be_asked_for(tmp_path):
         (PETRACK.replace("20 fps", "2000 fps"), {}, "faster than anybody"),
         ("id,frame,x,y\n1,0,0,0\n1,1,1,0\n", {}, "does not say how many there are per second; give frame_rate="),
         (CSV, {"frame_rate": 25}, "has times in s; leave frame_rate out"),
-        (PETRACK, {"frame_rate": 25}, "says 20 frames a second, but frame_rate is 25; leave"),
+        (PETRACK, {"frame_rate": 25}, "states a frame rate of 20 per second, but frame_rate is 25; leave out"),
         (PETRACK, {"unit": "m"}, "says that positions are in cm, but unit is m; leave"),
-        (PETRACK.replace("20 fps", "0 fps"), {}, "0 frames a second; expected more"),
+        (PETRACK.replace("20 fps", "0 fps"), {}, "states a frame rate of 0 per second; expected more"),
         (PETRACK, {"unit": "feet"}, "must be one of m, cm, mm, got 'feet'"),
         (PETRACK, {"frame_rate": 0}, "frame_rate must be pictures a second"),
         (PETRACK, {"unit": ["m"]}, "the unit of a track must be one of m, cm, mm"),
@@ -320,8 +320,8 @@ def test_some_of_a_file_may_be_asked_for(tmp_path):
         (PETRACK + "1 44\n", {}, "cannot be read: expected rows of 4 or 5 numbers .*; line 9 is '1 44'"),
         (PETRACK + "1 50 0 0\n", {}, "cannot be read: expected rows of 4 or 5 numbers .*; line 9 is '1 50 0 0'"),
         (PETRACK + "1 forty 0 0 0\n", {}, "cannot be read: .*line 9 is '1 forty 0 0 0'"),
-        (PETRACK.replace("20 fps", "12,5 fps"), {}, "says that there are '12,5' frames a second; expected a number"),
-        (PETRACK.replace("20 fps", "1" * 400), {}, "says that there are inf frames a second; expected .* up to 10,000"),
+        (PETRACK.replace("20 fps", "12,5 fps"), {}, "comment with the frame rate '12,5'; expected a number"),
+        (PETRACK.replace("20 fps", "1" * 400), {}, "states a frame rate of inf per second; expected .* up to 10,000"),
         ("id,t,x,y\n1,0,0,0\n ,1,0,0\n", {}, "has no id in line 3"),
         (CSV, {"ids": []}, "ids must be a list of numbers and names"),
         ("# framerate: 25\n", {"format": "petrack"}, "has no rows"),

@@ -186,7 +186,7 @@ class StateLattice(StateGraph):
 
     @property
     def doing(self) -> str:
-        """Current work, as a clause for notes about limits: "(while) the lattice of step 0.25 m was built"."""
+        """Text after "while" in notes about a passed time or memory limit: "the lattice of step 0.25 m was built"."""
         return f"the lattice of step {self.step:g} m was built"
 
     @cached_property
@@ -295,7 +295,11 @@ class StateLattice(StateGraph):
 
     @cached_property
     def in_place(self) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
-        """Motions in place from each station: stations reached (S, W), -1 in unused columns, and kinds (S, W)."""
+        """Motions in place at any position, as two tables (S, W) with a row for each station.
+
+        A station is a heading with values of the joints. The first table has the stations that the motions reach, -1 in
+        unused columns; the second has the kinds of the motions, as indices into ``kinds``.
+        """
         return in_place(self)
 
     def kinds_between(self, tails: IntArray, heads: IntArray) -> IntArray:

@@ -176,7 +176,7 @@ class ConfigurationRoadmap(TrajectoryGraph):
 
     @cached_property
     def turned(self) -> NDArray[np.int8]:
-        """Number (m,) of motions in each arc; searches prefer fewer motions among paths with equal costs."""
+        """Number (m,) of motions in each arc; among paths of equal costs, searches prefer fewer motions."""
         size = self.arcs.heads.size
         parts = [self._chains(*self.arcs.ends(part)).count(self.kinds) for part in blocks(size, PIECES)]
         return np.concatenate([np.zeros(0, np.int8), *parts]).astype(np.int8)

@@ -118,7 +118,7 @@ class TimeOptions:
 
     @property
     def described(self) -> dict[str, float | None]:
-        """Values of the options, JSON-able, for the provenance of candidates."""
+        """Values of the options by name, for JSON; each trajectory that is found stores them in its provenance."""
         return {"clock": self.tick, "hold": self.hold, "arrive_by": self.arrive_by, "margin": self.margin}
 
 

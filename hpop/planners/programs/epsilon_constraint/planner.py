@@ -296,7 +296,7 @@ class _GridRun:
         return notes
 
     def _ideal(self) -> str:
-        """Return a text with the least value among the warm starts of each cost that ``epsilon`` bounds."""
+        """Return a text: for each cost that ``epsilon`` bounds, the smallest value that a warm start has."""
         ideal = self.grid.costs.min(axis=0)
         return "the least costs of the warm starts are " + ", ".join(
             f"{c.name} {value:.4g} {c.unit}"

@@ -39,7 +39,7 @@ class Coordinates(Protocol):
 
     @property
     def law(self) -> Law:
-        """The law itself."""
+        """Law of this kind, from the laws of the model."""
 
     @property
     def unit(self) -> FloatArray:
@@ -59,9 +59,10 @@ class Coordinates(Protocol):
         """Return states (N,) with all columns of the law, from the rates (N, c) of the coordinates and the time, s."""
 
     def limits(self, slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return limits of a stretch with slopes (N, c): rows (r, c), and the largest speed and acceleration (r,).
+        """Return rows (r, c), and the largest speed and acceleration (r,) of the combinations rows @ q.
 
-        The combinations rows @ q of the coordinates have these limits.
+        q       (c,)    coordinates
+        slopes  (N, c)  dq/ds at positions s of the stretch; they show which coordinates move and so need limits
         """
 
 
@@ -161,7 +162,7 @@ class PathStretch:
     bends          (2, n, c)      d²q/ds² at the start and at the end of each interval, linear between them
     pace           (n+1,)         ds/dt of the input, 0 at both ends
     middle         (n,)           states in the middles of the intervals
-    rows           (r, c)         limited combinations of the coordinates
+    rows           (r, c)         combinations rows @ q of the coordinates that have limits
     speeds         (r,)           their largest speeds
     accelerations  (r,)           their largest accelerations
     """
