@@ -117,6 +117,14 @@ RECIPES = [
     ),
     example("08_many_queries", {}),
     example("09_batch", {"summary": "Three planners on two hundred problems: time, front size and joint hypervolume"}),
+    example(
+        "10_guided_tour",
+        {
+            "map": "A guided tour with stops: the fastest tours that show two, three and four exhibits",
+            "front": "Its front: time against calm driving, for each number of skipped exhibits",
+            "trace": "One tour over time, with the names of its stops and its speeds",
+        },
+    ),
     Recipe(
         "paper_figure",
         "python examples/paper_figure/paper_figure.py",

@@ -257,6 +257,32 @@ def test_a_batch_compares_planners_on_the_same_problems(tmp_path, capsys):
     assert (tmp_path / "batch" / "summary.png").stat().st_size > 1000
 
 
+def test_each_guided_tour_stands_ten_seconds_with_each_of_its_exhibits_in_view(tmp_path, capsys):
+    guided = example("10_guided_tour.py")
+    front = guided.main(tmp_path, step=1.0)
+    assert front.status == "complete"
+    assert is_nondominated(front.costs).all()
+    orders = set()
+    for point, origin in zip(front, front.provenance, strict=True):
+        order = tuple(visit["stop"] for visit in origin["visits"])
+        assert set(guided.EXHIBITS) - set(guided.OPTIONAL) <= set(order) <= set(guided.EXHIBITS)
+        assert point.costs["stops_missed"] == 4 - len(order) == 4 - len(set(order))
+        for visit in origin["visits"]:
+            states = point.item.at(np.linspace(visit["begin"], visit["end"], 5))
+            x, y, _ = guided.EXHIBITS[visit["stop"]]
+            assert visit["end"] - visit["begin"] == pytest.approx(10.0)
+            assert np.hypot(x - states.x, y - states.y).max() <= 3.0
+            off = np.arctan2(y - states.y, x - states.x) - states.yaw
+            assert (np.cos(off) >= math.cos(math.radians(30.0)) - 1e-9).all()
+        orders.add(order)
+    assert {len(order) for order in orders} == {2, 3, 4}
+    driven = {speed for trajectory in front.trajectories for speed in trajectory.states.speed.tolist()}
+    assert driven == {0.0, 0.5, 1.0, 1.5}
+    printed = capsys.readouterr().out
+    assert printed.count("dinosaur, ") > 12  # in the certificate, and in each of twelve rows
+    assert {path.name for path in tmp_path.iterdir()} == {"front.json", "map.png", "front.png", "trace.png"}
+
+
 @pytest.mark.proof
 def test_a_drive_is_chosen_anew_after_each_event_and_arrives(tmp_path, capsys):
     plan = example("07_drive.py").main(tmp_path, step=1.0)

@@ -21,7 +21,7 @@ from hpop.criteria import Exposure, Obstruction
 from hpop.problems.problem import Problem
 from hpop.runtime.limits import LimitPassed
 from hpop.view.marks import end_poses
-from hpop.view.style import HALO, QUIET, SMALL, Heights
+from hpop.view.style import HALO, MOST_HIGH, MOST_WIDE, QUIET, SMALL, Heights
 from hpop.world import World
 from hpop.world.geometry.shapes import Raster
 
@@ -60,6 +60,11 @@ class View:
     def height(self) -> float:
         """Return the extent along y, m."""
         return self.y_max - self.y_min
+
+    @property
+    def point(self) -> float:
+        """Return the length in the world, m, of a printer's point (1/72 inch) on a map."""
+        return max(self.width / MOST_WIDE, self.height / MOST_HIGH) / 72
 
 
 class Unresolved(LimitPassed):

@@ -40,11 +40,10 @@ from hpop.view.marks import (
     goal_words,
     hold_entry,
     is_held,
+    stop_places,
     targets_of,
 )
 from hpop.view.page import (
-    MOST_HIGH,
-    MOST_WIDE,
     WHOLE,
     Bar,
     Handle,
@@ -224,7 +223,9 @@ def draw_map(
     if looks_aside(model, picked):
         for layer, mark in enumerate(named):
             at, gid = 3.5 + 0.1 * layer, f"views of {mark.label}"
-            draw_sight(axes, front.trajectories[mark.row], mark.colour, view, zorder=at, gid=gid)
+            draw_sight(
+                axes, front.trajectories[mark.row], mark.colour, view, zorder=at, gid=gid, tour=problem.tour is not None
+            )
         symbols.append(sight_entry(model, cones="base" not in model.provides))
     lines = draw_named(axes, front, named, line)
     turns = [_turn_places(trajectory) for trajectory in picked]
@@ -233,9 +234,10 @@ def draw_map(
     ends = end_poses(problem, picked)
     if any(len(places) for places in turns):
         symbols.append(turn_dot(QUIET, label="turn in place" + _hidden_turns_note(np.concatenate(turns), ends, view)))
-    for row, (mark, trajectory) in enumerate((m, t) for m, t in zip(named, picked, strict=True) if is_held(t).any()):
-        draw_holds(axes, trajectory, mark.colour, view.width, row=row, gid=f"holds of {mark.label}")
-        symbols += [hold_entry()] * (row == 0)
+    taken = stop_places(problem)
+    for mark, trajectory in zip(named, picked, strict=True):
+        draw_holds(axes, trajectory, mark.colour, view, taken=taken, gid=f"holds of {mark.label}")
+    symbols += [hold_entry()] * any(is_held(trajectory).any() for trajectory in picked)
     symbols += draw_headed_ends(axes, problem, ends, view)
     draw_frame(axes, view)
     if heights.vary or "base" not in model.provides:
@@ -284,7 +286,7 @@ def turn_dot(colour: str, x: FloatArray | None = None, y: FloatArray | None = No
 
 def _hidden_turns_note(turns: FloatArray, ends: Ends, view: View) -> str:
     """Return a note for the legend if the letter at start or goal covers turns (N, 2), m; otherwise ""."""
-    covered = CIRCLE / 2 / 72 * max(view.width / MOST_WIDE, view.height / MOST_HIGH)  # m
+    covered = CIRCLE / 2 * view.point  # m
     start, goals = ends
     under = [
         letter

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,6 +19,9 @@ from hpop.motions import HOLD, States
 from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.style import GOAL, HALO, QUIET, SMALL, START, mapped_points, mapped_pose, positions
+
+if TYPE_CHECKING:
+    from hpop.view.ground import View
 
 CIRCLE = 12.0  # points across
 RING = 19.0  # points across
@@ -179,9 +182,15 @@ def draw_stops(axes: Axes, problem: Problem, flatten: Callable[[FloatArray], Flo
     return [Line2D([], [], label=f"stops:\n{names}", **DISC_ENTRY)]
 
 
+def stop_places(problem: Problem) -> list[tuple[float, float]]:
+    """Return the positions (x, y), m, at which maps have the numbers of a tour's stops."""
+    stops = () if problem.tour is None else problem.tour.stops
+    return [place for stop in stops if (place := stop.place(problem.world)) is not None]
+
+
 HOLD_DIGITS = 6  # decimals of m to which the positions of holds are compared
 BESIDE = 11.0  # points to the right of and above the place, beside dots of turns and letters
-ROW = 13.0  # points between the clocks of two trajectories
+ROW = 13.0  # points between clocks above each other
 ASIDE = 44.0  # points between clocks of one trajectory at close places
 NEAR = (0.12, 0.04)  # distances along x and y, as shares of the picture's width, below which places are close
 Colour = tuple[float, float, float, float]
@@ -229,25 +238,24 @@ def draw_holds(
     axes: Axes,
     trajectory: Trajectory,
     colour: str,
-    width: float,
+    view: View,
     *,
-    row: int = 0,
+    taken: list[tuple[float, float]] | None = None,
     gid: str = "hold",
     face: Callable[[Held], Colour] = lambda held: WHITE,
 ) -> None:
     """Draw a clock with the waiting time beside each position where the robot stands still.
 
-    width  m, width of the picture: clocks of close positions are drawn side by side
-    row    number of the trajectory: the clocks of each trajectory are in a row of their own
+    view   rectangle of the map: clocks of close positions are drawn side by side
+    taken  positions (x, y), m, that clocks do not cover, such as those of other clocks; the new clocks are added
     face   function that returns the colour of a clock's face
     """
-    figure = axes.get_figure(root=True)
-    drawn = holds_of(trajectory)
+    figure, point = axes.get_figure(root=True), view.point
+    drawn, taken = holds_of(trajectory), [] if taken is None else taken
     for number, held in enumerate(drawn):
-        up = BESIDE + ROW * row
-        above = offset_copy(axes.transData, figure, y=up + BESIDE, units="points").transform((held.x, held.y))
-        up = -up if above[1] > axes.bbox.ymax else up
-        right = BESIDE + ASIDE * sum(_are_near(held, other, width) for other in drawn[:number])
+        right = BESIDE + ASIDE * sum(_are_near(held, other, view.width) for other in drawn[:number])
+        up = _free_height(held, right, view, taken)
+        taken.append((held.x + right * point, held.y + up * point))
         beside = offset_copy(axes.transData, figure, right, up, units="points")
         lead: dict[str, Any] = {"arrowstyle": "-", "color": colour, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 3}
         axes.annotate("", (held.x, held.y), xytext=(right, up), textcoords="offset points", arrowprops=lead, zorder=8.5)
@@ -256,6 +264,20 @@ def draw_holds(
             written_time(held.seconds), (held.x, held.y), xytext=(right + 8, up), textcoords="offset points",
             fontsize=SMALL, color=colour, va="center", zorder=9, path_effects=HALO, gid=gid,
         )  # fmt: skip
+
+
+def _free_height(held: Held, right: float, view: View, taken: Sequence[tuple[float, float]]) -> float:
+    """Return the least height in points above a position, or below it, at which a clock covers nothing."""
+    point = view.point
+    for row in range(len(taken) + 1):
+        for up in (BESIDE + ROW * row, -BESIDE - ROW * row):
+            x, y = held.x + right * point, held.y + up * point
+            inside = view.y_min < y - BESIDE * point and y + BESIDE * point < view.y_max
+            if inside and not any(
+                abs(x - a) < 0.99 * ASIDE * point and abs(y - b) < 0.99 * ROW * point for a, b in taken
+            ):
+                return up
+    return BESIDE
 
 
 def _are_near(one: Held, other: Held, width: float) -> bool:

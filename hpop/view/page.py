@@ -23,7 +23,7 @@ from hpop.frontier.union import JOINT
 from hpop.problems.front import Front
 from hpop.runtime.status import Status
 from hpop.view.ground import View
-from hpop.view.style import LARGE, NORMAL, QUIET, SMALL, how_many_drawn, quantities, whole_ticks
+from hpop.view.style import LARGE, MOST_HIGH, MOST_WIDE, NORMAL, QUIET, SMALL, how_many_drawn, quantities, whole_ticks
 
 SCREEN = 90  # dots an inch in a notebook
 
@@ -80,8 +80,7 @@ def png_of(figure: Figure, dpi: float) -> bytes:
 
 
 Box = tuple[float, float, float, float]  # left, bottom, width, height, as shares of the figure
-
-MOST_WIDE, MOST_HIGH = 6.4, 6.2  # of the map
+# Inches:
 LEAST = 1.6
 LEFT, TOP, BELOW = 0.75, 0.88, 0.62  # round the map: ticks and label, title and scale bar, ticks and label
 BAR, PITCH, GAP = 0.16, 0.95, 0.15  # width of a colour bar, least distance from bar to bar, gap before a bar

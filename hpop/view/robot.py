@@ -20,6 +20,7 @@ from hpop.models.camera import field_of_view
 from hpop.motions import Model, Pose, States
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.ground import View, outline
+from hpop.view.marks import is_held
 from hpop.view.style import QUIET, Mark, positions
 from hpop.world import Solid, Sphere
 
@@ -83,23 +84,34 @@ def looks_aside(model: Model, trajectories: list[Trajectory]) -> bool:
     """Return whether pictures must show where the camera looks: it sees only a part, or turns away from the base."""
     if "camera" not in model.provides:
         return False
-    if "base" not in model.provides or model.field_of_view is not None:
-        return True
+    return "base" not in model.provides or model.field_of_view is not None or turns_away(model, trajectories)
+
+
+def turns_away(model: Model, trajectories: Sequence[Trajectory]) -> bool:
+    """Return whether the camera of a robot with a base anywhere looks up, down, or to the side of the base."""
     poses = ((model.pose("camera", t.states), model.pose("base", t.states)) for t in trajectories)
     return any((np.abs(wrap(camera.yaw - base.yaw)) > ASIDE).any() or camera.pitch.any() for camera, base in poses)
 
 
-def draw_sight(axes: Axes, trajectory: Trajectory, colour: str, view: View, *, zorder: float, gid: str) -> None:
+def draw_sight(
+    axes: Axes, trajectory: Trajectory, colour: str, view: View, *, zorder: float, gid: str, tour: bool = False
+) -> None:
     """Draw where the camera looks, from above: as wedges for a robot with a base, as cones for a camera in a hand.
 
     They are drawn at the start, at even distances along the path, and at the goal. A wedge that looks up or down is
     shorter. Where the robot stands, the view with which it continues is drawn.
+
+    tour  draws wedges where the robot stands for a while, as at the stops of a tour; a camera that always looks ahead
+          has only these
     """
     if "base" not in trajectory.model.provides:
         draw_cones(axes, trajectory, colour, view, from_above, zorder=zorder, gid=gid)
         return
     reach = REACH * max(view.width, view.height)
-    pose = trajectory.model.pose("camera", trajectory.at(_moments(trajectory, APART * reach)))
+    times = trajectory.times[:-1][is_held(trajectory)] if tour else np.zeros(0)
+    if not times.size or turns_away(trajectory.model, [trajectory]):
+        times = np.append(_moments(trajectory, APART * reach), times)
+    pose = trajectory.model.pose("camera", trajectory.at(times))
     half = math.degrees(0.5 * _width(trajectory.model))
     wedges = [
         Wedge((x, y), reach * abs(math.cos(pitch)), math.degrees(yaw) - half, math.degrees(yaw) + half)

@@ -46,6 +46,7 @@ QUIET = "#555555"
 START, GOAL = "#FFFFFF", "#F0E442"
 HALO = (withStroke(linewidth=2.5, foreground="white"),)
 SMALL, NORMAL, LARGE = 8.5, 9.5, 11.5  # points
+MOST_WIDE, MOST_HIGH = 6.4, 6.2  # inches of a map
 MOST_LINES = 2_000  # more lines would not be distinguishable
 P = ParamSpec("P")
 NAME_WIDTH = 15  # characters a line of a stacked name

@@ -23,7 +23,7 @@ from hpop.problems.evaluation import Trace
 from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.content import draw_content
-from hpop.view.ground import outline, view_of
+from hpop.view.ground import View, outline, view_of
 from hpop.view.map import turn_dot
 from hpop.view.marks import CIRCLE, RING, Colour, Held, draw_ends, draw_holds, draw_targets, hold_entry, is_held
 from hpop.view.page import LINE, Handle, figure_for, height_of, whole
@@ -95,7 +95,7 @@ def draw_where(
             continue
         floor = PathPatch(outline(problem.world.extent), facecolor="white", linewidth=0.0, zorder=0.1)
         axes.add_artist(floor)
-        _draw_shown(figure, axes, trace, place, view.width, shown_along(trace, place))
+        _draw_shown(figure, axes, trace, place, view, shown_along(trace, place))
         handles = [
             Line2D([], [], color=RATE_COLOURS(0.5), linewidth=3.0, label=drawn),
             *_turn_entry(trajectory),
@@ -152,7 +152,7 @@ def shown_along(trace: Trace, column: int) -> FloatArray:
     return number[owner]
 
 
-def _draw_shown(figure: FigureBase, axes: Axes, trace: Trace, column: int, width: float, shown: FloatArray) -> None:
+def _draw_shown(figure: FigureBase, axes: Axes, trace: Trace, column: int, view: View, shown: FloatArray) -> None:
     """Draw the coloured trajectory of one criterion, its turns and waits, and the colour bar."""
     criterion, trajectory = trace.criteria[column], trace.pieces.trajectory
     points = mapped_points(trajectory.model, trace.states)
@@ -184,7 +184,7 @@ def _draw_shown(figure: FigureBase, axes: Axes, trace: Trace, column: int, width
         """Return the colour that shows the cost of a wait."""
         return RATE_COLOURS(float(norm(of_motion[list(held.motions)].max())))
 
-    draw_holds(axes, trajectory, QUIET, width, face=face)
+    draw_holds(axes, trajectory, QUIET, view, face=face)
     beside = axes.inset_axes((1.02, 0.0, 0.035, 1.0))
     bar = figure.colorbar(ScalarMappable(norm, RATE_COLOURS), cax=beside)
     bar.ax.tick_params(labelsize=SMALL)

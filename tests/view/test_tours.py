@@ -10,7 +10,8 @@ import pytest
 import hpop
 from hpop.export import save
 from hpop.problems.recorded_visits import stop_visits, visit_order
-from hpop.view import draw_trace
+from hpop.view import draw_map, draw_trace
+from hpop.view.marks import is_held
 from tests.tours import STOPS, tour_front, tour_problem
 
 
@@ -82,3 +83,31 @@ def test_visits_that_are_recorded_otherwise_are_left_out(front):
         )
         assert stop_visits(changed, 0) == []
         assert visit_order(changed, 0) == "-"
+
+
+def test_a_map_shows_what_the_camera_sees_at_each_stop_with_a_dwell(problem, front):
+    row = next(row for row in range(len(front)) if len(visit_order(front, row).split()) == 4)
+    axes = next(axes for axes in draw_map(problem, front, chosen={"all": row}).axes if axes.get_label() == "map")
+    (views,) = [artist for artist in axes.collections if artist.get_gid() == "views of all"]
+    tour = front.trajectories[row]
+    states = tour.at(tour.times[:-1][is_held(tour)])
+    assert len(views.get_paths()) == states.size == 3  # "passed" has no dwell
+    for path, x, y, yaw in zip(views.get_paths(), states.x, states.y, states.yaw, strict=True):
+        assert np.hypot(*(path.vertices - (x, y)).T).min() == pytest.approx(0.0, abs=1e-9)
+        assert (path.vertices.mean(axis=0) - (x, y)) @ (np.cos(yaw), np.sin(yaw)) > 0.0
+
+
+def test_clocks_of_several_tours_cover_neither_each_other_nor_the_numbers_of_stops(problem, front):
+    rows = np.linspace(0, len(front) - 1, 6).astype(int)
+    figure = draw_map(problem, front, chosen={f"tour {row}": int(row) for row in rows})
+    figure.canvas.draw()
+    axes = next(axes for axes in figure.axes if axes.get_label() == "map")
+    gids = [f"holds of tour {row}" for row in rows]
+    clocks = [line for line in axes.lines if line.get_gid() in gids]
+    places = np.array([line.get_transform().transform(line.get_xydata())[0] for line in clocks])
+    stops = axes.transData.transform([stop.get("at", (6.5, 5.5)) for stop in STOPS])
+    point = figure.dpi / 72
+    apart = np.abs(places[:, None] - np.concatenate([places, stops])) / point
+    close = (apart[..., 0] < 40.0) & (apart[..., 1] < 12.0)
+    assert len(clocks) > 12
+    assert close.sum() == len(clocks)  # each is close to itself alone
