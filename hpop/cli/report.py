@@ -64,7 +64,7 @@ def print_front(
     ----------
     saved : file with the whole front, named in the output
     verbose : whether to print statistics of the search
-    preference : of a person; the best trajectory for that person is marked "for you"
+    preference : a person's preference; the best trajectory for that person is marked "for you"
     most_rows : number of rows of the table, in addition to the marked ones
     """
     console = console or Console()

@@ -301,7 +301,7 @@ def _motion(trajectory: Trajectory, t: float) -> int:
 
 
 def _touches(trajectory: Trajectory, t: float, closing: Closing) -> float | None:
-    """Return the time, s, from which on a trajectory touches a closed area, after ``t``; None if it stays free."""
+    """Return the first time after ``t``, s, at which a trajectory touches a closed area; None if it stays free."""
     collision = closing.collision(trajectory.model)
     free = _free(between(trajectory, t, trajectory.duration), collision, closing.world_of_area)
     if free.all():

@@ -104,7 +104,7 @@ class Exported:
     trajectory  as planned
     rate        Hz
     body        body with the exported poses
-    planned     True: poses of the planned motion; False: of the executed motion
+    planned     True to export poses of the planned motion, False for those of the executed motion
     frames      names of frames
     row         row in the front, or None
     name        name of the row, such as "knee", or ""

@@ -71,9 +71,10 @@ def faults(model: DifferentialDrive, trajectory: Trajectory) -> Iterator[str]:
 
 
 def _curve_faults(model: DifferentialDrive, trajectory: Trajectory, curved: IntArray) -> Iterator[str]:
-    """Yield the faults of curves, motions ``curved``: they go sideways or backwards, or wheels exceed their limits.
+    """Yield a text for each kind of fault of the motions ``curved``, naming the first such motion.
 
-    Each curve is cut into a hundred intervals; speeds and accelerations are finite differences of the poses.
+    Faults are going sideways or backwards, and wheels beyond their largest speed or acceleration. Each curve is cut
+    into a hundred intervals; speeds and accelerations are finite differences of the poses.
     """
     lasts = trajectory.durations[curved]
     times = trajectory.times[curved][:, None] + lasts[:, None] * np.linspace(0.0, 1.0, STEPS + 1)  # (c, STEPS + 1)
@@ -101,7 +102,7 @@ FIXED, UNWOUND = "fixed", "unwound"  # values of `view`: the picture turns with 
 
 
 class WheelTrack(NamedTuple):
-    """Speeds, m/s, and accelerations, m/s², of both wheels at sample times, s; each a column (N,)."""
+    """Speeds, m/s, and accelerations, m/s², of both wheels at sample times, s; each field is a column (N,)."""
 
     times: FloatArray
     left_speed: FloatArray

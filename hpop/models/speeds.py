@@ -116,7 +116,7 @@ class SpeedRamp(StraightGeometry):
 
 
 def speed_laws(speeds: Sequence[float], acceleration: float) -> dict[str, Law]:
-    """Return the laws of a base with speed classes for straight motions: planned, of changes, and executed.
+    """Return three laws of a base with speed classes: planned moves, planned changes of speed, and executed moves.
 
     speeds        m/s, rising
     acceleration  m/s²

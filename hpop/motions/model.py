@@ -38,7 +38,7 @@ class Collision(Protocol):
     clearance        method: takes states (N,), returns the distance (N,), m, from the robot to the nearest of these
                      things; default None
     least_clearance  method: takes motions (M,) of an uncoupled law and a distance, m; returns the smallest clearance
-                     (M,), m, along each motion, cut off at that distance; default None, ``clearance`` is then sampled
+                     (M,), m, along each motion, at most that distance; default None, ``clearance`` is then sampled
     is_uncompiled    True if the first call must compile kernels; default False
     posture_matters  for robots in the plane: True if collisions depend on states other than x, y and yaw; default False
     turn_part        angle, rad. If a turn in place is cut at multiples of this angle, the turn is free exactly where

@@ -112,7 +112,7 @@ class Preference:
         ties : whether "no difference" was a possible answer; by default whether it occurs
         prior : by default that of an unknown person; see :meth:`People.prior`, which is rescaled by units where ranges
             differ
-        seed : of the random draws
+        seed : seed of the random draws
         count : draws of the posterior
 
         Raises StudyError for rows that the front does not have, and for invalid choices.

@@ -75,7 +75,7 @@ def save_stimuli(
     ----------
     baselines : by letter, the trajectories of conditions that are not rows of the front
     study : a study's folder, with texts in further languages
-    progress : of videos: True shows a line in the terminal; a function is called with each frame
+    progress : for videos: True shows a line in the terminal; a function is called with each frame
 
     Raises StudyError for invalid or repeated letters, OutputError if a file cannot be written.
     """

@@ -124,7 +124,7 @@ def _load_mesh(data: bytes, path: Path) -> Any:
             f"expected 1 to {MOST_FACES:,} faces, found {faces:,}; decimate it (trimesh's simplify_quadric_decimation, "
             "MeshLab and Blender do), or use its convex hull, a box or a cylinder if that is not too large"
             if faces
-            else f"expected 1 to {MOST_FACES:,} faces, found none",
+            else f"expected 1 to {MOST_FACES:,} faces, found none; export the mesh again",
         )
     if not np.isfinite(vertices).all():
         raise _error(path, "its coordinates must be finite numbers")

@@ -284,7 +284,7 @@ class JoinedEnds(TrajectoryGraph):
 
     @property
     def order(self) -> tuple[IntArray, IntArray]:
-        """Two arrays of arc indices in `graph`: of the inner graph's arcs, and of the joins."""
+        """Indices in `graph` of the inner graph's arcs, and indices in `graph` of the joins."""
         places = self._rows[self.joins.tails + 1]
         inner = np.arange(self.inner.arcs.heads.size)
         return inner + np.searchsorted(places, inner, side="right"), places + np.arange(places.size)

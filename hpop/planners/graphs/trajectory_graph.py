@@ -273,7 +273,7 @@ class TrajectoryGraph(ABC):
 
     @property
     def order(self) -> tuple[IntArray, IntArray]:
-        """Two arrays of arc indices in `graph`: of the arcs of `states_alone`, and of the arcs of `joins`."""
+        """Indices in `graph` of the arcs of `states_alone`, and indices in `graph` of the arcs of `joins`."""
         states = self.states_alone
         return np.arange(0 if states is None else states.arcs.heads.size), np.zeros(0, np.int64)
 

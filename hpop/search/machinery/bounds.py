@@ -311,9 +311,10 @@ class BackwardSearches:
         self._searches = [arguments(row, j) for row, j in enumerate(self.columns)]
 
     def settle(self, source: int, until: IntArray) -> IntArray:
-        """Continue each search up to a distance (k,), or up to that of the source, unless ``source`` is -1.
+        """Continue each search up to a distance (k,), or to the distance of the node ``source`` if this is less.
 
-        Returns for each search the distance (k,) of its nearest open node, UNREACHABLE if none is open.
+        With a source of -1, only the distance counts. Returns for each search the distance (k,) of its nearest open
+        node, UNREACHABLE if none is open.
         """
         end = source if source < 0 else int(self.groups.new_number[source])
         calls = [(*search, end, distance) for search, distance in zip(self._searches, until.tolist(), strict=True)]

@@ -45,7 +45,7 @@ def settle(
     out: IntArray,
     parent: NDArray[np.int32],
 ) -> int:
-    """Continue a backward Dijkstra search to the distance ``until`` or that of the source, whichever is less.
+    """Continue a backward Dijkstra search up to the distance ``until``, or to the source's distance if this is less.
 
     Returns the number of entries that remain in the heap. An entry of the 4-ary heap is distance << bits | node; it is
     obsolete if its node has a smaller distance by now.

@@ -196,7 +196,7 @@ def save_ride(
 
     Parameters
     ----------
-    path : of the page, a self-contained file; its folder is created if missing
+    path : file of the page, which needs no other files; its folder is created if missing
     rows : up to eight, by number or by name: "knee", "least turns", or "turns" for the least of a criterion
     blind : leave numbers, criteria and names of trajectories out, for choices by the view alone
 

@@ -166,7 +166,7 @@ def save_video(
     Parameters
     ----------
     of : a front, or a trajectory
-    row : of the front: a number, "knee" or "least NAME"; the knee by default
+    row : row of the front: a number, "knee" or "least NAME"; the knee by default
     fps : frames a second
     width : pixels, a multiple of 4; there are half as many rows
     workers : threads that draw; one for each core by default. The frames are the same with any

@@ -266,9 +266,9 @@ def flow(
 ) -> None:
     """Write to out (N,) the mean, or the largest, angular speed of the surfaces that a camera sees, rad/s.
 
-    places, velocity, rotation (N, 3): of the camera, world frame; axes (N, 3, 3): its unit vectors ahead, left and up,
-    one per row; view (K, 3): directions in which it looks, along these axes. A surface at distance r in direction d
-    shifts by w x d + (v - (v d) d) / r, where r is at least ``nearest`` and at most ``reach``.
+    places, velocity, rotation (N, 3): position and motion of the camera, world frame; axes (N, 3, 3): its unit vectors
+    ahead, left and up, one per row; view (K, 3): directions in which it looks, along these axes. A surface at distance
+    r in direction d shifts by w x d + (v - (v d) d) / r, where r is at least ``nearest`` and at most ``reach``.
     """
     near = np.empty(len(rounds), np.int64)
     for n in range(len(places)):

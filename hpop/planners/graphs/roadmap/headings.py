@@ -93,7 +93,7 @@ class StateRoadmap(StateGraph):
         return _concatenated(self.spending.each(free_moves, _by_position(tails), self._work_text))
 
     def _free_directed_moves(self, tails: IntArray, heads: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return those of some moves that are free of collisions: first positions, last positions, headings in rad.
+        """Return the collision-free ones of some moves, as arrays: first positions, last positions, headings in rad.
 
         Of several moves from a position in one direction, only the shortest is considered.
         """
@@ -220,7 +220,7 @@ class StateRoadmap(StateGraph):
         return _concatenated(self.spending.each(free_turns, blocks(at.size, each), self._work_text))
 
     def _free_turns(self, tails: IntArray, heads: IntArray) -> tuple[IntArray, IntArray]:
-        """Return those of some turns, as first and last states, that are large enough and free of collisions."""
+        """Return the collision-free turns, of some turns, that are large enough, as first and last states."""
         at, yaw = self._positions_and_yaws
         large = (np.abs(wrap(yaw[heads] - yaw[tails])) > LEAST_TURN) | (tails == self.start)
         for goal in self._exact_goals:

@@ -26,10 +26,10 @@ TIMED, NODE = 27, 16  # bytes of memory for an arc and for a node with its time
 
 
 class LegMotions(NamedTuple):
-    """L motions of one kind: one step of the chains of motions of which some arcs consist.
+    """Motions (L,) of one kind, each the n-th motion of an arc that is a chain of motions; n is the same for all.
 
     kind        kind of the motions, such as "move"
-    of          (rows,)  for each listed arc, the index of its motion; -1 if it has none in this step
+    of          (rows,)  for each listed arc, the index of its n-th motion; -1 if it has none of this kind
     start, end  states (L,) at the beginning and end of the motions
     after       (L,)  s, from the departure on the arc to the beginning of the motion
     lasts       (L,)  s, duration

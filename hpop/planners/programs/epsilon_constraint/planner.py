@@ -134,7 +134,7 @@ class EpsilonConstraint:
         return candidates if completed is candidates else self._within(completed, limits, roles, problem)
 
     def _within(self, candidates: Candidates, limits: FloatArray, roles: Roles, problem: Problem) -> Candidates:
-        """Return those of the candidates whose exact costs keep the bounds (k,) of the option ``epsilon``."""
+        """Return the candidates whose exact costs keep the bounds (k,) of the option ``epsilon``."""
         if not self.epsilon:
             return candidates
         costs = trajectory_costs(roles.criteria, candidates.trajectories, problem.world)
@@ -197,7 +197,7 @@ class _GridRun:
             )
 
     def _unanswered(self, cells: Sequence[Cell]) -> list[Cell]:
-        """Return those of the cells (sets of bounds) that must be solved, and count the others as skipped."""
+        """Return the cells (sets of bounds) that must be solved, and count the others as skipped."""
         left = self.grid.unanswered(cells)
         self.tally.counts["skipped"] += len(cells) - len(left)
         self.waiting -= len(cells) - len(left)

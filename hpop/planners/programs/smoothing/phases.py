@@ -56,7 +56,7 @@ class Phases:
 
     @cached_property
     def variable_indices(self) -> tuple[IntArray, IntArray]:
-        """Indices of variables in the program's vector: of the values at nodes (5, n+1), and of durations (n,).
+        """Indices, in the program's vector, of the values at nodes (5, n+1), and of the durations (n,) of intervals.
 
         All nodes of a straight phase share one yaw, and all intervals of a phase share one duration.
         """

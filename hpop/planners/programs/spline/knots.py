@@ -217,7 +217,7 @@ class PieceCosts:
     def with_gradients(
         cls, world: World, model: Model, criteria: Sequence[Criterion]
     ) -> tuple[PieceCosts, dict[int, str]]:
-        """Return cost functions for those of the criteria that have a gradient on symbols.
+        """Return cost functions for the criteria that have a gradient on symbols.
 
         The second value has for each criterion, by index, the reason why it has no gradient, or "".
         """
