@@ -1,4 +1,8 @@
-"""Choice of the method of a search ("staircase" or "general"), and of the order in which it sorts costs."""
+"""Choice of the method of a search ("staircase" or "general"), and of the order in which it compares costs.
+
+The method "staircase" tabulates costs by the values of one of them, the index cost: a sum of small integers, such as
+the number of turns.
+"""
 
 from __future__ import annotations
 
@@ -21,13 +25,15 @@ LARGEST_TABLE = 6_000_000  # nodes times index values: with more, "staircase" is
 def choose_method(graph: Graph, method: str, samples: IntArray, groups: Groups) -> tuple[str, int]:
     """Return the method of a search, and the column of its index cost, -1 if there is none.
 
-    The index is the cost by which staircases are tabulated: a sum of small integers, such as the number of turns. Of
-    several such costs it is the one that is smallest along the paths of `samples`.
+    The index cost is the cost by whose values staircases are tabulated: a sum of small integers, such as the number of
+    turns. Of several such costs it is the one that is smallest along the paths of `samples`.
 
-    samples  (k, k)  costs of the least path of each cost, of :func:`.lower_bounds`
+    method   "auto", "staircase" or "general", as the caller of the search gave it
+    samples  (k, k)  row j: all costs of the path that is least in cost j, of :func:`.lower_bounds`
+    groups   groups of nodes that are joined by turns (:mod:`.machinery.turns`)
 
     The method "auto" becomes "staircase" if there are three costs, and if arcs with an index cost are turns in groups
-    of nodes (:mod:`.machinery.turns`) or the table is small; else "general".
+    of nodes or the table is small; else "general".
 
     Raises OptionError if the method is "staircase" and the graph does not fit.
     """
@@ -50,7 +56,10 @@ def choose_method(graph: Graph, method: str, samples: IntArray, groups: Groups) 
 
 
 def _is_table_small(graph: Graph, index: int, samples: IntArray) -> bool:
-    """Return whether a table with one entry for each node and each index value on the best paths is small."""
+    """Return whether a table with one entry for each node and each value of the index cost, column `index`, is small.
+
+    `samples` (k, k), costs of good paths, tells how large the index cost becomes.
+    """
     return len(samples) > 0 and graph.nodes * (1 + int(samples[:, index].max())) <= LARGEST_TABLE
 
 
@@ -62,8 +71,9 @@ def choose_order(
     The order affects only the speed. For "staircase" the index cost is the second.
 
     method, index  result of :func:`choose_method`
-    samples        (k, k)  costs of the least path of each cost, row by row
+    samples        (k, k)  row j: all costs of the path that is least in cost j
     least          (k,)    least value of each cost on any path
+    groups         groups of nodes that are joined by turns (:mod:`.machinery.turns`)
     """
     by_spread = _by_spread(samples, least)
     if method != "staircase":
@@ -74,7 +84,7 @@ def choose_order(
 
 
 def _is_raised(graph: Graph, j: int, index: int, groups: Groups) -> bool:
-    """Return whether any turn (an arc with a positive index cost) has a positive cost j."""
+    """Return whether any turn (an arc with a positive cost in column `index`) has a positive cost in column j."""
     if groups.column == index:
         return bool(groups.dearest[:, j].any())
     turns = graph.costs[:, index] > 0
@@ -82,7 +92,10 @@ def _is_raised(graph: Graph, j: int, index: int, groups: Groups) -> bool:
 
 
 def _by_spread(samples: IntArray, least: IntArray) -> list[int]:
-    """Return the columns of the costs, first those that grow least on the best path of another cost, relatively.
+    """Return the columns of the costs, first those that stay nearest to their minimum on the best path of another cost.
+
+    samples  (k, k)  row i: all costs of the path that is least in cost i
+    least    (k,)    least value of each cost on any path
 
     This order was found by measurement. On museum lattices the length comes first; the search then takes 0.6 of the
     time of a search with the exposure first. Turns never come first, as the search would take five times as long.
@@ -93,11 +106,12 @@ def _by_spread(samples: IntArray, least: IntArray) -> list[int]:
 
 
 def _with_turn_free_first(graph: Graph, by_spread: list[int], groups: Groups) -> tuple[int, ...]:
-    """Return an order of costs that begins with those that turns do not raise, as groups of turns need.
+    """Return an order of costs that begins with those that turns do not raise; groups of turns save labels only then.
 
-    Of several such costs, the sum with most distinct values comes first. The first cost need not be stored in the sets
-    of vectors, and these sets are smaller if the other costs have few values. Proximity before length took 0.6 to 1.2
-    of the time of the reverse order, and less memory.
+    `by_spread` has the columns in the order of :func:`_by_spread`, which the other costs keep. Of several costs that
+    turns do not raise, the sum with most distinct values comes first. The first cost need not be stored in the sets of
+    vectors, and these sets are smaller if the other costs have few values. Proximity before length took 0.6 to 1.2 of
+    the time of the reverse order, and less memory.
     """
     free = [j for j in by_spread if groups.column >= 0 and not groups.dearest[:, j].any()]
     sample = graph.costs[:SAMPLE]

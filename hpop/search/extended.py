@@ -41,7 +41,10 @@ class ExtendedGraph(Graph):
 
     @classmethod
     def of(cls, base: Graph, part: Graph) -> ExtendedGraph:
-        """Return the graph that adds the arcs of ``part`` to ``base``; the nodes of ``part`` begin with those of it."""
+        """Return the graph that adds arcs to ``base``, its smaller graph.
+
+        ``part`` has only the added arcs; its nodes are those of the base and then the added ones.
+        """
         rows = np.append(base.indptr, np.full(part.nodes - base.nodes, base.arcs))
         indptr = _read_only(rows + part.indptr)
         graph = object.__new__(cls)
@@ -94,14 +97,16 @@ class ExtendedGraph(Graph):
     def rows_of_turns(self) -> tuple[IntArray, NDArray[np.int32], IntArray, IntArray]:
         """Offsets, heads and costs of arcs that include all turns of groups, and the offsets of this graph's arcs.
 
-        They are those of the base, as added arcs are no turns within groups.
+        The first three are the arrays of the base, as added arcs are no turns within groups; so nothing is copied.
         """
         if self.base is None or "costs" in vars(self):
             return super().rows_of_turns
         return self.base.indptr, self.base.heads, self.base.costs, self.indptr
 
     def costs_of_path(self, nodes: IntArray, column: int, remaining: IntArray) -> IntArray:
-        """Return all costs (k,) of a path through the given nodes (N,) that is least in the cost of ``column``.
+        """Return all costs (k,) of the path through the given nodes (N,) that is least in the cost of ``column``.
+
+        Only the choice among parallel arcs depends on ``column``.
 
         remaining  (n,)  least remaining cost of each node in this column
         """

@@ -60,7 +60,7 @@ class NetworkArrays(NamedTuple):
 
 
 def is_network(graph: object) -> bool:
-    """Return whether an object is a networkx graph, without importing networkx for other objects."""
+    """Return whether an object is a networkx graph, without importing networkx."""
     return any(cls.__module__.partition(".")[0] == "networkx" for cls in type(graph).__mro__)
 
 

@@ -184,7 +184,7 @@ class ParetoPaths:
         return nodes, sizes
 
     def suffixes(self, node: int) -> list[IntArray]:
-        """Return the remaining arcs after a node for each path through it, as indices into the graph's arrays."""
+        """Return for each path through a node the remaining arcs from there on, as indices into the graph's arrays."""
         suffixes = []
         for i, path in enumerate(self._paths):
             at = np.flatnonzero(self.nodes(i) == node)
@@ -271,7 +271,7 @@ def bounds_of(graph: Graph, at_most: Any) -> tuple[int, ...]:
 
 
 def precision_of(graph: Graph, eps: float, tolerance: Any) -> Precision:
-    """Return the precision of a front from the options `eps` (a factor) and `tolerance` (one for each cost).
+    """Return the precision of a front from the options `eps` (relative) and `tolerance` (absolute, one for each cost).
 
     Raises OptionError for invalid values.
     """

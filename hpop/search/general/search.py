@@ -88,6 +88,7 @@ def extend_label(
 
     arcs, nodes  tables of :func:`.general.tables.build_tables`
     is_max       (k,)  True for a cost that is a maximum
+    after, f     (k,)  output: costs, and costs with the lower bounds of the remaining costs
     """
     for j in range(len(g)):
         if is_max[j]:
@@ -127,8 +128,14 @@ def advance(
     """Run the search for a slice of `work` steps: take labels (partial paths) from the heap, and extend them.
 
     It ends early if the heap is empty or an array is full. Returns the code of the reason (:mod:`.machinery.slices`).
-    Other arguments are the arrays of :class:`General`, which the kernel changes in place, and the precision and the
-    bound of the first cost.
+    All arrays belong to :class:`General`, and are changed in place.
+
+    start, plain, arcs, nodes           tables of :func:`.general.tables.build_tables`
+    sets, pool                          sets of vectors for dominance tests (:mod:`.general.tables`); the last is the
+    front
+    rise, fan, plan, keys, values       heap, see :class:`.HeapSearch`
+    counters, closed, front, solutions  labels and front, see :class:`.Search`
+    eps, tolerance, bound               precision of the front, and upper bound of the first cost
     """
     word, shift, limit, words = plan
     key, (f, g, turned, moved, reach) = scratch

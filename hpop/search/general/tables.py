@@ -1,4 +1,9 @@
-"""Tables of the search "general": nodes and arcs, paths of labels, and the sets of vectors for dominance tests."""
+"""Tables of the search "general": nodes and arcs, paths of labels, and the sets of vectors for dominance tests.
+
+A label is a partial path. Each node has a set: the cost vectors, called members, of labels closed there. All members
+are in one array, the pool; a row of the table of sets says where those of a set begin (START), how many there are
+(SIZE), and for how many there is room (ROOM).
+"""
 
 from __future__ import annotations
 
@@ -30,12 +35,15 @@ def build_tables(
 
     Arcs to nodes that reach no target are left out. The arcs of each node begin with its turns.
 
-    order    (k,)         columns of the graph's costs, in the order of the search
+    indptr, heads, costs  arcs of the graph, see :class:`.Graph`
+    order      (k,)       columns of the graph's costs, in the order of the search
+    h          (k, n)     lower bounds of the remaining costs, columns as in the graph
+    is_target  (n,)       mask of nodes
     turn                  column of the cost that turns raise; -1 if turns are not taken together with a label
-    group    (n,)         group of each node; turns are arcs within a group
-    arcs     (m, 1 + k)   output: head and costs of each arc
-    nodes    (n, k)       output: lower bounds of the remaining costs of each node
-    origin   (m,)         output: index of each arc in the graph
+    group      (n,)       group of each node; turns are arcs within a group
+    arcs       (m, 1 + k) output: head and costs of each arc
+    nodes      (n, k)     output: lower bounds of the remaining costs of each node
+    origin     (m,)       output: index of each arc in the graph
 
     Returns the offsets (n + 1,) of the arcs of each node, and the offsets (n,) of its first arc that is no turn.
     """
@@ -68,6 +76,9 @@ def build_tables(
 @kernel
 def trace_paths(origin: NDArray[np.int32], closed: IntArray, labels: IntArray) -> tuple[IntArray, IntArray]:
     """Follow labels (n,) back to the source, to find the arcs of their paths.
+
+    origin  (m,)  index in the graph of each arc of the search
+    closed  closed labels, to which labels refer as parents
 
     Returns the end (n,) of each path in the second array, and this array (N,): the arcs of all paths, path after path,
     each from its last arc to its first.
@@ -129,7 +140,7 @@ def covers(pool: NDArray[Any], start: int, room: int, size: int, f: tuple[Any, .
 def drop_covered(pool: NDArray[Any], start: int, room: int, size: int, f: tuple[Any, ...]) -> int:
     """Remove the members of a set that are nowhere smaller than f; return the number of remaining members.
 
-    Arguments are those of :func:`covers`.
+    Arguments are those of :func:`covers`; the pool is changed.
     """
     begin, stride, end = np.uint64(start), np.uint64(room), np.uint64(size)
     left = end
@@ -170,7 +181,10 @@ def smaller(pool: NDArray[Any], start: int, size: int, value: int) -> int:
 
 @lean
 def is_covered(sets: IntArray, pool: NDArray[Any], s: int, f: NDArray[Any]) -> bool:
-    """Return whether some member of set s is at most f (k,) in every cost but the first."""
+    """Return whether some member of set s is at most f (k,) in every cost but the first.
+
+    The first cost needs no test, as labels leave the heap in its order.
+    """
     start, size, room = sets[s, START], sets[s, SIZE], sets[s, ROOM]
     if len(f) == 1:
         return bool(size > 0)
@@ -199,9 +213,10 @@ def add_all_to_sets(
 ) -> int:
     """Add saved vectors (n, k), from index `begin` on, each to its set.
 
-    where   (n,)    set of each vector
-    tested  (n, k)  vectors that no member of the set may cover yet; (0, k) for no test
-    used    index of the counter that holds the used size of the pool
+    sets, pool        table of the sets, and numbers of their members
+    where     (n,)    set of each vector
+    tested    (n, k)  vectors that no member of the set may cover yet; (0, k) for no test
+    counters, used    counters of the search; `used` is the index of the one that holds the used size of the pool
 
     Returns n, or i if the pool has too little room for vector i, or -1 - i if vector i of `tested` is covered.
     """
@@ -238,7 +253,7 @@ def rows_needed(sets: IntArray, s: int, k: int) -> int:
 def add_to_set(sets: IntArray, pool: NDArray[Any], s: int, f: NDArray[Any], used: int) -> int:
     """Add an uncovered vector f (k,), without its first cost, to set s; remove the members that f covers.
 
-    A full set moves to the end of the pool. Returns the used size of the pool.
+    A full set moves to the end of the pool. `used` is the used size of the pool; the new one is returned.
     """
     width = len(f) - 1
     if width == 2:

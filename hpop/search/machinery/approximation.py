@@ -64,8 +64,9 @@ def thin_front(costs: IntArray, chosen: IntArray, eps: float, tolerance: IntArra
     and repeat until all are covered.
 
     costs      (n, k)  the front, in lexicographic order
-    chosen     (m, k)  vectors that are returned anyway
-    eps, tolerance     precision, see :class:`Precision`
+    chosen     (m, k)  vectors that are returned to the user anyway
+    eps        relative error
+    tolerance  (k,)  absolute errors, see :class:`Precision`
     """
     most = costs + np.floor(np.minimum(eps * costs, ANYTHING)).astype(np.int64) + tolerance
     left = np.ones(len(costs), np.bool_)
@@ -99,7 +100,7 @@ def proven_gap(front: IntArray, estimates: IntArray) -> float:
 
 
 def _excess(front: FloatArray, estimates: FloatArray) -> FloatArray:
-    """Return for each estimate (m,) by how much the nearest vector of the front exceeds it, relatively."""
+    """Return for each estimate (m,) the relative excess of the nearest vector of the front over it."""
     best = np.full(len(estimates), math.inf)
     positive = estimates > 0
     divisor = np.where(positive, estimates, 1.0)

@@ -112,7 +112,9 @@ def compiling_beside(aggregates: Sequence[str], turns: int, onset: Onset, kernel
 
     aggregates  "sum" or "max" for each cost
     turns       column of the cost that counts turns, or -1
-    kernels     returns, for these costs, the kernel that takes longest to compile and the kernel of a first result
+    onset       when compilation begins
+    kernels     function that returns, for these costs, the kernel that takes longest to compile and that of a first
+    result
     """
     longest, first = kernels(aggregates, turns)
     if runtime.compiled.can_be_cached(longest) and not runtime.compiled.is_cached(longest):
@@ -138,7 +140,7 @@ def start_compilers() -> None:
 
 
 def is_compiling() -> bool:
-    """Return whether kernels of the search were missing in the cache when the ``with`` block began."""
+    """Return whether kernels of the search were missing in the cache when :func:`compiling_beside` began."""
     return bool(_missing)
 
 

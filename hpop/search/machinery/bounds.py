@@ -43,8 +43,8 @@ def sort_arcs_by_head(
 ) -> None:
     """Sort arcs by head, by a counting sort, for a search backward from the targets.
 
-    start (n + 1,), heads (m,)      arcs sorted by tail
-    origin (m,), costs              rows of these arcs in the table of costs, and this table
+    start (n + 1,), heads (m,)      arcs sorted by tail: offsets of each tail, and heads
+    origin (m,), costs              row of each arc in the table of costs, and this table with k columns
     first (n + 2,)                  must be 0; its first n + 1 entries receive the offset of each head
     tails (m,), weights (k, m)      output: tails and costs of the arcs, sorted by head
     """
@@ -64,13 +64,13 @@ def sort_arcs_by_head(
 
 @lean
 def bits(x: int) -> int:
-    """Return the bit length of a non-negative integer, read from the exponent of a float without rounding."""
+    """Return the bit length of a non-negative integer (3 for 5), read from the exponent of a float without rounding."""
     return max(0, int(np.float64(x & ~(x >> 1)).view(np.int64) >> 52) - 1022)
 
 
 @lean
 def put_on_pile(v: int, pile: int, tops: IntArray, above: NDArray[np.int32], below: NDArray[np.int32]) -> None:
-    """Put node v on top of a pile of the radix heap.
+    """Put node v on top of a pile of the radix heap, a queue that sorts open nodes by cost (see :func:`cost_to_go`).
 
     Piles are linked lists: `tops` has the top node of each pile, `above` and `below` (n,) the neighbours of each node.
     """
@@ -121,14 +121,17 @@ def cost_to_go(
     open node, or UNREACHABLE if none is left. The next call continues from there.
 
     start, tails, weights   arcs sorted by head, of :func:`sort_arcs_by_head`, with this cost alone
-    group (n,), rows        group of each node, and the table of groups
+    is_max                  True if the cost of a path is its largest arc cost, False if it is the sum
+    group (n,), rows        index of each node's group, and the table of groups, see :class:`.Groups`
     dearest, uniform, turns this cost of the turns, see :class:`.Groups` (`uniform` is an entry of `alike`)
+    targets                 nodes at which paths may end, in the numbering of the groups
     out, parent (n,)        output: least cost, and next node on such a path or -1
     turned (g,)             groups that have turned, 0 before the call
     turning (n,)            nodes with a path that begins with a turn, 0 before the call
     tops (PILES,)           -1 before the first call; above and below (n,) are scratch
     last (1,)               cost of the last node taken, -1 before the first call
-    source                  node in the order of the groups, or -1
+    source                  node in the numbering of the groups at which the search stops, or -1
+    until                   largest cost at which the search goes on
 
     Open nodes are in a radix heap (Ahuja, Mehlhorn, Orlin and Tarjan 1990). Let d be the cost of the last node taken.
     Pile 0 holds the open nodes of cost d. Pile b holds those whose cost differs from d in bit b, counted from 1, and in
@@ -213,8 +216,10 @@ def costs_of_least_path(
 ) -> None:
     """Add up all k costs of the path from the source that is least in one cost, that of `column`, into `total` (k,).
 
-    h (n,)       least remaining cost of each node, in that column
-    parent (n,)  next node on the path; -1 at its end
+    indptr, heads, costs  arcs of the graph, see :class:`.Graph`
+    is_max (k,)           1 for a cost of which a path has the maximum, 0 for a sum
+    h (n,)                least remaining cost of each node, in that column
+    parent (n,)           next node on the path; -1 at its end
     """
     k = costs.shape[1]
     u = source
@@ -321,7 +326,7 @@ class BackwardSearches:
         return np.array(self.clock.call_all(cost_to_go, calls), np.int64)
 
     def results(self) -> tuple[IntArray, NDArray[np.int32]]:
-        """Return the least remaining cost (k, n) of each node so far, and its next node (k, n), for each search."""
+        """Return for each search the least remaining cost (k, n) of each node so far, and its next node (k, n)."""
         groups = self.groups
         if (groups.nodes[:-1] < groups.nodes[1:]).all():  # no node was renumbered
             return self.h, self.parents
@@ -330,7 +335,7 @@ class BackwardSearches:
 
 
 def costs_of_least_paths(graph: Graph, source: int, h: IntArray, onward: NDArray[np.int32], clock: Clock) -> IntArray:
-    """Return all costs of the best path for each cost: row j (k,) is for the path from the source least in cost j.
+    """Return all costs (k, k) of the best path for each cost: row j is for the path from the source least in cost j.
 
     The result is (0, k) if the source reaches no target.
 

@@ -1,4 +1,7 @@
-"""Update of the groups of turns after a local change of a graph: only groups with changed arcs are computed again."""
+"""Update of the groups of turns after a local change of a graph: only groups with changed arcs are computed again.
+
+A group is a set of nodes that are joined by turns, such as the headings at one position (:mod:`.machinery.turns`).
+"""
 
 from __future__ import annotations
 
@@ -41,7 +44,10 @@ def take_over_groups(before: Graph, graph: Graph, nodes: IntArray) -> None:
 
 
 def _updated(groups: Groups, before: Graph, graph: Graph, nodes: IntArray) -> Groups | None:
-    """Return the groups of the changed graph, arguments as above; None if they must be computed from scratch."""
+    """Return the groups of the changed graph; None if they must be computed from scratch.
+
+    The arguments are those of :func:`take_over_groups`, and the groups of the graph ``before`` the change.
+    """
     clock, n = Clock(Budget(), None), graph.nodes
     whole, new_sizes = _whole_groups(groups, nodes), _sizes_of_changed_groups(groups, graph, nodes, clock)
     if whole is None or new_sizes is None:
@@ -93,6 +99,8 @@ def _whole_groups(groups: Groups, nodes: IntArray) -> IntArray | None:
     """Return the indices of the groups whose nodes are all unchanged, in order.
 
     The result is None if only a part of a group is unchanged, or if the order of nodes changed.
+
+    nodes  (n,)  for each node of the changed graph, the node before the change with the same arcs, or -1
     """
     kept = np.flatnonzero(nodes >= 0)
     old = nodes[kept]
@@ -107,7 +115,11 @@ def _whole_groups(groups: Groups, nodes: IntArray) -> IntArray | None:
 
 
 def _sizes_of_changed_groups(groups: Groups, graph: Graph, nodes: IntArray, clock: Clock) -> IntArray | None:
-    """Return the sizes of the groups that the changed nodes form, in order; None if their turns form no groups."""
+    """Return the sizes of the groups that the changed nodes form, in order; None if their turns form no groups.
+
+    groups  groups before the change
+    nodes   (n,)  for each node of ``graph``, the node before the change with the same arcs, or -1 if its arcs changed
+    """
     changed, group = np.flatnonzero(nodes < 0), np.full(graph.nodes, -1)
     entered = np.zeros(graph.nodes, np.bool_)
     entered[graph.heads] = True
@@ -128,8 +140,12 @@ def _sizes_of_changed_groups(groups: Groups, graph: Graph, nodes: IntArray, cloc
 def _written_turns(
     groups: Groups, whole: IntArray, rows: IntArray, is_new: BoolArray, tables: tuple[Any, ...], clock: Clock
 ) -> IntArray:
-    """Return the table of turn costs for unchanged groups (``whole``) and new groups, and write offsets to ``rows``.
+    """Return the turn costs of unchanged and new groups in one table, and write each group's offset in it to ``rows``.
 
+    groups  groups before the change, with the old table
+    whole   indices of the groups that are unchanged
+    rows    (g, 3)  all groups after the change, see :class:`.Groups`
+    is_new  (g,)  True for groups that changed
     tables  first arguments of :func:`write_turn_costs`, with the rows of the new groups
     """
     new, before, begins = tables[-1], groups.turns[:, :-1], groups.rows[whole, TURNS]
@@ -149,7 +165,11 @@ def _written_turns(
 
 @lean
 def turns_differ(rows: IntArray, dearest: IntArray, turns: IntArray, column: int) -> bool:
-    """Return whether in any group two turns differ in the cost of a column."""
+    """Return whether in any group two turns differ in the cost of a column.
+
+    rows, dearest, turns  groups and costs of their turns, see :class:`.Groups`
+    column                column of the cost
+    """
     for g in range(len(rows)):
         size = rows[g, SIZE]
         for u in range(size):

@@ -143,7 +143,8 @@ class Keeper:
     def of(cls, checkpoint: CheckpointSpec | None, graph: Graph, *question: Any) -> Self | None:
         """Return the keeper for a query on a graph, or None if ``checkpoint`` is None.
 
-        ``question`` has all other arguments that identify the query, see :func:`fingerprint`.
+        ``question`` has all other arguments that identify the query, such as source and targets, see
+        :func:`fingerprint`.
         """
         return None if checkpoint is None else cls(Checkpoint.of(checkpoint), fingerprint(graph, *question))
 
@@ -218,7 +219,7 @@ class Keeper:
 class Saved:
     """Content of a checkpoint file.
 
-    method    name of the search method, or NONE
+    method    name of the search method, or NONE if the file was saved before a search began
     question  fingerprint of the query
     arrays    int64 arrays by name
     """

@@ -45,7 +45,10 @@ class HeapSearch(Search):
         return [self.keys, self.values]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Return how many bytes more are needed, and a function that doubles the heap or widens its keys."""
+        """Return how many bytes more are needed, and a function that doubles the heap or widens its keys.
+
+        ``code`` is the return value of a kernel that ran out of room: HEAP or KEYS.
+        """
         if code == HEAP:
             return self.keys.nbytes + self.values.nbytes, self._grow_heap
         if code == KEYS:
@@ -63,7 +66,10 @@ class HeapSearch(Search):
         return self.values[: int(self.counters[N_OPEN])], np.zeros(0, np.int64)
 
     def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
-        """Fill the heap with saved labels (h,) and their estimates ``costs`` (h, k); raise Unsound if it is invalid."""
+        """Fill the heap with saved labels (h,) and their estimates ``costs`` (h, k); raise Unsound if it is no heap.
+
+        ``waiting`` must be empty: this search has no buckets.
+        """
         if len(waiting):
             raise Unsound("labels wait outside the heap")
         n = len(heap)

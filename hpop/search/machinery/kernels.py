@@ -23,7 +23,7 @@ WORD_BITS = 62  # bits used of each key word, so that it is non-negative as int6
 
 
 def signature(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Return the numba type of each argument."""
+    """Return the numba type of each argument, by which numba finds the compiled version of a kernel."""
     typeof: Callable[[Any], Any] = numba.typeof
     return tuple(typeof(a) for a in arguments)
 
@@ -65,10 +65,13 @@ def make_ready(compiled: Any, *arguments: Any) -> None:
 
 @lean
 def push(keys: IntArray, values: IntArray, size: int, words: int, key: IntArray, value: int) -> None:
-    """Add an entry, with a `key` of some words and a `value`, to a 4-ary heap of `size` entries.
+    """Add an entry, with a `key` (words,) and a `value`, to a 4-ary heap of `size` entries.
 
     keys    (capacity * words,)  keys of the entries, compared lexicographically; the heap's first entry is the least
-    values  (capacity,)
+    values  (capacity,)          numbers that belong to the keys
+    words   number of integers in a key
+
+    Both arrays are changed; the caller counts the entries.
     """
     i = size
     if words == 1:
@@ -103,7 +106,7 @@ def push(keys: IntArray, values: IntArray, size: int, words: int, key: IntArray,
 
 @lean
 def drop_first(keys: IntArray, values: IntArray, size: int, words: int) -> None:
-    """Remove the first (least) entry of a heap of `size` entries; arguments as in :func:`push`."""
+    """Remove the first (least) entry of a heap of `size` entries, in place; arguments as in :func:`push`."""
     n = size - 1
     value = values[n]
     i = 0
@@ -159,8 +162,8 @@ def precedes(keys: IntArray, i: int, j: int, words: int) -> bool:
 def plan_keys(largest: list[int]) -> tuple[IntArray, IntArray, IntArray, int]:
     """Plan how to pack columns of non-negative integers into few 62-bit words that sort in the same order.
 
-    ``largest`` has the largest value of each column. Returns the word, the bit shift and the largest value that fits of
-    each column, and the number of words.
+    ``largest`` has the largest value of each column. Returns three arrays, with an entry for each column: its word, its
+    bit shift in this word, and the largest value that fits. The fourth value is the number of words.
 
     >>> word, shift, limit, words = plan_keys([1000, 63, 5])
     >>> words, shift.tolist(), limit.tolist()
@@ -190,9 +193,10 @@ def repack(
     new: tuple[IntArray, IntArray, IntArray, int],
     out: IntArray,
 ) -> None:
-    """Write the keys of a heap, packed by the plan `old`, to `out` by the plan `new`; `out` must be 0 before.
+    """Pack the keys of a heap anew, when their columns have become wider; write them to `out`, which is 0 before.
 
-    Plans are results of :func:`plan_keys`.
+    keys, size  keys of the heap, and its number of entries
+    old, new    plans of :func:`plan_keys` by which `keys` are packed, and by which `out` is to be packed
     """
     for i in range(size):
         for j in range(len(old[0])):
@@ -202,7 +206,10 @@ def repack(
 
 @lean
 def excess(vector: FloatArray, least: FloatArray) -> float:
-    """Return by how much a vector (k,) exceeds an estimate `least` (k,): the largest relative excess in any cost."""
+    """Return the largest relative excess, over all costs, of a vector (k,) over an estimate `least` (k,); at least 0.
+
+    The result is infinite if the vector has a positive cost where the estimate is 0.
+    """
     worst = 0.0
     for j in range(len(vector)):
         if least[j] > 0:
@@ -252,9 +259,10 @@ def proven_gap(front: IntArray, estimates: IntArray, most: float) -> float:
 
 @kernel
 def least_covered(cost: int, eps: float, tolerance: int) -> int:
-    """Return the least estimate that a found cost covers within the precision of a front.
+    """Return the least estimate that a cost of a known solution covers within a precision (`eps`, `tolerance`).
 
-    This is the smallest f >= 0 with f + floor(eps f) + tolerance >= cost.
+    This is the smallest f >= 0 with f + floor(eps f) + tolerance >= cost. A path whose estimated cost is f or more is
+    not needed beside that solution.
     """
     if cost <= tolerance:
         return 0

@@ -1,8 +1,9 @@
 """The labels (partial paths) of a search as arrays, from which a checkpoint restores the state of the search.
 
-A label stores its parent label and its last arc. Its costs, its key in the queue and the sets of vectors at its node
-follow from the graph. So a label in a file is either a path of this graph with its true costs, or it is refused. No
-number in a file is used as an index before it is checked. A resumed search checks that
+A closed label has been extended by all arcs, an open one waits for it, and a solution is a label at a target. A label
+stores its parent label and its last arc. Its costs, its key in the queue and the sets of vectors at its node follow
+from the graph. So a label in a file is either a path of this graph with its true costs, or it is refused. No number in
+a file is used as an index before it is checked. A resumed search checks that
 
 - the arc of each label leaves the node of its parent, the parent was closed before, and all labels differ;
 - labels were closed, and solutions found, in the order of the search, and none is covered by earlier ones;
@@ -158,10 +159,16 @@ def retrace(
 ) -> int:
     """Compute the last nodes and the estimates of saved labels (partial paths); write them to `at` (n,) and f (n, k).
 
-    values   (n,)      labels, closed labels first; `closed` is their number
-    start    (v + 1,)  offsets of the arcs of nodes; heads (m,) and costs (m, k), `arcs`, of these arcs
-    h        (v, k)    lower bounds of the remaining costs of nodes
+    values   (n,)      labels, closed labels first; each is (parent's index + 1) << 32 | (last arc + 1), 0 at the source
+    closed             number of closed labels
+    start    (v + 1,)  offsets: the arcs that leave node u are start[u] : start[u + 1]
+    heads    (m,)      heads of these arcs
+    arcs     (m, k)    costs of these arcs
+    h        (v, k)    lower bounds of the remaining costs of nodes; an estimate is the cost so far combined with this
+    bound
     is_last  (v,)      nodes at which a path ends: targets
+    is_max   (k,)      True for a cost that is a maximum over the arcs
+    source             node at which paths begin
     most     (k,)      largest estimates that fit
 
     Returns n, or i if label i is invalid, or -1 - i if the costs of label i are too large.
@@ -195,7 +202,10 @@ def retrace(
 
 @kernel
 def is_heap(keys: IntArray, size: int, words: int) -> bool:
-    """Return whether keys form a 4-ary heap: no entry has a smaller key than its parent."""
+    """Return whether `keys` form a 4-ary heap: no entry has a smaller key than its parent.
+
+    `size` is the number of entries, and `words` the number of integers in the key of each.
+    """
     sound = True
     for i in range(1, size):
         sound &= not precedes(keys, i, (i - 1) >> 2, words)

@@ -45,14 +45,18 @@ def settle(
     out: IntArray,
     parent: NDArray[np.int32],
 ) -> int:
-    """Continue a backward Dijkstra search up to the distance ``until``, or to the source's distance if this is less.
+    """Continue a backward Dijkstra search for one cost, until all nodes up to a distance are settled.
 
-    Returns the number of entries that remain in the heap. An entry of the 4-ary heap is distance << bits | node; it is
-    obsolete if its node has a smaller distance by now.
+    Returns the number of entries that remain in the heap, from which the next call continues. An entry of the 4-ary
+    heap is distance << bits | node; it is obsolete if its node has a smaller distance by now.
 
-    begin (n + 1,), tails (m,), weights (m,)  arcs sorted by head: offsets of each head, tails, costs
-    size, heap                                number of entries, and the heap
-    out, parent (n,)                          output: least distance of each node, and next node towards the target
+    begin (n + 1,)           offsets: the arcs that enter node v are begin[v] : begin[v + 1]
+    tails (m,), weights (m,) tails and costs of the arcs, sorted by head
+    is_max                   True if the cost of a path is its largest arc cost, False if it is the sum
+    source                   the search also stops at the distance of this node; -1 for none
+    until                    largest distance to be settled
+    size, heap               number of entries in the heap, and the heap, which is changed
+    out, parent (n,)         changed: least distance of each node, and next node towards the target
     """
     mask = (1 << bits) - 1
     while size > 0:
@@ -99,10 +103,11 @@ def settle(
 def plain_bounds(
     graph: Graph, source: int, targets: IntArray, clock: Clock, groups: Groups
 ) -> tuple[IntArray, IntArray, Status | None]:
-    """Return lower bounds like :func:`.lower_bounds`, but faster, and smaller for nodes far from the targets.
+    """Return lower bounds of remaining costs, the costs of the best path for each cost, and the limit passed or None.
 
-    They suffice for a search from this source. With costs that do not fit a heap entry, on a graph without groups of
-    turns, the result is that of :func:`.lower_bounds`.
+    The result has the form of :func:`.lower_bounds`, but comes sooner. Its bounds are smaller at nodes far from the
+    targets, and suffice only for a search from this source. On a graph without groups of turns whose costs do not fit a
+    heap entry, the result is that of :func:`.lower_bounds`.
     """
     if groups.column >= 0:
         return _bounds_with_groups(graph, source, targets, clock, groups)
@@ -140,7 +145,7 @@ def plain_bounds(
 def _bounds_with_groups(
     graph: Graph, source: int, targets: IntArray, clock: Clock, groups: Groups
 ) -> tuple[IntArray, IntArray, Status | None]:
-    """Return the result of :func:`plain_bounds` for a graph with groups of turns."""
+    """Return the result of :func:`plain_bounds` for a graph whose turns form groups of nodes."""
     clock.report("bounds")
     k, memory = graph.criteria, memory_of_searches(graph, groups)
     status = clock.exceeded(0, memory)
@@ -158,10 +163,10 @@ def _bounds_with_groups(
 
 
 def _bound_open_nodes(h: IntArray, nearest: IntArray) -> None:
-    """Turn tentative distances h (k, n) of stopped searches into lower bounds.
+    """Turn the tentative distances h (k, n) of searches that were stopped early into lower bounds, in place.
 
-    nearest  (k,)  distance of the nearest open node of each search: no bound of an open node is larger; UNREACHABLE if
-                   no node is open, and then nodes that are not reached have no path to a target
+    nearest  (k,)  distance of the nearest open node of each search, to which bounds of farther nodes are cut;
+                   UNREACHABLE if no node is open, and then nodes that are not reached have no path to a target
     """
     unreached = np.zeros(h.shape[1], np.bool_)
     for bounds, distance in zip(h, nearest, strict=True):

@@ -53,7 +53,7 @@ class Clock:
         self.peak = 0
 
     def silent(self, labels: int, memory: int) -> Clock:
-        """Return a clock without progress reports for a part of the search, with limits less what is used already."""
+        """Return a clock without progress reports, with limits less the labels and memory (bytes) in use already."""
         most, room = self.budget.max_labels, self.budget.max_memory
         remaining = replace(
             self.budget,
@@ -102,7 +102,7 @@ class Clock:
         return compiled(*arguments)
 
     def call_all(self, compiled: Any, calls: Sequence[tuple[Any, ...]]) -> list[Any]:
-        """Call a kernel once for each tuple of arguments, on all cores if arrays are large; return the results."""
+        """Call a kernel once for each tuple of arguments, in threads if arrays are large; return the results."""
         self.prepare(compiled, *calls[0])
         with interrupts_held():
             if sum(x.nbytes for x in calls[0] if isinstance(x, np.ndarray)) < SMALL:
@@ -111,7 +111,7 @@ class Clock:
                 return list(threads.map(lambda arguments: compiled(*arguments), calls))
 
     def exceeded(self, labels: int, memory: int, *, record: bool = True) -> Status | None:
-        """Return the limit that these labels and bytes or the time pass, or None; ``record`` the bytes in the peak."""
+        """Return the limit that time, labels or memory (bytes) pass, or None; ``record`` the memory in the peak."""
         if record:
             self.peak = max(self.peak, memory)
         limit = self.budget
@@ -156,7 +156,7 @@ class Search(ABC):
 
     @abstractmethod
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Return how many bytes more the full array of a code needs, and a function that grows this array."""
+        """Return the bytes that the full array of a code (HEAP, ...) needs to grow, and a function that grows it."""
 
     def run(self, clock: Clock, keep: Callable[[], None] | None = None) -> Status:
         """Run slices until the search is complete or a limit is passed; return the status.
@@ -220,7 +220,7 @@ class Search(ABC):
 
     @abstractmethod
     def estimates(self) -> IntArray:
-        """Return lower bounds (m, k) of the costs of paths that extend open labels, rows as in :meth:`open_labels`."""
+        """Return lower bounds (m, k) of the costs of all paths through each open label, as in :meth:`open_labels`."""
 
     @abstractmethod
     def open_labels(self) -> tuple[IntArray, IntArray]:
@@ -228,14 +228,14 @@ class Search(ABC):
 
     @abstractmethod
     def weight_of_sets(self, clock: Clock) -> int:
-        """Return a checksum of the sets of vectors used for dominance tests, whatever their order in memory."""
+        """Return a checksum of the sets of vectors for dominance tests, whatever their order in memory."""
 
     def solution_labels(self) -> IntArray:
         """Return the labels of the solutions, for a checkpoint; a subclass leaves out those that are closed labels."""
         return self.solutions[: int(self.counters[N_FRONT])]
 
     def labels(self, clock: Clock) -> Labels:
-        """Return the state of the search as labels (partial paths), from which a new search can resume."""
+        """Return the state of the search as labels with checksums, from which a new search can resume."""
         heap, waiting = self.open_labels()
         counts = self.counters[[N_GENERATED, N_EXPANDED]]
         closed = self.closed[: int(self.counters[N_CLOSED])]

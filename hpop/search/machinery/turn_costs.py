@@ -1,6 +1,8 @@
 """Table of the costs of turns within groups of nodes (:mod:`.machinery.turns`); equal groups share its columns.
 
-On a lattice most positions have the same turns, so the table is small and stays in the processor's cache.
+A group is a set of nodes of which each is joined to each other one by a turn (headings at one position of a lattice).
+On a lattice most positions have the same turns, so the table is small and stays in the processor's cache. A group is a
+row of ``rows`` (g, 3): its first node (OFFSET), number of nodes (SIZE) and first column in the table (TURNS).
 """
 
 from __future__ import annotations
@@ -32,13 +34,14 @@ def check_room(clock: Clock, memory: int) -> None:
 
 
 def shared_turns(criteria: int, tables: tuple[Any, ...], memory: int, clock: Clock) -> IntArray:
-    """Return the table (k, t) of turn costs of all groups, and write each group's offset in it to ``rows``.
+    """Return the table (k, t) of turn costs of all groups, and write each group's first column in it to ``rows``.
 
-    Groups with equal costs share an offset.
+    Groups with equal costs share their columns.
 
-    criteria  k
+    criteria  number of costs, k
     tables    first arguments of :func:`write_turn_costs`, up to ``rows``
     memory    bytes in use already
+    clock     its memory limit applies; NoRoom is raised if the table does not fit
     """
     rows = tables[-1]
     pairs = int((rows[:, SIZE] ** 2).sum())
@@ -70,13 +73,18 @@ def write_turn_costs(
     turns: IntArray,
     slots: IntArray,
 ) -> tuple[int, int]:
-    """Write the costs of turns to the table `turns` (k, t), and the offset of each group to `rows`.
+    """Write the costs of turns to the table `turns` (k, t), and the first column of each group in it to `rows`.
 
-    Begins with group `first`; `used` columns are in use. Groups with equal costs share an offset if it is found within
-    PROBES slots of a hash table. Returns the number of groups that are done, fewer than all if the table is full, and
-    the number of columns in use. Other arguments are as in :class:`Groups`.
+    The cost of the turn from the i-th to the j-th node of a group is in its column i * size + j. Groups with equal
+    costs share their columns, if an equal group is found within PROBES slots of a hash table. Returns the number of
+    groups that are done, fewer than all if the table is full, and the number of columns in use.
 
-    slots  (SLOTS, 3)  hash table of groups: checksum + 1, offset, size; 0 before the first call
+    indptr, heads, costs     arcs of the graph, see :class:`.Graph`
+    column                   column of the cost that turns raise
+    nodes, new_number, rows  numbers of nodes and groups, see :class:`.Groups`
+    first                    group to begin with
+    used                     number of columns in use already
+    slots                    (SLOTS, 3)  hash table of groups: checksum + 1, offset, size; 0 before the first call
     """
     for g in range(first, len(rows)):
         offset, size = rows[g, OFFSET], rows[g, SIZE]
@@ -118,8 +126,8 @@ def write_turn_costs(
 def no_dearer_than_two(rows: IntArray, turns: IntArray, alike: NDArray[np.bool_], worst: NDArray[np.bool_]) -> bool:
     """Return whether no turn costs more, in any cost, than two turns in a row between the same nodes.
 
-    rows, turns, alike  groups, see :class:`.Groups`
-    worst               (k,)  True for a cost that is a maximum
+    rows, turns, alike  groups and costs of their turns, see :class:`.Groups`
+    worst               (k,)  True for a cost of which a path has the maximum over its arcs, not the sum
     """
     dearer = False
     for j in range(len(alike)):

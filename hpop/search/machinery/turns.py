@@ -92,7 +92,7 @@ class Groups:
         return sum(array.nbytes for array in arrays) + (0 if self.plain is None else self.plain.nbytes)
 
     def costs_of_arcs(self, graph: Graph) -> tuple[IntArray, NDArray[np.int32]]:
-        """Return a table with the costs of the plain arcs, and the row of this table for each plain arc (m,)."""
+        """Return a table of arc costs, and the row of this table for each plain arc (m,)."""
         if self.plain is None:
             return graph.costs, self.origin
         return self.plain, np.arange(len(self.plain), dtype=np.int32)
@@ -132,7 +132,10 @@ class Groups:
         return groups._with_added_nodes(graph, graph.base)
 
     def _with_added_nodes(self, graph: ExtendedGraph, base: Graph) -> Self:
-        """Return the groups of a graph that adds start and goal nodes to ``base``, the graph of these groups."""
+        """Return the groups of a graph that adds start and goal nodes to ``base``, the graph of these groups.
+
+        Each added node is a group of its own; the groups of the base stay as they are.
+        """
         more, j, added = graph.nodes - base.nodes, graph.added.places, graph.added
         ends = np.arange(base.nodes, graph.nodes)
         rows = np.zeros((more, GROUP_COLUMNS), np.int64)
@@ -163,7 +166,10 @@ class Groups:
         )
 
     def unshared(self) -> Self:
-        """Return the same groups, each with its own columns of turn costs, and arc costs in the graph's own table."""
+        """Return the same groups with their own data only, as some kernels need them.
+
+        Each group gets its own columns of turn costs. Costs of plain arcs are read from the graph's own table.
+        """
         if not self.turns.size:
             return replace(self, plain=None)
         rows = self.rows.copy()
@@ -227,10 +233,10 @@ class Groups:
 
 
 def _turns_are_at_ends(graph: ExtendedGraph, column: int) -> bool:
-    """Return whether added turns are only at added ends, so that the groups of the base stay valid.
+    """Return whether added turns are only at added start and goal nodes, so that the base's groups stay valid.
 
-    Each added arc with a positive cost in ``column`` must leave an added node that no added arc enters, or enter an
-    added node that no added arc leaves.
+    A turn is an arc with a positive cost in ``column``. It must leave an added node that no added arc enters, or enter
+    an added node that no added arc leaves.
     """
     assert graph.base is not None
     added = graph.added
@@ -255,11 +261,12 @@ def number_groups(
 
     Returns the number of groups, the index cost of a turn, and the number of turns; all 0 if turns form no groups.
 
-    index      column of the cost that turns raise
-    entered    (n,)  True for nodes that some arc enters
-    group      (n,)  output, group of each node; -1 before the call
-    size       (n,)  scratch, number of nodes of each group; 0 before the call
-    last_tail  (n,)  scratch; -1 before the call
+    indptr, heads, costs  arcs of the graph, see :class:`.Graph`
+    index                 column of the cost that turns raise
+    entered               (n,)  True for nodes that some arc enters
+    group                 (n,)  output, group of each node; -1 before the call
+    size                  (n,)  scratch, number of nodes of each group; 0 before the call
+    last_tail             (n,)  scratch; -1 before the call
     """
     count, turns = 0, 0
     step: Any = np.int64(0)
@@ -307,8 +314,11 @@ def separate_turns(
 ) -> int:
     """Separate arcs into turns and plain arcs; return the number of plain arcs, without loops from a node to itself.
 
-    Written are `start`, `plain` (heads of the plain arcs), `origin`, `dearest` and `alike`, see :class:`Groups` for
-    these and the other arguments.
+    indptr, heads, costs     arcs of the graph, see :class:`.Graph`
+    column                   column of the index, the cost that turns raise; -1: all arcs are plain
+    nodes, new_number, rows  numbers of nodes and groups, see :class:`Groups`
+
+    Written are `start`, `plain` (heads of the plain arcs), `origin`, `dearest` and `alike`, see :class:`Groups`.
     """
     k = costs.shape[1]
     m = 0

@@ -77,7 +77,7 @@ def longest_duration(f: IntArray, h: IntArray, v: int, most: IntArray, rates: Fl
     """Return the longest duration that a label at node v with the estimate f (k,) can reach within the limits.
 
     h            (n, k)      lower bounds of the remaining costs
-    most, rates  (k,), (k,)  of :class:`.MeanLimits`
+    most, rates  (k,), (k,)  largest costs, and longest duration per unit of each cost, see :class:`.MeanLimits`
     """
     remaining = 0.0
     for j in range(len(f)):
@@ -97,7 +97,7 @@ def is_pruned(
     front      (size, k)  walks found so far, sorted by the mean
     longest    longest duration that the label can reach within the limits
     blocks     (n, 3)     for each node the block of rows in ``vectors``: first row, number of rows, room
-    vectors    (r, k)     estimates of closed labels
+    vectors    (r, k)     estimates of closed labels; a row that dominates moves to the end of its block
     b          index of the block, the node of the label
     """
     i = row_to_improve(front, size, f)
@@ -119,8 +119,9 @@ def is_pruned(
 def enter_row(blocks: IntArray, vectors: IntArray, b: int, f: IntArray, used: int) -> int:
     """Add the estimate f (k,) of a closed label to block b, and drop rows that f replaces; return the used rows.
 
-    `used` is the number of rows in use before. A row is replaced if f is at most the row in the integral and the other
-    costs. Durations need no comparison, as all later labels last at least as long as both.
+    A block has the rows of `vectors` with the estimates of labels closed at one node (:func:`is_pruned`). `used` is the
+    number of rows in use before. A row is replaced if f is at most the row in the integral and the other costs.
+    Durations need no comparison, as all later labels last at least as long as both.
     """
     begin = blocks[b, START]
     used_rows = begin
@@ -150,7 +151,10 @@ def enter_row(blocks: IntArray, vectors: IntArray, b: int, f: IntArray, used: in
 def insert(front: IntArray, solutions: IntArray, size: int, f: IntArray, label: int) -> int:
     """Add a walk with costs f (k,) to the front unless it is dominated there, and drop walks that it dominates.
 
-    Means count instead of integrals and durations. Returns the new size of the front.
+    The mean, integral divided by duration, counts as one cost. Returns the new size of the front.
+
+    front, solutions  (size, k), (size,)  costs and labels of the walks, sorted by the mean; changed in place
+    label             number that `solutions` stores for the walk
     """
     time = max(1, f[TIME])
     position = 0  # after all rows whose mean is not larger
@@ -181,7 +185,7 @@ def insert(front: IntArray, solutions: IntArray, size: int, f: IntArray, label: 
 def insert_all(walks: IntArray, front: IntArray, solutions: IntArray) -> int:
     """Insert the walks (s, k) of the first search into an empty front; return the size of the front.
 
-    Their numbers as solutions are -1, -2, ...
+    Their labels in `solutions` are -1, -2, ...
     """
     size = 0
     for i in range(len(walks)):
@@ -216,7 +220,14 @@ def advance(
     """Run the search for a slice of `work` steps: take labels (partial walks) from the heap, and extend them.
 
     It ends early if the heap is empty or an array is full. Returns the code of the reason (:mod:`.machinery.slices`).
-    Other arguments are the arrays of :class:`.CappedMean`, which the kernel changes in place.
+    All arrays belong to :class:`.CappedMean`, and are changed in place.
+
+    rise, fan, plan, keys, values       heap, see :class:`.HeapSearch`
+    indptr, heads, costs                arcs of the graph, with costs in the order of the search
+    h               (n, k)              lower bounds of the remaining costs
+    most, rates                         limits, see :class:`.MeanLimits`
+    blocks, vectors                     estimates of closed labels, see :func:`is_pruned`
+    counters, closed, front, solutions  labels and front, see :class:`.Search`
     """
     word, shift, limit, words = plan
     k = len(word)

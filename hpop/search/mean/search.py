@@ -1,4 +1,7 @@
-"""The search for exact means within limits: its arrays and labels. Its kernel is in :mod:`.mean.kernel`."""
+"""The search for exact means within limits: its arrays and labels. Its kernel is in :mod:`.mean.kernel`.
+
+A label is a partial walk. The block of a node has the cost vectors of labels closed there, for dominance tests.
+"""
 
 from __future__ import annotations
 
@@ -116,7 +119,7 @@ class CappedMean(HeapSearch):
         return [self.costs, self.h, self.is_target, self.blocks, self.vectors, *super().arrays()]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Return how many bytes more are needed, and a function that doubles the rows of blocks or grows the heap."""
+        """Return how many bytes more the full array of a code needs, and a function that grows it (blocks or heap)."""
         return (self.vectors.nbytes, self._grow_rows) if code == ROWS else super().growth(code)
 
     def _grow_rows(self) -> None:

@@ -27,7 +27,7 @@ from hpop.search.staircase.turn_hull import IntLanes, TurnHull, directions, turn
 
 
 class ClosedArcs:
-    """The closed arcs of a graph, with the groups of turns that remain valid without them.
+    """The closed arcs of a graph, with the groups of nodes joined by turns that remain valid without them.
 
     closed  (m,)  True for a closed arc
     whole         groups of turns of the graph with all arcs open; each has its own costs, as closed turns change them
@@ -197,9 +197,11 @@ def least_path(
 ) -> int:
     """Follow a path from the source to a target, node by node; write its arcs to `arcs`, and return their number.
 
+    indptr, heads, costs  arcs of the graph, see :class:`.Graph`
     onward  (n,)  next node on the path from each node; -1 at its end
     column        of parallel open arcs, the one with the least cost in this column is taken
     closed  (m,)  mask of closed arcs
+    arcs          output, with room for the longest path
     """
     size = 0
     u = np.int64(source)
@@ -231,8 +233,8 @@ class StaircaseBounds:
     """Lower bounds of the remaining costs for staircase searches, computed while all arcs are open.
 
     h       (k, n)       least remaining value of each cost
-    layers  (n, LAYERS)  least remaining third cost for each number of turns, nodes in the order of groups; or None
-    hull                 joint bounds of the first and third cost, or None
+    layers  (n, LAYERS)  least remaining rest cost, the third in the search's order, for each number of turns; or None
+    hull                 joint bounds of the first and the rest cost (:mod:`.staircase.turn_hull`), or None
     """
 
     h: IntArray

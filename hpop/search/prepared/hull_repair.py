@@ -1,8 +1,9 @@
 """Repair of joint bounds after arcs were closed: only bounds that change are computed again.
 
 A hull of joint bounds (:mod:`.staircase.turn_hull`) has a layer for each number of turns. The layer holds the least
-weighted remaining costs of each node, for several weights (lanes), and the arcs that the best paths take. When an arc
-is closed, only nodes with a best path through it are affected. Layer after layer, these nodes are marked, and their
+weighted remaining costs of each node, for LANES weight vectors (lanes), and the arcs that the best paths take. Plain
+arcs are arcs that are no turns; they are in chain order, each after the next arc of its straight run (chain). When an
+arc is closed, only nodes with a best path through it are affected. Layer after layer, these nodes are marked, and their
 values are computed again from repaired ones: from the layer with one turn less, and from the next nodes of paths. The
 results are always lower bounds, and none decreases. Old values are stored. When arcs are opened again, the old values
 are restored, and arcs that are still closed are processed again. A repair may stop after any layer, and continue later.
@@ -28,16 +29,16 @@ Places = NDArray[np.int32]
 
 
 class HullTables(NamedTuple):
-    """Tables from which kernels repair a hull: nodes sorted by group, plain arcs sorted along chains.
+    """Tables from which kernels repair a hull: nodes in the order of groups, plain arcs in chain order.
 
-    Chains are straight runs of arcs, see :class:`.staircase.tables.ArcChains`.
+    Chain order is that of :class:`.staircase.tables.ArcChains`: each arc comes after the next arc of its straight run.
 
     tails, heads           (m,)    nodes of each plain arc
-    first, rest            (m,)    first and third cost of each plain arc
-    least                  (2, n)  least remaining first and third cost of each node when the hull was computed
+    first, rest            (m,)    first and rest cost of each plain arc
+    least                  (2, n)  least remaining first and rest cost of each node when the hull was computed
     groups, alike                  ``rows`` of :class:`.Groups`; whether all turns within each group cost the same
     group                  (n,)    group of each node
-    turn_first, turn_rest          first and third cost of turns, one per group if alike, else one per pair of nodes
+    turn_first, turn_rest          first and rest cost of turns, one per group if alike, else one per pair of nodes
     weights                (LANES, 2)  weights of the two costs
     is_target              (n,)    mask of nodes
     """
@@ -57,9 +58,9 @@ class HullTables(NamedTuple):
 
 
 class HullRepair:
-    """A hull of joint bounds that can be repaired for closed arcs and restored.
+    """A hull of joint bounds (:mod:`.staircase.turn_hull`) that can be repaired for closed arcs and restored.
 
-    arcs          (m,)  indices in the graph of the plain arcs, sorted along chains
+    arcs          (m,)  indices in the graph of the plain arcs, in chain order
     closed        (m,)  plain arcs that are closed in the repaired layers
     turns_closed  (g,)  groups with closed turns in the repaired layers
     """
@@ -161,7 +162,7 @@ class HullRepair:
     def _repair_layer(self, m: int, before: NDArray[np.uint8], clock: DeadlineClock) -> bool:
         """Repair layer m; return False without a repair if the remaining time does not suffice.
 
-        before  (n,)  for each node, the lanes (weights) that changed in the previous layer, as bits
+        before  (n,)  for each node, the lanes (weight vectors) that changed in the previous layer, as bits
         """
         layers, tables = self.hull.layers, self.tables
         last = m == len(layers) - 1
@@ -191,7 +192,7 @@ class HullRepair:
 def mark_affected_lanes(
     tables: HullTables, moved: NDArray[np.uint8], new: BoolArray, before: NDArray[np.uint8], marks: NDArray[np.uint8]
 ) -> None:
-    """Mark for each node the lanes (weights) in which its best path in a layer uses a closed arc, as bits.
+    """Mark for each node the lanes (weight vectors) in which its best path in a layer uses a closed arc, as bits.
 
     moved   (m,)  for each arc, the lanes in which paths of this layer take it, as bits
     new     (m,)  newly closed arcs
@@ -215,7 +216,11 @@ def mark_affected_lanes(
 
 @lean
 def write_remaining_costs(tables: HullTables, steps: Steps, v: int, rest: IntLanes, row: int) -> None:
-    """Decode the weighted remaining costs of node v from the steps of a layer, and write them to `rest[row]`."""
+    """Decode the weighted remaining costs of node v from a layer, and write them to `rest[row]` (LANES,).
+
+    steps  (n, LANES)  the layer: excess over the least remaining costs, in 16-bit units
+    (:func:`.turn_hull.write_excess`)
+    """
     first, last = np.float64(tables.least[0, v]), np.float64(tables.least[1, v])
     for k in range(LANES):
         least = (tables.weights[k, 0] * first + tables.weights[k, 1] * last) * DOWN - 2.0
@@ -240,9 +245,11 @@ def improve_by_turns(
 
     Paths of the layer `steps` without another turn count as well.
 
-    steps    (n, LANES)  layer in which paths continue after the turn
+    steps    (n, LANES)  layer in which paths continue after the turn, encoded
+    marks    (n,)  not 0 for nodes that are under repair
     within   whether this is the layer under repair; the values of marked nodes are then in `now`
-    came     (n,)  nodes that a move improved; only their groups are processed; 0 after the call
+    nodes    the marked nodes
+    came     (n,)  nodes that a plain arc improved; only their groups are processed; 0 after the call
     turned   (n,)  set to 1 for nodes that a turn improves
     rests    (g, LANES), least (1, LANES)  scratch; g is the number of nodes of the largest group
     """
@@ -302,9 +309,11 @@ def improve_by_moves(
 
     Returns whether any value improved.
 
-    arcs           (a,)  arcs from marked nodes; closed arcs are skipped
+    steps, marks, rests  as in :func:`improve_by_turns`
+    arcs           (a,)  arcs from marked nodes; those in `closed` (m,) are skipped
     moved          (m,)  output: for each arc the lanes that it improved, as bits
-    came, turned   (n,)  nodes that a move or a turn improved; arcs to other nodes are skipped; `turned` is 0 afterwards
+    came, turned   (n,)  nodes that a plain arc or a turn improved; arcs to other nodes are skipped; `turned` is 0
+                         afterwards, and the improved nodes are added to `came`
     """
     weights = tables.weights
     better = np.uint8(0)
@@ -349,6 +358,8 @@ def recompute_layer(
 ) -> None:
     """Recompute layer m at the marked nodes, from values that are valid; the last layer allows any number of turns.
 
+    layers       all layers of the hull, of which layer m is changed; `last` is True for the last one
+    moved, closed, marks         as in :func:`improve_by_moves`
     nodes, arcs  (a,), (b,)      marked nodes, and the arcs that leave them
     now          (n, LANES)      scratch
     room         (1 + g, LANES)  scratch, g is the number of nodes of the largest group

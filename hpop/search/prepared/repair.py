@@ -4,7 +4,8 @@ The bound h_j(v) is the least cost j of any path from v to a target, and the nex
 node. When an arc is closed, only the bounds of nodes with paths through it may rise. They are computed again from those
 of their neighbours (Ramalingam and Reps, "An incremental algorithm for a generalization of the shortest-path problem",
 1996). When an arc from u to v with cost c is opened, h(u) may fall to c + h(v), and so may the bounds of nodes before
-u. In both cases the search of :mod:`.machinery.bounds` then continues backward from the changed nodes.
+u. In both cases the search of :mod:`.machinery.bounds` then continues backward from the changed nodes, which wait in a
+radix heap of piles.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from hpop.search.machinery.bounds import PILES, UNREACHABLE, bits, put_on_pile, 
 def sort_by_head(heads: NDArray[np.int32], first: IntArray, arcs: NDArray[np.int32]) -> None:
     """Sort arcs by their heads, by a counting sort, and write their indices in this order to `arcs` (m,).
 
-    first (n + 2,) must be 0 before the call; its first n + 1 entries receive the offset of each head.
+    heads (m,)     head of each arc
+    first (n + 2,) must be 0 before the call; its first n + 1 entries receive the offset of each head
     """
     for a in range(len(heads)):
         first[heads[a] + 2] += 1
@@ -146,7 +148,7 @@ def raise_bounds(
 ) -> bool:
     """Raise the bounds of one cost at nodes whose best path used newly closed arcs (a,).
 
-    affected  (most,)  scratch for these nodes
+    affected  (most,)  scratch for these nodes; `most` is their largest number
 
     Other arguments as in :func:`lower_bounds_of_opened`. Returns False if there are more than `most` such nodes; h and
     onward are then invalid, and must be computed from scratch.

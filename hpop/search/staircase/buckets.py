@@ -1,4 +1,8 @@
-"""Base classes of the staircase search: a queue with a bucket for each range of first costs, and joint bounds."""
+"""Base classes of the staircase search: a queue with a bucket for each range of first costs, and joint bounds.
+
+An entry of the queue is an open label (partial path) with its key. A bucket is the list of entries whose first cost is
+in one range; it is stored in chunks of CHUNK entries.
+"""
 
 from __future__ import annotations
 
@@ -108,9 +112,9 @@ def sift_down(keys: IntArray, values: IntArray, i: int, size: int) -> None:
 
 
 def waiting_entries(tops: NDArray[np.int32], below: NDArray[np.int32], entries: IntArray) -> tuple[IntArray, IntArray]:
-    """Return all entries that wait in buckets (n, 2), and the bucket (n,) of each.
+    """Return all entries (n, 2) that wait in buckets, key and label, and the bucket (n,) of each.
 
-    They are sorted by bucket, and in a bucket by age, the oldest first.
+    They are sorted by bucket, and in a bucket by age, the oldest first. Arguments as in :func:`open_next`.
     """
     counts = np.zeros(len(tops), np.int64)
     n = int(count_entries(tops, below, counts))
@@ -136,7 +140,10 @@ def count_entries(tops: NDArray[np.int32], below: NDArray[np.int32], counts: Int
 def copy_entries(
     tops: NDArray[np.int32], below: NDArray[np.int32], entries: IntArray, counts: IntArray, out: IntArray
 ) -> None:
-    """Copy the entries of all buckets to `out` (n, 2), bucket after bucket, in each the oldest entries first."""
+    """Copy the entries of all buckets to `out` (n, 2), bucket after bucket, in each the oldest entries first.
+
+    `counts` (b,) has the number of entries of each bucket.
+    """
     end = np.int64(0)
     for bucket in range(len(tops)):
         end += counts[bucket]

@@ -1,4 +1,9 @@
-"""The inner loop of the staircase search: labels leave the queue and are tested, and their successors enter it."""
+"""The inner loop of the staircase search: labels leave the queue and are tested, and their successors enter it.
+
+A label is a partial path. Its costs are the first cost, the index cost (a small integer, mostly the number of turns)
+and the rest cost; f is its estimate, costs plus lower bounds of the remaining costs. A staircase is a table for
+dominance tests at a node (:mod:`.staircase.search`).
+"""
 
 from __future__ import annotations
 
@@ -79,7 +84,24 @@ def advance(
     """Run the search for a slice of `work` steps: take labels (partial paths) from the queue, and extend them.
 
     It ends early if the queue is empty or an array is full. Returns the code of the reason (:mod:`.machinery.slices`).
-    Other arguments are the arrays of :class:`.Staircase`, which the kernel changes in place.
+    All arrays belong to :class:`.Staircase`, and are changed in place.
+
+    counters, closed, front, solutions  labels and front, see :class:`.Search`
+    fan          largest number of labels that one expansion adds
+    rise         (3,)  largest growth of an estimate in one expansion
+    packing      (5,)  how estimates are packed into keys, see :class:`.BucketSearch`
+    graph        tables of nodes, arcs and groups; node of the source; columns of first and rest cost
+    turn         amount by which a turn raises the index; whether turns leave the first cost unchanged; whether all
+    turns
+                 of a group cost the same; whether the first and the rest cost are maxima
+    stairs, share, width  staircases of nodes and groups, see :func:`.staircase.tables.enter_stairs`
+    goal         staircase of the solutions
+    layers       (n, LAYERS)  bounds by remaining turns, see :func:`.costs_by_turns`; (1, 0) without them
+    hull         joint bounds: the fields of :class:`.HullBounds`, or None
+    queue, waiting, heap  the queue, see :func:`.open_next`
+    fresh        (fan, 3)  scratch
+    eps, tolerance        precision of the front
+    bound        upper bound of the first cost
     """
     nodes, start, arcs, arc_heads, groups, rows, dearest, turns, source, first, rest = graph
     step, shared, alike, max_first, max_rest = turn

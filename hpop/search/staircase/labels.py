@@ -1,4 +1,9 @@
-"""Checks of saved labels of a staircase search, and the test by joint bounds whether solutions cover a label."""
+"""Checks of saved labels of a staircase search, and the test by joint bounds whether solutions cover a label.
+
+A label is a partial path: an int64 with its parent label and its last arc. Its estimate f (3,) has lower bounds of the
+first cost, the index cost (number of turns) and the rest cost of all paths that begin with it. Staircases are the
+tables for dominance tests (:mod:`.staircase.tables`).
+"""
 
 from __future__ import annotations
 
@@ -46,8 +51,8 @@ def retrace(
     """Compute the last nodes and the estimates of saved labels (partial paths); write them to `at` (n,) and f (n, 3).
 
     values       (n,)  labels, closed labels first; `closed` is their number
-    root         (3,)  estimate of the source
-    graph, turn        arguments of the search's kernel
+    root         (3,)  estimate of the label at the source
+    graph, turn        arguments of the search's kernel, :func:`.staircase.kernel.advance`
     tails        (m,)  tails of the arcs
     most         (3,)  largest estimates that fit
 
@@ -122,7 +127,8 @@ def enter_all(
 
     at, f  (n,), (n, 3)  nodes and estimates of the labels
 
-    Returns n, or i if there is too little room for label i, or -1 - i if label i is dominated already.
+    Other arguments are those of :func:`.staircase.kernel.advance`. Returns n, or i if there is too little room for
+    label i, or -1 - i if label i is dominated already.
     """
     nodes, _, _, _, groups, rows, _, turns, _, _, rest = graph
     step, shared, alike, _, max_rest = turn
@@ -156,7 +162,7 @@ def enter_all(
 
 @kernel
 def enter_goal(goal: NDArray[Any], solved: NDArray[Any], eps: float, tolerance: IntArray) -> int:
-    """Enter saved solutions (n, 3) into the staircase of the solutions.
+    """Enter saved solutions (n, 3) into `goal`, the staircase of the solutions.
 
     Returns n, or -1 - i if solution i is covered already. `eps` and `tolerance` are the precision of the search.
     """
@@ -173,7 +179,8 @@ def enter_goal(goal: NDArray[Any], solved: NDArray[Any], eps: float, tolerance: 
 def checksum_of_stairs(stairs: NDArray[Any], groups: NDArray[Any], width: int, empty: int) -> int:
     """Return a checksum of the steps of all staircases that does not depend on their positions and widths.
 
-    empty  height of a step without a closed label
+    stairs, groups, width  staircases of all nodes, see :func:`.staircase.tables.enter_stairs`
+    empty                  height of a step without a closed label
     """
     total = np.int64(0)
     for g in range(len(groups)):
@@ -236,9 +243,10 @@ class UncoveredCorners:
 
 @kernel
 def fill_corners(covered: IntArray, weights: FloatArray, values: IntLanes, last: IntArray) -> None:
-    """Compute the fields `values` and `last` of :class:`UncoveredCorners`.
+    """Compute the fields `values` and `last` of :class:`UncoveredCorners`, which are written.
 
-    covered (p, 3) is sorted by first cost, then rest cost.
+    covered  (p, 3)      least estimate that each solution covers, sorted by first cost, then rest cost
+    weights  (LANES, 2)  weights of first and rest cost
     """
     infinite = float(NEVER)
     for n in range(len(last)):

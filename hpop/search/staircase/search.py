@@ -250,7 +250,7 @@ class Staircase(JointSearch):
     def _search_on(
         self, part: Graph, source: int, targets: IntArray, h: IntArray, groups: Groups, clock: Clock, near: Precision
     ) -> Staircase:
-        """Return a new search with the precision ``near`` on a part of the graph."""
+        """Return a new search with the precision ``near`` on a part of the graph, without joint bounds."""
         return Staircase(part, source, targets, h, self.order, groups, clock, near, self.at_most, jointly=False)
 
     def _lengthen_goal(self) -> None:
@@ -266,7 +266,10 @@ class Staircase(JointSearch):
         return [*tables, *grouped, *(self.hull or ()), self.stairs, self.share, self.goal, self.layers, *queue]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Return how many bytes more are needed, and a function that grows the staircases, costs or queue."""
+        """Return how many bytes more are needed, and a function that grows the staircases, costs or queue.
+
+        ``code`` is the return value of a kernel that ran out of room; it names the array.
+        """
         if code == HEAP:
             return self.keys.nbytes + self.values.nbytes, self._grow_heap
         if code == CHUNKS:

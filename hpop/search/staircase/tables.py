@@ -1,4 +1,9 @@
-"""Tables of the search "staircase": nodes and arcs, staircases, paths of labels, and bounds by remaining turns."""
+"""Tables of the search "staircase": nodes and arcs, staircases, paths of labels, and bounds by remaining turns.
+
+A label is a partial path with a first cost, an index cost n (a small integer, mostly its number of turns) and a rest
+cost. A group is a set of nodes joined by turns, and a plain arc is no turn. The staircase of a node has a step for each
+n: the least rest cost of labels closed there with an index cost of at most n. A chain is a straight run of plain arcs.
+"""
 
 from __future__ import annotations
 
@@ -44,12 +49,13 @@ def fill_tables(
 
     Arcs to nodes that reach no target are left out. Columns are named at the top of this module.
 
-    costs, order         costs of the graph's arcs; columns of first, index and rest cost
+    costs, order         costs of the graph's arcs; columns of first, index and rest cost, -1 for none
     h          (k, n)    lower bounds of the remaining costs
-    groups               arrays of :class:`.Groups`
+    groups               arrays of :class:`.Groups`: nodes, rows, dearest, start, heads, and rows of the arcs in `costs`
+    is_target  (n,)      mask of nodes, in the numbering of the groups
+    table, group_table, arcs  output: the three tables
     start      (n + 1,)  output: offsets of the arcs of nodes
-    arc_heads  (m,)      output: heads of the arcs
-    origin     (m,)      output: indices of the arcs in the graph
+    arc_heads, origin    (m,)  output: heads of the arcs, and their rows in `costs`
     """
     nodes, rows, dearest, plain_start, plain_heads, plain_origin = groups
     m = 0
@@ -82,7 +88,8 @@ def fill_tables(
 def lower(stairs: NDArray[Any], at: int, slots: int, steps: int, d: int) -> None:
     """Lower a staircase: the steps from position `at` on that are higher than d get the height d.
 
-    A staircase never rises, so this ends at the first step that is low enough. Its steps are `slots` numbers apart.
+    A staircase never rises, so this ends at the first step that is low enough. `stairs` has many staircases. Those of a
+    group are side by side, so the steps of one are `slots` numbers apart; `steps` of them are left from `at` on.
     """
     at &= BELOW
     for _ in range(steps):
@@ -108,6 +115,11 @@ def enter_stairs(
 
     Their steps from n on are lowered to d. The node is at position `slot` in its group. Returns the position of the
     group's first step in `stairs`; if the group has no staircases yet, they are added.
+
+    stairs    staircases of all nodes, of `width` steps each, group after group
+    share     (g, width)  for each group, one staircase of the labels closed at any of its nodes
+    groups    (g, 4)      table of groups
+    counters  counters of the search; N_ROWS is the used length of `stairs`
     """
     group, n = group & BELOW, n & BELOW
     slots = np.int64(groups[group, SLOTS]) & BELOW
@@ -163,8 +175,10 @@ def trace_paths(
     the arcs of all paths to `steps`, path after path, each from its last arc to its first, as far as there is room, and
     the end of each path in this array to `ends` (n,). Returns the length that `steps` needs.
 
-    indptr, heads, costs  arcs that include the turns of groups
+    indptr, heads, costs  arcs that include the turns of groups; `index` is the column of the index cost
     first                 (n + 1,) offsets of the arcs of the whole graph, where each node has these arcs before others
+    arc_tails, arc_heads, origin  nodes of the plain arcs, and their indices in the graph
+    nodes, closed, source  node of the graph for each node of the search; closed labels; node where paths begin
     """
     size = 0
     for i in range(len(labels)):
@@ -209,11 +223,11 @@ def costs_by_turns(
     is_target: NDArray[np.uint8],
     clock: Clock,
 ) -> NDArray[Any] | None:
-    """Return the least remaining third cost (n, LAYERS) of each node: column m with at most m turns, the last any.
+    """Return the least remaining rest cost (n, LAYERS) of each node: column m with at most m turns, the last any.
 
     Returns None if the plain arcs form no chains.
 
-    column                          column of the rest (third) cost in the graph
+    column                          column of the rest cost in the graph
     nodes, start, arcs, is_target   tables of the staircase search
     """
     chains = chain_order(start, arcs, clock) if column >= 0 else None
@@ -340,8 +354,10 @@ def fill_layers(
 ) -> None:
     """Compute the bounds of :func:`costs_by_turns` for 0, 1, ... turns, and write them to `layers` (LAYERS, n).
 
-    begin     (LAYERS,)  index of the first arc that each layer may use
-    infinite             cost of a node without a path
+    tails, indices  arcs in the order of :class:`ArcChains`
+    begin           (LAYERS,)  index of the first arc that each layer (number of turns) may use
+    groups, dearest, turns, alike  groups of nodes and rest costs of their turns, see :class:`.Groups`
+    infinite        cost of a node without a path
     """
     count, n = layers.shape
     now = np.full(n, infinite, layers.dtype)

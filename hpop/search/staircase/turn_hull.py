@@ -1,15 +1,21 @@
 """Joint lower bounds of two costs: the least weighted remaining cost with at most m turns, for several weights.
 
-For each weight vector w, called a lane, H_m(v) is the least w.c of all paths with at most m turns and costs c from node
-v to a target. So the remaining costs of a label lie above several lines. If known solutions cover all vectors above
-these lines, the label is pruned (:mod:`.staircase.labels`). The bounds of :func:`.costs_by_turns` are those for a
-single cost. Here LANES weights are swept at once in the same way, layer after layer:
+A lane is one of LANES weight vectors w. H_m(v) is the least w.c of all paths with at most m turns and costs c from node
+v to a target; a layer has H_m of all nodes and lanes, for one m. So the remaining costs of a label (partial path) lie
+above several lines. If known solutions cover all vectors above these lines, the label is pruned
+(:mod:`.staircase.labels`). The bounds of :func:`.costs_by_turns` are those for a single cost. Here all lanes are swept
+at once in the same way, layer after layer:
+
 H_m(v) = min(H_{m-1}(v), w.c + H_m(next node of v), min over turns to u of (w.turn + H_{m-1}(u))). The last layer, for
 any number of turns, repeats this until there is no change.
 
-Weighted costs are rounded down to 31 bits, and sums stop at FAR. A layer stores each bound minus the weighted sum of
-the least remaining costs, in steps of 1 / 2^15 of a whole path, up to twice a whole path: 16 bits. All rounding is
-down, so the results are lower bounds. (Memory access takes most of the time: a layer of m300 has 6 million numbers.)
+A sweep takes the plain arcs (arcs that are no turns) in chain order, that of :class:`.staircase.tables.ArcChains`: a
+chain is a straight run of plain arcs, and each arc comes after the next arc of its chain.
+
+Weighted costs are rounded down to 31 bits, and sums stop at FAR. A layer stores H_m(v) - w.h(v), the excess over the
+weighted least remaining costs h of each cost alone, in units of 1 / 2^15 of a whole path, up to twice a whole path: 16
+bits. All rounding is down, so the results are lower bounds. (Memory access takes most of the time: a layer of m300 has
+6 million numbers.)
 """
 
 from __future__ import annotations
@@ -46,10 +52,13 @@ Steps = NDArray[np.uint16]
 class HullBounds(NamedTuple):
     """Joint bounds and the corners of the uncovered region, as arguments of the search's kernel.
 
+    Some solutions are known before the search reaches their first cost. The staircase of the solutions ignores this
+    cost, so each of them enters it only when the search has reached its first cost.
+
     layers, weights  fields of :class:`TurnHull`
     corners, last    fields ``values`` and ``last`` of :class:`.UncoveredCorners`
-    ahead            (n, 3)      least estimate that each first solution covers, by rising first cost
-    reached          (1,)        number of first solutions whose first cost the search has reached
+    ahead            (n, 3)      least estimate that each such solution covers, by rising first cost
+    reached          (1,)        number of these solutions that have entered the staircase
     scratch          (2, LANES)  scratch memory
     """
 
@@ -64,14 +73,14 @@ class HullBounds(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TurnHull:
-    """Joint bounds of the first and the third cost: the least weighted remaining costs of all nodes, for LANES weights.
+    """Joint bounds of the first and the rest cost: the least weighted remaining costs of all nodes, for LANES weights.
 
     weights  (LANES, 2)         weights of the two costs; each of the first two rows weighs one cost alone
-    layers   (m, nodes, LANES)  the bounds for at most 0, 1, ... turns, the last for any number; stored as the bound
-                                minus the weighted sum of the least remaining costs, in steps of 2^STEP_BITS
-    moved    (m, arcs)          for each layer and arc, the lanes in which the arc improved the layer, as bits; best
-                                paths are traced by them. Arcs are sorted along chains (:class:`.ArcChains`)
-    step     (arcs,)            position of each arc in this order
+    layers   (m, nodes, LANES)  the bounds for at most 0, 1, ... turns, the last for any number; stored as the excess
+                                over the weighted sum of the least remaining costs, in units of 2^STEP_BITS
+    moved    (m - 1, arcs)      for each layer but the last and each plain arc: bit k is set if the arc lowered the
+                                bound of its tail in lane k; arcs are in chain order (module docstring)
+    step     (arcs,)            position of each plain arc in chain order
     """
 
     weights: FloatArray
@@ -91,8 +100,10 @@ class TurnHull:
     ) -> IntArray:
         """Return the nodes that the best paths from a source pass, for all weights and numbers of turns.
 
-        columns             columns of the first and the rest (third) cost
+        groups              groups of nodes joined by turns
+        columns             columns of the first and the rest cost
         nodes, start, arcs  tables of the staircase search
+        source              node in the numbering of the groups
         """
         uniform = bool(groups.alike[list(columns)].all())
         turns = np.ascontiguousarray(groups.dearest.T) if uniform else groups.turns
@@ -136,9 +147,11 @@ def turn_hull(
 ) -> TurnHull | None:
     """Compute joint bounds, layer after layer.
 
+    groups              groups of nodes joined by turns
     columns             columns of the first and the rest cost
     weights             (LANES, 2), of :func:`directions`
     nodes, start, arcs  tables of the staircase search
+    is_target           (n,)  mask of nodes
     is_enough           takes the weighted remaining costs (n, LANES) of the last layer; True if no more are needed
     room                bytes for the layers
 
@@ -200,7 +213,10 @@ def _weighted_costs(first: NDArray[Any], rest: NDArray[Any], weights: FloatArray
 
 @lean
 def write_weighted_costs(first: NDArray[Any], rest: NDArray[Any], weights: FloatArray, out: IntLanes) -> None:
-    """Write the weighted sums of costs `first` (m,) and `rest` (m,) for all lanes to `out` (m, LANES), rounded down."""
+    """Write the weighted sums of costs `first` (m,) and `rest` (m,) to `out` (m, LANES), rounded down.
+
+    weights  (LANES, 2)  weights of the two costs
+    """
     for a in range(len(first)):
         for k in range(LANES):
             out[a, k] = np.int32(min(FAR - 1.0, (weights[k, 0] * first[a] + weights[k, 1] * rest[a]) * DOWN))
@@ -208,7 +224,11 @@ def write_weighted_costs(first: NDArray[Any], rest: NDArray[Any], weights: Float
 
 @lean
 def write_weighted_least(nodes: NDArray[Any], weights: FloatArray, out: IntLanes) -> None:
-    """Write the weighted sums of the least remaining costs of each node to `out` (n, LANES), rounded up."""
+    """Write the weighted sums of the least remaining first and rest cost of each node to `out` (n, LANES), rounded up.
+
+    nodes    (n, 4)      table of nodes of the staircase search, which has these costs
+    weights  (LANES, 2)  weights of the two costs
+    """
     for v in range(np.uint64(len(nodes))):
         for k in range(LANES):
             least = weights[k, 0] * nodes[v, H_FIRST] + weights[k, 1] * nodes[v, H_REST]
@@ -217,10 +237,10 @@ def write_weighted_least(nodes: NDArray[Any], weights: FloatArray, out: IntLanes
 
 @lean
 def write_excess(now: IntLanes, least: IntLanes, steps: Steps) -> None:
-    """Encode a layer: write `now` minus `least` (n, LANES) to `steps`, in 16-bit steps, rounded down.
+    """Encode a layer: write the excess of `now` over `least` to `steps` (n, LANES), in 16-bit units, rounded down.
 
-    now    weighted remaining costs
-    least  weighted sums of the least remaining costs
+    now    (n, LANES)  weighted remaining costs
+    least  (n, LANES)  weighted sums of the least remaining costs
     """
     for v in range(np.uint64(len(now))):
         for k in range(LANES):
@@ -230,11 +250,11 @@ def write_excess(now: IntLanes, least: IntLanes, steps: Steps) -> None:
 
 @lean
 def sweep_moves(now: IntLanes, order: IntArray, onward: IntArray, move: IntLanes, moved: NDArray[np.uint8]) -> bool:
-    """Lower weighted remaining costs `now` (n, LANES) by moves along whole chains; return whether any became lower.
+    """Lower weighted remaining costs `now` (n, LANES) by plain arcs along chains; return whether any became lower.
 
-    order, onward  (m,)  tails and heads of arcs, sorted along chains (:class:`.ArcChains`)
+    order, onward  (m,)  tails and heads of the plain arcs, in chain order: each after the next arc of its chain
     move           (m, LANES)  weighted costs of these arcs
-    moved          (m,)  output: the lanes that each arc improved, as bits
+    moved          (m,)  output: bit k is set if the arc lowered the cost of its tail in lane k
     """
     better = np.uint8(0)
     for i in range(np.uint64(len(order))):
@@ -255,8 +275,11 @@ def sweep_turns(
 ) -> bool:
     """Lower weighted remaining costs `now` (n, LANES) by paths that begin with a turn; return whether any became lower.
 
-    before  (n, LANES)  remaining costs after the turn; may be `now` itself
-    turn    (t, LANES)  weighted costs of turns: one per group if `uniform`, else one per pair of nodes
+    before   (n, LANES)  remaining costs after the turn; may be `now` itself
+    groups   (g, 3)      rows of groups, see :class:`.Groups`
+    uniform  whether all turns of a group cost the same
+    turn     (t, LANES)  weighted costs of turns: one per group if `uniform`, else one per pair of nodes
+    least    (LANES,)    scratch
     """
     better = False
     for g in range(np.uint64(len(groups))):
@@ -308,8 +331,16 @@ def mark_paths(
 ) -> None:
     """Follow a best path from the source for each lane and number of turns, and mark its nodes in `passed` (n,).
 
-    Paths are best within the rounding of a step. Other arguments are fields of :class:`TurnHull` and tables of the
-    staircase search.
+    Paths are best within the rounding of a layer's values.
+
+    layers, moved, step, weights  fields of :class:`TurnHull`
+    nodes, start, arcs            tables of the staircase search
+    groups                        (g, 3)  rows of groups, see :class:`.Groups`
+    uniform                       whether all turns of a group cost the same
+    turn_first, turn_rest         (t,)  first and rest costs of turns: one per group if `uniform`, else one per pair of
+    nodes
+    source                        node in the numbering of the groups
+    passed                        output: 1 for the nodes on these paths; the caller sets it to 0
     """
     for layer in range(len(layers)):
         for k in range(LANES):

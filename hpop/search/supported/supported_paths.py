@@ -187,7 +187,7 @@ class SupportedRun:
         return Status.COMPLETE
 
     def _optimum(self, j: int, unit: Vector) -> Status | None:
-        """Find and record the lexicographic optimum of cost j (weights ``unit``); return a status if this fails."""
+        """Find and record the lexicographic optimum for cost j (weights ``unit``); return a status if this fails."""
         task = self._task(unit, 0 if self.states is None else self.radix[j])
         while not self._is_late():
             self.rounds += 1

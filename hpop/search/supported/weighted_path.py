@@ -42,9 +42,9 @@ def encoded(weights: Sequence[int], limit: int, largest: Sequence[int]) -> tuple
 
 @lean
 def write_weighted_cost(costs: IntArray, a: int, weights: IntArray, limbs: IntArray, step: IntArray) -> None:
-    """Write the weighted sum of the costs of arc a to `step` (W,), in words.
+    """Write the weighted sum of the costs of arc a to `step` (W,), in words of 62 bits, most significant first.
 
-    weights  (k, L)      digits of :func:`encoded`
+    weights  (k, L)      weights in digits of 31 bits, of :func:`encoded`
     limbs    (2 W + 3,)  scratch
     """
     words = len(step)
@@ -77,7 +77,7 @@ def write_weighted_cost(costs: IntArray, a: int, weights: IntArray, limbs: IntAr
 
 @lean
 def compare(a: IntArray, b: IntArray) -> int:
-    """Return the sign of a - b, both numbers in words, most significant word first."""
+    """Return -1, 0 or 1, the sign of a - b; both are numbers in words of 62 bits, most significant word first."""
     for w in range(len(a)):
         if a[w] != b[w]:
             return -1 if a[w] < b[w] else 1
@@ -88,7 +88,8 @@ def compare(a: IntArray, b: IntArray) -> int:
 def arcs_onward(indptr: IntArray, heads: NDArray[np.int32], bound: IntArray, unreachable: int) -> IntArray:
     """Count the arcs to nodes that reach a target; return the offsets (n + 1,) of each node if only these are listed.
 
-    bound  (n,)  lower bounds of the remaining costs; `unreachable` if no target is reached
+    indptr, heads  arcs of the graph, see :class:`.Graph`
+    bound  (n,)    lower bounds of the remaining costs; `unreachable` if no target is reached
     """
     start = np.zeros(len(indptr), np.int64)
     for u in range(len(indptr) - 1):
@@ -160,7 +161,8 @@ def weighted_path(
 
     The result is [-1] if no path is within the limit.
 
-    indptr, heads, costs  arcs in compressed rows, with costs (m, k)
+    indptr, heads, costs  arcs in compressed rows, with costs (m, k); the arcs are returned as indices in these
+    is_target             (n,)  mask of nodes
     weights, limit        results of :func:`encoded`
     """
     n = len(indptr) - 1

@@ -1,4 +1,8 @@
-"""Paths on time-dependent graphs: best paths for given weights, costs of a path, and paths with fewer holds."""
+"""Paths on time-dependent graphs: best paths for given weights, costs of a path, and paths with fewer holds.
+
+A lane is one weight vector of a table of joint bounds (:mod:`.joint`). A hold is a pause at a node. A place is a set of
+nodes at one position; an arc stays if both its ends are at one place.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +20,10 @@ def remaining_cost_by_arc(
 ) -> int:
     """Return the least weighted remaining cost of a path that begins with arc a at tick t; FAR if it is not allowed.
 
-    p     place of the arc's tail
-    work  sweep with the table of joint bounds
-    lane  index of the weights in this table
+    p      place of the arc's tail
+    ahead  time windows: a path is not allowed if it can reach no target in time
+    work   sweep with the table of joint bounds
+    lane   index of the weights in this table
     """
     u = np.int64(tables.heads[a])
     end = t + np.int64(tables.durations[a])
@@ -41,7 +46,10 @@ def remaining_cost_by_arc(
 
 @lean
 def continues_at_once(tables: TimedTables, ahead: TimeWindows, work: JointSweep, lane: int, a: int, t: int) -> bool:
-    """Return whether a path that is best for a lane can take arc a at tick t and go on to another place at once."""
+    """Return whether a path that is best for a lane can take arc a at tick t and go on to another place at once.
+
+    The result is also True if the arc ends at a target. Arguments as for :func:`remaining_cost_by_arc`.
+    """
     u, end = np.int64(tables.heads[a]), t + np.int64(tables.durations[a])
     p = np.int64(tables.place[u])
     least = np.int64(work.rows[row_of(work.offset, work.calm, u, end), lane])
@@ -65,9 +73,10 @@ def trace_best_path(
 ) -> int:
     """Trace a path to a target that is best for one lane, from a node reached at a tick.
 
-    Writes its arcs to `arcs` and their departures to `leaves`, and adds its costs to total (k,). Returns the number of
-    arcs, or -1 if the path has a cycle or does not arrive in time. Arcs that stay at a place may cost nothing for a
-    lane, so a path could cycle among them; therefore arcs that lead to another place are preferred.
+    Writes its arcs to `arcs` and the ticks of their departures to `leaves`, and adds its costs to total (k,). Returns
+    the number of arcs, or -1 if the path has a cycle or does not arrive in time. Arcs that stay at a place may cost
+    nothing for a lane, so a path could cycle among them; therefore arcs that lead to another place are preferred.
+    `ahead` and `work` are those of :func:`remaining_cost_by_arc`.
     """
     dep, now = work.dep, work.now
     hold = np.int64(tables.hold)
@@ -135,9 +144,10 @@ def trace_best_paths(
     totals: IntArray,
     sizes: IntArray,
 ) -> int:
-    """Trace w best paths, for lanes (w,) from nodes (w,) that are all reached at one tick, see :func:`trace_best_path`.
+    """Trace best paths for w pairs of lane and node; all nodes are reached at one tick, see :func:`trace_best_path`.
 
-    arcs, leaves    output: arcs and departures, path after path
+    lanes, nodes    (w,)  lane by which each path is best, and node from which it leads
+    arcs, leaves    output: arcs and ticks of departure, path after path
     totals  (w, k)  output: the costs of the paths are added
     sizes   (w,)    output: number of arcs of each path, 0 if it does not arrive
 
@@ -160,7 +170,7 @@ EVEN = 0.25  # a mixed weight vector gives each cost at least this part of its s
 def lone_weights(summed: IntArray, typical: FloatArray) -> tuple[FloatArray, IntArray]:
     """Return the weights (LANES, k) of the first table of joint bounds: each summed cost alone, then mixtures.
 
-    A cost alone has the weight 2^-shift; the shifts (k,) are returned as well.
+    A cost j alone has the weight 2^-shift[j]; the shifts (k,) are returned as well.
 
     summed   columns of costs that are sums
     typical  (k,) approximate costs of a whole path

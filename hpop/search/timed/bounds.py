@@ -1,9 +1,9 @@
 """Computation of the joint bounds of a query, and of first solutions: the best paths for the weights of these bounds.
 
-Joint bounds are lower bounds of several remaining costs together (:mod:`.joint`), computed by a sweep over all nodes
-and ticks. Before a long sweep, a smaller one covers only nodes near a best path. Its paths are paths of the graph, so
-they are early solutions. A node is left out of the long sweep if, in every cost, even the cheapest path through it, at
-any tick, costs no less than one of these solutions.
+Joint bounds are lower bounds of several remaining costs together (:mod:`.joint`), computed by a sweep over all states
+(nodes at ticks). A lane is one of the LANES weight vectors of a table. Before a long sweep, a smaller one covers only
+nodes near a best path. Its paths are paths of the graph, so they are early solutions. A node is left out of the long
+sweep if, in every cost, even the cheapest path through it, at any tick, costs no less than one of these solutions.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Layout(NamedTuple):
     """Layout of a table of joint bounds: which row belongs to which state, a node at a tick.
 
     needed  (n,)      mask of the nodes that may be on a new solution
-    calm    (n,)      tick L(v) after which nothing changes (:mod:`.calm`); NOTHING for nodes that are not needed
+    calm    (n,)      last tick L(v) at which a departure can meet a change (:mod:`.calm`); NOTHING if not needed
     offset  (n,)      the row of node v at tick t is offset[v] + t up to tick L(v), afterwards v
     order   (w,)      nodes with rows up to L(v), grouped by place
     first   (p + 1,)  index in `order` of the first node of each place
@@ -87,7 +87,7 @@ class Prices(NamedTuple):
 
     weights  (LANES, k)  weights
     columns  (k, LANES)  the same weights, rounded down so that products are lower bounds
-    most     (k,)        largest cost for which no weighted sum overflows
+    most     (k,)        costs above this value count as this value, so that no weighted sum overflows
     priced   (m, LANES)  weighted costs of arcs from the horizon H on
     fixed    (m, LANES)  the part of these costs that is the same at all ticks
     """
@@ -102,9 +102,9 @@ class Prices(NamedTuple):
 class TimedJointBounds:
     """Computation of the tables of joint bounds on a time-dependent graph, and of first solutions.
 
-    weights, rows, sweeps  weights, rows and working arrays of each table
+    weights, rows, sweeps  for each table: its weights (LANES, k), its rows, and the arrays with which it was swept
     seeds                  solutions known so far
-    layout                 layout of the tables' rows
+    layout                 which row of the tables belongs to which node and tick
     """
 
     def __init__(
@@ -194,7 +194,10 @@ class TimedJointBounds:
         return needed
 
     def _near_best(self, prices: Prices, clock: Clock) -> BoolArray | None:
-        """Return a mask (n,) of the needed nodes near a best path, by costs from the horizon on; None at a limit."""
+        """Return a mask (n,) of the needed nodes near a best path, by costs from the horizon on; None at a limit.
+
+        A tenth of the nodes counts as near: those through which the least weighted cost of a path is smallest.
+        """
         lane, needed = len(self.summed), self.layout.needed
         calm = self._calm_graph(prices, slice(lane, lane + 1), needed)
         onward, _, status = lower_bounds(calm, self.source, self.targets, clock)
@@ -210,7 +213,7 @@ class TimedJointBounds:
         return near
 
     def _calm_graph(self, prices: Prices, lanes: slice, needed: BoolArray) -> Graph:
-        """Return a static graph of needed nodes; its costs are weighted costs of arcs from the horizon on, per lane."""
+        """Return a static graph of needed nodes with a cost for each lane: weighted costs of arcs from the horizon on."""
         graph = self.graph.graph
         calm = Graph.from_csr(graph.indptr, graph.heads, prices.priced[:, lanes].astype(np.int64))
         closed = (prices.priced == FAR).all(axis=1) | ~needed[graph.heads]
@@ -227,7 +230,7 @@ class TimedJointBounds:
         return np.asarray(np.maximum(far, 4.0 * self.graph.largest))
 
     def _ranges(self, typical: FloatArray) -> FloatArray:
-        """Return the range (k,) of each cost over the known solutions, or the typical costs for fewer than two."""
+        """Return the range (k,) of each cost over the known solutions, or the typical costs (k,) for fewer than two."""
         if len(self.seeds) < 2:
             return typical
         costs = np.array([seed.costs for seed in self.seeds], np.float64)
@@ -304,9 +307,11 @@ class TimedJointBounds:
     ) -> list[Seed | None]:
         """Complete w labels (partial paths) at nodes (w,) and a tick, each by a best path for a lane (w,) of a table.
 
-        Returns for each label the best path to a target with the total costs, or None if there is none.
+        Returns for each label the arcs and departures from its node to a target, with the costs of the whole path; None
+        if no target is reached in time.
 
         table  index of the table of joint bounds; a lane is one of its weight vectors
+        lanes  (w,)  lane by which the path of each label is best
         costs  (w, k)  costs of the labels
         """
         return self._trace_paths(self.sweeps[table], lanes, nodes, tick, costs, clock)

@@ -1,4 +1,9 @@
-"""Bounds for a search on a time-dependent graph: remaining costs, useful holds, and ticks after the last change."""
+"""Bounds for a search on a time-dependent graph: remaining costs, useful holds, and ticks after the last change.
+
+L(v) is the last tick at which a departure from node v can still meet a change; after it, v is calm. H is the horizon,
+the tick from which on nothing changes. The nodes of a place are at one position, and share the costs of standing. A
+hold is a pause at a node. An arc stays if both its ends are at one place.
+"""
 
 from __future__ import annotations
 
@@ -82,7 +87,7 @@ def last_changes(
     It is written to `out` (n,), and is NOTHING if no arc ever differs. An arc that stays (leads to a node of its own
     place) may differ until the place is settled.
 
-    leads    (n,)  marks the nodes from which a target can be reached
+    leads    (n,)  marks the nodes from which a target can be reached; arcs to other nodes do not count
     settled  (P,)  of :func:`find_settled_ticks`
     """
     last = tables.since.shape[1] - 1
@@ -123,8 +128,8 @@ def propagate_calm_ticks(
     """Compute L(v) of all nodes from the last changes of their arcs, backward over arcs, latest ticks first.
 
     begin, tails, ticks  arcs sorted by head: offsets (n + 1,), tails and durations (m,)
-    calm   (n,)      last changes before the call, L(v) afterwards
-    tops   (H + 1,)  -1 before the call; above and below (n,) are scratch
+    calm   (n,)      last changes of the nodes' own arcs before the call, L(v) afterwards
+    tops   (H + 1,)  queue of nodes by tick, -1 before the call; above and below (n,) are scratch
     """
     for v in range(len(calm)):
         if calm[v] >= 0:
@@ -156,7 +161,8 @@ def last_gains(
     """Find for each arc of node v the last tick at which waiting for it is useful; write it to `out` (m,), 0 if never.
 
     Returns the largest of these ticks. Only one tick is tested if all ticks are alike. This is so if rates are whole,
-    and if both places of a plain arc are always settled, or the arc stays at a place without cuts.
+    and if both places of a plain arc are always settled, or the arc stays at a place without cuts. The other arguments
+    are fields of :class:`RemainingBounds`.
     """
     last = tables.since.shape[1] - 1
     p = np.int64(tables.place[v])
@@ -227,7 +233,7 @@ class RemainingBounds(NamedTuple):
     leads    (n,)    1 if a target can be reached
     whole, settled   of :func:`find_settled_ticks`
     gain     (m,)    last tick at which waiting for an arc is useful, valid once `until` of its tail is computed
-    until    (n,)    last tick at which waiting at a node is useful, or UNKNOWN until it is computed
+    until    (n,)    last tick at which waiting at a node is useful, NEVER_OF_USE, or UNKNOWN until it is computed
     one_stay (P,)    1 if paths never need two consecutive arcs within the place (:mod:`.tables`), else 0, or UNKNOWN
     nodes, first     needed nodes, sorted by place; those of place p are nodes[first[p] : first[p + 1]]
     """

@@ -1,14 +1,18 @@
 """Joint lower bounds of the remaining costs: the least weighted remaining cost of each node at each tick.
 
-For a weight vector w, called a lane, let H_w(v, t) be the least weighted cost of a path that starts from node v at tick
-t. A label with costs g at this node and tick leads only to solutions with a weighted cost of at least w.g + H_w(v, t).
-A state (v, t), a node at a tick, leads only to later states. So one sweep over the ticks, from the last to the first,
-gives H_w for all states. A path leaves v by an arc that is open at t, or holds until s >= t + hold and then leaves:
+A lane is one of LANES weight vectors w; let H_w(v, t) be the least weighted cost of a path that starts from node v at
+tick t. A label (partial path) with costs g at this node and tick leads only to solutions with a weighted cost of at
+least w.g + H_w(v, t). A state (v, t), a node at a tick, leads only to later states. So one sweep over the ticks, from
+the last to the first, gives H_w for all states. A path leaves v by an arc that is open at t, or holds (pauses) until s
+>= t + hold and then leaves, where W(t, s) are the costs of standing from t to s, and d the ticks of an arc:
+
     dep(v, t) = min over arcs (v, u) of w.c(t) + H(u, t + d),
     H(v, t) = min(dep(v, t), min over s of w.W(t, s) + dep(v, s)).
-From tick L(v) + 1 on (:mod:`.calm`) values do not change; they come from one Dijkstra search for each lane. No state is
-earlier than the first tick at which its node can be reached. So few states remain in between. A table has n rows for
-the nodes after L(v), then a row for each of these states.
+
+From tick L(v) + 1 on nothing changes any more (:mod:`.calm`), and nor do values; they come from one Dijkstra search for
+each lane. No state is earlier than the first tick at which its node can be reached. So few states remain in between. A
+table has n rows for the nodes after L(v), then a row for each of these states. The nodes of a place are at one
+position, and an arc that stays joins two of them.
 
 LANES weights are swept at once. Weighted costs are integers of 31 bits, rounded down, and sums stop at FAR. Both only
 decrease values, so they remain lower bounds.
@@ -37,12 +41,12 @@ Lanes = tuple[np.int32, np.int32, np.int32, np.int32, np.int32, np.int32, np.int
 
 
 class JointTables(NamedTuple):
-    """Tables of joint bounds: b tables with LANES weight vectors each.
+    """Tables of joint bounds: b tables with LANES weight vectors (lanes) each.
 
     weights  (b, LANES, k)  weights of the costs, 0 for maxima
     rows     (b, r, LANES)  least weighted remaining costs, a row for each state; see :class:`.Layout`
     offset   (n,)           the row of node v at tick t is offset[v] + t up to tick L(v), afterwards v
-    calm     (n,)           L(v), see :mod:`.calm`
+    calm     (n,)           L(v), the last tick at which a departure from v can meet a change (:mod:`.calm`)
     alone    (k,)           for each cost, the lane of the first table that weighs only this cost, -1 if there is none
     shift    (k,)           number of low bits of this cost that its lane drops
     """
@@ -72,7 +76,7 @@ class TimeWindows(NamedTuple):
 
 @inlined
 def row_of(offset: IntArray, calm: NDArray[np.int32], v: int, t: int) -> int:
-    """Return the row of node v at tick t in a table of joint bounds."""
+    """Return the row of node v at tick t in a table of joint bounds, from fields of :class:`JointTables`."""
     return v if t > calm[v] else int(offset[v] + t)
 
 
@@ -80,7 +84,7 @@ def row_of(offset: IntArray, calm: NDArray[np.int32], v: int, t: int) -> int:
 def weigh_final_arcs(tables: TimedTables, weights: FloatArray, priced: IntLanes, fixed: IntLanes) -> None:
     """Write the weighted costs of arcs from the horizon H on to `priced` (m, LANES), FAR for arcs closed by then.
 
-    weights  (k, LANES)
+    weights  (k, LANES)  weights of the costs, one column for each lane
     fixed    (m, LANES)  output: the part of the weighted cost that is the same at all ticks
     """
     last = tables.since.shape[1] - 1
@@ -110,8 +114,8 @@ def weigh_arc(
 ) -> None:
     """Write the costs of timed arc a for a departure at tick t, weighted by each weight vector, to `out` (1, LANES).
 
-    weights  (k, LANES)
-    most     (k,)        largest cost for which no weighted sum overflows
+    weights  (k, LANES)  weights of the costs, one column for each lane
+    most     (k,)        costs above this value count as this value, so that no weighted sum overflows
     fixed    (m, LANES)  of :func:`weigh_final_arcs`
     """
     for lane in range(LANES):
@@ -132,7 +136,8 @@ def weigh_stay(
 ) -> None:
     """Write the weighted cost of standing at place p from tick t on, for a number of ticks, to `out[ticks]` (LANES,).
 
-    Only costs with a table count, and no maxima. The first lane is CUT if the robot must not stand there so long.
+    Only costs with a table count, and no maxima. Lane 0 is CUT if the robot must not stand there so long. `weights` and
+    `most` are those of :func:`weigh_arc`.
     """
     t = min(t, tables.since.shape[1] - 1)
     for lane in range(LANES):
@@ -151,9 +156,9 @@ def weigh_stay(
 def weigh_standing(tables: TimedTables, weights: FloatArray, p: int, t: int, out: IntArray) -> None:
     """Write the weighted costs of standing at place p from tick 0 to t to `out` (LANES,), one for each weight vector.
 
-    Costs that are maxima are left out.
+    Differences of two results are costs of standing in between. Costs that are maxima are left out.
 
-    weights  (k, LANES)
+    weights  (k, LANES)  weights of the costs, one column for each lane
     """
     for lane in range(LANES):
         out[lane] = 0
@@ -166,17 +171,18 @@ def weigh_standing(tables: TimedTables, weights: FloatArray, p: int, t: int, out
 
 
 class JointSweep(NamedTuple):
-    """Working arrays for the sweep of one table, with LANES weight vectors.
+    """Working arrays for the sweep of one table, with LANES weight vectors (lanes).
 
     weights   (k, LANES)  weights
-    most      (k,)        largest cost for which no weighted sum overflows
+    most      (k,)        costs above this value count as this value, so that no weighted sum overflows
     fixed     (m, LANES)  part of the arcs' weighted costs that is the same at all ticks
     rows      (r, LANES)  the table; rows for ticks after L(v) are filled before the sweep
     offset, calm          fields of :class:`JointTables`
     order     (w,)        nodes with rows up to L(v), grouped by place
     first     (p + 1,)    index in `order` of the first node of each place
-    together  least duration of an arc, ticks
-    held      (w, power of two, LANES)  least w.Omega(s) + dep(v, s) over s from t on, for the last ticks t
+    together  least duration of an arc, ticks; so many ticks are swept together
+    held      (w, power of two, LANES)  least w.Omega(s) + dep(v, s) over s from t on, for the last ticks t; Omega(s)
+                          are the costs of standing from tick 0 to s
     rounded   (LANES,)    number of weights that are not whole; their products are rounded
     stay      (ticks, LANES)  weighted cost of standing by duration, for the place and tick in `stay_of` (ticks,)
     cost (1, LANES), dep, now, then, later  (LANES,)  scratch
@@ -204,7 +210,11 @@ class JointSweep(NamedTuple):
 
 @inlined
 def lower(least: Lanes, rows: IntLanes, row: int, costs: IntLanes, of: int) -> Lanes:
-    """Return for each lane the minimum of `least` and rows[row] + costs[of]; written out so that it is vectorised."""
+    """Return for each lane the minimum of `least` and rows[row] + costs[of].
+
+    `least` is the best weighted cost so far, `rows[row]` the remaining cost after an arc, and `costs[of]` that of the
+    arc. It is written out, lane by lane, so that it is vectorised.
+    """
     return (
         min(least[0], np.int32(rows[row, 0] + costs[of, 0])),
         min(least[1], np.int32(rows[row, 1] + costs[of, 1])),
@@ -219,7 +229,10 @@ def lower(least: Lanes, rows: IntLanes, row: int, costs: IntLanes, of: int) -> L
 
 @inlined
 def lower_by_stay(least: Lanes, rows: IntLanes, row: int, fixed: IntLanes, a: int, stay: IntLanes, ticks: int) -> Lanes:
-    """Return for each lane the minimum of `least` and rows[row] + fixed[a] + stay[ticks]; written out like lower."""
+    """Return for each lane the minimum of `least` and rows[row] + fixed[a] + stay[ticks].
+
+    Like :func:`lower`, for arc a within a place, which costs `fixed[a]` and standing for its duration, `stay[ticks]`.
+    """
     return (
         min(least[0], np.int32(rows[row, 0] + fixed[a, 0] + stay[ticks, 0])),
         min(least[1], np.int32(rows[row, 1] + fixed[a, 1] + stay[ticks, 1])),
@@ -236,9 +249,7 @@ def lower_by_stay(least: Lanes, rows: IntLanes, row: int, fixed: IntLanes, a: in
 def depart(tables: TimedTables, ahead: TimeWindows, work: JointSweep, v: int, t: int) -> None:
     """Write dep(v, t), the least weighted remaining costs of a path that leaves node v at tick t, to `work.dep`.
 
-    ahead  node by node, the ticks at which a path can still reach a target
-
-    The rows of later ticks must be filled already.
+    The rows of later ticks must be filled already. `ahead` excludes arcs after which no target is reached in time.
     """
     far = np.int32(FAR)
     least = (far, far, far, far, far, far, far, far)
@@ -280,6 +291,8 @@ def sweep(tables: TimedTables, ahead: TimeWindows, work: JointSweep, state: IntA
     only on states of the same node. So places are processed one after another, each for the whole block, with local
     memory access.
 
+    ahead  time windows of the nodes, which leave out states from which no target is reached in time
+    work   arrays of the sweep, of which the rows are written
     state  (2,)  progress: the latest tick of the current block, and the current place; before the first call, the
                  latest tick of all, and 0
     """

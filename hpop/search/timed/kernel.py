@@ -99,8 +99,8 @@ class PruningBounds(NamedTuple):
 
     joint    b tables of joint bounds: lower bounds of weighted remaining costs, for LANES weight vectors each
     corners  (c, k)         corners of the region of costs that solutions leave uncovered
-    lanes    (c, b, LANES)  weighted sums of the corners, for the weights of the joint bounds
-    hint     (1,)           index of the corner because of which the last label was kept; it is tried first
+    lanes    (c, b, LANES)  weighted sums of the corners, for the b tables of weights of the joint bounds
+    hint     (1,)           index of the corner that let the last label pass; it is tried first
     weighed  (b, LANES)     scratch
     """
 
@@ -155,9 +155,9 @@ def send_along(
     parent: int,
     scratch: IntArray,
 ) -> None:
-    """Extend a label with costs g (k,) by open arc a, at place p and tick t; queue the new label unless it is pruned.
+    """Extend a label with costs g (k,) by open arc a, from place p at tick t; queue the new label unless it is pruned.
 
-    At a target, the new label becomes a solution instead.
+    At a target, the new label becomes a solution instead. `parent` is 1 + the index of the extended closed label.
     """
     x = np.int64(tables.heads[a])
     end = t + np.int64(tables.durations[a])

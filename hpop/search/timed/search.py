@@ -1,4 +1,7 @@
-"""The search on a time-dependent graph for one query: its arrays, and the loop that calls the kernel in slices."""
+"""The search on a time-dependent graph for one query: its arrays, and the loop that calls the kernel in slices.
+
+A label is a partial path with its tick of arrival. A lane is one weight vector of the joint bounds (:mod:`.joint`).
+"""
 
 from __future__ import annotations
 
@@ -85,6 +88,7 @@ class TimedSearch:
         """Set up the arrays for paths that leave the source at tick ``begin``.
 
         rest, joint  lower bounds of the remaining costs, and joint bounds
+        precision    error that the front may have
         at_most      (k,)  upper bounds on the costs, or ()
         bounds       object that computed the joint bounds; it also traces best paths
         seeds        solutions known before the search
@@ -281,7 +285,11 @@ class TimedSearch:
         return self._arcs(value, leaves)
 
     def _arcs(self, value: int, leaves: int) -> tuple[IntArray, IntArray]:
-        """Return the arcs of a label's path and the ticks of their departures, of which the last is `leaves`."""
+        """Return the arcs of a label's path and the ticks of their departures.
+
+        value   the label, of which the parents are closed labels
+        leaves  tick of departure by its last arc
+        """
         arcs, departures = [], []
         while value > 0:
             arc = (value & 0xFFFFFFFF) - 1

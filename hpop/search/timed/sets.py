@@ -6,8 +6,8 @@ leaves at t', its costs are gamma + Omega(t'). Its maxima are stored as they are
 there is a label a at v with no larger stored number, and one of these holds:
 
 - both arrived at the same tick.
-- a arrived earlier by a hold at least, and the robot could stand at v since. Then a can wait for b and go on like b. If
-  b waits, a waits until the same tick, since Omega adds up and two holds are one.
+- a arrived earlier by a hold (the least duration of a pause) at least, and the robot could stand at v since. Then a can
+  wait for b and go on like b. If b waits, a waits until the same tick, since Omega adds up and two holds are one.
 - both arrived after L(v), when nothing changes any more (:mod:`.calm`). Then costs g are compared, at any ticks.
 
 From tick L(v) + 1 on, the set of v holds costs g instead of gamma. Labels that can wait until then, or for a hold if
@@ -51,7 +51,7 @@ class LabelSets(NamedTuple):
 
 @lean
 def move_row(sets: LabelSets, source: int, target: int) -> None:
-    """Copy row `source` over row `target`."""
+    """Copy row `source` of the pool over row `target`."""
     for j in range(sets.vectors.shape[1]):
         sets.vectors[target, j] = sets.vectors[source, j]
     for j in range(ROW_COLUMNS):
@@ -60,7 +60,7 @@ def move_row(sets: LabelSets, source: int, target: int) -> None:
 
 @lean
 def drop_ripe(sets: LabelSets, v: int, i: int) -> None:
-    """Remove ripe row i of the block of node v."""
+    """Remove ripe row i (a label that arrived at least a hold ago) from the block of node v."""
     begin = sets.heads[v, BEGIN]
     sets.heads[v, RIPE] -= 1
     sets.heads[v, SIZE] -= 1
@@ -70,7 +70,7 @@ def drop_ripe(sets: LabelSets, v: int, i: int) -> None:
 
 @lean
 def drop_green(sets: LabelSets, v: int, i: int) -> None:
-    """Remove green row i of the block of node v."""
+    """Remove green row i (a label that arrived less than a hold ago) from the block of node v."""
     begin = sets.heads[v, BEGIN]
     sets.heads[v, SIZE] -= 1
     move_row(sets, begin + sets.heads[v, SIZE], begin + i)
@@ -203,7 +203,7 @@ def refresh(tables: TimedTables, calm: NDArray[np.int32], sets: LabelSets, v: in
     """Update the set of node v to tick t, as its labels (partial paths) have waited since the last update.
 
     Labels that could not wait are dropped, maxima rise by the wait, and green rows become ripe. After L(v), given by
-    `calm` (n,), stored numbers become costs.
+    `calm` (n,), nothing changes any more, and the stored numbers become costs.
     """
     head = sets.heads[v]
     seen, begin = head[SEEN], head[BEGIN]
@@ -262,7 +262,8 @@ def refresh(tables: TimedTables, calm: NDArray[np.int32], sets: LabelSets, v: in
 def waiting(tables: TimedTables, sets: LabelSets, nodes: NDArray[np.int32], owners: IntArray, costs: IntArray) -> None:
     """List labels that wait at the given nodes: write their indices to `owners` (r,), and costs to `costs` (r, k).
 
-    The costs are those at arrival or, where labels have waited, lower bounds of their costs after the wait.
+    Both must have room for all rows of these nodes. The costs are those at arrival or, where labels have waited, lower
+    bounds of their costs after the wait.
     """
     at = 0
     for v in nodes:

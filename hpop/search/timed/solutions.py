@@ -50,7 +50,10 @@ class SolutionSet(NamedTuple):
 
 @lean
 def is_covered(goal: SolutionSet, count: int, f: IntArray) -> bool:
-    """Return whether an estimate f (k,) is of no use: one of `count` solutions covers it, or it exceeds a bound."""
+    """Return whether an estimate f (k,) is of no use: one of `count` solutions covers it, or it exceeds a bound.
+
+    f has lower bounds of the costs of all solutions that begin with a label (partial path).
+    """
     k = len(f)
     for j in range(k):
         if f[j] > goal.most[j]:
@@ -68,7 +71,10 @@ def is_covered(goal: SolutionSet, count: int, f: IntArray) -> bool:
 def insert_solution(goal: SolutionSet, counters: IntArray, g: IntArray, value: int, leaves: int) -> None:
     """Add a solution, and remove solutions that it dominates.
 
-    It has the costs g (k,) and the label `value`, and departs by its last arc at tick `leaves`.
+    goal      solutions so far, changed in place; `counters` at N_FRONT has their number
+    g         (k,)  costs of the new solution
+    value     label of the solution: parent and last arc
+    leaves    tick of departure by its last arc
     """
     k = len(g)
     kept = 0
@@ -213,7 +219,10 @@ def cut_corners(corners: IntArray, covered: IntArray) -> IntArray:
 
 
 def weighed_corners(corners: IntArray, weights: FloatArray) -> NDArray[np.int32]:
-    """Return the weighted sums (c, b, LANES) of c corners (c, k) for the weights (b, LANES, k), rounded up."""
+    """Return the weighted sums (c, b, LANES) of c corners (c, k) for b tables of weights (b, LANES, k), rounded up.
+
+    Corners bound the region of costs that no solution covers. The joint bounds of a label are compared with these sums.
+    """
     weighed = np.zeros((len(corners), *weights.shape[:2]))
     for j in range(corners.shape[1]):
         limit = corners[:, j, None, None]
@@ -234,11 +243,11 @@ def may_improve(
 ) -> bool:
     """Return False if joint bounds prove that solutions cover every path that begins with a label (partial path).
 
-    joint           joint bounds: lower bounds of weighted remaining costs
+    joint           joint bounds (:mod:`.joint`): b tables with LANES weights each
     corners, lanes  see :class:`.PruningBounds`
     row             row of the label's node and tick in the joint bounds
     g, f            (k,)  costs and estimate of the label
-    hint            (1,)  index of the corner because of which the last label was kept; it is tried first
+    hint            (1,)  index of the corner that let the last label pass; it is tried first, and updated
     weighed         (b, LANES)  scratch
     """
     k = len(g)

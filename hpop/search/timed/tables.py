@@ -1,4 +1,9 @@
-"""Tables of a time-dependent graph as kernels need them: costs of arcs by tick, and costs of standing."""
+"""Tables of a time-dependent graph as kernels need them: costs of arcs by tick, and costs of standing.
+
+Time is counted in ticks. From the horizon H on, a tick, nothing changes. A place is a set of nodes at one position. An
+arc stays if both its ends are at one place (a turn in place). A timed arc has a cost for each tick of departure. A hold
+is a pause at a node, of `hold` ticks at least. A cut is a tick at which the robot must not stand at a place.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +25,8 @@ class TimedTables(NamedTuple):
     """Tables of a time-dependent graph for kernels; see :class:`.TimedGraph` for arcs, places, cuts and holds.
 
     start, heads, durations, costs   arcs of the graph: offsets, heads, ticks and static costs
-    row       (m,) int32         row of the arc in the tables of timed arcs, or PLAIN, or STAYS
+    row       (m,) int32         row of the arc in the tables of timed arcs; PLAIN for an arc that never changes, STAYS
+                                 for an arc within a place, which costs standing
     timed     (c, q, H + 1)      c tables: a cost of each timed arc by tick
     table_of  (k,)               index in `timed` of the table of each cost, -1 for a static cost
     blocked   (q, H + 1)         ticks at which a timed arc is closed
@@ -200,7 +206,10 @@ def arc_cost(tables: TimedTables, a: int, p: int, j: int, t: int) -> int:
 
 @lean
 def one_stay_suffices(tables: TimedTables, nodes: IntArray) -> bool:
-    """Return whether paths never need two consecutive arcs within a place (arcs that stay) that has these nodes."""
+    """Return whether paths never need two consecutive arcs within a place (arcs that stay) that has these nodes.
+
+    Then a search need not try such pairs. The comment above says when one arc and a hold replace two.
+    """
     for u in nodes:
         p = np.int64(tables.place[u])
         for first in range(tables.start[u], tables.start[u + 1]):
@@ -231,7 +240,7 @@ def needs_only_one_stay(tables: TimedTables, u: int, p: int, first: int, second:
 def is_no_dearer(tables: TimedTables, p: int, first: int, second: int, third: int, spare: Any) -> bool:
     """Return whether arc `third` (-1: no arc) with a hold of `spare` ticks can replace arcs `first` and `second`.
 
-    The hold must be allowed, and no cost may become larger. p is the place.
+    All three arcs stay at place p. The hold must be allowed, and no cost may become larger.
     """
     if spare < 0 or (spare > 0 and (tables.hold == 0 or spare < tables.hold)):
         return False

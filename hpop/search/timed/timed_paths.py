@@ -106,8 +106,9 @@ def timed_paths(
 class _TimedRun:
     """One run of a query: it computes bounds, then runs one search, or several of increasing precision.
 
+    search  latest search, None before the first
     seeds   solutions known so far
-    proven  relative gap to missing solutions (:attr:`TimedPaths.gap`) that the last complete search proves
+    proven  relative gap to missing solutions (:attr:`TimedPaths.gap`) that the last complete search proves; inf at first
     """
 
     def __init__(
