@@ -213,7 +213,7 @@ class TimedJointBounds:
         return near
 
     def _calm_graph(self, prices: Prices, lanes: slice, needed: BoolArray) -> Graph:
-        """Return a static graph of needed nodes with a cost for each lane: weighted costs of arcs from the horizon on."""
+        """Return a static graph of needed nodes; its costs are weighted costs of arcs from the horizon on, by lane."""
         graph = self.graph.graph
         calm = Graph.from_csr(graph.indptr, graph.heads, prices.priced[:, lanes].astype(np.int64))
         closed = (prices.priced == FAR).all(axis=1) | ~needed[graph.heads]
