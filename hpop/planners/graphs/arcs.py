@@ -105,7 +105,7 @@ class Quanta:
 
 
 def table(columns: list[Counts], size: int) -> IntArray:
-    """Return k columns of costs, each with one value for each of ``size`` arcs, as one read-only array (size, k)."""
+    """Join k columns of costs into one read-only array (size, k), with a row for each of ``size`` arcs."""
     costs = np.empty((size, len(columns)), np.int64)
     for part in blocks(size):
         for j, column in enumerate(columns):
@@ -129,6 +129,7 @@ def graph_with_tie_break(graph: Graph, turned: NDArray[np.int8], spending: Spend
     needed, because some cost is positive for every turn, or not possible, because sums would overflow.
 
     turned  (m,)  number of turns in each arc
+    spending  account to which the memory of the copy is charged
 
     Raises Exhausted if the memory limit is passed.
     """
@@ -155,7 +156,7 @@ def summed_columns(graph: Graph) -> list[int]:
 
 
 def _charges_every_turn(graph: Graph, column: int, turned: NDArray[np.int8]) -> bool:
-    """Return whether a cost is positive for every arc with a turn."""
+    """Return whether the cost of a column is positive for every arc with a turn; ``turned`` (m,) counts turns."""
     if not isinstance(graph, ExtendedGraph) or graph.base is None:
         return not any(((graph.costs[part, column] == 0) & (turned[part] > 0)).any() for part in blocks(graph.arcs))
     added, cache, name = graph.added, graph.base.cache, ("charges every turn", column)
@@ -249,7 +250,7 @@ class MotionChains:
         return ranked[np.searchsorted(keys[ranked], wanted)]
 
     def count(self, kinds: Sequence[str]) -> IntArray:
-        """Return how many motions of the given kinds each chain has, (C,)."""
+        """Return the number (C,) of motions of the given kinds in each chain."""
         number = np.zeros(self.tails.size, np.int64)
         for kind, present in zip(self.kinds, self.present, strict=True):
             number += present & (kind in kinds)
@@ -289,7 +290,7 @@ class MotionChains:
         """Join consecutive chains to n parts of trajectories, which are not yet checked for impossible motions.
 
         Within a part, each chain must begin where the previous one ends; angles may differ by whole turns, which are
-        then added.
+        then added. The chains of part 0 come first, then those of part 1, and so on.
 
         sizes  (n,)  number of chains of each part
         """

@@ -168,7 +168,7 @@ class JoinedEnds(TrajectoryGraph):
         return joins.take(np.argsort(joins.tails, kind="stable"))
 
     def _direct_join(self, goal: str) -> MotionChains:
-        """Return the arc from the start to a goal: one chain, or no chain if they are too far apart or it collides."""
+        """Return the join from the start to a goal: one chain, or no chain if they are too far apart or it collides."""
         ends = [self.ends[what] for what in (START, goal)]
         near = np.flatnonzero(_distance(*ends) <= self.reach)
         tails, heads = (np.full(near.size, self.node(what)) for what in (START, goal))
@@ -291,7 +291,7 @@ class JoinedEnds(TrajectoryGraph):
 
     @property
     def turned(self) -> NDArray[np.int8]:
-        """Number (m,) of turns in each arc of `graph`, including joins."""
+        """Number (m,) of turns in each arc of `graph`, including joins; searches break ties by the sum."""
         turns = self.joins.count(self.kinds[MOVE + 1 :]).astype(np.int8)
         return self.with_joins(self.inner.turned, turns)
 
@@ -335,7 +335,7 @@ class JoinedEnds(TrajectoryGraph):
         )
 
     def _joins_between(self, tails: IntArray, heads: IntArray, is_present: BoolArray) -> Stretches:
-        """Return the motions of the joins from ``tails`` (n,) to ``heads`` (n,); none where ``is_present`` is False."""
+        """Return the motions of the joins from ``tails`` to ``heads`` (n,), none where ``is_present`` (n,) is False."""
         rows = self.joins.rows(tails[is_present], heads[is_present])
         return self.joins.take(rows).stretches(is_present.astype(np.int64))
 

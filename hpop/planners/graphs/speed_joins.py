@@ -1,6 +1,9 @@
-"""Joins in a graph of speeds, copied for each speed class in which their moves may be driven.
+"""Joins of start and goals in a graph of speeds: one copy of each for every class in which its moves may be driven.
 
-A join is a chain of motions between the start, a goal or a stop and a state of the graph.
+A join connects an added node (start, goal or a state of a stop) to a state of the graph, by a chain of motions such as
+turn, move, turn (:class:`.arcs.MotionChains`). A class is one of the model's speeds. Layer 0 is rest, and layer i is
+class i (:mod:`.speeds`). A copy of a join is its chain of motions with all moves in one class, and with the changes of
+speed that this takes.
 """
 
 from __future__ import annotations
@@ -23,9 +26,9 @@ from hpop.planners.objectives import quantised
 
 
 class ChainStep(NamedTuple):
-    """One motion of joins, as columns for all copies of joins that have it.
+    """One motion that several copies of joins make at the same place in their chains.
 
-    rows   (r,)  copies that have this motion
+    rows   (r,)  indices of these copies
     kind   index of its kind in ``kinds`` of the inner graph; the next index is a change of speed
     start  states (r,) in which it begins, with speeds
     end    states (r,) in which it ends, with speeds
@@ -38,9 +41,9 @@ class ChainStep(NamedTuple):
 
 
 class Waypoints(NamedTuple):
-    """States in which the motions of all copies of joins end (w,), copy after copy.
+    """States at the ends of all motions of the copies of joins (w,), copy by copy.
 
-    pointers  (c + 1,)  index of the first state of each copy
+    pointers  (c + 1,)  the states of copy i are pointers[i] : pointers[i + 1]
     states    (w,)  with speeds
     kinds     (w,)  kind of the motion that ends there
     turns     (w,)  rad  by which each turning column changes in that motion
@@ -54,7 +57,7 @@ class Waypoints(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class JoinCopies:
-    """Copies (c,) of the joins of a graph: one for each speed class if the join has moves, else a single one.
+    """Copies (c,) of the joins of a graph: a join with moves has one for each class, any other join has one.
 
     A copy includes the changes of speed between its motions. It begins or ends at rest at a start, a goal or an added
     state of a stop. At a state of the graph, it begins at the speed of its first motion, or ends at that of its last.
@@ -76,7 +79,7 @@ class JoinCopies:
 
     @cached_property
     def _copies(self) -> tuple[IntArray, IntArray]:
-        """Index of the join of each copy (c,), and the layer (speed class from 1) in which its moves are driven."""
+        """For each copy (c,): the index of its join, and the layer in which its moves are driven."""
         joins = self.inner.joins
         if joins is None:
             return np.zeros(0, np.int64), np.zeros(0, np.int64)
@@ -109,7 +112,7 @@ class JoinCopies:
 
     @cached_property
     def _chains(self) -> tuple[IntArray, IntArray, tuple[ChainStep, ...]]:
-        """Layers (speed classes, 0 for rest) in which each copy (c,) begins and ends; then all motions, by time."""
+        """Layers in which the copies (c,) begin and end, as two arrays, and all their motions, in order of time."""
         (rows, classes), joins, alone = self._copies, self.inner.joins, self.inner.states_alone
         if joins is None or alone is None:
             return rows, classes, ()
@@ -154,7 +157,7 @@ class JoinCopies:
         return turned
 
     def costs(self, criteria: Sequence[Criterion]) -> IntArray:
-        """Return the costs (c, k) of the copies in quanta, rounded once for each copy."""
+        """Return the costs (c, k) of the copies in quanta of the criteria, rounded once for each copy."""
         costs, laws = np.zeros((len(self), len(criteria))), laws_of(self.model)
         for step in self._chains[2]:
             motions = Motions(self.inner.world, self.model, laws[self._kind(step)], step.start, step.end)
@@ -166,7 +169,7 @@ class JoinCopies:
 
     @cached_property
     def waypoints(self) -> Waypoints:
-        """States in which the motions of all copies end."""
+        """States at the ends of the motions of all copies."""
         steps, space = self._chains[2], self.model.space
         copy = np.concatenate([np.zeros(0, np.int64), *(step.rows for step in steps)])
         order = np.argsort(copy, kind="stable")
@@ -185,5 +188,5 @@ class JoinCopies:
 
 
 def at_speed(states: States, speed: float | FloatArray) -> States:
-    """Return states (N,) with a speed, m/s, in a further column."""
+    """Return states (N,) with a further column, the speed in m/s: one for all, or one for each (N,)."""
     return States(**states.__dict__ | {SPEED: np.full(states.size, speed)})

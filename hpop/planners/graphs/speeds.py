@@ -1,12 +1,12 @@
 """Graph of speeds: a copy of the inner graph's states for each speed of the model, and one for standing still.
 
-These copies are called layers. Layer 0 is rest; layer i is class i of the model's speeds (:mod:`hpop.models.speeds`). A
-node is a state of the inner graph together with a layer. Turns and other motions in place stay in layer 0, moves stay
-in the layer of a class. Arcs between layers keep the state: they change the speed, and cost what the criteria say of
-that motion. So a straight run may change its speed at each state, and any search on this graph finds speeds as it
-finds paths.
+These copies are called layers. Layer 0 is rest; layer i is class i, the i-th of the model's speeds
+(:mod:`hpop.models.speeds`). A node is a state of the inner graph together with a layer. Turns and other motions in
+place stay in layer 0, moves stay in the layer of a class. Arcs between layers keep the state: they change the speed,
+and cost what the criteria say of that motion. So a straight run may change its speed at each state, and any search on
+this graph finds speeds as it finds paths.
 
-A join to a start or goal beside the graph (:mod:`.joined_ends`) is a chain of motions. It has one copy for each class
+A join connects a start or goal to the graph (:mod:`.joined_ends`) by a chain of motions. It has one copy for each class
 in which its moves may be driven (:mod:`.speed_joins`). Each copy has a node of its own, between its tail and its head,
 so that a path says which copy it takes.
 """
@@ -70,7 +70,8 @@ def with_speeds(ends: Ends, model: Model, criteria: Sequence[Criterion]) -> Ends
 class SpeedGraph(TrajectoryGraph):
     """Graph of speeds: layers of an inner graph, and a node for each copy of a join.
 
-    State v of the inner graph has the node v * L + l in layer l, with L - 1 classes. Nodes of joins come last.
+    With L - 1 classes there are L layers, and state v of the inner graph has the node v * L + l in layer l. Nodes of
+    joins come last.
 
     inner     graph of states, with start and goals among its nodes
     speeds    m/s, rising: the classes
@@ -123,7 +124,7 @@ class SpeedGraph(TrajectoryGraph):
 
     @cached_property
     def _has_speed(self) -> BoolArray:
-        """Mask of the kinds of motions that have one of several speeds."""
+        """Mask of the inner graph's kinds of motions: True for moves, which are driven at one of the speeds."""
         laws = laws_of(self.model)
         return np.array([SPEED in laws[kind].extra for kind in self.inner.kinds])
 
@@ -133,12 +134,12 @@ class SpeedGraph(TrajectoryGraph):
         return {**self.inner.counts, "speeds": len(self.speeds)}
 
     def _states_of(self, nodes: IntArray) -> IntArray:
-        """Return the inner state (N,) of each node; for the node of a join, the state to which the join leads."""
+        """Return the state (N,) of the inner graph at each node; for a join, the state to which it leads."""
         last, heads = self.inner.size * self._layers, np.append(self._joins.heads, 0)
         return np.where(nodes < last, nodes // self._layers, heads[np.clip(nodes - last, 0, len(self._joins))])
 
     def states(self, ids: IntArray) -> States:
-        """Return the robot's states (N,) at nodes, without speeds; for the node of a join, the state after the join."""
+        """Return the robot's states (N,) at some nodes, without speeds; for a join, the state to which it leads."""
         return self.inner.states(self._states_of(ids))
 
     def inside(self, nodes: list[int]) -> list[int]:
@@ -151,7 +152,7 @@ class SpeedGraph(TrajectoryGraph):
 
     @cached_property
     def _joins(self) -> JoinCopies:
-        """Copies of the joins of start and goals."""
+        """Copies of the joins, the connections of start and goals to the graph, one for each class."""
         return JoinCopies(self.inner, self.model, self.speeds)
 
     # Arcs
@@ -193,13 +194,13 @@ class SpeedGraph(TrajectoryGraph):
 
     @cached_property
     def _in_place_and_moves(self) -> tuple[IntArray, IntArray]:
-        """Indices of the arcs of the graph of states that are made in place, and of its moves."""
+        """Indices of those arcs of the graph of states that are motions in place, and of those that are moves."""
         has_speed = self._has_speed[self._alone.arcs.kinds]
         return np.flatnonzero(~has_speed), np.flatnonzero(has_speed)
 
     @cached_property
     def _pairs(self) -> IntArray:
-        """Changes (p, 2) between layers that each state has."""
+        """Changes of speed (p, 2) that are possible at each state: the layers before and after each of them."""
         return neighbouring(len(self.speeds))
 
     @property
@@ -214,10 +215,10 @@ class SpeedGraph(TrajectoryGraph):
 
     @property
     def turned(self) -> NDArray[np.int8]:
-        """Number (m,) of motions in place, including changes of speed, in each arc; in a join, of all but the moves.
+        """Count (m,) of each arc by which searches break ties: of paths with equal costs, they prefer the smallest sum.
 
-        A change to a class counts one more for each faster class. So among paths of equal costs, fast ones are
-        preferred.
+        It is the number of motions in place, changes of speed included. A change to a class counts one more for each
+        faster class, so that fast paths are preferred.
         """
         alone, (_, moves) = self._alone, self._in_place_and_moves
         turned = [alone.turned, np.zeros((len(self.speeds) - 1) * moves.size, np.int8)]
@@ -338,7 +339,7 @@ class SpeedGraph(TrajectoryGraph):
         """Return a mask of the nodes (N,) of paths that can be left out, since one change of speed replaces several.
 
         A path may change from rest to a fast class, or back, by way of slower classes at one state. One direct change
-        replaces these changes if it costs as much in each criterion.
+        replaces these changes if it costs as much in each criterion. Arguments as for :meth:`stretches`.
         """
         layer, joins = ids % self._layers, ids >= self.inner.size * self._layers
         same = (np.diff(ids // self._layers) == 0) & ~(joins[1:] | joins[:-1])  # a change of speed
@@ -372,7 +373,11 @@ class SpeedGraph(TrajectoryGraph):
         return result
 
     def _kinds_into(self, ids: IntArray, places: IntArray) -> IntArray:
-        """Return the kind (p,) of the motion that leads to the node at each index; any for first nodes."""
+        """Return the kind (p,) of the motion that leads to each of p nodes of paths; any kind for first nodes.
+
+        ids     (N,)  nodes of all paths, one path after another
+        places  (p,)  indices of the nodes in ``ids``
+        """
         state = self._states_of(ids)
         before, now = state[np.maximum(places - 1, 0)], state[places]
         kinds = np.full(places.size, len(self.inner.kinds))

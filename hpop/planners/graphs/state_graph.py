@@ -107,7 +107,7 @@ class StateGraph(TrajectoryGraph):
 
     @property
     def turned(self) -> NDArray[np.int8]:
-        """1 for each arc (m,) of `graph` that is a motion in place, 0 for moves."""
+        """1 for each arc (m,) of `graph` that is a motion in place, 0 for moves; searches break ties by the sum."""
         in_place: BoolArray = self.arcs.kinds != MOVE
         return in_place.view(np.int8)
 
@@ -158,7 +158,7 @@ class StateGraph(TrajectoryGraph):
                 yield number, own, tails[own], heads[own]
 
     def costs_anywhere(self, kind: str, criterion: Criterion) -> IntArray | None:
-        """Return the costs, in quanta, of the motions in place of one kind, as an array by :meth:`in_place_pairs`.
+        """Return the costs, in quanta, of the motions in place of one kind, indexed by :meth:`in_place_pairs`.
 
         None if the costs depend on the place; this is the default.
         """
@@ -211,7 +211,7 @@ class StateGraph(TrajectoryGraph):
     def motions_of(self, places: IntArray) -> Iterator[tuple[IntArray, Motions]]:
         """Yield the motions of some arcs, given by indices (N,) in ``arcs``, in batches of one kind of motion.
 
-        A batch is the indices of its arcs, and their motions.
+        Each batch is a pair: the indices of its arcs, and their motions.
         """
         tails = np.searchsorted(self.arcs.start, places, side="right") - 1
         for number, kind in enumerate(self.kinds):

@@ -160,7 +160,7 @@ class TourGraph(TrajectoryGraph):
 
     @cached_property
     def _before(self) -> IntArray:
-        """For each arc between layers (c,): how many arcs within layers come before it in the list of all arcs."""
+        """For each arc between layers (c,): the number of arcs within layers before it in the list of all arcs."""
         inner, count = self.inner.rows, self.inner.size
         layers, states = np.divmod(self._climbs[0], count)
         return np.asarray(layers * inner[-1] + inner[states + 1])
@@ -239,7 +239,7 @@ class TourGraph(TrajectoryGraph):
 
     @property
     def turned(self) -> NDArray[np.int8]:
-        """Number (m,) of turns in each arc; 0 for arcs between layers."""
+        """Number (m,) of turns in each arc, by which searches break ties; 0 for arcs between layers."""
         return cast(NDArray[np.int8], self._with_climbs(self.inner.turned, np.zeros(self._before.size, np.int8)))
 
     # Checks

@@ -151,7 +151,9 @@ class Stretches(NamedTuple):
 
 
 def _running(steps: FloatArray, sizes: IntArray) -> FloatArray:
-    """Return the cumulative sums (N,) of steps (N,), which begin again at 0 in each of n stretches.
+    """Return the cumulative sums (N,) of ``steps`` (N,), which begin again at 0 in each of n stretches.
+
+    They turn changes of an angle from state to state into an angle without jumps.
 
     sizes  (n,)  number of steps of each stretch
     """
@@ -195,7 +197,7 @@ class TrajectoryGraph(ABC):
     @property
     @abstractmethod
     def words(self) -> str:
-        """Description in words: "the lattice of step 0.25 m, ..."."""
+        """Description for certificates and messages: "the lattice of step 0.25 m, ..."."""
 
     @property
     @abstractmethod
@@ -273,14 +275,14 @@ class TrajectoryGraph(ABC):
 
     @property
     def order(self) -> tuple[IntArray, IntArray]:
-        """Indices in `graph` of the arcs of `states_alone`, and indices in `graph` of the arcs of `joins`."""
+        """Indices in `graph` of the arcs of `states_alone` (a,), and of the arcs of `joins` (j,), as two arrays."""
         states = self.states_alone
         return np.arange(0 if states is None else states.arcs.heads.size), np.zeros(0, np.int64)
 
     def with_joins(self, inner: NDArray[N], joins: NDArray[N]) -> NDArray[N]:
-        """Merge values of arcs into one array, in the order of the arcs of `graph`.
+        """Merge values of arcs into one array (m, ...), in the order of the arcs of `graph`.
 
-        inner  values (m, ...) of the arcs of `states_alone`
+        inner  values (a, ...) of the arcs of `states_alone`
         joins  values (j, ...) of the arcs of `joins`
         """
         return inner
@@ -303,9 +305,9 @@ class TrajectoryGraph(ABC):
     @property
     @abstractmethod
     def turned(self) -> NDArray[np.int8]:
-        """Number (m,) of turns and other motions in place in each arc of `graph`; some graphs count all motions.
+        """Count (m,) of each arc by which searches break ties: of paths with equal costs, they prefer the smallest sum.
 
-        Among paths of equal costs, searches prefer those with a smaller sum.
+        It is the number of motions in place, such as turns; in a roadmap of configurations, of all motions.
         """
 
     @abstractmethod

@@ -108,7 +108,7 @@ class _TimedRun:
 
     search  latest search, None before the first
     seeds   solutions known so far
-    proven  relative gap to missing solutions (:attr:`TimedPaths.gap`) that the last complete search proves; inf at first
+    proven  relative gap to missing solutions (:attr:`TimedPaths.gap`) that the last complete search proves, or inf
     """
 
     def __init__(

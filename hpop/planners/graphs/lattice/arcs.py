@@ -1,7 +1,8 @@
 """Compute the arcs of a lattice: motions in place and steps along headings that are free of collisions.
 
 Array shapes: P positions, H headings, S stations (a heading with values of the robot's other coordinates, such as the
-pan of a camera), and Z stances (stations that need separate collision checks: all S, or only the H headings).
+pan of a camera), Z stances (stations that need separate collision checks: all S, or only the H headings), and W motions
+in place from a station at most.
 """
 
 from __future__ import annotations
@@ -151,7 +152,7 @@ def _turns_free(lattice: StateLattice, others: NDArray[np.int32]) -> BoolArray:
     consists of are free. This gives equal results if the angles between neighbouring headings are multiples of the
     collision test's ``turn_part``; otherwise each turn is checked.
 
-    others  (H, H - 1)  the other headings, for each heading
+    others  (H, H - 1)  for each heading, the indices of the other headings
     """
     count = lattice.headings.count
     if not lattice.cells[0].size or not _are_multiples(lattice.headings.yaw, lattice.collision.turn_part):
@@ -189,7 +190,10 @@ def _are_multiples(yaw: FloatArray, part: float) -> bool:
 
 
 def _passed_sectors(lattice: StateLattice, others: NDArray[np.int32]) -> BoolArray:
-    """Return which sectors each turn passes, as a mask (H, H - 1, H); sector h lies between headings h and h + 1."""
+    """Return which sectors each turn passes, as a mask (H, H - 1, H); sector h lies between headings h and h + 1.
+
+    others  (H, H - 1)  for each heading, the indices of the other headings
+    """
     count = len(others)
     a = np.repeat(np.arange(count), count - 1)
     b = others.ravel()
@@ -201,7 +205,10 @@ def _passed_sectors(lattice: StateLattice, others: NDArray[np.int32]) -> BoolArr
 
 
 def _each_turn_free(lattice: StateLattice, others: NDArray[np.int32]) -> BoolArray:
-    """Return which turns (P, H, H - 1), from each heading to every other, are free, with a check of each turn."""
+    """Return which turns (P, H, H - 1), from each heading to every other, are free, with a check of each turn.
+
+    others  (H, H - 1)  for each heading, the indices of the other headings
+    """
     count = lattice.headings.count
     free = lattice.free[lattice.cells]
     possible = free[:, :, None] & free[:, others]

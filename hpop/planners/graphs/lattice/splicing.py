@@ -29,6 +29,8 @@ def splice(
 ) -> None:
     """Merge old and new arcs, position by position, into the arrays ``out_heads``, ``out_kinds`` and ``origin`` (m,).
 
+    Old arcs are those before a change of the world; new arcs were checked again after it.
+
     first, count          (P,)  index of the first arc at each position, and number of its arcs, in the list of old arcs
                           or, where ``is_new``, of new arcs
     is_new                (P,)  whether the arcs at a position were checked again, so that the new arcs apply

@@ -1,4 +1,8 @@
-"""Arcs of a graph with their durations on a clock, and the motions of which each arc consists."""
+"""Arcs of a graph with their durations on a clock, and the motions of which each arc consists.
+
+An arc is one motion, or a chain of motions at the start or at a goal. A leg is one motion of an arc: the first, the
+second, and so on.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +30,7 @@ TIMED, NODE = 27, 16  # bytes of memory for an arc and for a node with its time
 
 
 class LegMotions(NamedTuple):
-    """Motions (L,) of one kind, each the n-th motion of an arc that is a chain of motions; n is the same for all.
+    """Motions (L,) of one kind, each the n-th leg (motion) of an arc that is a chain of motions; n is the same for all.
 
     kind        kind of the motions, such as "move"
     of          (rows,)  for each listed arc, the index of its n-th motion; -1 if it has none of this kind
@@ -182,7 +186,8 @@ class TimedArcs:
     def legs(self, arcs: IntArray) -> list[LegMotions]:
         """Return the motions of some arcs (r,), in ascending order: all first motions, all second ones, and so on.
 
-        Motions of different kinds are in different items.
+        Motions of different kinds are in different items. Their field ``of`` refers to the arcs by position in
+        ``arcs``.
         """
         row = np.full(self.tails.size, -1, np.int64)
         row[arcs] = np.arange(arcs.size)
@@ -225,7 +230,7 @@ class TimedArcs:
 
 
 def _numbered_places(places: IntArray) -> IntArray:
-    """Renumber the places (n,) of all nodes from 0 without gaps, for the node's row in tables.
+    """Return numbers from 0 without gaps for the places (n,) of all nodes, by which tables have rows for places.
 
     Negative numbers belong to nodes that were added for start and goals; each of these gets a number of its own at the
     end. Gaps occur in roadmaps, where a position without a collision-free link has no node.
@@ -292,7 +297,7 @@ def costs_of(
 ) -> FloatArray:
     """Return the costs (N, k) of arcs at given departure times, by k criteria, in their units.
 
-    legs     motions of all listed arcs
+    legs     motions of all listed arcs, of :meth:`TimedArcs.legs`
     rows     (N,)  index of each arc among the listed ones
     seconds  (N,)  s, departure times
     """

@@ -72,7 +72,7 @@ class MovingPeople(NamedTuple):
         return self._with(self._together({place}), {place: person})
 
     def _together(self, people_kept: set[int]) -> set[int]:
-        """Return some people, given by index, and all people in conversation with those of them who move."""
+        """Return the given people, by index, and all people in conversation with those of them who move."""
         people, groups = self.world.content.people, self.world.content.groups
         while True:
             talking = {i for group in groups if any(people[j].moves and j in people_kept for j in group) for i in group}
@@ -104,7 +104,7 @@ PAUSE = 1e-3  # s, small distance in time from the end of a prediction
 
 @dataclass(frozen=True, eq=False)
 class NoticeRange:
-    """Distance within which a person is noticed, depending on time and direction.
+    """Distance within which a person is noticed (changes a cost), depending on time and direction.
 
     person  one hypothesis (possible future) of a moving person
     times   (T,)  s, ascending
@@ -143,7 +143,7 @@ class NoticeRange:
         return np.asarray(beyond, dtype=np.float32)
 
     def _reach(self, times: FloatArray) -> FloatArray:
-        """Return the range (T, D) at times (T,): the larger of those at the tabulated times before and after."""
+        """Return the range (T, D), m, at times (T,), s: the larger of those at the tabulated times before and after."""
         after = np.clip(np.searchsorted(self.times, times), 0, self.times.size - 1)
         return np.maximum(self.reach[after], self.reach[np.maximum(after - 1, 0)])
 
@@ -332,7 +332,10 @@ def _angles(count: int) -> FloatArray:
 def _probe(
     model: Model, x: FloatArray, y: FloatArray, yaw: FloatArray, moves: bool
 ) -> tuple[Law, States, States, FloatArray]:
-    """Return short holds, or short moves if ``moves``, at M places with headings: law, start, end and duration, s."""
+    """Return short holds or, if ``moves``, short moves, for a criterion to evaluate: law, start, end and duration, s.
+
+    x, y, yaw  (M,)  positions, m, and headings, rad, at which they begin
+    """
     zeros = {name: np.zeros(x.size) for name in model.space.names if name not in ("x", "y", "yaw")}
     start = {"x": x, "y": y, "yaw": yaw, **zeros}
     columns = {name: start[name] for name in model.space.names}

@@ -47,7 +47,7 @@ class MotionPieces(NamedTuple):
 
     @classmethod
     def of(cls, leg: LegMotions, clock: TickClock) -> MotionPieces:
-        """Cut motions of one kind into pieces."""
+        """Cut the motions of a leg, which are of one kind, into pieces."""
         ticks = clock.of(leg.lasts)
         count = -(-ticks // max(1, clock.within(PIECE)))
         owner = np.repeat(np.arange(ticks.size), count)
@@ -152,8 +152,11 @@ def to_strips(corners: tuple[Place, ...]) -> FloatArray:
 
 
 def to_parts(parts: Sequence[Part], yaw: FloatArray, corners: Sequence[Place]) -> FloatArray:
-    """Return the distance (N,), m, between the nearest part of a robot with yaws (N,), rad, and a convex set of points.
+    """Return the distance (N,), m, of the nearest part of a robot with yaws (N,), rad, from a convex set of points.
 
+    It is the distance between surfaces; the radius of a rounded part is taken off.
+
+    parts    parts of the robot's outline
     corners  x, y (N,), m, of points whose convex hull is the set, relative to the robot's axis, in the map's frame
     """
     cos, sin = np.cos(yaw), np.sin(yaw)

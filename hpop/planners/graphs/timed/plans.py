@@ -187,7 +187,10 @@ class TimedPlans:
         return trajectory.with_holds(motions[held], lasts[held], punctual=True)
 
     def _motions(self, arcs: IntArray) -> IntArray:
-        """Return the number (s,) of motions in each step; 0 for holds."""
+        """Return the number (s,) of motions in each step of a plan; 0 for holds.
+
+        arcs  (s,)  arc of each step, HELD for a hold
+        """
         moved = arcs != HELD
         counts = moved.astype(np.int64)
         space = self.timed.arcs.space
@@ -282,13 +285,16 @@ class _Between:
         return float(table.min()), float(table.max())
 
     def _ticks(self, i: int) -> tuple[int, int]:
-        """Return the first and the last tick between the planned and the real beginning of step i."""
+        """Return the earlier and the later of two ticks at which step i begins: in the search, and in reality."""
         real = self.driven.times[i] / self.timed.clock.tick
         planned = int(self.steps.departures[i])
         return min(planned, int(np.floor(real + SAME))), max(planned, int(np.ceil(real - SAME)))
 
     def _of_standing(self, i: int, j: int) -> tuple[float, float]:
-        """Return the least and the largest cost in column j of standing at a place during step i."""
+        """Return the least and the largest cost in column j of standing at a place during step i.
+
+        The step may begin and end anywhere between its times in the search and its real times.
+        """
         place = int(self.timed.graph.place[self.steps.nodes[i]])
         (first, begin), (end, last) = self._ticks(i), self._ticks(i + 1)
         if self.timed.graph.graph.aggregates[j] == "max":

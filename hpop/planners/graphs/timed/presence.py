@@ -1,6 +1,7 @@
 """Find the places and times at which costs depend on moving people, the criteria concerned, and costs of standing.
 
-A person is noticed at a place if the cost of some criterion there differs because of this person.
+A person is noticed at a place if the cost of some criterion there differs because of this person. A place is a position
+of the graph, and a tick a unit of time of the search.
 """
 
 from __future__ import annotations
@@ -79,6 +80,8 @@ class Presence:
 
     def masks(self, length: float, lasts: float) -> Masks:
         """Return which people are noticed during a motion, for each place and tick at which it may begin, (P, H).
+
+        Bit i of an entry stands for moving person i; the last bit stands for all people who have no bit.
 
         length  m  largest distance of the motion from the place
         lasts   s  duration of the motion
@@ -206,7 +209,7 @@ def standing_rates(criteria: Sequence[Criterion], space: TrajectoryGraph, tick: 
 
 
 def alike_at_places(rates: FloatArray, place: IntArray) -> BoolArray:
-    """Return for which criteria (k,) standing costs the same in all states of a place, so that headings do not matter.
+    """Return for which criteria (k,) standing costs the same in all states of a place, whatever the heading.
 
     rates  (n, k)  costs of standing for a tick in each node
     place  (n,)    number of the place of each node

@@ -124,7 +124,7 @@ class Safety:
         return self.clock.up_to(SLACK)
 
     def _axis(self, person: Person, need: Separation) -> FloatArray:
-        """Return the distances (T,), m, of a person's centre from the robot's axis that are enough in every case."""
+        """Return the distances (T,), m, of a person's centre from the robot's axis that are always enough."""
         return np.asarray(np.minimum(need.gap + self.reach + person.radius, need.axis))
 
     @cached_property

@@ -88,11 +88,11 @@ class TimedCosts:
 
         An arc gets a table if a person is noticed on it, or if it is marked in ``wanted``.
 
-        legs      motions of the arcs
+        legs      motions of the arcs, of :meth:`.legs.TimedArcs.legs`
         place     (r,)    place where each arc begins
         lasts     (r,) s  duration of each arc
-        earliest  (r,)    earliest tick of departure
-        wanted    (r,)    mask
+        earliest  (r,)    earliest tick of departure; at earlier ticks, costs are not computed
+        wanted    (r,)    mask of the arcs that get a table in any case
         """
         size, horizon, number = place.size, self.presence.horizon, len(self.criteria)
         static = self._final(legs, size)
@@ -237,7 +237,7 @@ def _small(column: IntArray) -> Counts:
 
 
 def _lengths(legs: Sequence[LegMotions], size: int) -> FloatArray:
-    """Return the length (r,), m, of each of ``size`` arcs: the distance driven in all its motions."""
+    """Return the length (r,), m, of each of ``size`` arcs: the distance driven in all its motions (``legs``)."""
     lengths = np.zeros(size)
     for leg in legs:
         has = np.flatnonzero(leg.of >= 0)
