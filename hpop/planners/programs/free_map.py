@@ -29,7 +29,7 @@ class FreeMap:
 
     x, y   (w,), (h,)  m  of the columns from left to right, and of the rows from bottom to top
     free   (h, w)      whether the robot is free at the position
-    world
+    world  world of the map
     """
 
     x: FloatArray
@@ -142,6 +142,6 @@ def _neighbour_graph(inside: BoolArray) -> tuple[Any, IntArray]:
 
 
 def _steps(graph: Any, source: int) -> FloatArray:
-    """Return the number of edges (n,) on the shortest path from a node to each node; -1 if there is no path."""
+    """Return the number of edges (n,) on the shortest path from node ``source`` to each node; -1 without a path."""
     steps = sparse.csgraph.dijkstra(graph, directed=False, indices=np.array([source]), unweighted=True)[0]
     return np.where(np.isfinite(steps), steps, -1.0)

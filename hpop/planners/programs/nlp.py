@@ -75,7 +75,7 @@ class SparseField(Field):
         return self._field.values
 
     def coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the coefficients of the field (:meth:`hpop.world.fields.field.Field.coefficients_at`)."""
+        """Return the coefficients of the field at u, v (:meth:`hpop.world.fields.field.Field.coefficients_at`)."""
         return self._field.coefficients_at(u, v)
 
     def at(self, places: GridPoints) -> Any:
@@ -113,7 +113,8 @@ class SparseWorld(World):
 class SmoothedTurn(LawDefaults):
     """Law of turns in place that are timed as if the angle were ``sqrt(θ² + ROUNDING²)`` instead of |θ|.
 
-    A turn from rest to rest lasts 2 sqrt(|θ|/α). This function has a cusp at θ = 0, where solvers get stuck.
+    A turn from rest to rest lasts 2 sqrt(|θ|/α), for an angular acceleration α. This function has a cusp at θ = 0,
+    where solvers get stuck.
     """
 
     exact: PlanarLaw

@@ -96,8 +96,9 @@ ONE_PROGRAM = Lock()
 class ImprovedTrajectory:
     """Trajectory that a program found by improving a warm start.
 
-    planned    (k,)  costs as the program computed them
-    tolerance  (k,)  largest error of the planned costs
+    planned     (k,)  costs as the program computed them
+    tolerance   (k,)  largest error of the planned costs
+    provenance  how it was found, for the front
     """
 
     trajectory: Trajectory

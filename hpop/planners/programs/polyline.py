@@ -113,7 +113,7 @@ class Polyline:
         return Polyline(np.delete(self.vertices, corner, axis=0), self.start_yaw, self.goal_yaw)
 
     def moved(self, rng: np.random.Generator, by: float) -> Polyline:
-        """Return the polyline with its inner vertices displaced at random by about ``by`` metres in x and in y."""
+        """Return the polyline with its inner vertices displaced at random, by about ``by`` metres in x and in y."""
         vertices = self.vertices.copy()
         vertices[1:-1] += rng.normal(0.0, by, vertices[1:-1].shape)
         return Polyline(vertices, self.start_yaw, self.goal_yaw)

@@ -58,7 +58,7 @@ class TourLegs(NamedTuple):
         return cls(legs, tuple(seconds[joints].tolist()))
 
     def joined(self, legs: Sequence[Trajectory]) -> Trajectory:
-        """Return the tour with other legs, which must have the ends of its own; holds stay."""
+        """Return the tour with other legs, which must have the ends of its own legs; holds stay."""
         model, kinds, rows = legs[0].model, list[str](), list[dict[str, FloatArray]]()
         names = {name for leg in legs for name in leg.states.names} | {CLOCK}
 
@@ -102,9 +102,9 @@ def improved_tours(
 ) -> Candidates:
     """Improve each leg of known tours by a planner of nonlinear programs, and return the tours with the new legs.
 
-    The states at which stops are visited, their order and all holds stay. A leg that several tours share is improved
-    once. A leg without a result, also because of a time limit or Ctrl-C, stays as it was, and a note says so. All costs
-    are evaluated along whole tours.
+    A leg is the part of a tour between two stops or holds. The states at which stops are visited, their order and all
+    holds stay. A leg that several tours share is improved once. A leg without a result, also because of a time limit or
+    Ctrl-C, stays as it was, and a note says so. All costs are evaluated along whole tours.
     """
     assert problem.tour is not None
     refuse_moving(problem, f"{name} on a tour")

@@ -1,4 +1,7 @@
-"""Exact search among moving people: a quick early result, then the exact one."""
+"""Exact search among moving people: a quick early result, then the exact one.
+
+The search is on a clock: it counts time in ticks (:mod:`hpop.planners.graphs.timed`).
+"""
 
 from __future__ import annotations
 

@@ -281,7 +281,10 @@ def _clipped(corners: FloatArray, normal: FloatArray, offset: float) -> FloatArr
 
 
 def _inside(edges: FloatArray, normal: FloatArray, offset: float) -> FloatArray:
-    """Clip edges (E, 2, 2) by a line; return the pieces on its inner side, without edges that only touch the line."""
+    """Clip edges (E, 2, 2) by a line; return the pieces on its inner side, without edges that only touch the line.
+
+    The inner side has ``points @ normal <= offset``.
+    """
     beyond = edges @ normal - offset  # (E, 2)
     edges, beyond = edges[(beyond < -ROUNDING).any(axis=1)], beyond[(beyond < -ROUNDING).any(axis=1)]
     for end in (0, 1):

@@ -1,4 +1,8 @@
-"""Optima of one corridor for weighted sums of costs: first each cost alone, then given weights or a dichotomy."""
+"""Optima of one corridor for weighted sums of costs: first each cost alone, then given weights or a dichotomy.
+
+A corridor is a sequence of convex free regions (:mod:`.corridor`). The dichotomy, for two costs, takes weights normal
+to the line through two neighbouring points of the front, again and again.
+"""
 
 from __future__ import annotations
 

@@ -232,7 +232,7 @@ class CellCandidate:
 class Grid:
     """Grid of bounds made from the costs of n warm starts, with the candidates found so far.
 
-    roles
+    roles       which cost is minimised, and which costs are bounded
     warm        warm starts; their costs are the bounds of level 0
     limits      (k,) bounds that hold in all cells
     divisions   number of further levels between the cost of a warm start and the next better one

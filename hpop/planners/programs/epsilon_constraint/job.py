@@ -86,7 +86,7 @@ class PolylineJob:
 
 @dataclass(eq=False)
 class _Attempt:
-    """Search for the candidate of one cell, in progress.
+    """Search for the candidate of one cell (set of bounds), in progress.
 
     start    polyline from which the search starts
     best     best candidate so far
@@ -204,7 +204,7 @@ class _Attempt:
 
     @property
     def _aim(self) -> FloatArray:
-        """Bounds of the smooth costs, slightly loosened, since solvers work better with some room."""
+        """Bounds (k,) of the smooth costs, slightly loosened, since solvers work better with some room."""
         roles, epsilon = self.job.roles, self.cell.epsilon[list(self.job.roles.smooth)]
         quanta = np.array([roles.criteria[j].quantum for j in roles.smooth])
         return np.asarray(epsilon + np.maximum(LOOSE * np.abs(epsilon), 0.2 * quanta))

@@ -263,11 +263,11 @@ class LocalModel:
 
     @cached_property
     def _rows(self) -> list[StepLimits]:
-        """Linear limits of steps, for distances and maxima, linearised at the polyline itself."""
+        """Linear limits of steps, for distances to obstacles and for maxima, linearised at the polyline itself."""
         return self._limits_at(np.zeros(self.freedom))
 
     def _limits_at(self, step: FloatArray) -> list[StepLimits]:
-        """Return linear limits of steps, for distances and maxima, linearised at a step (d,)."""
+        """Return linear limits of steps, for distances to obstacles and for maxima, linearised at a step (d,)."""
         return [*self._distance_rows(step), *self._maximum_rows(step)]
 
     def forget(self) -> None:
@@ -384,7 +384,10 @@ def turns_of(structure: PolylineStructure, vertices: FloatArray, polyline: Polyl
 
 
 def _is_local_maximum(values: FloatArray, segment: IntArray) -> BoolArray:
-    """Return a mask (n,) of local maxima: values that are no lower than their neighbours on the same segment."""
+    """Return a mask (n,) of local maxima: values that are no lower than their neighbours on the same segment.
+
+    segment  (n,)  index of the segment to which each value belongs, ascending
+    """
     new = np.diff(segment, prepend=-1) > 0
     last = np.append(new[1:], True)
     return (new | (values >= np.roll(values, 1))) & (last | (values >= np.roll(values, -1)))

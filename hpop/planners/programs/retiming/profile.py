@@ -1,4 +1,4 @@
-r"""Speed profiles of stretches as convex programs.
+r"""Speed profiles of stretches (path parts between standstills) as convex programs.
 
 With b = (ds/dt)² at the grid positions as variable, linear between them, the acceleration d²s/dt² = b'/2 is constant in
 each interval (Verscheure et al., "Time-optimal path tracking for robots", IEEE Trans. Automatic Control 54(10), 2009).
@@ -43,9 +43,11 @@ SLOWER = 1.1  # factor by which a first profile is slowed down until it keeps th
 class Discomfort:
     """Convex discomfort of speed profiles over N intervals of all stretches.
 
-    flow     (N,)    largest flow, rad/s, in each interval at ds/dt = 1; the discomfort is the largest flow
-    slopes   (N, 3)  p', derivative by s of the camera's position in the middle of each interval
-    bends    (N, 3)  p''; with both, the discomfort is the integral of the squared acceleration of the camera, m²/s³
+    It is either the largest flow, or the integral of the squared acceleration of the camera.
+
+    flow     (N,)    largest flow, rad/s, in each interval at ds/dt = 1; None for the integral
+    slopes   (N, 3)  p', derivative by s of the camera's position p, m, in the middle of each interval
+    bends    (N, 3)  p''; with both, the discomfort is the integral of the squared acceleration, m²/s³
     """
 
     flow: FloatArray | None = None
@@ -55,7 +57,7 @@ class Discomfort:
 
 @dataclass(eq=False)
 class Profiles:
-    """Programs for the speed profiles of all stretches of one path.
+    """Programs for the speed profiles of all stretches of one path; a profile is b = (ds/dt)² at all grid positions.
 
     stretches   k stretches
     discomfort  what is minimised for a given duration
@@ -104,7 +106,9 @@ class Profiles:
         return np.where(self.at_rest, 0.0, np.concatenate(caps))
 
     def _rows(self, share: float) -> tuple[Any, FloatArray]:
-        """Return a matrix that gives limited accelerations, divided by their limits, from b; and the limits.
+        """Return a matrix that gives limited accelerations, divided by their limits, from b; and these limits.
+
+        The matrix has a row for each interval and each limited combination of coordinates; so have the limits.
 
         share  place in each interval: 0 for its start, 0.5 for its middle, 1 for its end
         """
@@ -129,14 +133,15 @@ class Profiles:
 
     @cached_property
     def _limited(self) -> Any:
-        """Matrix of all limited accelerations, at both ends of each interval."""
+        """Matrix that gives all limited accelerations, as shares of their limits, from b, at both ends of intervals."""
         return sp.vstack([self._rows(share)[0] for share in (0.0, 1.0)], format="csr")
 
     @cached_property
     def _jumps(self) -> tuple[Any, Any]:
-        """Two matrices: changes of accelerations between neighbouring intervals from b, and times for them from T.
+        """Two matrices for limits of jerk: one gives changes of accelerations from b, the other the times for them from T.
 
-        Before and after a stretch the acceleration is 0; half of the first or the last interval counts.
+        The changes are those between neighbouring intervals, and T has the durations of the intervals. Before and after
+        a stretch the acceleration is 0; half of the first or the last interval counts.
         """
         middle, limits = self._rows(0.5)
         middle = sp.diags(limits) @ middle
@@ -157,12 +162,12 @@ class Profiles:
     # Numbers
 
     def durations(self, b: FloatArray) -> FloatArray:
-        """Return the duration (N,) of each interval, s."""
+        """Return the duration (N,) of each interval, s, for a profile b."""
         root = np.sqrt(b)
         return np.asarray(2.0 * self.steps / (root[self.first] + root[self.first + 1]))
 
     def cost(self, b: FloatArray) -> float:
-        """Return the discomfort."""
+        """Return the discomfort of a profile b."""
         one = self.discomfort
         if one.flow is not None:
             root = np.sqrt(b)
@@ -171,7 +176,10 @@ class Profiles:
 
     @cached_property
     def _felt(self) -> Any:
-        """Matrix of the camera's accelerations in the middles of intervals, (3 N, positions): all x, then y, then z."""
+        """Matrix (3 N, positions) that gives the camera's accelerations in the middles of intervals from b.
+
+        Its rows are all x, then all y, then all z.
+        """
         slopes, bends = self.discomfort.slopes, self.discomfort.bends
         assert slopes is not None
         assert bends is not None
@@ -184,14 +192,14 @@ class Profiles:
         return sp.vstack(parts, format="csr")
 
     def jerk_excess(self, b: FloatArray) -> float:
-        """Return the largest ratio of a mean jerk and its limit; 0 without a limit."""
+        """Return the largest ratio of a mean jerk of profile b to its limit; 0 without a limit."""
         if self.jerk is None:
             return 0.0
         changes, times = self._jumps
         return float((np.abs(changes @ b) / (times @ self.durations(b))).max()) / self.jerk
 
     def within_limits(self, b: FloatArray) -> FloatArray:
-        """Return a profile slowed down, stretch by stretch, by what it exceeds the limits of speed and acceleration."""
+        """Return profile b, with each stretch slowed down by what it exceeds the limits of speed and acceleration."""
         b = np.where(self.at_rest, 0.0, np.maximum(b, LEAST))
         excess = np.abs(self._limited @ b)
         rows = [one.steps.size * one.rows.shape[0] for one in self.stretches]
@@ -238,7 +246,7 @@ class Profiles:
 
     @cached_property
     def _fastest(self) -> Any:
-        """Program for the least duration."""
+        """Convex program for the profile of least duration."""
         cp = import_module("cvxpy")
         *_, duration, within = self._shared
         return cp.Problem(cp.Minimize(duration), within)
@@ -281,7 +289,11 @@ class Profiles:
         return self.within_limits(b)
 
     def _improved(self, program: Any, b: FloatArray | None, cost: Callable[[FloatArray], float]) -> FloatArray | None:
-        """Return the solution of a program; with a limit of jerk, the best of a series that begins with profile b."""
+        """Return the solution of a program; with a limit of jerk, the best of a series that begins with profile b.
+
+        cost  function of a profile that the program minimises, by which the gain of each program of the series is
+        measured
+        """
         if self.jerk is None:
             return self._solved(program)
         best = b
@@ -297,7 +309,7 @@ class Profiles:
         return best
 
     def _set_tangents(self, b: FloatArray) -> None:
-        """Set the tangents of the durations of intervals at a profile."""
+        """Set the tangents of the intervals' durations at profile b, by which the limit of jerk becomes convex."""
         assert self._tangents is not None
         root, lasts = np.sqrt(b), self.durations(b)
         total = root[self.first] + root[self.first + 1]
@@ -310,7 +322,10 @@ class Profiles:
 
     @cached_property
     def _soft(self) -> FloatArray:
-        """Profile of least jerk in each stretch (Flash and Hogan 1985), slowed down until it keeps all limits."""
+        """Profile of least jerk in each stretch (Flash and Hogan 1985), slowed down until it keeps all limits.
+
+        The series of programs with a limit of jerk begins with it.
+        """
         pieces = []
         share = np.linspace(0.0, 1.0, 10_001)
         way, rate = share**3 * (10 - 15 * share + 6 * share**2), 30 * share**2 * (1 - share) ** 2
@@ -324,7 +339,7 @@ class Profiles:
 
     @cached_property
     def fastest(self) -> FloatArray:
-        """Fastest profile: b at each position."""
+        """Fastest profile: b = (ds/dt)² at each grid position."""
         found = self._improved(
             self._fastest, None if self.jerk is None else self._soft, lambda b: self.durations(b).sum()
         )
@@ -336,7 +351,7 @@ class Profiles:
         return found
 
     def gentlest(self, duration: float, start: FloatArray) -> FloatArray | None:
-        """Return b of the profile of least discomfort within a duration, s; None if no solver finds it.
+        """Return the profile (b at each position) of least discomfort within a duration, s; None if no solver finds it.
 
         start  profile within this duration, from which a series with a limit of jerk begins
         """

@@ -50,19 +50,21 @@ class Coordinates(Protocol):
         """True if stretches in one straight direction become one, as reaches of an arm do."""
 
     def rates(self, states: States, rates: States) -> FloatArray:
-        """Return the rates (N, c) of the coordinates from the rates of the states."""
+        """Return the rates (N, c) of the coordinates from the states (N,) and their rates."""
 
     def rates_of_states(self, states: States, rates: FloatArray, changes: FloatArray) -> tuple[States, States]:
-        """Return first and second derivatives of the states from those (N, c) of the coordinates."""
+        """Return first and second derivatives of the states (N,) from those of the coordinates.
+
+        rates, changes  (N, c)  first and second derivatives of the coordinates
+        """
 
     def knots(self, states: States, rates: FloatArray, clock: FloatArray) -> States:
         """Return states (N,) with all columns of the law, from the rates (N, c) of the coordinates and the time, s."""
 
     def limits(self, slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return rows (r, c), and the largest speed and acceleration (r,) of the combinations rows @ q.
+        """Return the limits of a stretch with slopes dq/ds (N, c): rows (r, c), largest speeds and accelerations (r,).
 
-        q       (c,)    coordinates
-        slopes  (N, c)  dq/ds at positions s of the stretch; they show which coordinates move and so need limits
+        The combinations rows @ q of the coordinates q have these limits.
         """
 
 
@@ -231,7 +233,7 @@ def stretches_of(run: Trajectory, coordinates: Coordinates) -> list[PathStretch 
 
 
 def _stands(run: Trajectory, t: float, coordinates: Coordinates) -> bool:
-    """Return whether the robot stands at a time."""
+    """Return whether the robot stands at time t, s."""
     return bool(np.abs(coordinates.rates(run.at(t), run.rates(t)[0]) / coordinates.unit).max() < REST)
 
 
@@ -270,7 +272,7 @@ def _stretch(run: Trajectory, motions: Sequence[int], coordinates: Coordinates) 
 
 
 def _grid(run: Trajectory, motions: Sequence[int]) -> FloatArray:
-    """Return times, s, that cut each phase of some motions evenly."""
+    """Return times, s, that cut each phase of some motions (given by index) evenly; they become grid positions."""
     laws = laws_of(run.model)
     fewest = CURVED // len(motions) if is_curve(laws[run.kinds[motions[0]]]) else FEWEST
     pieces = [run.times[motions[0] : motions[0] + 1]]

@@ -95,9 +95,10 @@ class Interval:
     def write(self, z: Any, p: Any) -> list[Any]:
         """Return the functions of the interval as columns of symbols (SX), for variables z and parameters p.
 
-        The columns are the defects of the law (zero if the end follows from the start), the effort, the costs of each
-        criterion, and the clearances of each height range. A criterion that is a maximum has a cost for each sampled
-        moment. If there are hinges, a last column has the excess of each over its slack.
+        The columns are the defects of the law (zero if the end follows from the start), the effort (squared
+        accelerations), the costs of each criterion, and the clearances of each height range. A criterion that is a
+        maximum has a cost for each sampled moment. If there are hinges, a last column has the excess of each over its
+        slack.
         """
         import casadi
 

@@ -69,7 +69,8 @@ def along_polyline(program: DrivenProgram, polyline: Polyline) -> list[FloatArra
 def exact(program: DrivenProgram, trajectory: Trajectory, spare: float) -> list[FloatArray]:
     """Return clearance bounds that leave exactly ``spare`` metres between robot and obstacles near a solution.
 
-    At each sample, the difference between the field and the exact distance at the solution corrects the bound.
+    At each sample, the difference between the field and the exact distance at the solution corrects the bound. The
+    result is a list of arrays (S,), m, one for each height range.
     """
     states, world, bounds = trajectory.at(_times(program, trajectory)), program.problem.world, []
     for z, reach in program.spaces:

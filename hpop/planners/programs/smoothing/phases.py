@@ -1,4 +1,8 @@
-"""Setup of a smoothing program: its straight and turning phases, an initial guess, and options of its solver."""
+"""Setup of a smoothing program: its straight and turning phases, an initial guess, and options of its solver.
+
+A phase is a part of the trajectory in which the robot drives straight or turns. It has several intervals, between
+neighbouring nodes, and all of its intervals last equally long.
+"""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ class ProgramSolution:
 
     point       values of the program's variables
     rates       multipliers of the variables' bounds, and of the constraints
-    trajectory  of these values, within the program's limits up to KEPT; None if the solver did not converge
+    trajectory  trajectory that ``point`` describes, within the program's limits; None if the solver did not converge
     costs       (k,) as the program computes them
     status      of the solver, or Limits_Not_Kept if its point could not be made feasible
     iterations  number of iterations of the solver
@@ -237,7 +237,7 @@ class DrivenProgram:
 
     @property
     def _hinges(self) -> IntArray:
-        """Indices of the slacks of hinges ``max(x, 0)`` among the variables, for all intervals hinge by hinge."""
+        """Indices of the slacks of hinges ``max(x, 0)`` among the variables: one hinge in all intervals, then the next."""
         n, first = len(self.structure.phase), int(self.structure.variable_indices[1][-1]) + 1 + len(self._worst)
         return first + np.arange(n * self._interval.hinges)
 

@@ -1,9 +1,10 @@
 """Nonlinear functions with equal formulas for each part of a program, and their exact sparse derivatives.
 
 In a program over a trajectory, the parts are its intervals, and each depends on a dozen variables only. So the formulas
-are written once, for one part, on CasADi's scalar symbols, and differentiated there, without repeated operations or
-operations on zeros. The same scalar operations are then applied to columns that have one entry for each part. The
-Hessian of a smoothing program takes a seventh of the time of the Hessian that CasADi forms of the whole program.
+are written once, for one part, on CasADi's scalar symbols (SX), and differentiated there, without repeated operations
+or operations on zeros. The same scalar operations are then applied to columns (MX) that have one entry for each part.
+The Hessian of a smoothing program takes a seventh of the time of the Hessian that CasADi forms of the whole program. A
+lookup is a value that the formulas read from a field, such as the distance to obstacles.
 """
 
 from __future__ import annotations

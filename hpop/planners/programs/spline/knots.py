@@ -1,8 +1,9 @@
 """Splines given by knots, which quadratic programs move, and the costs of their pieces.
 
-Let u, from 0 to 1, be the share of the total time T. The joints q pass through knots at given u, on a cubic Hermite
-curve from each knot to the next, with slopes m = dq/du at the knots. Then speeds are q' = (dq/du) / T and accelerations
-are q'' = (d²q/du²) / T². So the limits
+A spline has N pieces between N + 1 knots; each piece takes a fixed share of the total time T. Let u, from 0 to 1, be
+the elapsed share of T. The joints q pass through knots at given u, on a cubic Hermite curve from each knot to the next,
+with slopes m = dq/du at the knots. Then speeds are q' = (dq/du) / T and accelerations are q'' = (d²q/du²) / T². So the
+limits
 
     |dq/du| <= v T,    |d²q/du²| <= a T²
 
@@ -176,7 +177,7 @@ def _phases(trajectory: Trajectory, motion: int) -> FloatArray:
 
 
 def hermite(fraction: Column, width: FloatArray) -> tuple[FloatArray, ...]:
-    """Return the cubic Hermite weights at a fraction (0 to 1) of pieces with given widths.
+    """Return the four cubic Hermite weights at a fraction (0 to 1) of pieces with given widths (shares of the time).
 
     They multiply value and slope at the start, and value and slope at the end of the piece, in this order.
     """
@@ -196,7 +197,7 @@ class Slopes(NamedTuple):
     """Costs of a spline and their gradients.
 
     costs      (k,)
-    gradients  (k, N, 4 n + 1)  derivatives by the variables of each piece (:meth:`.knots.Knots.columns`)
+    gradients  (k, N, 4 n + 1)  derivatives by the variables of each piece, as :meth:`.knots.Knots.columns` lists them
     """
 
     costs: FloatArray
@@ -284,7 +285,7 @@ class PieceCosts:
         return {}
 
     def _at_pieces(self, name: str, count: int, *columns: FloatArray) -> Any:
-        """Evaluate one of the functions at ``count`` pieces, given by columns (., count)."""
+        """Evaluate one of the functions, by ``name``, at ``count`` pieces, given by columns (., count)."""
         if (name, count) not in self._mapped:
             self._mapped[name, count] = self._functions[name].map(count)
         return self._mapped[name, count](*columns)

@@ -1,8 +1,10 @@
 """One step of sequential quadratic programming, which moves the knots of a spline to lower its costs.
 
-Distances between bodies and limits of speeds are linearised. Costs are replaced by their tangents and the convex part
-of their curvature. These approximations hold only nearby, so a step is limited to a trust region (Nocedal and Wright,
-Numerical Optimization, 2006, chapter 18).
+A spline (:mod:`.knots`) has N pieces for n joints. The variables of a program are values and slopes of its inner knots,
+and the total time. Distances between bodies and limits of speeds are linearised. Costs are replaced by their tangents
+and the convex part of their curvature. These approximations hold only nearby, so a step is limited to a trust region
+(Nocedal and Wright, Numerical Optimization, 2006, chapter 18). A step lowers the merit: the weighted sum of the costs,
+plus penalties for exceeded bounds.
 """
 
 from __future__ import annotations
@@ -66,7 +68,10 @@ class Constraints(NamedTuple):
         return self._replace(entries=np.abs(self.entries))
 
     def some(self, rows: BoolArray) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return row, column and value of the entries of the rows that a mask (R,) selects, numbered from 0."""
+        """Return the entries of the rows that a mask (R,) selects, as three arrays: row, column and value.
+
+        The selected rows are numbered from 0.
+        """
         entries, indices = self.entries[rows], self.indices[rows]
         row, place = np.nonzero((indices >= 0) & (entries != 0.0))
         return row, indices[row, place], entries[row, place]
