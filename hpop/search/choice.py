@@ -106,7 +106,7 @@ def _by_spread(samples: IntArray, least: IntArray) -> list[int]:
 
 
 def _with_turn_free_first(graph: Graph, by_spread: list[int], groups: Groups) -> tuple[int, ...]:
-    """Return an order of costs that begins with those that turns do not raise; groups of turns save labels only then.
+    """Return an order of costs that begins with those that turns do not raise, as groups of turns need to be of use.
 
     `by_spread` has the columns in the order of :func:`_by_spread`, which the other costs keep. Of several costs that
     turns do not raise, the sum with most distinct values comes first. The first cost need not be stored in the sets of

@@ -337,7 +337,7 @@ class General(HeapSearch):
         return narrow
 
     def enter(self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solved: NDArray[Any], clock: Clock) -> None:
-        """Fill the sets of all nodes from closed labels, and the set of solutions, see :meth:`.Search.enter`."""
+        """Fill the sets of all nodes from closed partial paths, and the set of solutions, see :meth:`.Search.enter`."""
         eps, tolerance = float(self.precision.eps), self.precision.of(self.order)
         reach = np.zeros_like(solved)
         for j in range(solved.shape[1]):

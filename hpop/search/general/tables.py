@@ -39,7 +39,7 @@ def build_tables(
     order      (k,)       columns of the graph's costs, in the order of the search
     h          (k, n)     lower bounds of the remaining costs, columns as in the graph
     is_target  (n,)       mask of nodes
-    turn                  column of the cost that turns raise; -1 if turns are not taken together with a label
+    turn                  column of the cost that turns raise; -1 if a label (partial path) is taken without its turns
     group      (n,)       group of each node; turns are arcs within a group
     arcs       (m, 1 + k) output: head and costs of each arc
     nodes      (n, k)     output: lower bounds of the remaining costs of each node
@@ -75,7 +75,7 @@ def build_tables(
 
 @kernel
 def trace_paths(origin: NDArray[np.int32], closed: IntArray, labels: IntArray) -> tuple[IntArray, IntArray]:
-    """Follow labels (n,) back to the source, to find the arcs of their paths.
+    """Follow labels (partial paths, (n,)) back to the source, to find the arcs of their paths.
 
     origin  (m,)  index in the graph of each arc of the search
     closed  closed labels, to which labels refer as parents
@@ -183,7 +183,8 @@ def smaller(pool: NDArray[Any], start: int, size: int, value: int) -> int:
 def is_covered(sets: IntArray, pool: NDArray[Any], s: int, f: NDArray[Any]) -> bool:
     """Return whether some member of set s is at most f (k,) in every cost but the first.
 
-    The first cost needs no test, as labels leave the heap in its order.
+    A set has the cost vectors of labels (partial paths) at one node. The first cost needs no test, as labels leave the
+    heap in its order.
     """
     start, size, room = sets[s, START], sets[s, SIZE], sets[s, ROOM]
     if len(f) == 1:

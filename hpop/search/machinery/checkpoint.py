@@ -184,7 +184,7 @@ class Keeper:
         self.snapshot = lambda: Saved(NONE, self.question, self.extra)
 
     def update_extra(self, extra: Arrays) -> None:
-        """Replace the extra arrays of a search that was stopped; the next save writes them with its labels."""
+        """Replace the extra arrays of a search that was stopped; the next save writes them with its partial paths."""
         self.extra = extra
 
     def save_if_due(self) -> None:

@@ -58,7 +58,7 @@ class Labels:
 
     @classmethod
     def of(cls, arrays: dict[str, NDArray[Any]]) -> Self:
-        """Return the labels from arrays by the names of the fields; raise Unsound if arrays are missing or invalid."""
+        """Return the labels (partial paths) from arrays by names of fields; raise Unsound for invalid arrays."""
         names = [field.name for field in fields(cls)]
         if sorted(arrays) != sorted(names) or any(a.dtype != np.int64 or a.ndim != 1 for a in arrays.values()):
             raise Unsound("its arrays have other names or types")
@@ -76,7 +76,7 @@ class Labels:
 
 
 def checksum_of_labels(values: IntArray, costs: IntArray) -> int:
-    """Return a checksum of labels (n,) and their costs (n, k) that does not depend on their order."""
+    """Return a checksum of labels (partial paths, (n,)) and their costs (n, k) that does not depend on their order."""
     parts = np.arange(3, 3 + 2 * costs.shape[1], 2, dtype=np.int64)
     return int(((2 * values + 1) * (costs.astype(np.int64) @ parts)).sum(dtype=np.int64))
 
@@ -116,7 +116,7 @@ def check_solutions(is_target: NDArray[np.uint8], nodes: Nodes, ends: Nodes, fir
 
 
 def enter_in_batches(count: int, enter: Callable[[int], int], grow: Callable[[], None]) -> None:
-    """Enter ``count`` saved labels into the sets of their nodes, and grow the sets whenever they are full.
+    """Enter ``count`` saved labels (partial paths) into the sets of their nodes, and grow the sets when they are full.
 
     ``enter`` calls a kernel: it takes the index of the first label to enter, and returns the index of the first one for
     which there was no room, or a negative number for a label that the search would not have closed. Then Unsound is

@@ -53,7 +53,7 @@ class Clock:
         self.peak = 0
 
     def silent(self, labels: int, memory: int) -> Clock:
-        """Return a clock without progress reports, with limits less the labels and memory (bytes) in use already."""
+        """Return a clock without progress reports, with limits less the partial paths and bytes in use already."""
         most, room = self.budget.max_labels, self.budget.max_memory
         remaining = replace(
             self.budget,
@@ -189,7 +189,7 @@ class Search(ABC):
         return status
 
     def slice_work(self, clock: Clock) -> int:
-        """Return the number of steps of the next slice; near the label limit fewer, so that few labels exceed it."""
+        """Return the number of steps of the next slice; near the limit of labels (partial paths) fewer, to keep it."""
         limit = clock.budget.max_labels
         return clock.work if limit is None else min(clock.work, max(1, limit - int(self.counters[N_GENERATED])))
 
@@ -244,7 +244,7 @@ class Search(ABC):
         )
 
     def resume(self, labels: Labels, clock: Clock) -> None:
-        """Put this new search into the state of an earlier one, saved as labels; raise Unsound if they are invalid.
+        """Put this new search into the state saved as labels (partial paths); raise Unsound if they are invalid.
 
         All labels are checked before any is taken over.
         """

@@ -74,7 +74,7 @@ def row_to_improve(front: IntArray, size: int, f: IntArray) -> int:
 
 @kernel
 def longest_duration(f: IntArray, h: IntArray, v: int, most: IntArray, rates: FloatArray) -> int:
-    """Return the longest duration that a label at node v with the estimate f (k,) can reach within the limits.
+    """Return the longest duration that a partial walk at node v with the estimate f (k,) can reach within the limits.
 
     h            (n, k)      lower bounds of the remaining costs
     most, rates  (k,), (k,)  largest costs, and longest duration per unit of each cost, see :class:`.MeanLimits`
@@ -119,9 +119,10 @@ def is_pruned(
 def enter_row(blocks: IntArray, vectors: IntArray, b: int, f: IntArray, used: int) -> int:
     """Add the estimate f (k,) of a closed label to block b, and drop rows that f replaces; return the used rows.
 
-    A block has the rows of `vectors` with the estimates of labels closed at one node (:func:`is_pruned`). `used` is the
-    number of rows in use before. A row is replaced if f is at most the row in the integral and the other costs.
-    Durations need no comparison, as all later labels last at least as long as both.
+    A label is a partial walk, and f has lower bounds of the costs of walks that begin with it. A block has the rows of
+    `vectors` with the estimates of labels closed at one node (:func:`is_pruned`). `used` is the number of rows in use
+    before. A row is replaced if f is at most the row in the integral and the other costs. Durations need no comparison,
+    as all later labels last at least as long as both.
     """
     begin = blocks[b, START]
     used_rows = begin
@@ -319,9 +320,10 @@ def enter_all(
 ) -> int:
     """Enter saved closed labels, from index `begin` on, into blocks and front, as the search did when it closed them.
 
-    nodes, costs  (n,), (n, k)  node and estimate of each label
+    nodes, costs  (n,), (n, k)  node and estimate of each label (partial walk)
 
-    Returns n, or the index of the label for which the blocks or the front have too little room.
+    Other arguments are those of :func:`advance`. Returns n, or the index of the label for which the blocks or the front
+    have too little room.
     """
     for i in range(begin, len(nodes)):
         v = np.int64(nodes[i])
@@ -336,7 +338,7 @@ def enter_all(
 
 @kernel
 def checksum_of_blocks(blocks: IntArray, vectors: IntArray) -> int:
-    """Return a checksum of the rows of all blocks that does not depend on their order."""
+    """Return a checksum of the rows of all blocks (:func:`is_pruned`) that does not depend on their order."""
     total = np.int64(0)
     for b in range(len(blocks)):
         total += (b + 1) * blocks[b, SIZE]

@@ -83,7 +83,7 @@ class CappedMean(HeapSearch):
         return int(code)
 
     def solution_labels(self) -> IntArray:
-        """Return no labels: here all solutions are closed labels at targets, which a checkpoint has anyway."""
+        """Return no labels: here all solutions are closed partial walks at targets, which a checkpoint has anyway."""
         return self.solutions[:0]
 
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:

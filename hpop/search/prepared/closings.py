@@ -41,7 +41,10 @@ class ClosedArcs:
 
     @property
     def groups(self) -> Groups:
-        """Groups for the next search: ``whole``, or single nodes while only some of the turns of a group are closed."""
+        """Groups for the next search: ``whole``, or single nodes while only some of the turns of a group are closed.
+
+        A search with groups needs all turns of a group, or none.
+        """
         several = self.whole.rows[:, SIZE] * (self.whole.rows[:, SIZE] - 1)
         return self._single_nodes if ((self.turns > 0) & (self.turns < several)).any() else self.whole
 

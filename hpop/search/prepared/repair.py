@@ -51,7 +51,8 @@ def propagate_bounds(
 ) -> None:
     """Propagate changed bounds h (n,) backward from the nodes in the piles, until no open arc lowers any bound.
 
-    This is Dijkstra's algorithm with a radix heap (`piles`). Arguments are those of :func:`lower_bounds_of_opened`.
+    This is Dijkstra's algorithm; the piles are its queue, a radix heap (:mod:`.machinery.bounds`). Arguments are those
+    of :func:`lower_bounds_of_opened`.
     """
     _, _, costs, tails = graph
     first, arcs = entering
@@ -113,8 +114,9 @@ def lower_bounds_of_opened(
     column     column of the cost, a maximum if `is_max`
     closed     (m,)  mask of the closed arcs
     h, onward  (n,)  bounds of this cost, and next nodes; changed in place
-    is_open    (n,)  scratch, 0 before the call: nodes that are in a pile
-    piles      (PILES,) -1 before the call, (n,) and (n,) scratch
+    is_open    (n,)  scratch, 0 before the call: nodes that wait in the radix heap
+    piles      the radix heap of :mod:`.machinery.bounds`: (PILES,) -1 before the call, (n,) and (n,) scratch
+    scratch    not used; :func:`raise_bounds` takes such an argument
     """
     _, heads, costs, tails = graph
     tops, above, below = piles

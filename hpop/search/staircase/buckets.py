@@ -215,7 +215,7 @@ class BucketSearch(Search):
         return self.values[: self.queue[IN_HEAP]], entries[:, 1]
 
     def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
-        """Fill the heap and the buckets with saved labels and their estimates, see :meth:`.Search.reopen`."""
+        """Fill the heap and the buckets with saved labels (partial paths) and estimates, see :meth:`.Search.reopen`."""
         shift, bits, top, origin, _ = self.packing.tolist()
         n = len(heap)
         buckets = (costs[:, 0] >> shift) - origin
@@ -261,12 +261,12 @@ THIN = 3  # a part of the first front, which covers it within eps / THIN, become
 
 
 class JointSearch(BucketSearch):
-    """Part of the staircase search that prunes by joint bounds: lower bounds of first and third cost together.
+    """Part of the staircase search that prunes by joint bounds: lower bounds of first and rest cost together.
 
     has_tried_bounds  whether further bounds were computed, or were found not to be possible
     hull              joint bounds in use, or None
     corners_size      size of the front when the corners of the uncovered region were last updated
-    hull_paths        arcs of the first solutions, which come with joint bounds and have no labels
+    hull_paths        arcs of the first solutions, which come with joint bounds and have no labels (partial paths)
     closed_arcs       (m,) mask of closed arcs of the graph, or None
     """
 
@@ -379,7 +379,10 @@ class JointSearch(BucketSearch):
         return costs, hull_paths
 
     def _least_covered(self, costs: IntArray) -> IntArray:
-        """Return the least estimate (n, 3) that each cost vector (n, 3) covers within the precision."""
+        """Return the least estimate (n, 3), a lower bound of a path's costs, that each vector (n, 3) covers.
+
+        A vector covers what is at least as large in every cost, within the precision.
+        """
         eps, tolerance = float(self.precision.eps), self.tolerance.tolist()
         table = [[least_covered(c, eps, t) for c, t in zip(row, tolerance, strict=True)] for row in costs.tolist()]
         return np.array(table, np.int64).reshape(-1, 3)

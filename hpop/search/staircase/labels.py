@@ -125,7 +125,7 @@ def enter_all(
 ) -> int:
     """Enter saved closed labels, from index `begin` on, into the staircases, as the search did when it closed them.
 
-    at, f  (n,), (n, 3)  nodes and estimates of the labels
+    at, f  (n,), (n, 3)  nodes and estimates of the labels (partial paths)
 
     Other arguments are those of :func:`.staircase.kernel.advance`. Returns n, or i if there is too little room for
     label i, or -1 - i if label i is dominated already.

@@ -80,7 +80,9 @@ SOON = 0.1  # number of expanded labels per node after which it uses joint bound
 class Staircase(JointSearch):
     """Search of one query on one graph, by the kernel :func:`.staircase.kernel.advance`.
 
-    order  columns of the first cost, the index cost and the rest cost; the last is -1 if there are two costs
+    order  columns of the first cost, the index cost (a small integer, such as the number of turns) and the rest cost;
+    the
+           last is -1 if there are two costs
     """
 
     order: tuple[int, int, int]
@@ -152,7 +154,7 @@ class Staircase(JointSearch):
     def close(self, arcs: BoolArray, groups: BoolArray) -> None:
         """Close arcs before a search: the marked arcs (m,) of the graph, and all turns of the marked groups (g,).
 
-        Closed arcs get a larger rest cost than any solution, so that every dominance test rejects labels after them.
+        Closed arcs get a larger rest cost than any solution, so that every dominance test rejects paths with them.
         """
         self.closed_arcs = arcs
         infinite = self._empty_steps(1)[0]
@@ -174,7 +176,7 @@ class Staircase(JointSearch):
         self.goal[index + 1 :] = 0
 
     def _make_packed_queue(self, f: list[int]) -> None:
-        """Set up the queue with one label at the source, of estimate f (3,); raise TooWide if keys are too small."""
+        """Set up the queue with one partial path at the source, of estimate f (3,); raise TooWide if keys overflow."""
         self.root = np.array(f, np.int64)
         shift = max(0, max(f[0], int(self.rise[0])).bit_length() - BUCKET_BITS)
         bits = KEY_BITS - INDEX_BITS - shift
@@ -328,7 +330,7 @@ class Staircase(JointSearch):
         return narrow
 
     def enter(self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solved: NDArray[Any], clock: Clock) -> None:
-        """Fill the staircases of the nodes and of the solutions from saved labels, see :meth:`.Search.enter`."""
+        """Fill the staircases of nodes and solutions from saved partial paths, see :meth:`.Search.enter`."""
         check_solutions(self.is_target, nodes, ends, solved[:, :1], self.most)
         while closed[:, 1].max(initial=0) >= self.width:
             self._grow_width()

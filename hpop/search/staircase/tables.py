@@ -169,7 +169,7 @@ def trace_paths(
     ends: IntArray,
     steps: IntArray,
 ) -> int:
-    """Follow labels (n,) back to the source, to find the arcs of their paths, turns included.
+    """Follow labels (partial paths, (n,)) back to the source, to find the arcs of their paths, turns included.
 
     Labels store plain arcs only; a turn is inserted where an arc does not begin at the head of the one before. Writes
     the arcs of all paths to `steps`, path after path, each from its last arc to its first, as far as there is room, and
@@ -178,7 +178,8 @@ def trace_paths(
     indptr, heads, costs  arcs that include the turns of groups; `index` is the column of the index cost
     first                 (n + 1,) offsets of the arcs of the whole graph, where each node has these arcs before others
     arc_tails, arc_heads, origin  nodes of the plain arcs, and their indices in the graph
-    nodes, closed, source  node of the graph for each node of the search; closed labels; node where paths begin
+    nodes                 (n,)  node of the graph for each node of the search
+    closed, source        closed labels, to which labels refer as parents; node at which paths begin
     """
     size = 0
     for i in range(len(labels)):

@@ -78,9 +78,11 @@ class TurnHull:
     weights  (LANES, 2)         weights of the two costs; each of the first two rows weighs one cost alone
     layers   (m, nodes, LANES)  the bounds for at most 0, 1, ... turns, the last for any number; stored as the excess
                                 over the weighted sum of the least remaining costs, in units of 2^STEP_BITS
-    moved    (m - 1, arcs)      for each layer but the last and each plain arc: bit k is set if the arc lowered the
-                                bound of its tail in lane k; arcs are in chain order (module docstring)
-    step     (arcs,)            position of each plain arc in chain order
+    moved    (m - 1, arcs)      for each layer but the last and each plain arc (no turn): bit k is set if the arc
+    lowered
+                                the bound of its tail for weight vector k; arcs are sorted along chains
+                                (:class:`.ArcChains`)
+    step     (arcs,)            position of each plain arc in this order
     """
 
     weights: FloatArray
@@ -252,9 +254,9 @@ def write_excess(now: IntLanes, least: IntLanes, steps: Steps) -> None:
 def sweep_moves(now: IntLanes, order: IntArray, onward: IntArray, move: IntLanes, moved: NDArray[np.uint8]) -> bool:
     """Lower weighted remaining costs `now` (n, LANES) by plain arcs along chains; return whether any became lower.
 
-    order, onward  (m,)  tails and heads of the plain arcs, in chain order: each after the next arc of its chain
+    order, onward  (m,)  tails and heads of the plain arcs, sorted along chains (:class:`.ArcChains`)
     move           (m, LANES)  weighted costs of these arcs
-    moved          (m,)  output: bit k is set if the arc lowered the cost of its tail in lane k
+    moved          (m,)  output: bit k is set if the arc lowered the cost of its tail for weight vector k
     """
     better = np.uint8(0)
     for i in range(np.uint64(len(order))):

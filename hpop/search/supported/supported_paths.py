@@ -333,7 +333,7 @@ class SupportedRun:
         yield [w for w in scaled if w not in units]
 
     def _record(self, weights: Vector, arcs: IntArray) -> Vector:
-        """Record a path and the weights for which it is optimal; return its reduced costs."""
+        """Record a path and the weights for which it is optimal; return its costs, less ``least``."""
         costs = tuple(int(c) for c in self.data.costs[arcs].sum(axis=0, dtype=np.int64))
         self.solved += 1
         self.paths.setdefault(costs, (arcs, []))[1].append(weights)

@@ -46,9 +46,10 @@ def remaining_cost_by_arc(
 
 @lean
 def continues_at_once(tables: TimedTables, ahead: TimeWindows, work: JointSweep, lane: int, a: int, t: int) -> bool:
-    """Return whether a path that is best for a lane can take arc a at tick t and go on to another place at once.
+    """Return whether a path that is best for a lane (weight vector) can go on to another place directly after arc a.
 
-    The result is also True if the arc ends at a target. Arguments as for :func:`remaining_cost_by_arc`.
+    The path takes the arc at tick t. The result is also True if the arc ends at a target. Arguments as for
+    :func:`remaining_cost_by_arc`.
     """
     u, end = np.int64(tables.heads[a]), t + np.int64(tables.durations[a])
     p = np.int64(tables.place[u])
@@ -71,7 +72,7 @@ def trace_best_path(
     leaves: IntArray,
     total: IntArray,
 ) -> int:
-    """Trace a path to a target that is best for one lane, from a node reached at a tick.
+    """Trace a path to a target that is best for one lane (weight vector), from a node reached at a tick.
 
     Writes its arcs to `arcs` and the ticks of their departures to `leaves`, and adds its costs to total (k,). Returns
     the number of arcs, or -1 if the path has a cycle or does not arrive in time. Arcs that stay at a place may cost
@@ -144,14 +145,15 @@ def trace_best_paths(
     totals: IntArray,
     sizes: IntArray,
 ) -> int:
-    """Trace best paths for w pairs of lane and node; all nodes are reached at one tick, see :func:`trace_best_path`.
+    """Trace w best paths, each for a lane (weight vector) and from a node; all nodes are reached at one tick.
 
     lanes, nodes    (w,)  lane by which each path is best, and node from which it leads
     arcs, leaves    output: arcs and ticks of departure, path after path
     totals  (w, k)  output: the costs of the paths are added
     sizes   (w,)    output: number of arcs of each path, 0 if it does not arrive
 
-    Returns the number of traced paths. A path is traced only if there is room for the longest possible path.
+    Returns the number of traced paths. A path is traced only if there is room for the longest possible path. See
+    :func:`trace_best_path`, also for the other arguments.
     """
     used, longest = 0, len(arcs) // 2
     for i in range(len(lanes)):
@@ -259,7 +261,7 @@ def path_cost(tables: TimedTables, source: int, begin: int, arcs: IntArray, leav
 
 @kernel
 def merge_holds(tables: TimedTables, source: int, begin: int, arcs: IntArray, leaves: IntArray, costs: IntArray) -> int:
-    """Merge holds of a path as long as its costs (k,) stay the same; return the number of holds that remain.
+    """Merge holds (pauses) of a path as long as its costs (k,) stay the same; return the number of holds that remain.
 
     The departures `leaves` (s,) of its arcs are changed in place. Other arguments are those of :func:`path_cost`.
     """

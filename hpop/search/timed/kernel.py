@@ -155,9 +155,9 @@ def send_along(
     parent: int,
     scratch: IntArray,
 ) -> None:
-    """Extend a label with costs g (k,) by open arc a, from place p at tick t; queue the new label unless it is pruned.
+    """Extend a partial path with costs g (k,) by open arc a, from place p at tick t; queue it unless it is pruned.
 
-    At a target, the new label becomes a solution instead. `parent` is 1 + the index of the extended closed label.
+    At a target, it becomes a solution instead. `parent` is 1 + the index of the extended closed label (partial path).
     """
     x = np.int64(tables.heads[a])
     end = t + np.int64(tables.durations[a])
@@ -322,7 +322,9 @@ def under_way(
     rows: NDArray[np.int32],
     ticks: IntArray,
 ) -> int:
-    """List labels in the queue: write their rows and ticks of arrival, as many as fit, and return their number.
+    """List labels (partial paths) in the queue: write their rows and ticks of arrival, and return their number.
+
+    As many are written as fit.
 
     position  (2,)  progress, -1 and -1 at first: number of ticks from now, and the next row of that tick
     """
@@ -341,7 +343,7 @@ def under_way(
 
 @lean
 def code_of_full_array(goal: SolutionSet, queue: Queue, counters: IntArray, state: IntArray, more: int) -> int:
-    """Return the code of an array without room for ``more`` labels, or SLICE if there is room (:mod:`.slices`)."""
+    """Return the code of an array without room for ``more`` partial paths, or SLICE if there is room."""
     if counters[N_FRONT] + more > len(goal.values):
         return FRONT
     if state[USED] + more > len(queue.values):
@@ -364,7 +366,7 @@ def leave_after_hold(
     t: int,
     scratch: IntArray,
 ) -> int:
-    """Extend labels that have held at node v by its arcs at tick t, where this is useful; return the steps of work."""
+    """Extend partial paths that paused at node v by its arcs at tick t, where that is useful; return the work done."""
     k = len(tables.is_max)
     hold = np.int64(tables.hold)
     p = np.int64(tables.place[v])

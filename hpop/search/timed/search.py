@@ -191,7 +191,7 @@ class TimedSearch:
         return int(clock.call(advance, self.counters, self.state, work, *arguments))
 
     def run(self, clock: Clock, keep: Callable[[], None], enough: int | None = None) -> Status | None:
-        """Run slices until the search is complete, a limit is passed, or ``enough`` labels are generated.
+        """Run slices until the search is complete, a limit is passed, or ``enough`` partial paths are generated.
 
         Returns the status, None in the last case. ``keep`` is called between slices, to save a checkpoint.
         """
@@ -285,7 +285,7 @@ class TimedSearch:
         return self._arcs(value, leaves)
 
     def _arcs(self, value: int, leaves: int) -> tuple[IntArray, IntArray]:
-        """Return the arcs of a label's path and the ticks of their departures.
+        """Return the arcs of a label (partial path) and the ticks of their departures.
 
         value   the label, of which the parents are closed labels
         leaves  tick of departure by its last arc
@@ -311,7 +311,7 @@ class TimedSearch:
             yield self._least_total_costs(values, ticks, g)
 
     def _least_total_costs(self, values: IntArray, ticks: IntArray, g: IntArray) -> IntArray:
-        """Return lower bounds (m, k) of the costs of solutions that continue labels.
+        """Return lower bounds (m, k) of the costs of solutions that continue labels (partial paths).
 
         values  (m,)    the labels
         ticks   (m,)    their ticks of arrival

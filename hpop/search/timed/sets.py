@@ -60,7 +60,7 @@ def move_row(sets: LabelSets, source: int, target: int) -> None:
 
 @lean
 def drop_ripe(sets: LabelSets, v: int, i: int) -> None:
-    """Remove ripe row i (a label that arrived at least a hold ago) from the block of node v."""
+    """Remove ripe row i of node v's block: a partial path that arrived at least a hold (shortest pause) ago."""
     begin = sets.heads[v, BEGIN]
     sets.heads[v, RIPE] -= 1
     sets.heads[v, SIZE] -= 1
@@ -70,7 +70,7 @@ def drop_ripe(sets: LabelSets, v: int, i: int) -> None:
 
 @lean
 def drop_green(sets: LabelSets, v: int, i: int) -> None:
-    """Remove green row i (a label that arrived less than a hold ago) from the block of node v."""
+    """Remove green row i of node v's block: a partial path that arrived less than a hold (shortest pause) ago."""
     begin = sets.heads[v, BEGIN]
     sets.heads[v, SIZE] -= 1
     move_row(sets, begin + sets.heads[v, SIZE], begin + i)
@@ -121,7 +121,12 @@ def is_at_most(one: IntArray, i: int, other: IntArray, j: int, k: int) -> bool:
 
 @lean
 def is_superfluous(sets: LabelSets, v: int, t: int, vector: IntArray) -> bool:
-    """Return whether the set of node v makes a label with numbers `vector` (k,), arriving at tick t, superfluous."""
+    """Return whether the set of node v makes a label (partial path) superfluous, so that it can be dropped.
+
+    t, vector  tick of arrival of the label, and stored numbers (k,): its sums less the cost of standing there since
+    tick 0,
+               and its maxima
+    """
     head = sets.heads[v]
     begin = head[BEGIN]
     for i in range(begin, begin + head[SIZE]):
@@ -260,9 +265,9 @@ def refresh(tables: TimedTables, calm: NDArray[np.int32], sets: LabelSets, v: in
 
 @lean
 def waiting(tables: TimedTables, sets: LabelSets, nodes: NDArray[np.int32], owners: IntArray, costs: IntArray) -> None:
-    """List labels that wait at the given nodes: write their indices to `owners` (r,), and costs to `costs` (r, k).
+    """List partial paths that wait at the given nodes: write their indices to `owners` (r,), costs to `costs` (r, k).
 
-    Both must have room for all rows of these nodes. The costs are those at arrival or, where labels have waited, lower
+    Both must have room for all rows of these nodes. The costs are those at arrival or, where paths have waited, lower
     bounds of their costs after the wait.
     """
     at = 0

@@ -28,8 +28,8 @@ class SolutionSet(NamedTuple):
     """Solutions so far, and what further solutions must satisfy.
 
     costs      (s, k)  costs of solutions
-    reach      (s, k)  least estimate that each solution covers within the precision
-    values     (s,)    labels of solutions: parent and last arc; negative for solutions known before the search
+    reach      (s, k)  costs that each solution covers: by the precision, no path that costs at least these is needed
+    values     (s,)    labels (paths) of solutions: parent and last arc; negative for solutions known before the search
     leaves     (s,)    tick of departure by the last arc
     most       (k,)    upper bounds on the costs of solutions
     arrive_by  latest tick of an arrival
@@ -73,7 +73,7 @@ def insert_solution(goal: SolutionSet, counters: IntArray, g: IntArray, value: i
 
     goal      solutions so far, changed in place; `counters` at N_FRONT has their number
     g         (k,)  costs of the new solution
-    value     label of the solution: parent and last arc
+    value     its path, as a label: parent and last arc
     leaves    tick of departure by its last arc
     """
     k = len(g)
@@ -219,9 +219,10 @@ def cut_corners(corners: IntArray, covered: IntArray) -> IntArray:
 
 
 def weighed_corners(corners: IntArray, weights: FloatArray) -> NDArray[np.int32]:
-    """Return the weighted sums (c, b, LANES) of c corners (c, k) for b tables of weights (b, LANES, k), rounded up.
+    """Return the weighted sums (c, b, LANES) of corners (c, k) for b tables of weights (b, LANES, k), rounded up.
 
-    Corners bound the region of costs that no solution covers. The joint bounds of a label are compared with these sums.
+    Corners bound the region of costs that no solution covers. The joint bounds of a partial path are compared with
+    these sums.
     """
     weighed = np.zeros((len(corners), *weights.shape[:2]))
     for j in range(corners.shape[1]):

@@ -138,7 +138,7 @@ class Profiles:
 
     @cached_property
     def _jumps(self) -> tuple[Any, Any]:
-        """Two matrices for limits of jerk: one gives changes of accelerations from b, the other the times for them from T.
+        """Two matrices for limits of jerk: one gives changes of accelerations from b, the other times for them from T.
 
         The changes are those between neighbouring intervals, and T has the durations of the intervals. Before and after
         a stretch the acceleration is 0; half of the first or the last interval counts.
@@ -220,10 +220,10 @@ class Profiles:
 
     @cached_property
     def _shared(self) -> tuple[Any, Any, Any, Any, list[Any]]:
-        """Variables and expressions of all programs.
+        """Variables and expressions of all programs, scaled by the input.
 
-        They are scaled by the input: b where the robot moves, b at all positions, √b0 + √b1 of each interval divided by
-        its scale, and the total duration. The last value has the constraints.
+        They are b where the robot moves (the variable), b at all positions, √b0 + √b1 of each interval divided by its
+        scale, the total duration, and the list of constraints.
         """
         cp = import_module("cvxpy")
         free, (pace, both) = np.flatnonzero(~self.at_rest), self._scale

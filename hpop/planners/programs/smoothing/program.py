@@ -237,7 +237,7 @@ class DrivenProgram:
 
     @property
     def _hinges(self) -> IntArray:
-        """Indices of the slacks of hinges ``max(x, 0)`` among the variables: one hinge in all intervals, then the next."""
+        """Indices of the slacks of hinges ``max(x, 0)`` among the variables, for all intervals, hinge by hinge."""
         n, first = len(self.structure.phase), int(self.structure.variable_indices[1][-1]) + 1 + len(self._worst)
         return first + np.arange(n * self._interval.hinges)
 

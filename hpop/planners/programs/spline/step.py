@@ -205,7 +205,10 @@ class StepPrograms:
         return Constraints(np.concatenate(entries).reshape(-1, 5), indices, np.concatenate(bounds).ravel())
 
     def _apart(self, apart: Separations, margin: float, fractions: FloatArray) -> Constraints:
-        """Return a linear constraint for each pair of near bodies, which keeps their distance at the margin or more."""
+        """Return a linear constraint for each pair of near bodies, which keeps their distance at the margin or more.
+
+        apart, margin, fractions  arguments of :meth:`of`
+        """
         count = self.shares.size
         piece, fraction = apart.owner % count, fractions[apart.owner // count]
         weights = hermite(fraction[:, None], self.shares[piece, None])
