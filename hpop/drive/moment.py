@@ -45,7 +45,7 @@ class Past(NamedTuple):
     """Costs of a drive so far.
 
     totals    by criterion: the sum, the worst moment, or the time integral of a time-mean
-    duration  s
+    duration  s, elapsed
     """
 
     totals: dict[str, float]

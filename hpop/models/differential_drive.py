@@ -66,7 +66,7 @@ def faults(model: DifferentialDrive, trajectory: Trajectory) -> Iterator[str]:
             wrong[of_law] = doubtful(law, states.take(of_law), states.take(of_law + 1))
     if wrong.any():
         first = int(np.argmax(wrong))
-        yield f"does not go ahead in motion {first}, a {trajectory.kinds[first]}"
+        yield f"goes sideways or backwards in motion {first}, a {trajectory.kinds[first]}"
     yield from _curve_faults(model, trajectory, np.flatnonzero(curved))
 
 
@@ -86,7 +86,7 @@ def _curve_faults(model: DifferentialDrive, trajectory: Trajectory, curved: IntA
     fastest = np.abs(wheels).max(axis=(0, 2), initial=0.0) * STEPS
     hardest = np.abs(np.diff(wheels)).max(axis=(0, 2), initial=0.0) * STEPS**2
     for wrong, fault in (
-        ((np.abs(side) > CLOSE).any(axis=1) | (ahead < -CLOSE).any(axis=1), "does not go ahead"),
+        ((np.abs(side) > CLOSE).any(axis=1) | (ahead < -CLOSE).any(axis=1), "goes sideways or backwards"),
         (fastest > model.wheel_speed * lasts * (1 + FASTER) + CLOSE, "drives faster than its wheels can turn"),
         (
             hardest > model.wheel_acceleration * lasts**2 * (1 + FASTER) + CLOSE,
@@ -148,7 +148,7 @@ class DifferentialDrive(PlanarModel):
     body_height        m       top of the body above the floor; its outline is the footprint
     camera_height      m       of the camera above the floor; its mast reaches up to it
     camera_offset      m       of the camera from the axis, (ahead, left)
-    mast_radius        m       of the mast
+    mast_radius        m       radius of the camera's mast
     speed              m/s     cruise speed of straight moves; the largest one if there are several
     speeds             m/s     one speed, or a list of rising speeds: a plan may then choose among them at each position
                                (:mod:`hpop.models.speeds`); None for the one ``speed``

@@ -44,7 +44,7 @@ class Draws:
 
     shares     (N, f)  share of each cost, each row adds up to 1
     sharpness  (N,)    factor from shares to weights; 0 for a person who answers at random
-    ties       (N,)    Davidson's nu
+    ties       (N,)    tendency to answer "no difference" (Davidson's nu)
     logs       (N,)    logarithms of the importance weights of the draws
     """
 
@@ -330,7 +330,7 @@ def expected_information(gains: FloatArray, ties: FloatArray | None) -> FloatArr
     """Return how much information (pairs,), in nats, an answer about each pair is expected to give about the weights.
 
     gains  (pairs, draws)  extra cost of the second row over the first
-    ties   Davidson's nu of the draws; None if "no difference" is not a possible answer
+    ties   (draws,)  tendency to answer "no difference" (Davidson's nu); None if that is not a possible answer
     """
     told = np.zeros(len(gains))
     size = max(1, BLOCK // gains.shape[1])

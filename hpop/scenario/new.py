@@ -81,8 +81,8 @@ class GivenMap(NamedTuple):
 class Draft(NamedTuple):
     """Problem of a first scenario, with the lattice that plans it.
 
-    problem
-    step    m
+    problem planned problem
+    step    m, step of the lattice
     status  status and reason if no path was found, else None
     """
 

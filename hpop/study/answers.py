@@ -336,8 +336,8 @@ class Ledger:
     After every call the file is complete and readable.
 
     path         path of the file
-    design
-    participant  id
+    design       design of the study to which the answers belong
+    participant  id of the participant, such as "p07"
     """
 
     path: Path

@@ -230,10 +230,10 @@ def _planning_fault(planner: Planner, model: Model, seed: int, found: list[tuple
             problem = replace(problem, world=World.from_polygons([], extent=problem.world.extent))
             candidates = planner.solve(problem)
         if not len(candidates.trajectories):
-            return f"it finds none in an empty room: {candidates.status}, {'; '.join(candidates.notes)}"
+            return f"it finds no path in an empty room: {candidates.status}, {'; '.join(candidates.notes)}"
         found.append((problem, candidates))
         return ""
-    return f"it accepts no criteria of these: {', '.join(' and '.join(criteria) for criteria in asked)}"
+    return f"it accepts none of these criteria: {', '.join(' and '.join(criteria) for criteria in asked)}"
 
 
 def _result_fault(problem: Problem, found: Candidates) -> str:

@@ -41,7 +41,7 @@ BETTER: dict[str, Any] = {
 class MapLook(NamedTuple):
     """Picture of a problem before planning, with a verdict on its start and goals.
 
-    figure
+    figure   the picture
     refused  reasons why the start or a goal is blocked, with the nearest free position; empty if all are free
     notes    how much of the map is free, and which goals are cut off
     no_way   whether start and goals are free, but no goal is in the same part of free space as the start

@@ -55,7 +55,7 @@ def saved(front: Front, tmp_path: Path) -> Path:
         ),
         (lambda d: moved(d, "y", 0.05), "does not begin at the start"),
         (lambda d: moved(d, "x", 1e12), "leaves the map"),
-        (lambda d: moved(d, "yaw", 0.5), "does not go ahead"),
+        (lambda d: moved(d, "yaw", 0.5), "goes sideways or backwards"),
         (lambda d: d["items"]["states"]["y"].__setitem__(0, 0.7), "turn must not change y"),
         (lambda d: d["criteria"][1].__setitem__("unit", "km"), "km"),
         (lambda d: d["problem"].__setitem__("goal", [0.5, 1.0, 0.0]), "from the goal"),

@@ -264,7 +264,7 @@ def test_a_trajectory_that_passes_a_stop_is_at_fault():
     ]
     assert [*ALL_ROUND.faults(replace(way, model=ALL_ROUND))] == []
     sideways = by_rows(HEAD, [(0, 0, 0, 0, 0), (0, 2, 0, 0, 0)], ("move",))
-    assert [*HEAD.faults(sideways)] == ["does not go ahead in motion 0, a move"]
+    assert [*HEAD.faults(sideways)] == ["goes sideways or backwards in motion 0, a move"]
     for trajectory, model, doubted in ((way, tight, {1, 2, 3, 4, 5}), (way, HEAD, set()), (sideways, HEAD, {0})):
         found = {i for index, m in trajectory.batches(None) for i in index[model.doubtful(m.law, m.start, m.end)]}
         assert doubted - {5} <= found <= doubted

@@ -188,7 +188,7 @@ def test_only_a_robot_with_wheels_must_look_where_it_goes():
     columns = dict(zip(("x", "y", "yaw"), np.array(sideways, float).T, strict=True))
     drive = DifferentialDrive()
     slides = Trajectory(drive, States(**columns), ("move",))
-    assert [*drive.faults(slides)] == ["does not go ahead in motion 0, a move"]
+    assert [*drive.faults(slides)] == ["goes sideways or backwards in motion 0, a move"]
     own = trajectory([(*row, 0.0) for row in sideways], ("slide",))
     assert [*own.model.faults(own)] == []
 

@@ -194,7 +194,7 @@ class Copied(Changed):
 MISTAKES = [
     (NEEDS, "it declares no needs; set", Undeclared()),
     (NEEDS, "needs must be among base, .*, got wings", Strange()),
-    (FINDS, "it accepts no criteria of these: length and exposure", Needless()),
+    (FINDS, "it accepts none of these criteria: length and exposure", Needless()),
     (COSTS, "length of trajectory 0 is reported as", Changed(short)),
     (SAYS, "certificate must say what is claimed of the front, but it is empty", Changed(silent)),
     (SAYS, "provenance must have an entry with the key 'planner'", Changed(nameless)),

@@ -17,7 +17,7 @@ class VisualMotion(NamedTuple):
     times         (N,)    s, from 0 to the end of the trajectory
     step                  s, between two samples
     acceleration  (N, 3)  m/s²
-    rotation      (N, 3)  rad/s, angular velocity
+    rotation      (N, 3)  rad/s, angular velocity of the camera
 
     It is computed from the executed motion, in which the robot speeds up and slows down.
     """

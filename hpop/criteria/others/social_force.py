@@ -114,7 +114,7 @@ class SocialForce:
 
         tangent, share  node of the quadrature over directions, from ``_directions``
         distance        d, m, to the predicted position; ex, ey is the unit vector and wx, wy the relative velocity
-        deviation       σ, m
+        deviation       σ, m, standard deviation of the person's position
 
         Let r, φ be polar coordinates about the robot, with φ = 0 towards the predicted position. A position has the
         density exp(-(r² - 2 r d cos φ + d²)/2σ²)/2πσ², and |f| is exp(-r/B) times a function of φ. With

@@ -321,8 +321,8 @@ def _check_parts(arm: Any, base: Any) -> None:
         )
     if base.speed_classes:
         raise ModelError(
-            "the base of an arm has one speed, since no graph of its states chooses among several; give speed in the "
-            f"place of speeds, got {shown(base.speed_classes)}"
+            "the base of an arm has one speed, since no graph of its states chooses among several; give speed instead "
+            f"of speeds, got {shown(base.speed_classes)}"
         )
     camera = with_optional_members(base, MODEL_DEFAULTS).mounts.get("camera")
     if (camera is not None and camera.view is not None) or base.field_of_view is not None:

@@ -57,7 +57,7 @@ class Excess(NamedTuple):
     joint     name of the joint
     quantity  limited quantity for a message, "a speed of "; "" for the value of the joint
     unit      unit of the quantity
-    limit     the limit
+    limit     value of the limit, in this unit
     value     (M,)  extreme value of the quantity in each motion
     over      (M,)  by how much it exceeds the limit and its tolerance; 0 or less if it does not
     """

@@ -130,7 +130,7 @@ class ClosedArcs:
 class KnownPaths(NamedTuple):
     """The n paths that are known before a search, with their costs.
 
-    costs  (n, k)
+    costs  (n, k) costs of each path
     paths  n arrays: indices of the arcs of each path in the graph
     """
 

@@ -248,7 +248,7 @@ def costs_by_turns(
 
 
 class ArcChains(NamedTuple):
-    """Plain arcs along chains (straight runs), sorted so that each arc comes after the next arc of its chain.
+    """Plain arcs (no turns) along chains (straight runs), sorted so that each comes after the next arc of its chain.
 
     A sweep in this order propagates remaining costs backward along all chains.
 

@@ -85,7 +85,7 @@ class Layout(NamedTuple):
 class Prices(NamedTuple):
     """Weights of one table of joint bounds, LANES vectors (called lanes), and the weighted costs of arcs.
 
-    weights  (LANES, k)  weights
+    weights  (LANES, k)  weight of each cost in each lane
     columns  (k, LANES)  the same weights, rounded down so that products are lower bounds
     most     (k,)        costs above this value count as this value, so that no weighted sum overflows
     priced   (m, LANES)  weighted costs of arcs from the horizon H on

@@ -173,7 +173,7 @@ def weigh_standing(tables: TimedTables, weights: FloatArray, p: int, t: int, out
 class JointSweep(NamedTuple):
     """Working arrays for the sweep of one table, with LANES weight vectors (lanes).
 
-    weights   (k, LANES)  weights
+    weights   (k, LANES)  weight of each cost in each lane
     most      (k,)        costs above this value count as this value, so that no weighted sum overflows
     fixed     (m, LANES)  part of the arcs' weighted costs that is the same at all ticks
     rows      (r, LANES)  the table; rows for ticks after L(v) are filled before the sweep

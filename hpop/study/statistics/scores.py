@@ -119,7 +119,7 @@ class Described:
     lower     first quartile, by linear interpolation (type 7 of Hyndman and Fan 1996, as in R and NumPy)
     upper     third quartile
     least     the least score
-    greatest  the greatest
+    greatest  the greatest score
     """
 
     people: int

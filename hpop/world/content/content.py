@@ -109,10 +109,10 @@ class Zone:
 class Content:
     """All people, conversations, landmarks and zones of a world.
 
-    people
+    people     people, standing and moving
     groups     conversations: each a tuple of two or more indices into ``people``
-    landmarks
-    zones
+    landmarks  objects that the viewer may want to see
+    zones      areas of the floor with rules for robots
     left       set by a `Problem`: indices of standing people that the robot touches at its start. They do not block
                it, so that it can leave.
     kept       set by a `Problem`: clearance, m, that the robot keeps from standing people

@@ -141,8 +141,8 @@ def greys(shade: NDArray[np.uint8], dark: BoolArray, threshold: float, raster: R
     said = "; ".join(told) + f"; and {len(large) - TOLD:,} smaller" * (len(large) > TOLD)
     enough = math.ceil(100 * (brightest + 1) / 255) / 100
     yield (
-        f"grey areas are free, {len(large):,} that are no edge of an obstacle: {said}. threshold: {enough:g} makes "
-        "obstacles of these"
+        f"{len(large):,} grey areas that are no edge of an obstacle are free: {said}. To make them obstacles, give "
+        f"threshold: {enough:g}"
     )
 
 
@@ -180,8 +180,8 @@ def lettering(raster: Raster) -> Iterator[str]:
     enough = _rounded_up((largest + 0.5) * raster.resolution**2)
     yield (
         f"{letters.size:,} specks look like lettering, in {len(words):,} word{'s' * (len(words) > 1)} at "
-        f"{', '.join(places)}{', ...' * (len(words) > TOLD)}, and are obstacles; smallest_obstacle: {enough:g} (m²) "
-        f"leaves them out{f', and {others:,} others as small' * bool(others)}"
+        f"{', '.join(places)}{', ...' * (len(words) > TOLD)}, and are obstacles. To leave them "
+        f"out{f', and {others:,} others as small' * bool(others)}, give smallest_obstacle: {enough:g} (m²)"
     )
 
 

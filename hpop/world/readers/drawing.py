@@ -364,6 +364,6 @@ def read_pdf(
         ) from None
     options = {"scale": metres, "page": page, **checked._asdict(), "origin": list(origin)}
     if (unit := found.words["unit"]) != 1.0:
-        note = f"{path}: a unit of page {page} is {unit:g} points by its UserUnit."
+        note = f"{path}: the page {page} says (UserUnit) that its unit is {unit:g} points; this is applied."
         world = replace(world, notes=(note, *world.notes))
     return world.read_from(file_source("pdf", path, options, content))

@@ -167,7 +167,7 @@ def _ground(
         size = f"{counted(len(rooms), 'room')} with walls {width or WALL_WIDTH:g} m thick"
         notes = [f"{path}: {size} and {counted(len(plan.doors), 'door')}."]
         if not plan.doors:
-            notes = [f"{notes[0]} Points with a property door open walls."]
+            notes = [f"{notes[0]} For a door, add a point with a property door on a wall."]
         return Ground(tuple(Obstacle(part) for part in solid), extent=free, outside_is_obstacle=True), notes
     free_parts = areas if polygons == "free" else [max(areas, key=lambda part: part.area.area)]
     check_joinable([part.area for part in free_parts], str(path))
@@ -177,7 +177,7 @@ def _ground(
         first, second = (each.feature.called for each in joined)
         notes = [
             f"{path}: polygons that touch, such as features {first} and {second}, are one free space without a wall "
-            "between them. polygons: rooms puts walls there, which doors open."
+            "between them. For walls there, in which points can be doors, give polygons: rooms."
         ]
     inner = [part for part in areas + lines if all(part is not other for other in free_parts)]
     extent = shapely.union_all([part.area for part in free_parts])
@@ -248,12 +248,12 @@ def _in_metres(declared: str | None, shapes: NDArray[np.object_], path: str | Pa
     if declared is not None:
         return (
             f"{path}: its crs ({declared}) says degrees, but it spans {x1 - x0:.4g} x {y1 - y0:.4g} at ({x0:.6g}, "
-            f"{y0:.6g}), so it is read as metres. units: m or deg says which is right.",
+            f"{y0:.6g}), so it is read as metres. Give units: m or units: deg to say which is right.",
         )
     if max(abs(x0), abs(y0), abs(x1), abs(y1)) > FAR:
         return (
             f"{path}: its coordinates, such as ({x0:.9g}, {y0:.9g}), are those of a projection, and are read as metres."
-            " If they are none, crs: EPSG:3857, or another code, makes metres of them; units: m says that they are.",
+            " If they are metres, give units: m. Otherwise name the projection, such as crs: EPSG:3857.",
         )
     return ()
 

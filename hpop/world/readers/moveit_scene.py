@@ -215,7 +215,7 @@ def _unread(scene: SceneEntry) -> Iterator[str]:
         yield f"{matrix.what} is not read: all objects count, and an SRDF says which links may touch"
     joints = state.get("joint_state").given if isinstance(state.given, dict) else None
     if isinstance(joints, dict) and joints.get("name"):
-        yield f"{state.what} is not read: the start is given to the problem"
+        yield f"{state.what} is not read; give the start to the problem"
     if colours := scene.get("object_colors").entries():
         yield f"{scene.what} has {counted(len(colours), 'colour')} of objects, which are not read"
     things = scene.get("world").get("collision_objects").entries()
@@ -259,10 +259,12 @@ def _refuse_unread(scene: SceneEntry) -> None:
         inside = octomap.get("octomap")
         tree = inside.given if isinstance(inside.given, dict) else octomap.given
         if tree.get("data"):
-            raise MapError(f"{octomap.what} has cells, which are not read. Save the scene without, or give boxes.")
+            raise MapError(
+                f"{octomap.what} has cells, which are not read. Save the scene without it, or give boxes instead."
+            )
     state = scene.get("robot_state")
     if isinstance(state.given, dict) and (attached := state.get("attached_collision_objects")).given:
-        raise MapError(f"{attached.what} are not read: make objects that the robot holds a part of the robot.")
+        raise MapError(f"{attached.what} are not read. If the robot holds an object, add it to the URDF of the robot.")
 
 
 def _frame(thing: SceneEntry) -> str:
@@ -293,16 +295,14 @@ def _check_frames(path: str | Path, frames: Mapping[str, str]) -> None:
         (frame, first), (other, second) = list(known.items())[:2]
         raise MapError(
             f"{named(path)}: object {shown(first)} is given in frame {shown(frame)}, object {shown(second)} in frame "
-            f"{shown(other)}. Give all objects in one."
+            f"{shown(other)}. Give all objects in one frame."
         )
 
 
 def _shapes(thing: SceneEntry) -> Iterator[tuple[Shape, FloatArray]]:
     """Yield each shape of an object with its pose (4, 4) in the object."""
     if thing.get("planes").given:
-        raise MapError(
-            f"{thing.get('planes').what} have no end and are not read; give a thin box in the place of each."
-        )
+        raise MapError(f"{thing.get('planes').what} are infinite, and are not read; replace each by a thin box.")
     for kind, make in (("primitive", _primitive), ("mesh", _mesh)):
         shapes = thing.get("meshes" if kind == "mesh" else "primitives").entries()
         poses = thing.get(f"{kind}_poses").entries()

@@ -181,8 +181,8 @@ class Arc(NamedTuple):
 
     line         index of the line
     first, last  indices of its first and last point
-    radius       m
-    middle       (x, y), m
+    radius       m, the width of the door
+    middle       (x, y), m, point in the middle of the arc
     """
 
     line: int
@@ -238,4 +238,4 @@ def said_of_doors(arcs: list[Arc], treated: DoorArcs) -> str:
     what = f"{len(arcs):,} arcs look like the swing of a door, {size} m wide, such as at {examples}"
     if treated == "open":
         return f"{what}: they are left out"
-    return f"{what}, and close passages; door_arcs: open leaves them out"
+    return f"{what}, and close passages; to leave them out, give door_arcs: open"

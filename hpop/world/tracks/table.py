@@ -219,7 +219,7 @@ def _sorted(points: _Points, names: Sequence[Hashable]) -> tuple[_Points, list[s
     twice = points.goes_on & (np.diff(points.t) == 0) & (np.diff(points.x) == 0) & (np.diff(points.y) == 0)
     if twice.any():
         rows = counted(int(twice.sum()), "row")
-        notes.append(f"has {rows} a second time, which count once: {_named(names, points.who[1:][twice])}")
+        notes.append(f"repeats {rows}; each counts once: {_named(names, points.who[1:][twice])}")
     return points.take(np.append(True, ~twice)), notes
 
 
@@ -231,7 +231,7 @@ def _without_wrong_points(points: _Points, names: Sequence[Hashable]) -> tuple[_
         return points, []
     where = some([f"{names[who]} at {t:.4g} s" for who, t in zip(points.who[wrong], points.t[wrong], strict=True)])
     return points.take(~wrong), [
-        f"has single points too far to run to and back (faster than {FASTEST:g} m/s), which are left out: {where}"
+        f"has single points that take more than {FASTEST:g} m/s to reach and to leave again; they are left out: {where}"
     ]
 
 
@@ -251,11 +251,11 @@ def _parts(points: _Points, names: Sequence[Hashable]) -> tuple[list[list[slice]
             f"{int(goes_on.sum()):,}; check the unit and the frame rate: {_named(names, points.who[:-1][fast])}"
         )
     for which, said in (
-        (jumps & ~leaves, f"has people who jump (faster than {FASTEST:g} m/s), and go on as others"),
-        (leaves, f"has people who are missing for more than {LEAVES:g} s, and come back as others"),
+        (jumps & ~leaves, f"has people who jump (faster than {FASTEST:g} m/s), and then count as other people"),
+        (leaves, f"has people who are missing for more than {LEAVES:g} s, and then count as other people"),
         (
             missing & ~leaves & ~jumps,
-            "has people who are missing for a while, in which they are taken to walk straight",
+            "has people who are missing for a while, and are assumed to walk straight meanwhile",
         ),
     ):
         if which.any():

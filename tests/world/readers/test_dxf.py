@@ -331,7 +331,9 @@ def test_arcs_of_doors_are_told_and_left_out_where_that_is_asked_for(tmp_path):
     closed, opened = World.from_file(path), World.from_file(path, door_arcs="open")
     place = 3 + 0.9 * math.cos(math.pi / 4), 1 + 0.9 * math.sin(math.pi / 4)
     told = "1 arcs look like the swing of a door, 0.9 m wide, such as at (3.64, 1.64)"
-    assert [note for note in closed.notes if f"{told}, and close passages; door_arcs: open" in note]
+    assert [
+        note for note in closed.notes if f"{told}, and close passages; to leave them out, give door_arcs: open" in note
+    ]
     assert [note for note in opened.notes if f"{told}: they are left out" in note]
     x, y = np.array([[place[0]], [place[1]]])
     assert closed.clearance(x, y)[0] == 0

@@ -44,7 +44,10 @@ def test_rooms_have_walls_where_they_touch_and_doors_open_them(tmp_path):
 def test_rooms_without_doors_are_closed_and_told_so(tmp_path):
     world = World.from_geojson(geojson_file(tmp_path, *ROOMS), polygons="rooms")
     assert len(world.extent.geoms) == 3
-    assert "3 rooms with walls 0.1 m thick and 0 doors. Points with a property door open walls." in world.notes[0]
+    assert (
+        "3 rooms with walls 0.1 m thick and 0 doors. For a door, add a point with a property door on a wall."
+        in world.notes[0]
+    )
     assert clear(world, (5, 3), (4.94, 3)) == pytest.approx([0, 0.01])
 
 

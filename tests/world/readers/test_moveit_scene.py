@@ -178,7 +178,7 @@ TABLE, BALL, BLOCK = ((*OBJECTS, i) for i in range(3))
         ),
         (changed(*BALL, "header", "frame_id", to=3), "frame_id must be the name of a frame; got 3"),
         (changed(*BALL, "operation", to=1), "'ball': operation must be 0 .add., unless"),
-        (changed(*BALL, "planes", to=[{"coef": [0, 0, 1, 0]}]), "'ball': planes have no end and are not read"),
+        (changed(*BALL, "planes", to=[{"coef": [0, 0, 1, 0]}]), "'ball': planes are infinite, and are not read"),
         (
             changed(*BLOCK, "meshes", 0, to={"resource": "package://a/b.dae"}),
             "'block': meshes 0: resource .* no mesh file is read",
@@ -197,7 +197,7 @@ TABLE, BALL, BLOCK = ((*OBJECTS, i) for i in range(3))
         (changed("world", "octomap", "octomap", "data", to=[1]), "octomap has cells, which are not read"),
         (
             changed("robot_state", "attached_collision_objects", to=[{"link_name": "hand"}]),
-            "attached_collision_objects are not read: make objects that the robot holds a part of the robot",
+            "attached_collision_objects are not read. If the robot holds an object, add it to the URDF of the robot",
         ),
     ],
 )

@@ -156,7 +156,7 @@ def test_a_page_of_another_unit_has_its_true_size(tmp_path):
     metre = 2 * 0.0254 / 72 * 100
     assert (x1 - x0, y1 - y0) == pytest.approx((300 * metre + 0.05, 200 * metre + 0.05))
     assert (x0, y0) == pytest.approx((50 * metre - 0.025, 50 * metre - 0.025))
-    assert "a unit of page 1 is 2 points by its UserUnit" in world.notes[0]
+    assert "the page 1 says (UserUnit) that its unit is 2 points; this is applied" in world.notes[0]
 
 
 def test_a_unit_that_stands_in_a_compressed_object_is_found_and_one_in_the_text_of_a_page_is_not():

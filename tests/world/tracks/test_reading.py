@@ -202,19 +202,19 @@ def test_rows_out_of_order_are_sorted_and_those_twice_count_once(tmp_path):
     expected, _ = noted(tmp_path, [*WALK, (2, 0, 5, 5), (2, 1, 5, 5)])
     assert tracks == expected
     assert "not in order of time; they are sorted: 1" in notes
-    assert "has 1 row a second time, which count once: 1" in notes
+    assert "repeats 1 row; each counts once: 1" in notes
 
 
 def test_who_is_missing_for_a_while_is_told_and_comes_back_as_another_after_long(tmp_path):
     tracks, notes = noted(tmp_path, WALK[:10] + WALK[20:])
     assert list(tracks) == [1]
     assert (
-        "has people who are missing for a while, in which they are taken to walk straight: 1 after 4.5 s, for 5.5 s"
+        "has people who are missing for a while, and are assumed to walk straight meanwhile: 1 after 4.5 s, for 5.5 s"
         in notes
     )
     tracks, notes = noted(tmp_path, WALK[:10] + WALK[40:])
     assert {name: (track.begin, track.end) for name, track in tracks.items()} == {1: (0, 4.5), "1 (2)": (20, 30)}
-    assert "missing for more than 10 s, and come back as others: 1 after 4.5 s, for 15.5 s" in notes
+    assert "missing for more than 10 s, and then count as other people: 1 after 4.5 s, for 15.5 s" in notes
     assert list(noted(tmp_path, WALK[:10] + WALK[40:], ids=[1])[0]) == [1, "1 (2)"]
     waypoints = [(1, 0, 0, 0), (1, 2, 2, 0), (1, 40, 30, 0)]
     assert noted(tmp_path, waypoints)[1] == ""  # nobody watched: they are waypoints
@@ -225,7 +225,7 @@ def test_who_is_missing_in_a_short_track_comes_back_as_another_too(tmp_path):
     short = [(1, t, 0.5 * i, 0.0) for i, t in enumerate(times)]
     tracks, notes = noted(tmp_path, short)
     assert {name: (track.begin, track.end) for name, track in tracks.items()} == {1: (0, 1.2), "1 (2)": (61.2, 62)}
-    assert "missing for more than 10 s, and come back as others: 1 after 1.2 s, for 60 s" in notes
+    assert "missing for more than 10 s, and then count as other people: 1 after 1.2 s, for 60 s" in notes
     tracks, notes = noted(tmp_path, [*short, *((1, t + 100, x, y) for _, t, x, y in short[:3])])
     assert list(tracks) == [1, "1 (2)", "1 (3)"]
 
@@ -236,13 +236,13 @@ def test_a_gap_between_irregular_or_slow_rows_is_told(tmp_path):
     for rows, gap in ((irregular, "1 after 2.7 s, for 27.3 s"), (slow, "1 after 8 s, for 42 s")):
         tracks, notes = noted(tmp_path, rows)
         assert list(tracks) == [1]
-        assert f"missing for a while, in which they are taken to walk straight: {gap}" in notes
+        assert f"missing for a while, and are assumed to walk straight meanwhile: {gap}" in notes
 
 
 def test_nobody_jumps_in_a_short_track(tmp_path):
     tracks, notes = noted(tmp_path, [(1, 0.4 * i, 0.4 * i + 20.0 * (i > 3), 0.0) for i in range(7)])
     assert {name: track.speed for name, track in tracks.items()} == pytest.approx({1: 1.0, "1 (2)": 1.0})
-    assert "has people who jump (faster than 10 m/s), and go on as others: 1 after 1.2 s, for 0.4 s" in notes
+    assert "has people who jump (faster than 10 m/s), and then count as other people: 1 after 1.2 s, for 0.4 s" in notes
     often = [(1, 0.4 * i, 8.0 * (i % 4 == 3), 0.0) for i in range(30)]
     tracks, notes = noted(tmp_path, often)
     assert list(tracks) == [1]
@@ -253,13 +253,15 @@ def test_nobody_jumps(tmp_path):
     other = [(1, t, x + 40.0, y) for _, t, x, y in WALK[31:]]  # another person under the same id
     tracks, notes = noted(tmp_path, [*WALK[:31], *other])
     assert {name: track.speed for name, track in tracks.items()} == pytest.approx({1: 1.0, "1 (2)": 1.0})
-    assert "has people who jump (faster than 10 m/s), and go on as others: 1 after 15 s, for 0.5 s" in notes
+    assert "has people who jump (faster than 10 m/s), and then count as other people: 1 after 15 s, for 0.5 s" in notes
     wrong = [*WALK[:31], (1, 15.5, -30.0, 8.0), *WALK[32:]]
     tracks, notes = noted(tmp_path, wrong)
     assert list(tracks) == [1]
     assert tracks[1].speed == pytest.approx(1.0)
     assert tracks[1].times.size == 60
-    assert "single points too far to run to and back (faster than 10 m/s), which are left out: 1 at 15.5 s" in notes
+    assert (
+        "single points that take more than 10 m/s to reach and to leave again; they are left out: 1 at 15.5 s" in notes
+    )
 
 
 def test_obsmat_was_annotated_two_and_a_half_times_a_second(tmp_path):

@@ -46,7 +46,7 @@ class StateRoadmap(StateGraph):
 
     positions  (P, 2)  m    distinct; the first is the position of the start
     links      (L, 2)       pairs of positions (indices) between which straight moves, in both directions, are tried
-    start_yaw  rad
+    start_yaw  rad, heading at the start
     targets    for each goal: index of its position, and yaw, rad, or None if any heading will do
     name       description of the roadmap, for certificates
     chosen     options, JSON-able

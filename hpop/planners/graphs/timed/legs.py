@@ -64,8 +64,8 @@ class TimedArcs:
     begin      node at which plans begin
     half       s     time for which the robot stands there before it moves
     tails      (m,)  node at which each arc begins
-    durations  (m,)  s
-    ticks      (m,)  durations on the clock
+    durations  (m,)  s     duration of each arc
+    ticks      (m,)  durations in ticks of the clock
     stays      (m,)  whether an arc is a motion in place
     stands     (m,)  whether the robot stands before the motion of an arc, which therefore lasts longer
     states_of  (n,)  state of the graph for each node

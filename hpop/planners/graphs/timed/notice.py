@@ -299,7 +299,7 @@ def _differences(
     Each value is the largest difference for a hold and for moves in all directions: per second or, for criteria that
     take the worst moment, at one moment.
 
-    times  (T,)  s
+    times  (T,)  s, at which the differences are computed
     rings  (T, D, R)  m, distances from the person
     """
     px, py, ux, uy = (

@@ -43,10 +43,10 @@ Task = tuple[Cell, FreePolyline]  # bounds, and the polyline to start from
 class PolylineJob:
     """Solver of single cells (sets of bounds) of the grid: the data that they share, and a cache of programs.
 
-    problem
+    problem   problem to be planned
     roles     which criterion is minimised, and which are bounded
     rounds    number of programs for each cell; each starts from the last solution
-    deadline
+    deadline  time at which solving ends
     programs  cache of this process by structure; it is not pickled
     """
 

@@ -196,7 +196,7 @@ PANELS = 3  # panels into which a piece is split for the integrals of criteria
 class Slopes(NamedTuple):
     """Costs of a spline and their gradients.
 
-    costs      (k,)
+    costs      (k,)             of the whole spline
     gradients  (k, N, 4 n + 1)  derivatives by the variables of each piece, as :meth:`.knots.Knots.columns` lists them
     """
 

@@ -49,7 +49,7 @@ class Aim(NamedTuple):
 class Constraints(NamedTuple):
     """R linear constraints A x <= b, stored sparsely with m entries in each row of A.
 
-    entries  (R, m)  entries of A
+    entries  (R, m)  the m stored entries of each row of A
     indices  (R, m)  index of the variable to which each entry belongs; -1 for an unused entry
     bounds   (R,)    b
     """
