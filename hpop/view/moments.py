@@ -196,7 +196,7 @@ def draw_encounters(
     way = below.subplots()
     _draw_progress(way, driven, np.min(nearness, axis=0), moments)
     for person, gaps in zip(walkers, nearness, strict=True):
-        _name_tube(way, person, driven, gaps)
+        _write_person_name(way, person, driven, gaps)
     figure.suptitle(f"Among people who move, {name}: {trajectory.duration:.1f} s", fontsize=LARGE)
     handles = [
         Line2D([], [], color=ROBOT, linewidth=2.2, label="robot, level where it turns or stands"),
@@ -327,7 +327,7 @@ def _draw_progress(axes: Axes, driven: _Driven, gaps: FloatArray, moments: Float
     axes.set_title(words, fontsize=SMALL, color=QUIET, loc="left", pad=2)
 
 
-def _name_tube(axes: Axes, person: Person, driven: _Driven, gaps: FloatArray) -> None:
+def _write_person_name(axes: Axes, person: Person, driven: _Driven, gaps: FloatArray) -> None:
     """Write a person's name in the chart of the position on the robot's path over time.
 
     The name is where the person would be nearest to the robot, if the robot were at that position at that time.

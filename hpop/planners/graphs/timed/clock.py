@@ -118,7 +118,10 @@ class TimeOptions:
 
     @property
     def described(self) -> dict[str, float | None]:
-        """Values of the options by name, for JSON; each trajectory that is found stores them in its provenance."""
+        """Values of the options by name, for JSON. Each trajectory that is found stores them in its provenance.
+
+        None means as in the fields above: no waits (hold), or no limit (arrive_by).
+        """
         return {"clock": self.tick, "hold": self.hold, "arrive_by": self.arrive_by, "margin": self.margin}
 
 
