@@ -107,7 +107,10 @@ def _names(costs: Sequence[str], data: Sequence[Mapping[str, Any]]) -> tuple[str
 
 
 def _column(name: str, ends: Sequence[Edge], data: Sequence[Mapping[str, Any]]) -> FloatArray | IntArray:
-    """Return the values (E,) of an attribute on all edges; raise GraphError unless all are finite and at least 0."""
+    """Return the values (E,) of an attribute on all edges; raise GraphError unless all are finite and at least 0.
+
+    ends, data  for each edge, its ends as in `g.edges[...]`, and its attributes
+    """
     values = [python_value(row.get(name)) for row in data]
     lacking = [edge for edge, value in enumerate(values) if value is None]
     if lacking:
@@ -138,7 +141,12 @@ def _column(name: str, ends: Sequence[Edge], data: Sequence[Mapping[str, Any]]) 
 def _quanta(
     quanta: Mapping[str, float] | Sequence[float] | None, names: tuple[str, ...], columns: Sequence[NDArray[Any]]
 ) -> FloatArray:
-    """Return the quantum (k,) of each cost: the caller's, or a default derived from the cost's values."""
+    """Return the quantum (k,) of each cost: the caller's, or a default derived from the cost's values.
+
+    quanta   the option of :meth:`.Graph.from_networkx`
+    names    names of the costs
+    columns  for each cost its values (E,) on all edges
+    """
     own = {
         name: 1.0 if column.dtype.kind == "i" else float(default_quanta(column[:, None])[0])
         for name, column in zip(names, columns, strict=True)

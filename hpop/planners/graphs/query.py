@@ -353,7 +353,9 @@ def built_query(
     If a criterion has no cost for motions that collide, all arcs are checked for collisions first. Raises Exhausted if
     a limit is passed.
 
-    began  value of :func:`time.perf_counter` when building the graph began, for statistics; None for now
+    built      the graph, with its start and goals
+    began      value of :func:`time.perf_counter` when building the graph began, for statistics; None for now
+    max_turns  largest number of turns of a path; None for no limit
     """
     began = time.perf_counter() if began is None else began
     (space, start, goals), notes = built.ends, built.notes

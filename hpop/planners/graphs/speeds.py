@@ -43,6 +43,7 @@ SAME = 1e-9  # relative difference of equal costs: rounding
 def with_speeds(ends: Ends, model: Model, criteria: Sequence[Criterion]) -> Ends:
     """Extend a graph with start and goal to the graph of the model's speeds; return it unchanged for one speed.
 
+    ends      the graph with its start and goal
     criteria  costs that the search minimises
 
     Raises QueryError for a graph whose arcs are not known motion by motion, such as a roadmap of configurations, and

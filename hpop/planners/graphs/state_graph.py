@@ -150,7 +150,11 @@ class StateGraph(TrajectoryGraph):
                 yield tails, heads, self.motions(self.kinds[number], tails, heads)
 
     def _ends_by_kind(self, part: slice) -> Iterator[tuple[int, IntArray, IntArray, IntArray]]:
-        """Yield the arcs of a range of indices by kind of motion: kind, positions in the range, tails and heads."""
+        """Yield the arcs of a range of indices by kind of motion.
+
+        Each item has the kind, as an index into `kinds`, the positions of its arcs in the range, and their tails and
+        heads.
+        """
         tails, heads = self.arcs.ends(part)
         for number in reversed(range(len(self.kinds))):
             own = np.flatnonzero(self.arcs.kinds[part] == number)
@@ -165,7 +169,10 @@ class StateGraph(TrajectoryGraph):
         return None
 
     def in_place_pairs(self, tails: IntArray, heads: IntArray) -> IntArray:
-        """Return a number (N,) for each motion in place; motions that differ only in their place have equal numbers."""
+        """Return a number (N,) for each motion in place; motions that differ only in their place have equal numbers.
+
+        tails, heads  (N,)  first and last states of the motions
+        """
         raise NotImplementedError
 
     @cached_property
@@ -209,7 +216,9 @@ class StateGraph(TrajectoryGraph):
             return None
 
     def motions_of(self, places: IntArray) -> Iterator[tuple[IntArray, Motions]]:
-        """Yield the motions of some arcs, given by indices (N,) in ``arcs``, in batches of one kind of motion.
+        """Yield the motions of some arcs, in batches of one kind of motion.
+
+        places  (N,)  indices of the arcs in ``arcs``
 
         Each batch is a pair: the indices of its arcs, and their motions.
         """

@@ -182,7 +182,10 @@ class TourGraph(TrajectoryGraph):
         return values
 
     def _origins(self, places: IntArray) -> IntArray:
-        """Return the index of the inner graph's arc for each arc (N,) of the tour graph; NONE between layers."""
+        """Return the index of the inner graph's arc for each arc of the tour graph; NONE for arcs between layers.
+
+        places  (N,)  indices of arcs of the tour graph
+        """
         climbs = self._before + np.arange(self._before.size)
         passed = np.searchsorted(climbs, places, side="right")
         is_climb = (passed > 0) & (climbs[np.maximum(passed - 1, 0)] == places) if climbs.size else places < 0
@@ -223,7 +226,10 @@ class TourGraph(TrajectoryGraph):
         return costs
 
     def _dwell_costs(self, dwell: float, members: IntArray, criteria: Sequence[Criterion]) -> IntArray:
-        """Return the costs (c, k), in quanta, of standing for ``dwell`` s in each member state; 0 if dwell is 0."""
+        """Return the costs (c, k), in quanta, of standing for ``dwell`` s in each member state; 0 if dwell is 0.
+
+        members  (c,)  nodes of the inner graph at which the stop can be visited
+        """
         costs = np.zeros((members.size, len(criteria)), np.int64)
         if not dwell:
             return costs
@@ -254,7 +260,10 @@ class TourGraph(TrajectoryGraph):
         return self if self.is_checked else replace(self, inner=self.inner.with_checked_arcs())
 
     def arcs_free(self, places: IntArray) -> BoolArray:
-        """Return which of some arcs (N,) are free of collision; an inner arc is checked once for all layers."""
+        """Return which arcs are free of collision, given by index, ``places`` (N,).
+
+        An arc within a layer is checked once for all layers.
+        """
         origins = self._origins(places)
         own, which = np.unique(origins[origins != NONE], return_inverse=True)
         free = np.ones(places.size, dtype=np.bool_)
@@ -262,7 +271,7 @@ class TourGraph(TrajectoryGraph):
         return free
 
     def without(self, places: IntArray) -> TrajectoryGraph:
-        """Return the tour graph without some blocked arcs (N,), which are removed from every layer."""
+        """Return the tour graph without some blocked arcs, given by index, ``places`` (N,); every layer loses them."""
         origins = self._origins(places)
         return replace(self, inner=self.inner.without(np.unique(origins[origins != NONE])))
 

@@ -29,7 +29,7 @@ TRIED = 64  # random states among which these are chosen
 
 
 def with_tour(ends: Ends, problem: Problem, tour: Tour, criteria: Sequence[Criterion]) -> Ends:
-    """Extend a graph with start and goals to the graph of a tour (:class:`.tour.TourGraph`).
+    """Extend a graph with start and goals, ``ends``, to the graph of a tour (:class:`.tour.TourGraph`).
 
     If the robot can visit a stop at no state of the graph, random states of the stop are added first and connected to
     states nearby. Then come the layers of the model's speeds, if it has several. Raises QueryError for a stop that

@@ -292,11 +292,11 @@ class TrajectoryGraph(ABC):
         raise NotImplementedError
 
     def arcs_free(self, places: IntArray) -> BoolArray:
-        """Check some arcs (N,), given by their indices in `graph`, and return which of them are free of collisions."""
+        """Check arcs, given by their indices ``places`` (N,) in `graph`; return which of them do not collide."""
         return np.ones(places.size, dtype=np.bool_)
 
     def without(self, places: IntArray) -> TrajectoryGraph:
-        """Return the graph without some arcs (N,) that were found to be blocked.
+        """Return the graph without some blocked arcs, given by their indices ``places`` (N,) in `graph`.
 
         Used only for graphs whose arcs are checked on demand.
         """

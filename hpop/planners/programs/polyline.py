@@ -232,14 +232,14 @@ def _points(trajectory: Trajectory, speed: float) -> FloatArray:
 
 
 def homotopic(first: FloatArray, second: FloatArray, space: FreeSpace) -> bool:
-    """Return whether a path (N, 2) can be deformed into another (M, 2) with the same ends without crossing an obstacle.
+    """Return whether path ``first`` (N, 2) can be deformed into path ``second`` (M, 2) without crossing an obstacle.
 
-    Both paths lie in the free space. Following one path forth and the other back gives a loop. Draw a ray upwards from
-    a point in each hole of the free space. The sequence of rays that the loop crosses, each with its direction, is a
-    word; a crossing and an immediately following crossing back over the same ray cancel. The loop can be contracted if
-    and only if the reduced word is empty, since the loops of a plane without H points form a free group with H
-    generators. Winding numbers do not suffice: a loop round two obstacles, then back round each of them, has winding
-    number 0 about both.
+    Both paths have the same ends, and lie in the free space. Following one path forth and the other back gives a loop.
+    Draw a ray upwards from a point in each hole of the free space. The sequence of rays that the loop crosses, each
+    with its direction, is a word; a crossing and an immediately following crossing back over the same ray cancel. The
+    loop can be contracted if and only if the reduced word is empty, since the loops of a plane without H points form a
+    free group with H generators. Winding numbers do not suffice: a loop round two obstacles, then back round each of
+    them, has winding number 0 about both.
 
     >>> from hpop.world import World
     >>> room = World.from_polygons([shapely.box(4, 4, 6, 6)], extent=shapely.box(0, 0, 10, 10))

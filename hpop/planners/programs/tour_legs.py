@@ -90,7 +90,7 @@ class TourLegs(NamedTuple):
 
 
 def _part(trajectory: Trajectory, begin: int, end: int) -> Trajectory:
-    """Return the motions of a trajectory between two of its states, given by index."""
+    """Return the motions of a trajectory from state ``begin`` to state ``end``, both given by index."""
     model, kinds = trajectory.model, trajectory.kinds[begin:end]
     rows: IntArray = np.arange(begin, end + 1)
     columns, names = trajectory.states.take(rows).__dict__, (*model.space.names, *extras(model, kinds))
@@ -184,7 +184,10 @@ def _improved(
     left: float | None,
     executor: Executor | None,
 ) -> Candidates:
-    """Solve the problem of one leg, from its first to its last state, with the leg as warm start."""
+    """Solve the problem of one leg, from its first to its last state, with the leg as warm start.
+
+    left  remaining seconds; None for no time limit
+    """
     start, goal = (problem.model.space.values(leg.states.take([place])) for place in (0, -1))
     alone = type(problem)(problem.world, problem.model, start, goal, criteria)
     found: Candidates = replace(planner, warm_start=[leg], time_limit=left).solve(alone, None, executor)

@@ -211,6 +211,7 @@ def known_trajectories(
     """Run the planner that ``warm_start`` names: yield the candidates of its early stages, then return the warm starts.
 
     Curves are kept; holds are removed unless ``holding``. If the user passed trajectories, nothing is yielded.
+    ``starting`` is the planner with the option ``warm_start``, and ``left`` its remaining seconds.
     """
     planner = _planner_of(starting, problem, left)
     if planner is None:

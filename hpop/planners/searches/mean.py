@@ -193,7 +193,7 @@ def exact_mean(
 
 
 def _capped_column(query: Query, detour: Detour) -> int:
-    """Return the column, among the costs of the graph, of the cost that the cap limits.
+    """Return the column, among the costs of the graph, of the cost that the cap ``detour`` limits.
 
     Raises OptionError if the cost is not among them.
     """

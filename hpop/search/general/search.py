@@ -131,11 +131,13 @@ def advance(
     All arrays belong to :class:`General`, and are changed in place.
 
     start, plain, arcs, nodes           tables of :func:`.general.tables.build_tables`
+    is_target, is_max, source           mask of nodes; mask of costs that are maxima; node at which paths begin
     sets, pool                          sets of vectors for dominance tests (:mod:`.general.tables`); the last is the
     front
     rise, fan, plan, keys, values       heap, see :class:`.HeapSearch`
     counters, closed, front, solutions  labels and front, see :class:`.Search`
     eps, tolerance, bound               precision of the front, and upper bound of the first cost
+    scratch                             a key and five vectors (k,)
     """
     word, shift, limit, words = plan
     key, (f, g, turned, moved, reach) = scratch

@@ -140,7 +140,7 @@ def covers(pool: NDArray[Any], start: int, room: int, size: int, f: tuple[Any, .
 def drop_covered(pool: NDArray[Any], start: int, room: int, size: int, f: tuple[Any, ...]) -> int:
     """Remove the members of a set that are nowhere smaller than f; return the number of remaining members.
 
-    Arguments are those of :func:`covers`; the pool is changed.
+    start, room, size and f are those of :func:`covers`; the pool is changed.
     """
     begin, stride, end = np.uint64(start), np.uint64(room), np.uint64(size)
     left = end
@@ -183,8 +183,9 @@ def smaller(pool: NDArray[Any], start: int, size: int, value: int) -> int:
 def is_covered(sets: IntArray, pool: NDArray[Any], s: int, f: NDArray[Any]) -> bool:
     """Return whether some member of set s is at most f (k,) in every cost but the first.
 
-    A set has the cost vectors of labels (partial paths) at one node. The first cost needs no test, as labels leave the
-    heap in its order.
+    sets, pool  the sets of all nodes, see the module; set s has the cost vectors of labels (partial paths) at node s
+
+    The first cost needs no test, as labels leave the heap in its order.
     """
     start, size, room = sets[s, START], sets[s, SIZE], sets[s, ROOM]
     if len(f) == 1:
@@ -233,7 +234,10 @@ def add_all_to_sets(
 
 @kernel
 def checksum_of_sets(sets: IntArray, pool: NDArray[Any], width: int) -> int:
-    """Return a checksum of all sets, with members of ``width`` costs, that does not depend on the members' order."""
+    """Return a checksum of all sets (rows of `sets`, with members in `pool`), whatever the members' order.
+
+    width  number of costs of each member
+    """
     total = np.int64(0)
     for s in range(len(sets)):
         start, size, room = sets[s, START], sets[s, SIZE], sets[s, ROOM]
@@ -254,7 +258,8 @@ def rows_needed(sets: IntArray, s: int, k: int) -> int:
 def add_to_set(sets: IntArray, pool: NDArray[Any], s: int, f: NDArray[Any], used: int) -> int:
     """Add an uncovered vector f (k,), without its first cost, to set s; remove the members that f covers.
 
-    A full set moves to the end of the pool. `used` is the used size of the pool; the new one is returned.
+    `sets` is the table of sets, and `pool` has their members. A full set moves to the end of the pool. `used` is the
+    used size of the pool; the new one is returned.
     """
     width = len(f) - 1
     if width == 2:
@@ -279,7 +284,10 @@ def add_to_set(sets: IntArray, pool: NDArray[Any], s: int, f: NDArray[Any], used
 
 @lean
 def move(sets: IntArray, pool: NDArray[Any], s: int, width: int, used: int) -> int:
-    """Move a full set to the end of the used part of the pool, with twice the room; return the new used size."""
+    """Move the full set s, with members of `width` costs, to the end of the used part of the pool, with twice the room.
+
+    `used` is the used size of the pool; the new one is returned. The row of `sets` is updated.
+    """
     start, size = sets[s, START], sets[s, SIZE]
     twice = max(1, 2 * size)
     for j in range(width):
@@ -291,7 +299,10 @@ def move(sets: IntArray, pool: NDArray[Any], s: int, width: int, used: int) -> i
 
 @lean
 def enter_sorted(sets: IntArray, pool: NDArray[Any], s: int, f: NDArray[Any], used: int) -> int:
-    """Add f (3,) like :func:`add_to_set`, but to a sorted set: the second cost of members rises, the third falls."""
+    """Add f (3,) like :func:`add_to_set`, but to a sorted set: the second cost of members rises, the third falls.
+
+    Arguments and result are those of :func:`add_to_set`.
+    """
     start, size, room = sets[s, START], sets[s, SIZE], sets[s, ROOM]
     at = smaller(pool, start, size, np.int64(f[1]))
     if at > 0 and pool[start + room + at - 1] <= f[2]:

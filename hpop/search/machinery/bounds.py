@@ -64,7 +64,7 @@ def sort_arcs_by_head(
 
 @lean
 def bits(x: int) -> int:
-    """Return the bit length of a non-negative integer (3 for 5), read from the exponent of a float without rounding."""
+    """Return the bit length of an integer x >= 0 (3 for 5), read from the exponent of a float without rounding."""
     return max(0, int(np.float64(x & ~(x >> 1)).view(np.int64) >> 52) - 1022)
 
 
@@ -316,7 +316,7 @@ class BackwardSearches:
         self._searches = [arguments(row, j) for row, j in enumerate(self.columns)]
 
     def settle(self, source: int, until: IntArray) -> IntArray:
-        """Continue each search up to a distance (k,), or to the distance of the node ``source`` if this is less.
+        """Continue each search up to a distance ``until`` (k,), or to the distance of node ``source`` if this is less.
 
         With a source of -1, only the distance counts. Returns for each search the distance (k,) of its nearest open
         node, UNREACHABLE if none is open.

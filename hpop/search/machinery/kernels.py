@@ -151,7 +151,10 @@ def drop_first(keys: IntArray, values: IntArray, size: int, words: int) -> None:
 
 @lean
 def precedes(keys: IntArray, i: int, j: int, words: int) -> bool:
-    """Return whether the key of entry i of a heap is lexicographically less than that of entry j."""
+    """Return whether the key of entry i of a heap is lexicographically less than that of entry j.
+
+    keys, words  keys of all entries, and number of integers in each, see :func:`push`
+    """
     for w in range(words):
         a, b = keys[i * words + w], keys[j * words + w]
         if a != b:

@@ -316,7 +316,7 @@ class Search(ABC):
 
     @abstractmethod
     def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
-        """Fill the queue with open labels (h,), (w,), with estimates (h + w, k); raise Unsound if out of order."""
+        """Fill the queue with open labels ``heap`` and ``waiting`` of these estimates; raise Unsound if disordered."""
 
     @abstractmethod
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:

@@ -225,6 +225,7 @@ def advance(
 
     rise, fan, plan, keys, values       heap, see :class:`.HeapSearch`
     indptr, heads, costs                arcs of the graph, with costs in the order of the search
+    is_target, is_max, source           mask of nodes; mask of costs that are maxima; node at which walks begin
     h               (n, k)              lower bounds of the remaining costs
     most, rates                         limits, see :class:`.MeanLimits`
     blocks, vectors                     estimates of closed labels, see :func:`is_pruned`

@@ -83,6 +83,9 @@ class MeanLimits:
 def _rates(graph: Graph, columns: tuple[int, ...], most: IntArray) -> FloatArray:
     """Assign each arc to the first bounded sum that it raises; return the rates (k,) of :class:`MeanLimits`.
 
+    columns  columns of the graph's costs, in the order of the search
+    most     (k,)  largest cost of a walk, in this order; ANYTHING for no limit
+
     Raises GraphError for an arc that takes time but raises no bounded sum.
     """
     time = graph.costs[:, columns[TIME]]
@@ -104,7 +107,8 @@ def _rates(graph: Graph, columns: tuple[int, ...], most: IntArray) -> FloatArray
 def _refuse_overflow(graph: Graph, columns: tuple[int, ...], cap: int) -> None:
     """Raise GraphError if sums or products of walks within the cap could overflow 64-bit integers.
 
-    It is also raised for an arc without duration that adds to the integral.
+    It is also raised for an arc without duration that adds to the integral. `columns` are the columns of the graph's
+    costs in the order of the search, and `cap` is the longest duration of a walk.
     """
     time, total = graph.costs[:, columns[TIME]], graph.costs[:, columns[INTEGRAL]]
     lasts = time > 0

@@ -160,7 +160,7 @@ def copy_entries(
 def fill_buckets(
     tops: NDArray[np.int32], below: NDArray[np.int32], entries: IntArray, buckets: IntArray, waiting: IntArray
 ) -> None:
-    """Fill empty buckets with saved entries `waiting` (n, 2), which are sorted by their `buckets` (n,)."""
+    """Fill empty buckets (see :func:`open_next`) with saved entries `waiting` (n, 2), sorted by `buckets` (n,)."""
     which, first, counts = np.unique(buckets, return_index=True, return_counts=True)
     chunks = -(-counts // CHUNK)
     begin = np.cumsum(chunks) - chunks

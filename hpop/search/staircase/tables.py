@@ -282,7 +282,7 @@ def chain_order(start: IntArray, arcs: NDArray[Any], clock: Clock) -> ArcChains 
 
 @lean
 def ends_chain(start: IntArray, arcs: NDArray[Any], v: int, a: int) -> bool:
-    """Return whether arc a of node v only ends chains, such as an arc to a goal.
+    """Return whether arc a of node v only ends chains (straight runs), such as an arc to a goal.
 
     This is so if no arc leaves its head, and if it turns as well or is one of several arcs of v.
     """

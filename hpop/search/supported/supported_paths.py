@@ -390,6 +390,9 @@ def _dot(weights: Vector, point: Vector) -> int:
 
 
 def _normalised(weights: Sequence[Vector], ranges: Sequence[int]) -> FloatArray:
-    """Convert m vectors of weights of costs to weights (m, k) of normalised costs, each summing to 1."""
+    """Convert m vectors of weights of costs to weights (m, k) of normalised costs, each summing to 1.
+
+    ranges  nadir minus ideal of each cost, by which costs are normalised
+    """
     scaled = [[w * r for w, r in zip(row, ranges, strict=True)] for row in weights]
     return np.array([[float(Fraction(w, sum(row))) for w in row] for row in scaled])

@@ -114,7 +114,7 @@ def reduce_costs(
 
     nodes   the first node, and one past the last node
     graph   indptr, heads and costs
-    h       (k, n)  lower bounds of the remaining costs
+    h       (k, n)  lower bounds of the remaining costs, `unreachable` or more if no target is reached
     start   (n + 1,)  offsets of :func:`arcs_onward`
     origin  (m,)  output: index of each arc in the graph; heads (m,) and costs (m, k): output
 

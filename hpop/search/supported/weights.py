@@ -209,6 +209,8 @@ def solve_weight(data: Reduced, task: Task) -> IntArray:
 def least_path(data: Reduced, task: Task, call: Any) -> IntArray | None:
     """Return the path with the least weighted sum, as indices of arcs, or None if no path is within the task's limit.
 
+    data  graph with reduced costs, to which the indices refer
+    task  weights and limit
     call  function that calls a kernel with its arguments
     """
     kernels = supported.weighted_path

@@ -259,7 +259,11 @@ class TimedJointBounds:
         return one * (len(self.rows) + 1)
 
     def _sweep_table(self, prices: Prices, layout: Layout, clock: Clock) -> JointSweep | None:
-        """Compute one table, in slices of time; return None if a limit comes, which the search then reports."""
+        """Compute one table, in slices of time; return None if a limit comes, which the search then reports.
+
+        prices  weights of the table, and weighted costs of arcs
+        layout  which row of the table belongs to which node and tick
+        """
         if clock.exceeded(0, self._memory(layout), record=False) is not None:
             return None
         n, rows = self.graph.graph.nodes, np.empty((layout.size, LANES), np.int32)

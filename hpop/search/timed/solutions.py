@@ -52,7 +52,8 @@ class SolutionSet(NamedTuple):
 def is_covered(goal: SolutionSet, count: int, f: IntArray) -> bool:
     """Return whether an estimate f (k,) is of no use: one of `count` solutions covers it, or it exceeds a bound.
 
-    f has lower bounds of the costs of all solutions that begin with a label (partial path).
+    goal  solutions so far, with the bounds
+    f     lower bounds of the costs of all solutions that begin with a label (partial path)
     """
     k = len(f)
     for j in range(k):

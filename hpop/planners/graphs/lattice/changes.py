@@ -33,6 +33,10 @@ RIGID = 1e-9  # m: if its distance from the base's axis varies by less, the came
 def update(before: StateLattice, after: World, criteria: Sequence[Criterion]) -> StateLattice:
     """Return the lattice in a changed world, and fill the cache of that world with what is still valid.
 
+    before    lattice in the world before the change
+    after     the changed world
+    criteria  criteria whose costs are updated
+
     States and arcs near the change are checked for collisions again, and the costs of these arcs are computed again. If
     a criterion reads a changed attribute of the world, its costs are computed again for all arcs that the change may
     affect. All other values are copied, so the result equals a lattice built anew. Nothing is copied if nothing was
@@ -78,6 +82,7 @@ def _take_over_graph(
 
     For each position, a search precomputes groups of turns. Nothing is done if the old search graph is not cached.
 
+    before   lattice before the change
     near     (rows, columns)  mask of the positions near the change
     changed  (m,)  mask of the arcs that are new, or have new costs
     """

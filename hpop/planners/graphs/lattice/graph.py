@@ -257,7 +257,7 @@ class StateLattice(StateGraph):
         return int(self.cells[0].size) * self.width
 
     def state(self, row: int, column: int, station: int) -> int:
-        """Return the number of the state in a station at a grid position; -1 if it collides or is off the grid."""
+        """Return the number of the state in a station at a row and column; -1 if it collides or is off the grid."""
         inside = 0 <= row < self.shape[0] and 0 <= column < self.shape[1]
         if not inside or not self.free[row, column, self.stance[station]]:
             return -1

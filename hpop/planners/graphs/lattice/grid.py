@@ -66,6 +66,7 @@ def steps_from(
     ----------
     free : (rows, columns) whether each cell is free
     step : numbers of cells (columns, rows) of the step
+    corner_cutting : whether a step may pass blocked cells
     """
     dx, dy = step
     rows, columns = np.nonzero(free)

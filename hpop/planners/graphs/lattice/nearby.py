@@ -58,8 +58,11 @@ def cells_near_shortest_paths(
 def distances_from(free: BoolArray, seeds: IntArray, corner_cutting: bool) -> tuple[IntArray, IntArray]:
     """Return the distance of each cell (rows * columns,) from the nearest of the cells ``seeds``, and its predecessor.
 
-    The distance is FAR for a cell that cannot be reached, and the predecessor on the shortest path is -1 for such
-    cells and for seeds.
+    free            (rows, columns)  whether each cell is free
+    corner_cutting  whether a diagonal step may pass beside a blocked cell
+
+    The distance is FAR for a cell that cannot be reached, and the predecessor on the shortest path is -1 for such cells
+    and for seeds.
     """
     distance = np.full(free.size, FAR)
     before = np.full(free.size, np.int64(-1))
@@ -83,6 +86,8 @@ def fill_distances(
 ) -> None:
     """Compute the distances and predecessors of all cells, by Dijkstra's algorithm with eight neighbours for each cell.
 
+    free      (rows, columns)  whether each cell is free
+    corner_cutting             whether a diagonal step may pass beside a blocked cell
     distance  (rows * columns,)  output: distance from the nearest seed; initially 0 at seeds, FAR elsewhere
     before    (rows * columns,)  output: predecessor; initially -1
     waiting   (STEPS, .)  bucket queue of Dial 1969: cells at distance d wait in row d mod STEPS, since every step is

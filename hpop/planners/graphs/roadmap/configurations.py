@@ -135,7 +135,7 @@ class ConfigurationRoadmap(TrajectoryGraph):
         return self.arcs.heads
 
     def arcs_free(self, places: IntArray) -> BoolArray:
-        """Check some arcs (N,), given by index, and return which of them are free of collisions."""
+        """Check some arcs, given by index, ``places`` (N,), and return which of them are free of collisions."""
         tails = np.searchsorted(self.arcs.start, places, side="right") - 1
         heads = self.arcs.heads[places].astype(np.int64)
 
@@ -146,7 +146,7 @@ class ConfigurationRoadmap(TrajectoryGraph):
         return np.concatenate([np.zeros(0, np.bool_), *parts])
 
     def without(self, places: IntArray) -> ConfigurationRoadmap:
-        """Return the roadmap without some arcs (N,), given by index."""
+        """Return the roadmap without some arcs, given by index, ``places`` (N,)."""
         links = np.stack(self.arcs.ends(slice(0, self.arcs.heads.size)), axis=1)
         return replace(self, links=np.delete(links, places, axis=0))
 

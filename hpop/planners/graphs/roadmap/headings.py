@@ -266,7 +266,7 @@ def _in_one_turn(yaw: FloatArray) -> FloatArray:
 
 
 def _pair_numbers(at: IntArray, yaw: FloatArray) -> IntArray:
-    """Assign numbers to the distinct pairs of a position (N,) and a yaw (N,), by position, then by yaw.
+    """Assign numbers to the distinct pairs of a position ``at`` (N,) and a ``yaw`` (N,), by position, then by yaw.
 
     Returns the number (N,) of each pair; yaws within ALIGNED count as equal.
     """
@@ -360,7 +360,8 @@ def pairs(count: int) -> IntArray:
 def drawn_positions(problem: Problem, samples: int, seed: int, spending: Spending) -> FloatArray:
     """Draw ``samples`` random positions (n, 2), m, uniformly over the map, at which the robot does not collide.
 
-    The robot is checked at a random heading. Fewer positions are returned if nearly all that are drawn collide.
+    The robot is checked at a random heading. Fewer positions are returned if nearly all that are drawn collide. The
+    result depends on ``seed`` only.
     """
     rng = np.random.default_rng(seed)
     collision = problem.model.collision(problem.world)

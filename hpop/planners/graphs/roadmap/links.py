@@ -142,7 +142,7 @@ def _periods(space: StateSpace, names: tuple[str, ...] | list[str]) -> FloatArra
 
 
 def _nearest(points: FloatArray, queries: FloatArray, periods: FloatArray, count: int, spending: Spending) -> IntArray:
-    """Return the indices (N, count) of the points nearest to each query (N, d).
+    """Return the indices (N, count) of the ``points`` (M, d) nearest to each of the ``queries`` (N, d).
 
     periods  (d,)  period of each coordinate, 0 if it is not periodic
     """

@@ -66,6 +66,8 @@ class TickClock:
     def along(self, start: States, end: States, seconds: FloatArray) -> IntArray:
         """Convert durations ``seconds`` (M,) of straight moves to ticks (M,), so that rounding errors do not add up.
 
+        start, end  states (M,) between which the robot moves
+
         The ticks of all moves along one straight line add up to the rounded duration of the line.
         """
         dx, dy = end.x - start.x, end.y - start.y

@@ -107,7 +107,7 @@ class PersonMotion(NamedTuple):
 
 
 def to_segments(ax: FloatArray, ay: FloatArray, bx: FloatArray, by: FloatArray) -> FloatArray:
-    """Return the distance (N,), m, of the origin from the line segments from a to b."""
+    """Return the distance (N,), m, of the origin from the line segments from a to b, given by coordinates."""
     dx, dy = bx - ax, by - ay
     square = dx * dx + dy * dy
     share = np.clip(np.divide(-(ax * dx + ay * dy), square, out=np.zeros_like(square), where=square > 0), 0.0, 1.0)

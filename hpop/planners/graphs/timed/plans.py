@@ -177,7 +177,7 @@ class TimedPlans:
         )
 
     def _held(self, steps: PathSteps, driven: StepTimes, trajectory: Trajectory) -> Trajectory:
-        """Return the trajectory of a plan with its holds inserted."""
+        """Return the trajectory of a plan with its holds inserted, from its steps, real times and motions."""
         lasts = np.where(steps.arcs == HELD, np.diff(driven.times), 0.0)
         first = np.flatnonzero(steps.arcs != HELD)[:1]
         if self.timed.arcs.stands[steps.arcs[first]].any():  # two holds at the start are one

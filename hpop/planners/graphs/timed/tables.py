@@ -201,7 +201,10 @@ class TimedCosts:
         return costs
 
     def _final(self, legs: Sequence[LegMotions], size: int) -> IntArray:
-        """Return the costs (r, k) of ``size`` arcs, in quanta, after all predictions of people have ended."""
+        """Return the costs (r, k) of ``size`` arcs, in quanta, after all predictions of people have ended.
+
+        legs  motions of the arcs
+        """
         static = np.zeros((size, len(self.criteria)), np.int64)
 
         def costs(part: slice) -> tuple[slice, list[IntArray]]:

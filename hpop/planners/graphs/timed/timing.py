@@ -285,6 +285,10 @@ def timed_query(
 
 
 def on_clock(timing: Timing, objectives: Objectives, start: int, goals: list[int], **fields: Any) -> Query:
-    """Return the query for a graph in time steps; ``fields`` are values for further fields of :class:`Query`."""
+    """Return the query for a graph in time steps; ``fields`` are values for further fields of :class:`Query`.
+
+    timing        the graph with its clock, the people and the departure
+    start, goals  numbers of nodes
+    """
     timed = timing.timed
     return Query(timed.arcs.space, objectives, timed.graph.graph, start, goals, timing=timing, **fields)

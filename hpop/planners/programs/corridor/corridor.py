@@ -59,7 +59,10 @@ class HalfPlanes:
         return np.asarray((points @ self.normals.T - self.offsets).max(axis=1), dtype=np.float64)
 
     def cut(self, normals: FloatArray, offsets: FloatArray) -> HalfPlanes:
-        """Return the intersection with further half-planes; raises ValueError if nothing is left."""
+        """Return the intersection with further half-planes; raises ValueError if nothing is left.
+
+        normals, offsets  fields of the further half-planes
+        """
         corners = self.corners
         for normal, offset in zip(normals, offsets, strict=True):
             corners = _clipped(corners, normal, offset)
@@ -243,7 +246,7 @@ def _segments(polyline: Polyline) -> Iterator[FloatArray]:
 
 
 def _region(segment: FloatArray, regions: list[FreeRegion], problem: Problem) -> int:
-    """Return the index of the largest region that covers a segment; if none does, grow one and append it.
+    """Return the index of the largest of the ``regions`` that covers a segment; if none does, grow one and append it.
 
     The result is -1 if the segment touches an obstacle.
     """

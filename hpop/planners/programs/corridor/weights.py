@@ -137,7 +137,7 @@ class _Weighted:
         return self.points
 
     def _dichotomy(self, first: FloatArray, last: FloatArray) -> None:
-        """Fill the front of two costs between the costs (2,) of two optima (Cohon 1978).
+        """Fill the front of two costs between two optima, with costs ``first`` and ``last`` (2,) (Cohon 1978).
 
         Weights are taken normal to the line through two neighbouring points. If their optimum lies more than GAP below
         this line, the intervals on both sides of it are treated likewise.

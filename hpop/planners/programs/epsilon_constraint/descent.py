@@ -148,8 +148,8 @@ class Descent:
     ) -> tuple[tuple[Polyline, FloatArray] | None, float]:
         """Try the best step within ``distance`` metres; return the new polyline and costs, or None if it fails.
 
-        It fails if it is refused or gains much less than predicted; the model then learns from it, and some more steps
-        are tried. The second value is the gain predicted for the first step.
+        It fails if it is refused or gains much less than predicted; the model ``local`` then learns from it, and some
+        more steps are tried. The second value is the gain predicted for the first step.
         """
         promised = 0.0
         local.forget()

@@ -156,7 +156,10 @@ class _Attempt:
     def _solve(self, start: FreePolyline, number: int) -> CellCandidate | str:
         """Solve the program, and again with corrected bounds while the solution collides or exceeds its bounds.
 
-        Returns a candidate that passes all checks, or the reason why there is none. ``number`` is that of the round.
+        start   polyline from which the solver starts
+        number  number of the round
+
+        Returns a candidate that passes all checks, or the reason why there is none.
         """
         roles, cell, warm = self.job.roles, self.cell, start.polyline
         smooth = list(roles.smooth)

@@ -199,7 +199,7 @@ class PathStretch:
         return PathStretch(steps, States(**joined), slopes, bends, pace, States(**middle), *limits)
 
     def continues(self, before: PathStretch) -> bool:
-        """Return whether the robot need not stand between another stretch and this one: both have one direction."""
+        """Return whether the robot need not stand between stretch ``before`` and this one: both have one direction."""
         if before.bends.any() or self.bends.any():
             return False
         return float(np.abs(before.slopes[-1] - self.slopes[0]).max()) < PARALLEL * float(np.abs(self.slopes[0]).max())
@@ -207,6 +207,8 @@ class PathStretch:
 
 def stretches_of(run: Trajectory, coordinates: Coordinates) -> list[PathStretch | float]:
     """Return the stretches of an executed trajectory and, as floats, the seconds for which it stands between them.
+
+    coordinates  coordinates of the robot, by which standstills are found and lengths are measured
 
     Reaches in one straight direction without a hold between them become one stretch.
     """

@@ -150,7 +150,10 @@ def phase_legs(polyline: Polyline) -> tuple[FloatArray, FloatArray]:
 
 
 def first_guess(polyline: Polyline, structure: Phases, model: Wheeled) -> Guess:
-    """Return an initial guess that follows a polyline, with its corners cut by parabolas, at moderate speeds."""
+    """Return an initial guess that follows a polyline, with its corners cut by parabolas, at moderate speeds.
+
+    structure  phases of the polyline, of :func:`structure_of`
+    """
     legs, angles = phase_legs(polyline)
     yaw, columns, lasts = polyline.start_yaw, [], []
     for (begin, middle, end), angle, count in zip(legs, angles, structure.counts, strict=True):

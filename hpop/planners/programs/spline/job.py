@@ -187,6 +187,11 @@ class SplineJob:
     def _improved(self, knots: Knots, pieces: PieceCosts, aim: Aim, run: _PathRun) -> Iterator[Knots]:
         """Yield the spline after each step, free of collisions and with lower merit (the sum that steps minimise).
 
+        knots   spline at the beginning
+        pieces  cost functions
+        aim     weights and bounds of the costs, which define the merit
+        run     record of the work, in which steps are counted
+
         The search ends when steps gain almost nothing, after STEPS steps, or at the deadline.
         """
         counts, longest = run.counts, max(SLOWEST * run.longest, knots.duration)
@@ -230,7 +235,12 @@ class SplineJob:
             distance = min(MOST, distance * (GROWS if good else 1.0))
 
     def _rests(self, program: StepProgram, longest: float, merit: float) -> bool:
-        """Return whether the spline is settled: a step in a wide trust region is predicted to gain almost nothing."""
+        """Return whether the spline is settled: a step in a wide trust region is predicted to gain almost nothing.
+
+        program  quadratic program for steps from the spline
+        longest  s, upper bound of the total time
+        merit    merit of the spline
+        """
         step = program.within(WIDE, longest)
         return step is not None and step.gain <= SETTLED * merit
 
@@ -240,7 +250,8 @@ class SplineJob:
         """Try a second step after a first one broke bounds, and return the better spline of both, with its costs.
 
         This is a second-order correction: ``drift`` is by how much the costs after the first step differ from their
-        linear prediction, and the second step takes it into account.
+        linear prediction, and the second step takes it into account. ``first`` is the spline after the first step, with
+        its costs; the other arguments are those with which that step was computed.
         """
         step = program.within(distance, longest, drift)
         if step is None:

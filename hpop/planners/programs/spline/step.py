@@ -282,6 +282,9 @@ class StepProgram:
 
         The result is None if the solver fails. The solver's variables are the step, divided by its largest size
         ``reach``, and the excess of each cost over its bound, divided by the scale. ``added`` selects constraints.
+
+        later  largest increase of the total time, divided by its ``reach``
+        drift  (k,)  correction of the costs, see :meth:`within`
         """
         from scipy import sparse  # on first use
 
