@@ -132,8 +132,7 @@ def advance(
 
     start, plain, arcs, nodes           tables of :func:`.general.tables.build_tables`
     is_target, is_max, source           mask of nodes; mask of costs that are maxima; node at which paths begin
-    sets, pool                          sets of vectors for dominance tests (:mod:`.general.tables`); the last is the
-    front
+    sets, pool                          sets of vectors (:mod:`.general.tables`), the last for the front
     rise, fan, plan, keys, values       heap, see :class:`.HeapSearch`
     counters, closed, front, solutions  labels and front, see :class:`.Search`
     eps, tolerance, bound               precision of the front, and upper bound of the first cost
@@ -365,7 +364,10 @@ class General(HeapSearch):
         return [*tables, self.sets, self.pool, *super().arrays()]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Return how many bytes more are needed, and a function that doubles the pool of the sets or grows the heap."""
+        """Return how many bytes more are needed, and a function that doubles the pool of the sets or grows the heap.
+
+        ``code`` is the return value of a kernel that ran out of room: ROWS, HEAP or KEYS.
+        """
         if code == ROWS:
             return self.pool.nbytes, self._grow_pool
         extra, grow = super().growth(code)

@@ -114,7 +114,7 @@ def compiling_beside(aggregates: Sequence[str], turns: int, onset: Onset, kernel
     turns       column of the cost that counts turns, or -1
     onset       when compilation begins
     kernels     function that returns, for these costs, the kernel that takes longest to compile and that of a first
-    result
+                result
     """
     longest, first = kernels(aggregates, turns)
     if runtime.compiled.can_be_cached(longest) and not runtime.compiled.is_cached(longest):

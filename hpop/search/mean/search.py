@@ -119,7 +119,10 @@ class CappedMean(HeapSearch):
         return [self.costs, self.h, self.is_target, self.blocks, self.vectors, *super().arrays()]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Return how many bytes more the full array of a code needs, and a function that grows it (blocks or heap)."""
+        """Return how many bytes more are needed, and a function that doubles the rows of blocks or grows the heap.
+
+        ``code`` is the return value of a kernel that ran out of room: ROWS, HEAP or KEYS.
+        """
         return (self.vectors.nbytes, self._grow_rows) if code == ROWS else super().growth(code)
 
     def _grow_rows(self) -> None:

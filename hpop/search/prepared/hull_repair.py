@@ -219,7 +219,7 @@ def write_remaining_costs(tables: HullTables, steps: Steps, v: int, rest: IntLan
     """Decode the weighted remaining costs of node v from a layer, and write them to `rest[row]` (LANES,).
 
     steps  (n, LANES)  the layer: excess over the least remaining costs, in 16-bit units
-    (:func:`.turn_hull.write_excess`)
+                       (:func:`.turn_hull.write_excess`)
     """
     first, last = np.float64(tables.least[0, v]), np.float64(tables.least[1, v])
     for k in range(LANES):

@@ -92,8 +92,7 @@ def advance(
     packing      (5,)  how estimates are packed into keys, see :class:`.BucketSearch`
     graph        tables of nodes, arcs and groups; node of the source; columns of first and rest cost
     turn         amount by which a turn raises the index; whether turns leave the first cost unchanged; whether all
-    turns
-                 of a group cost the same; whether the first and the rest cost are maxima
+                 turns of a group cost the same; whether the first and the rest cost are maxima
     stairs, share, width  staircases of nodes and groups, see :func:`.staircase.tables.enter_stairs`
     goal         staircase of the solutions
     layers       (n, LAYERS)  bounds by remaining turns, see :func:`.costs_by_turns`; (1, 0) without them

@@ -81,8 +81,7 @@ class Staircase(JointSearch):
     """Search of one query on one graph, by the kernel :func:`.staircase.kernel.advance`.
 
     order  columns of the first cost, the index cost (a small integer, such as the number of turns) and the rest cost;
-    the
-           last is -1 if there are two costs
+           the last is -1 if there are two costs
     """
 
     order: tuple[int, int, int]

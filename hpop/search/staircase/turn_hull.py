@@ -79,8 +79,7 @@ class TurnHull:
     layers   (m, nodes, LANES)  the bounds for at most 0, 1, ... turns, the last for any number; stored as the excess
                                 over the weighted sum of the least remaining costs, in units of 2^STEP_BITS
     moved    (m - 1, arcs)      for each layer but the last and each plain arc (no turn): bit k is set if the arc
-    lowered
-                                the bound of its tail for weight vector k; arcs are sorted along chains
+                                lowered the bound of its tail for weight vector k; arcs are sorted along chains
                                 (:class:`.ArcChains`)
     step     (arcs,)            position of each plain arc in this order
     """
@@ -339,8 +338,7 @@ def mark_paths(
     nodes, start, arcs            tables of the staircase search
     groups                        (g, 3)  rows of groups, see :class:`.Groups`
     uniform                       whether all turns of a group cost the same
-    turn_first, turn_rest         (t,)  first and rest costs of turns: one per group if `uniform`, else one per pair of
-    nodes
+    turn_first, turn_rest         (t,)  costs of turns: one per group if `uniform`, else one per pair of nodes
     source                        node in the numbering of the groups
     passed                        output: 1 for the nodes on these paths; the caller sets it to 0
     """

@@ -124,8 +124,7 @@ def is_superfluous(sets: LabelSets, v: int, t: int, vector: IntArray) -> bool:
     """Return whether the set of node v makes a label (partial path) superfluous, so that it can be dropped.
 
     t, vector  tick of arrival of the label, and stored numbers (k,): its sums less the cost of standing there since
-    tick 0,
-               and its maxima
+               tick 0, and its maxima
     """
     head = sets.heads[v]
     begin = head[BEGIN]

@@ -207,7 +207,10 @@ def guided_samples(
     ]
 
     def half_at_rest(rows: FloatArray, places: FloatArray) -> FloatArray:
-        """Put half of the rows (n, k) into rest positions; in the others, copy coordinates without one from places."""
+        """Put the coordinates with a rest position at rest in half of the rows (n, k); return all rows.
+
+        In the other half, the coordinates without a rest position are copied from ``places`` (n, k).
+        """
         if not space.rest:
             return rows
         moved = np.where([name in space.rest for name in space.names], rows, places)

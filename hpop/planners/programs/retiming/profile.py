@@ -291,8 +291,7 @@ class Profiles:
     def _improved(self, program: Any, b: FloatArray | None, cost: Callable[[FloatArray], float]) -> FloatArray | None:
         """Return the solution of a program; with a limit of jerk, the best of a series that begins with profile b.
 
-        cost  function of a profile that the program minimises, by which the gain of each program of the series is
-        measured
+        cost  function of a profile that the program minimises; the gain of each program of the series is measured by it
         """
         if self.jerk is None:
             return self._solved(program)
