@@ -1,4 +1,8 @@
-"""Data that a prepared graph keeps between queries: closed arcs and lower bounds; and checks of known paths."""
+"""Data that a prepared graph keeps between queries: closed arcs and lower bounds; and checks of known paths.
+
+A group is a set of nodes joined by turns. A hull is a table of joint bounds (:mod:`.staircase.turn_hull`), with a
+layer for each number of turns.
+"""
 
 from __future__ import annotations
 

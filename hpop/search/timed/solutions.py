@@ -1,4 +1,8 @@
-"""Solutions of a search on a time-dependent graph: coverage, corners of the uncovered region, checkpoint file."""
+"""Solutions of a search on a time-dependent graph: coverage, corners of the uncovered region, checkpoint file.
+
+A label is a partial path; its estimate f (k,) has lower bounds of the costs of all solutions that begin with it. A tick
+is the unit of time of the search.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Build the graph for a search in time steps, from a graph of states and the predictions of moving people."""
+"""Build the graph for a search in time steps, from a graph of states and the predictions of moving people.
+
+A tick is the unit of time of the search. A place is a position of the graph, or a single state if costs of standing
+depend on the heading. A person is noticed at a place if the cost of some criterion there differs because of this
+person.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Distances between a moving robot and walking people during short pieces of motions, and risks of contact."""
+"""Distances between a moving robot and walking people during short pieces of motions, and risks of contact.
+
+A piece is a part of one motion, of at most :data:`PIECE` seconds. A tick is the unit of time of the search.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,8 @@
 It minimises ``Σ_j w_j f_j(v)`` over the vertices v. Each vertex lies in the overlap of the two regions whose segments
 it joins. So both ends of a segment lie in a convex region, and hence the whole segment does. The weights are parameters
 in the sense of disciplined parametrised programming (Agrawal et al. 2019), so the program is compiled only once.
+
+The warm start is the polyline around which the regions were grown.
 """
 
 from __future__ import annotations

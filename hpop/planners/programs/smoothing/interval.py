@@ -1,4 +1,7 @@
-"""Formulas of one interval of a smoothing program: motion law, clearances and costs; and repair of points."""
+"""Formulas of one interval of a smoothing program: motion law, clearances and costs; and repair of points.
+
+A hinge is a term ``max(x, 0)`` of a cost; the program has a slack variable for it, which is at least x and 0.
+"""
 
 from __future__ import annotations
 

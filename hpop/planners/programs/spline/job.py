@@ -1,4 +1,8 @@
-"""One job of the spline planner: lower the costs of one path by steps, each proved free, until they gain little."""
+"""One job of the spline planner: lower the costs of one path by steps, each proved free, until they gain little.
+
+A piece is the part of a spline between two knots. The merit, which steps lower, is the weighted sum of scaled costs,
+plus penalties for exceeded bounds.
+"""
 
 from __future__ import annotations
 
