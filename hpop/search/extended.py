@@ -30,7 +30,7 @@ class AddedArcs(NamedTuple):
 
     @property
     def places(self) -> IntArray:
-        """Indices (j,) of these arcs in the graph that has them."""
+        """Indices (j,) of these arcs among all arcs of the extended graph."""
         return self.before + np.arange(self.before.size)
 
 
@@ -41,9 +41,9 @@ class ExtendedGraph(Graph):
 
     @classmethod
     def of(cls, base: Graph, part: Graph) -> ExtendedGraph:
-        """Return the graph that adds arcs to ``base``, its smaller graph.
+        """Return the graph with the nodes and arcs of ``base``, and the added ones of ``part``.
 
-        ``part`` has only the added arcs; its nodes are those of the base and then the added ones.
+        The nodes of ``part`` are those of the base and then the added ones; its arcs are only the added ones.
         """
         rows = np.append(base.indptr, np.full(part.nodes - base.nodes, base.arcs))
         indptr = _read_only(rows + part.indptr)

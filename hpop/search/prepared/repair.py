@@ -150,7 +150,7 @@ def raise_bounds(
 ) -> bool:
     """Raise the bounds of one cost at nodes whose best path used newly closed arcs (a,).
 
-    affected  (most,)  scratch for these nodes; `most` is their largest number
+    affected  (most,)  scratch that has room for `most` such nodes
 
     Other arguments as in :func:`lower_bounds_of_opened`. Returns False if there are more than `most` such nodes; h and
     onward are then invalid, and must be computed from scratch.

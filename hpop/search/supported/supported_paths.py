@@ -251,7 +251,7 @@ class SupportedRun:
         return self.states.settle(self.arc_index[np.concatenate(paths)], lengths, self._is_late)
 
     def _is_free(self, arcs: IntArray) -> bool:
-        """Return whether a path is known to be free."""
+        """Return whether all arcs of a path are known to be free of collisions."""
         return self.states is None or bool(self.states.are_free(self.arc_index[arcs], np.array([arcs.size]))[0])
 
     def _set_reduced_costs(self, h: IntArray, targets: IntArray, unreachable: np.int64) -> None:
