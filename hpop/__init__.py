@@ -10,11 +10,14 @@ from typing import TYPE_CHECKING
 from hpop.base.lazy import find_former_names, homes_of, on_first_use
 
 if TYPE_CHECKING:
+    from hpop import batches as batches
     from hpop import drive as drive
     from hpop import errors as errors
     from hpop import examples as examples
     from hpop import export as export
     from hpop import frontier as frontier
+    from hpop import ros as ros
+    from hpop import scenario as scenario
     from hpop import search as search
     from hpop import study as study
     from hpop import testing as testing

@@ -316,7 +316,10 @@ def test_a_module_s_former_name_leads_to_it_with_a_warning(monkeypatch: pytest.M
         assert all(getattr(found, name) is value for name, value in public.items())
 
 
-@pytest.mark.parametrize("name", ["errors", "export", "frontier", "search", "study", "testing", "view"])
+@pytest.mark.parametrize(
+    "name",
+    ["batches", "drive", "errors", "export", "frontier", "ros", "scenario", "search", "study", "testing", "view"],
+)
 def test_a_module_is_there_after_importing_hpop_alone(name: str) -> None:
     assert name in dir(hpop)
     assert hpop.__getattr__(name) is pkgutil.resolve_name(f"hpop.{name}")

@@ -13,7 +13,6 @@ import errno
 import os
 import re
 import stat
-import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -83,7 +82,7 @@ def _target(path: Path) -> Path:
 def _locked_file(target: Path) -> BinaryIO:
     """Return a new hidden file beside a target file, locked by this writer."""
     while True:
-        file = target.with_name(f".{target.name}.{uuid.uuid4().hex}.tmp").open("xb")
+        file = target.with_name(f".{target.name}.{os.urandom(16).hex()}.tmp").open("xb")
         _lock(file)
         if os.fstat(file.fileno()).st_nlink:
             return file

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+import hpop
+from hpop import cli, runtime
 from hpop.base.lazy import library
 from hpop.base.options import MOST_WORKERS
 from hpop.base.text import argument
@@ -20,8 +22,7 @@ from hpop.runtime import status
 
 if TYPE_CHECKING:
     from hpop.batches.results import Results
-
-# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+    from hpop.batches.running import BatchProgress
 
 FIGURE = "summary.png"
 
@@ -49,28 +50,21 @@ def batch(
     SPEC is a scenario file in which some keys have several values; every combination of these values is a case. Each
     result is saved at once. After Ctrl-C or a crash, run the same command again, and it continues.
     """
-    from hpop.batches.cases import Specification
-    from hpop.batches.results import Results
-    from hpop.batches.running import BatchProgress, run_cases
-    from hpop.batches.summary import remaining_text
-    from hpop.cli import user_code
-    from hpop.runtime import sweep
-
     if sum(given is not None for given in (workers, dask, ray)) > 1:
         raise click.UsageError("give only one of --workers, --dask and --ray")
     _need_tables()
-    user_code.register(imports)
+    cli.user_code.register(imports)
     out = out or Path("out", spec.stem)
     results.check_writable(out)
-    cases = Specification.load(spec)
+    cases = hpop.batches.cases.Specification.load(spec)
     last: BatchProgress | None = None
     with ExitStack() as stack:
         stack.enter_context(results.held(out))
         executor = None
         if dask is not None:
-            executor = stack.enter_context(sweep.dask(dask))
+            executor = stack.enter_context(runtime.sweep.dask(dask))
         elif ray is not None:
-            executor = stack.enter_context(sweep.ray(ray))
+            executor = stack.enter_context(runtime.sweep.ray(ray))
         bar = stack.enter_context(status.progress_bar())
 
         def tell(progress: BatchProgress) -> None:
@@ -79,16 +73,17 @@ def batch(
                 echo(f"continuing: {out} has {progress.done:,} of {progress.count:,} cases")
             last = progress
             failures = f", {progress.failed:,} with an error" if progress.failed else ""
-            detail = f"{progress.done:,} of {progress.count:,} cases{failures}{remaining_text(progress.left)}"
+            remaining = hpop.batches.summary.remaining_text(progress.left)
+            detail = f"{progress.done:,} of {progress.count:,} cases{failures}{remaining}"
             bar(status.Progress("solved", detail=detail))
 
         try:
-            run_cases(cases, out, workers=workers, executor=executor, progress=tell, again=again)
+            hpop.batches.running.run_cases(cases, out, workers=workers, executor=executor, progress=tell, again=again)
         except KeyboardInterrupt:
             done = f"{last.done:,} of {last.count:,} cases are" if last is not None else "all finished cases are"
             echo(f"interrupted: {done} saved in {out}; run the same command again to continue", err=True)
             sys.exit(INTERRUPTED)
-    errors = print_summary(Results(out))
+    errors = print_summary(hpop.batches.Results(out))
     if errors:
         echo(
             f"note: {errors:,} of {len(cases):,} cases ended with an error, see the column `error`; "
@@ -104,19 +99,15 @@ def is_batch(folder: Path) -> bool:
 
 def print_summary(found: Results) -> int:
     """Print the summary of a batch, save its figure beside the results, and return the number of failed cases."""
-    from hpop.batches.results import FOLDER
-    from hpop.batches.summary import summaries, summary_lines
-    from hpop.view import draw_batch
-
     _need_tables()
-    summary = summaries(found)
+    summary = hpop.batches.summaries(found)
     if not summary:
         raise OutputError(f"{found.folder} holds no results yet; run `hpop batch` again to continue")
-    for line in summary_lines(summary):
+    for line in hpop.batches.summary_lines(summary):
         echo(line)
     with results.output_errors(f"cannot write to {found.folder}", "choose another --out"):
-        draw_batch(summary, found.folder / FIGURE)
-    echo(f"written to {found.folder}: {FOLDER}/*.parquet, {FIGURE}")
+        hpop.view.draw_batch(summary, found.folder / FIGURE)
+    echo(f"written to {found.folder}: {hpop.batches.results.FOLDER}/*.parquet, {FIGURE}")
     return sum(each.counts.get("error", 0) for each in summary)
 
 

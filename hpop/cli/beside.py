@@ -24,11 +24,12 @@ from threading import Timer
 from types import TracebackType
 from typing import Any
 
+import hpop
+from hpop import cli, runtime
+from hpop.cli import results
 from hpop.errors import OutputError
 from hpop.runtime import matplotlib_folder
 from hpop.runtime.interrupts import interrupts_held
-
-# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
 
 TOKEN = "HPOP_LIVE_TOKEN"  # environment variable of the server
 HOST = "127.0.0.1"  # reachable from this machine only
@@ -171,18 +172,13 @@ class PicturesBeside:
 
 def draw(which: str, folder: Path, max_memory: int | None, imports: Sequence[str]) -> None:
     """Draw pictures of the front saved in a folder, at low priority: only the map if ``which`` is "map", else all."""
-    from hpop.runtime import garbage
-
-    garbage.collect_rarely()
-    from hpop.cli import results, user_code
-    from hpop.problems.front import Front
-    from hpop.problems.problem import Problem
+    runtime.garbage.collect_rarely()
 
     if hasattr(os, "nice"):
         os.nice(NICENESS)
-    user_code.register(imports)
-    front = Front.load(folder / results.SAVED)
-    problem = Problem.from_description(front.problem or {})
+    cli.user_code.register(imports)
+    front = hpop.Front.load(folder / results.SAVED)
+    problem = hpop.Problem.from_description(front.problem or {})
     results.draw(problem, front, folder, map_alone=which == "map", max_memory=max_memory)
 
 

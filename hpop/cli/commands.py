@@ -1,8 +1,7 @@
 """Main command ``hpop``, with ``hpop plan``, ``demo`` and ``check``; the other commands are in modules beside this one.
 
-Heavy modules are imported inside the commands, so that ``hpop --help`` answers at once. Exit codes: 0 done, 2 wrong
-usage, 6 no path, 13 a limit was reached before the map was read or a path was found, 130 interrupted by Ctrl-C, SIGTERM
-or SIGHUP (results so far are kept), and those of :mod:`hpop.errors`.
+Exit codes: 0 done, 2 wrong usage, 6 no path, 13 a limit was reached before the map was read or a path was found, 130
+interrupted by Ctrl-C, SIGTERM or SIGHUP (results so far are kept), and those of :mod:`hpop.errors`.
 """
 
 from __future__ import annotations
@@ -17,7 +16,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 import click
 
-from hpop import __version__, examples
+import hpop
+from hpop import __version__, cli, examples, runtime
 from hpop.base.options import MOST_WORKERS
 from hpop.base.text import argument
 from hpop.cli import listing, results
@@ -54,6 +54,8 @@ if TYPE_CHECKING:
     from hpop.planners import Planner
     from hpop.problems.front import Front
     from hpop.scenario import Scenario
+
+# Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 MOST_PORT = 65_535
 # NumPy starts an OpenBLAS thread for each further core, which spins for 2**26 cycles (25 ms) before it sleeps. 2**20
@@ -117,20 +119,16 @@ def plan(
 
     Reads the SCENARIO (a YAML file), writes front.json and pictures to a folder, and prints the front.
     """
-    from hpop.runtime import garbage
-
-    garbage.collect_rarely()
-    from hpop.cli import picking, report, user_code
+    if workers is not None and dask is not None:
+        raise click.UsageError("give --workers or --dask, not both")
+    runtime.garbage.collect_rarely()
     from hpop.motions import collision_of
     from hpop.planners.base import sweeps
     from hpop.planners.searches.exact import kernels_beside
-    from hpop.scenario import load_scenario
     from hpop.search.machinery.beside import Onset
 
-    if workers is not None and dask is not None:
-        raise click.UsageError("give --workers or --dask, not both")
-    user_code.register(imports)
-    loaded = load_scenario(scenario)
+    cli.user_code.register(imports)
+    loaded = hpop.scenario.load_scenario(scenario)
     out = out or Path("out", scenario.stem)
     results.check_writable(out)
     click.get_current_context().with_resource(results.held(out))
@@ -160,15 +158,15 @@ def plan(
             front = front.representative(points)
             results.save(front, out)
         options: dict[str, Any] = {"saved": out / SAVED, "verbose": verbose, "preference": loaded.preference}
-        report.print_front(loaded.problem, front, **options)
+        cli.report.print_front(loaded.problem, front, **options)
         if loaded.preference is not None and len(front):
-            picking.print_preference(loaded.preference, front)
-        report.print_contributions([planner.name for planner in loaded.planners], fronts)
+            cli.picking.print_preference(loaded.preference, front)
+        cli.report.print_contributions([planner.name for planner in loaded.planners], fronts)
         if checkpoint is not None:
             _tidy(checkpoint, front)
         _draw(loaded, front, out, imports)
     except KeyboardInterrupt:  # the results so far are saved
-        what = "complete and saved" if report.is_complete(front) else "saved"
+        what = "complete and saved" if cli.report.is_complete(front) else "saved"
         advice = f"pictures are missing; `hpop show {argument(out)}` prints the front"
         echo(f"interrupted: the front is {what} in {out / SAVED}; {advice}", err=True)
         sys.exit(INTERRUPTED)
@@ -177,7 +175,7 @@ def plan(
     if Status.INTERRUPTED in front.status:
         sys.exit(INTERRUPTED)
     if not len(front):
-        echo(f"error: nothing was found: {report.why_nothing(front.status)}", err=True)
+        echo(f"error: nothing was found: {cli.report.why_nothing(front.status)}", err=True)
         sys.exit(NOTHING_FOUND)
 
 
@@ -223,17 +221,14 @@ def check(plugin: str, imports: tuple[str, ...]) -> None:
 
     NAME is FILE.py:NAME or MODULE:NAME of its class, or its registered name.
     """
-    from hpop.cli import user_code
-    from hpop.testing import conformance, kind_of
-
-    user_code.register(imports)
+    cli.user_code.register(imports)
     faults = 0
-    made = user_code.named(plugin)
-    for result in conformance(made):
+    made = cli.user_code.named(plugin)
+    for result in hpop.testing.conformance(made):
         faults += bool(result.fault)
         echo(f"{'FAIL' if result.fault else 'ok':4}  {result.claim}" + f": {result.fault}" * bool(result.fault))
     if faults:
-        registry = kind_of(made)
+        registry = hpop.testing.kind_of(made)
         called = getattr(made, "name", type(made).__name__)
         raise registry.error(f"{registry.kind} {called!r} fails {faults} check{'s' * (faults > 1)}")
 
@@ -244,14 +239,12 @@ def _executor(workers: int | None, dask: str | None) -> Iterator[Executor | None
 
     With None, this process does all the work.
     """
-    from hpop.runtime import sweep
-
     if dask is not None:
-        with sweep.dask(dask) as cluster:
+        with runtime.sweep.dask(dask) as cluster:
             yield cluster
     elif workers is not None and workers > 1:
         try:
-            pool = sweep.processes(workers)
+            pool = runtime.sweep.processes(workers)
         except OptionError as error:
             echo(f"note: --workers: {error}: this process does all the work", err=True)
             yield None
@@ -277,10 +270,8 @@ def _solved(
     the map of an intermediate front. If the search must wait until its kernels are compiled (``waits``), this process
     draws the first map meanwhile: this is twice as fast, and imports the libraries that the last pictures need.
     """
-    from hpop.cli import report
-
     fronts: list[Front] = []
-    say = report.StageLines()
+    say = cli.report.StageLines()
     with status.progress_bar() as progress, PicturesBeside(out, imports, _most(scenario)) as pictures:
 
         def keep(front: Front) -> None:
@@ -339,7 +330,6 @@ def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:
     Raises OptionError if none or several of the planners can save their search.
     """
     from hpop.base.registry import planners
-    from hpop.search.machinery.checkpoint import Checkpoint
 
     able = [name for name, cls in planners.items() if "checkpoint" in {option.name for option in fields(cls)}]
     keeping = [planner for planner in chosen if planner.name in able]
@@ -349,17 +339,15 @@ def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:
             f"{', '.join(planner.name for planner in chosen)}; "
             + ("leave only one of them in it" if keeping else "leave out --checkpoint, or change the planner")
         )
-    Checkpoint(checkpoint).checked_path()
+    hpop.search.Checkpoint(checkpoint).checked_path()
     kept: Any = replace(cast(Any, keeping[0]), checkpoint=checkpoint)
     return tuple(kept if planner is keeping[0] else planner for planner in chosen)
 
 
 def _tidy(checkpoint: str, front: Front) -> None:
     """Remove the checkpoint file if the front is complete; otherwise print how to continue the search."""
-    from hpop.cli import report
-
     file = Path(checkpoint).resolve()
-    if report.is_complete(front):
+    if cli.report.is_complete(front):
         with results.output_errors(f"cannot remove the checkpoint {file}", "it is no longer needed"):
             file.unlink(missing_ok=True)
     elif file.exists():

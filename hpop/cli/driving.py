@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+import hpop
+from hpop import cli, problems
 from hpop.base.text import counted
 from hpop.cli import results
 from hpop.cli.results import loaded, problem_of
@@ -67,26 +69,20 @@ def drive(
     another path is better by a margin and can be announced in time. Writes a picture, drive.png, and a record that
     can be replayed, drive.json.
     """
-    from hpop.cli import user_code
-    from hpop.drive import follow
-    from hpop.drive.script import performed
-    from hpop.problems.named_rows import named_rows
-    from hpop.scenario.events import load_events
-
-    user_code.register(imports)
+    cli.user_code.register(imports)
     path, front = loaded(folder)
     problem = problem_of(path, front)
-    script = load_events(events, problem, front.names)
-    (chosen,) = named_rows(front, [script.choice if row is None else row])
+    script = hpop.scenario.events.load_events(events, problem, front.names)
+    (chosen,) = problems.named_rows.named_rows(front, [script.choice if row is None else row])
     target = out or path.with_name("drive")
     results.check_writable(target)
-    driven = follow(problem, front, chosen.point)
+    driven = hpop.follow(problem, front, chosen.point)
     for note in script.notes:
         echo(f"note: {note}")
     echo(f"driving {chosen}, {driven.plan.duration:.1f} s")
     begin, happened = time.monotonic(), []
     try:
-        for happening in performed(driven, script.events, deadline=deadline):
+        for happening in hpop.drive.performed(driven, script.events, deadline=deadline):
             if speed is not None:
                 time.sleep(max(0.0, happening.event.at / speed - (time.monotonic() - begin)))
             _print(happening, driven)
@@ -131,8 +127,6 @@ def _print_options(options: Options, happening: Happening) -> None:
     """Print a table of important options: the present plan, the option taken, the knee, and the least of each cost."""
     from rich.console import Console
 
-    from hpop.cli.report import header, plain_table, print_wide
-
     if not len(options):
         reason = no_path_note(options.front.notes) or f"{options.certificate}; give a later --deadline"
         echo(f"  no options: {reason.removeprefix(f'{Status.NO_PATH}: ')}")
@@ -141,12 +135,12 @@ def _print_options(options: Options, happening: Happening) -> None:
         f"  {counted(len(options), 'option')} from {options.commit.time:.1f} s on, {options.status}{_how_far(options)}:"
     )
     names = _named(options, happening)
-    table, front = plain_table(), options.front
+    table, front = cli.report.plain_table(), options.front
     table.add_column("number", justify="right")
     for name, unit in zip(front.names, front.units, strict=True):
-        table.add_column(header(name, unit), justify="right")
-    table.add_column(header("leaves at", "s"), justify="right")
-    table.add_column(header("next turn", "s from now"), justify="right")
+        table.add_column(cli.report.header(name, unit), justify="right")
+    table.add_column(cli.report.header("leaves at", "s"), justify="right")
+    table.add_column(cli.report.header("next turn", "s from now"), justify="right")
     table.add_column("same side")
     table.add_column("")
     for number, words in sorted(names.items()):
@@ -156,7 +150,7 @@ def _print_options(options: Options, happening: Happening) -> None:
         table.add_row(
             str(number), *(f"{value:.5g}" for value in option.costs.values()), leaves, turn, sides, ", ".join(words)
         )
-    print_wide(Console(), table)
+    cli.report.print_wide(Console(), table)
 
 
 def _how_far(options: Options) -> str:
@@ -182,14 +176,11 @@ def _named(options: Options, happening: Happening) -> dict[int, list[str]]:
 
 def _write(driven: Execution, happened: list[Happening], target: Path) -> None:
     """Write the record of a drive, and its picture if an event happened. Called also after an error."""
-    from hpop.view.moments import draw_drive
-    from hpop.view.save import save_figure
-
     with results.output_errors(f"cannot write to {target}", "choose another --out"):
         target.mkdir(parents=True, exist_ok=True)
         driven.save(target / RECORD)
         if happened:
-            save_figure(draw_drive(driven, happened), target / PICTURE, DPI)
+            hpop.view.save.save_figure(hpop.view.draw_drive(driven, happened), target / PICTURE, DPI)
     echo(f"\nwritten to {target}: {', '.join([RECORD, *[PICTURE] * bool(happened)])}")
 
 

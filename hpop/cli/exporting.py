@@ -8,6 +8,8 @@ from pathlib import Path
 import click
 from click.core import ParameterSource
 
+import hpop
+from hpop import cli
 from hpop.cli.results import loaded, problem_of
 from hpop.cli.terminal import echo, imports_option, listed, points_option, rows_option, user_errors
 from hpop.errors import HpopError, OutputError
@@ -60,18 +62,15 @@ def export(
     knee_70.about.json has the costs and the axes of each file. Existing files are replaced. If one format cannot be
     written, the others still are, and the exit code is not 0.
     """
-    from hpop.cli import user_code
-    from hpop.export import Frames, save
     from hpop.export.writing import named_format
-    from hpop.frontier import representative
 
-    user_code.register(imports)
-    frames = Frames(frame_id, base_frame, camera_frame)
+    cli.user_code.register(imports)
+    frames = hpop.export.Frames(frame_id, base_frame, camera_frame)
     of_world = [name for name in formats if named_format(name).world]
     path, front = loaded(folder)
     if points is not None:
         is_default = click.get_current_context().get_parameter_source("rows") is ParameterSource.DEFAULT
-        few = representative(front.integers, points).tolist()
+        few = hpop.frontier.representative(front.integers, points).tolist()
         rows = [*([] if is_default else rows), *map(str, few)]
     problem, no_world = None, None
     if of_world:
@@ -83,7 +82,7 @@ def export(
                 raise
             no_world = error  # raised at the end
     out = path.parent / "export" if out is None else out
-    written = save(
+    written = hpop.export.save(
         problem, front, out, rows=rows, formats=formats, rate=rate, body=body, planned=planned, frames=frames
     )
     echo(f"written to {out}: {', '.join(file.name for file in written)}")
@@ -148,27 +147,20 @@ def ros(
     planner; each ROS goal gives start and goal. The scenario itself is planned first, so that code is compiled and
     errors are reported before a robot waits for a path.
     """
-    from hpop.cli import user_code
-    from hpop.ros.bridge import Bridge, checked_url
-    from hpop.ros.path_server import PathServer
-    from hpop.ros.planning import GoalPlanner
-    from hpop.ros.protocol import Interface
-    from hpop.scenario import load_scenario
-
-    user_code.register(imports)
-    known = Interface(action, distro, frame_id, pose_topic, pose_type, options_topic, choice)
-    checked_url(url)
-    loaded = load_scenario(scenario)
-    planning = GoalPlanner(loaded.problem, loaded.planners, known)
+    cli.user_code.register(imports)
+    known = hpop.ros.Interface(action, distro, frame_id, pose_topic, pose_type, options_topic, choice)
+    hpop.ros.bridge.checked_url(url)
+    loaded = hpop.scenario.load_scenario(scenario)
+    planning = hpop.ros.GoalPlanner(loaded.problem, loaded.planners, known)
     with progress_bar() as progress:
         front = planning.rehearsed(progress)
     if Status.INTERRUPTED in front.status:  # Ctrl-C before the action was offered
         raise KeyboardInterrupt
     echo(f"planned {scenario}: {len(front):,} trajectories, {front.status}")
-    server = PathServer(planning, say=echo)
+    server = hpop.ros.PathServer(planning, say=echo)
     try:
         with suppress(KeyboardInterrupt):
-            Bridge(url, server, say=echo).run()
+            hpop.ros.Bridge(url, server, say=echo).run()
     except ImportError as error:
         raise OutputError(str(error)) from None
     finally:

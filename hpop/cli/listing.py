@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import click
 
+import hpop
+from hpop import cli
 from hpop.cli.terminal import echo, imports_option, user_errors
-
-# Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 
 @click.command()
@@ -17,10 +17,8 @@ def criteria(imports: tuple[str, ...]) -> None:
 
     Each has its group, its unit, and the rule by which the costs of motions add up.
     """
-    from hpop.cli import explain, user_code
-
-    user_code.register(imports)
-    explain.print_criteria()
+    cli.user_code.register(imports)
+    cli.explain.print_criteria()
 
 
 @click.command()
@@ -31,10 +29,8 @@ def models(imports: tuple[str, ...]) -> None:
 
     Each line also says what the robot provides to criteria and planners.
     """
-    from hpop.cli import explain, user_code
-
-    user_code.register(imports)
-    explain.print_models()
+    cli.user_code.register(imports)
+    cli.explain.print_models()
 
 
 @click.command()
@@ -42,10 +38,8 @@ def models(imports: tuple[str, ...]) -> None:
 @user_errors
 def goals(imports: tuple[str, ...]) -> None:
     """List the goals other than a single state, with their parameters."""
-    from hpop.cli import explain, user_code
-
-    user_code.register(imports)
-    explain.print_goals()
+    cli.user_code.register(imports)
+    cli.explain.print_goals()
 
 
 @click.command()
@@ -53,10 +47,8 @@ def goals(imports: tuple[str, ...]) -> None:
 @user_errors
 def planners(imports: tuple[str, ...]) -> None:
     """List the planners and their options."""
-    from hpop.cli import explain, user_code
-
-    user_code.register(imports)
-    explain.print_planners()
+    cli.user_code.register(imports)
+    cli.explain.print_planners()
 
 
 @click.command()
@@ -64,10 +56,8 @@ def planners(imports: tuple[str, ...]) -> None:
 @user_errors
 def formats(imports: tuple[str, ...]) -> None:
     """List the formats of `hpop export`, with endings and axes."""
-    from hpop.cli import explain, user_code
-
-    user_code.register(imports)
-    explain.print_formats()
+    cli.user_code.register(imports)
+    cli.explain.print_formats()
 
 
 @click.command()
@@ -80,11 +70,8 @@ def explain(word: str | None, imports: tuple[str, ...]) -> None:
     A WORD may also be the name of a criterion, planner, robot, goal, reader or export format. Without a WORD, all words
     with an explanation are listed.
     """
-    from hpop.cli import user_code
-    from hpop.cli.explain import explained, known
-
-    user_code.register(imports)
-    echo(known() if word is None else explained(word))
+    cli.user_code.register(imports)
+    echo(cli.explain.known() if word is None else cli.explain.explained(word))
 
 
 @click.command()
@@ -96,10 +83,8 @@ def schema(imports: tuple[str, ...]) -> None:
     Editors use it to complete and check scenarios. Write it to a file, and name the file in the first line of a
     scenario: # yaml-language-server: $schema=FILE
     """
-    from hpop.cli import user_code
-    from hpop.scenario import json_schema
-
-    user_code.register(imports)
+    cli.user_code.register(imports)
+    json_schema = hpop.scenario.json_schema
     echo(json_schema.written(json_schema.scenario_schema()).rstrip())
 
 

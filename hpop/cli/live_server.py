@@ -28,7 +28,9 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response, StreamingResponse
 from starlette.routing import Route
 
+from hpop import cli
 from hpop.base.text import printable
+from hpop.cli import results
 from hpop.cli.beside import NICENESS, TOKEN
 from hpop.runtime.page_server import CONNECTIONS, PageServer
 
@@ -155,9 +157,7 @@ def server_of(listening: socket.socket, token: str, shown: LiveFront) -> PageSer
 
 def follow(shown: LiveFront, folder: Path, imports: Sequence[str], pipe: int) -> None:
     """Publish the front saved in a folder after each message on a pipe; return when the pipe is closed."""
-    from hpop.cli import results, user_code
-
-    user_code.register(imports)
+    cli.user_code.register(imports)
     while os.read(pipe, 2**16):  # messages that came meanwhile count as one
         try:
             shown.publish(results.page_payload(folder / results.SAVED))

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 import click
 
+import hpop
+from hpop import cli
 from hpop.base.text import argument, shown
 from hpop.cli import results
 from hpop.cli.terminal import NO_PATH, NOTHING_FOUND, echo, imports_option, user_errors
@@ -77,28 +79,26 @@ def look(
     the nearest free position is printed (exit code 5). If no path leads from the start to a goal, that is printed too
     (exit code 6). For a MAP, start and goal are those that `hpop new` would try first.
     """
-    from hpop.cli import user_code
-    from hpop.scenario import load_scenario, new
     from hpop.view.look import look as looked
-    from hpop.view.save import save_figure
 
     if out is not None and out.suffix.lower() != ".png":
         raise OutputError(f"--out: expected a name that ends in .png, got {shown(str(out))}; the picture is a PNG file")
-    user_code.register(imports)
-    if reader is None and new.is_scenario(path):
+    cli.user_code.register(imports)
+    if reader is None and hpop.scenario.new.is_scenario(path):
         if options or resolution is not None or radius is not None:
             raise click.UsageError(
                 "--set, --resolution and --radius describe a map, but this file is a scenario, which has its own "
                 "values: leave the options out, or change the scenario"
             )
-        problem = load_scenario(path).problem
+        problem = hpop.scenario.load_scenario(path).problem
     else:
+        new = hpop.scenario.new
         given = new.GivenMap.of(path, reader, resolution, new.checked_options(options))
         problem = cast("Problem", new.first_problem(given.read(), radius))
     out = Path(f"{path.stem}_look.png") if out is None else out
     seen = looked(problem, f"{path.name}: {_size(problem)}")
     with results.output_errors(f"cannot write {out}", "choose another --out"):
-        save_figure(seen.figure, out, DPI)
+        hpop.view.save.save_figure(seen.figure, out, DPI)
     for note in (*problem.world.notes, *problem.notes, *seen.notes):
         echo(f"note: {note}")
     echo(f"written to {out}")
@@ -134,10 +134,8 @@ def new(
     ran out. The schema for editors is written beside it. A MAP is an image, GeoJSON, DXF, PDF, a ROS map or bag, a
     MovingAI grid, or a file for a reader of your own.
     """
-    from hpop.cli import user_code
-    from hpop.scenario import new as scenarios
-
-    user_code.register(imports)
+    cli.user_code.register(imports)
+    scenarios = hpop.scenario.new
     file = Path(f"{path.stem}_scenario.yaml") if out is None else out
     if file.exists():
         raise OutputError(f"{file} exists; remove it, or choose another --out")
@@ -174,15 +172,14 @@ def _write(file: Path, given: GivenMap, draft: Draft, *, chosen: bool) -> None:
 
     ``chosen`` says that hpop, not the user, chose start and goal.
     """
-    from hpop.scenario import json_schema, load_scenario, new
-
+    json_schema, new = hpop.scenario.json_schema, hpop.scenario.new
     text = new.scenario_text(given, draft, file.parent, file.name, chosen=chosen)
     with results.output_errors(f"cannot write {file}", "choose another --out"):
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text, encoding="utf-8")
         file.with_name(new.SCHEMA).write_text(json_schema.written(json_schema.scenario_schema()), encoding="utf-8")
     try:
-        load_scenario(file)
+        hpop.scenario.load_scenario(file)
     except Exception:
         file.unlink()
         raise

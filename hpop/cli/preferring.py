@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+import hpop
+from hpop import cli
 from hpop.base.text import argument
 from hpop.cli import results
 from hpop.cli.results import loaded, problem_of
@@ -77,22 +79,18 @@ class Asking:
 
     def differences(self) -> list[Difference]:
         """Compare the costs of the two trajectories of the current question."""
-        from hpop.cli.picking import differences
-
         assert self.pair is not None
-        return differences(self.front, self.pair)
+        return cli.picking.differences(self.front, self.pair)
 
     def picture(self) -> bytes:
         """Return a PNG image: a map with the two trajectories of the current question."""
         import numpy as np
 
-        from hpop.view import draw_map
-
         assert self.pair is not None
         both = self.front[np.isin(np.arange(len(self.front)), self.pair)]
         places = {name: int(row > min(self.pair)) for name, row in zip("ab", self.pair, strict=True)}
         data = io.BytesIO()
-        draw_map(self.problem, both, chosen=places).savefig(data, format="png", dpi=DPI)
+        hpop.view.draw_map(self.problem, both, chosen=places).savefig(data, format="png", dpi=DPI)
         return data.getvalue()
 
     def result(self) -> list[str]:
@@ -148,25 +146,21 @@ def prefer(
     continues. The answers and the inferred weights of costs are written to a file, for `hpop show --preference` and
     `choose` in a scenario.
     """
-    from hpop.cli import user_code
-    from hpop.cli.asking_page import serve
-    from hpop.cli.picking import print_preference
-
-    user_code.register(imports)
+    cli.user_code.register(imports)
     path, front = loaded(folder)
     problem = problem_of(path, front)
     file = path.with_name(FILE) if out is None else out
     asking = Asking(_person(front, file, question, seed), problem, front, file, most)
     try:
         if web and not asking.is_over:
-            serve(asking, port, echo)
+            cli.asking_page.serve(asking, port, echo)
         elif not asking.is_over:
             _ask(asking, path.with_name(PICTURE))
     finally:
         if asking.person.answers:
             if asking.why:
                 echo(f"no more questions: {asking.why}")
-            print_preference(asking.person, front)
+            cli.picking.print_preference(asking.person, front)
             shell = f"hpop show {argument(folder)} --web --preference {argument(file)}"
             echo(f"written: {file}; `{shell}` marks the best one on a page")
 
@@ -177,15 +171,14 @@ def _person(front: Front, file: Path, question: str, seed: int | None) -> Prefer
     Raises StudyError if the file has answers to another question, or another seed.
     """
     from hpop.base.randomness import seed_of
-    from hpop.preference import Preference
 
     if not file.exists():
         if not file.parent.is_dir():
             raise OutputError(f"cannot write {file}: its folder does not exist; create it, or choose another --out")
         seed = seed_of(None) if seed is None else seed
-        return Preference.fit(front, question=question, ties=True, seed=seed)
+        return hpop.study.Preference.fit(front, question=question, ties=True, seed=seed)
     with results.output_errors(f"cannot read {file}", "choose another --out"):
-        person = Preference.load(file).on(front)
+        person = hpop.study.Preference.load(file).on(front)
     if person.question != question or not person.ties:
         raise StudyError(
             f"{file} has answers to another question ({person.question}); give another --out, or remove that file"
@@ -203,15 +196,12 @@ def _ask(asking: Asking, picture: Path) -> None:
     """Ask the questions on the terminal. Meanwhile a file holds a map of the two trajectories."""
     from rich.console import Console
 
-    from hpop.cli.picking import pair_table
-    from hpop.cli.report import print_wide
-
     try:
         while asking.pair is not None:
             with results.output_errors(f"cannot write {picture}", "give a folder that can be written to"):
                 picture.write_bytes(asking.picture())
             echo(f"\n{asking.words}")
-            print_wide(Console(), pair_table(asking.front, asking.pair))
+            cli.report.print_wide(Console(), cli.picking.pair_table(asking.front, asking.pair))
             echo(f"both on the map: {picture}")
             asking.answer(_answered())
     finally:

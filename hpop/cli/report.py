@@ -23,6 +23,7 @@ from hpop.criteria.costs import trajectory_costs
 from hpop.frontier import hypervolume, representative
 from hpop.frontier.choices import Preferring
 from hpop.frontier.choosing import differing
+from hpop.frontier.union import JOINT
 from hpop.motions.laws import SPEED
 from hpop.problems.evaluation import criteria_of
 from hpop.problems.front import Front
@@ -30,8 +31,6 @@ from hpop.problems.problem import Problem
 from hpop.problems.recorded_visits import visit_order
 from hpop.runtime.status import Status
 from hpop.trajectories.trajectory import Trajectory
-
-# Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 MOST_ROWS = 20
 MOST_DIGITS = 7  # most digits added to distinguish costs
@@ -327,15 +326,11 @@ def _executed_table(problem: Problem, front: Front, names: Mapping[int, Sequence
 
 def is_complete(front: Front) -> bool:
     """Return whether every planner of a front has found all that it can find, or has shown that no path exists."""
-    from hpop.frontier.union import JOINT
-
     return set(front.status.split(JOINT)) <= {Status.COMPLETE, Status.NO_PATH}
 
 
 def why_nothing(status: str) -> str:
     """Return the reason why a front has no points, with advice, for a status such as "time limit"."""
-    from hpop.frontier.union import JOINT
-
     ways: dict[str, str] = {
         Status.TIME_LIMIT: "raise time_limit (s), or make the graph smaller (a larger step, fewer samples)",
         Status.LABEL_LIMIT: "raise max_labels, or make the graph smaller (a larger step, fewer samples)",

@@ -9,9 +9,8 @@ from pathlib import Path
 from tempfile import TemporaryFile, mkdtemp
 from typing import TYPE_CHECKING, Any, cast
 
+import hpop
 from hpop.errors import OutputError, UnknownName
-
-# Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 if TYPE_CHECKING:
     from hpop.preference import Preference
@@ -34,11 +33,9 @@ PICTURES = ("map.png", "front.png", "trace.png", "where.png", "side.png", "state
 @contextmanager
 def output_errors(what: str, way_out: str) -> Iterator[None]:
     """Turn an error of reading or writing a file into an OutputError that ends with the advice ``way_out``."""
-    from hpop.frontier import FrontFileError
-
     try:
         yield
-    except FrontFileError as error:
+    except hpop.frontier.FrontFileError as error:
         raise OutputError(str(error)) from None
     except OSError as error:
         raise OutputError(f"{what}: {error.strerror or error}; {way_out}") from None
@@ -131,19 +128,15 @@ def save(front: Front, out: Path) -> None:
 
 def save_page(problem: Problem, front: Front, saved: Path, preference: Preference | None = None) -> Path:
     """Write the explorer page (front.html) into the folder of a saved front; return its path."""
-    from hpop.view import save_explorer
-
-    return save_explorer(problem, front, saved.with_name(PAGE), saved=saved, preference=preference)
+    return hpop.view.save_explorer(problem, front, saved.with_name(PAGE), saved=saved, preference=preference)
 
 
 def page_payload(saved: Path) -> dict[str, Any]:
     """Return the data that the explorer page shows for a saved front."""
-    from hpop.problems.front import Front
-    from hpop.problems.problem import Problem
-    from hpop.view.explorer.payload import payload
-
-    front = Front.load(saved)
-    return payload(Problem.from_description(front.problem or {}), front, saved=str(saved))
+    front = hpop.Front.load(saved)
+    return hpop.view.explorer.payload.payload(
+        hpop.Problem.from_description(front.problem or {}), front, saved=str(saved)
+    )
 
 
 def draw(
@@ -161,9 +154,8 @@ def draw(
     """
     drawn: list[Path] | None = None
     try:
-        from hpop.view import save_pictures
-
-        drawn = save_pictures(problem, front, out, map_alone=map_alone, max_memory=max_memory, preference=preference)
+        options: dict[str, Any] = {"map_alone": map_alone, "max_memory": max_memory, "preference": preference}
+        drawn = hpop.view.save_pictures(problem, front, out, **options)
         if not map_alone:
             drawn.append(save_page(problem, front, out / SAVED, preference))
         return [path.name for path in drawn]
@@ -174,11 +166,9 @@ def draw(
 
 def loaded(folder: Path) -> tuple[Path, Front]:
     """Load a saved front, given its folder or its file; return the path of the file, and the front."""
-    from hpop.problems.front import Front
-
     path = folder / SAVED if os.path.isdir(folder) else folder
     with output_errors(f"cannot read {path}", "give the folder that `hpop plan` wrote"):
-        return path, Front.load(path)
+        return path, hpop.Front.load(path)
 
 
 def problem_of(path: Path, front: Front) -> Problem:
@@ -186,9 +176,7 @@ def problem_of(path: Path, front: Front) -> Problem:
 
     Raises UnknownName if a criterion of the user is not imported.
     """
-    from hpop.problems.problem import Problem
-
     try:
-        return Problem.from_description(front.problem or {})
+        return hpop.Problem.from_description(front.problem or {})
     except UnknownName as error:
         raise UnknownName(f"{path} was planned with a criterion that is unknown here: {error}") from None

@@ -9,12 +9,12 @@ from typing import Any
 
 import click
 
+import hpop
+from hpop import cli, problems
 from hpop.cli import results
 from hpop.cli.results import SAVED, loaded, problem_of
 from hpop.cli.terminal import echo, imports_option, rows_option, user_errors
 from hpop.runtime.status import Progress, progress_bar
-
-# Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 
 @click.command()
@@ -50,14 +50,9 @@ def retime(
     FOLDER holds the front that `hpop plan` wrote. The paths stay. Each point of the new front is the gentlest profile
     for its duration; it is written to a folder that `hpop show` and other commands can read.
     """
-    from hpop.cli import report, user_code
-    from hpop.problems.named_rows import named_rows
-    from hpop.problems.problem import Problem
-    from hpop.problems.retiming import retime as profiles
-
-    user_code.register(imports)
+    cli.user_code.register(imports)
     path, front = loaded(folder)
-    problem, chosen = problem_of(path, front), named_rows(front, rows)
+    problem, chosen = problem_of(path, front), problems.named_rows.named_rows(front, rows)
     out = path.parent / "retimed" if out is None else out
     results.check_writable(out)
     click.get_current_context().with_resource(results.held(out))
@@ -66,10 +61,10 @@ def retime(
         for row in chosen:
             progress(Progress(f"speed profiles of {row}"))
             options: dict[str, Any] = {"discomfort": discomfort, "points": points, "slowest": slowest, "jerk": jerk}
-            fronts.append(profiles(problem, row.point.trajectory, **options))
+            fronts.append(hpop.retime(problem, row.point.trajectory, **options))
     found = reduce(or_, fronts)
     results.save(found, out)
-    again = Problem.from_description(found.problem or {})
-    report.print_front(again, found, saved=out / SAVED)
+    again = hpop.Problem.from_description(found.problem or {})
+    cli.report.print_front(again, found, saved=out / SAVED)
     drawn = results.draw(again, found, out)
     echo(f"written to {out}: {', '.join([SAVED, *drawn])}")

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import hpop
+from hpop import cli, problems, runtime
 from hpop.cli.results import RIDE, loaded, problem_of
 from hpop.cli.terminal import echo, imports_option, open_page, user_errors
 from hpop.runtime import status
-
-# Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 if TYPE_CHECKING:
     from hpop.problems.front import Front
@@ -48,16 +48,12 @@ def film(
     width: int,
 ) -> None:
     """Write a 360 degree video of one row (by default the knee), its frames as PNG files, or both; print the names."""
-    from hpop.problems.named_rows import named_rows
-    from hpop.view import save_frames, save_video
-    from hpop.view.ride.scene import ViewScene
-
     if len(rows) > 1:
         raise click.UsageError(f"a video shows one row, got {len(rows)}: {', '.join(rows)}; run the command for each")
-    (row,) = named_rows(front, rows or ["knee"])
-    for note in ViewScene.of(problem).notes:
+    (row,) = problems.named_rows.named_rows(front, rows or ["knee"])
+    for note in hpop.view.ride.scene.ViewScene.of(problem).notes:
         echo(f"note: {note}")
-    for save, target in ((save_video, video), (save_frames, frames)):
+    for save, target in ((hpop.view.save_video, video), (hpop.view.save_frames, frames)):
         if target is None:
             continue
         with status.progress_bar() as progress:
@@ -131,8 +127,6 @@ def ride(
     trajectories and compare them. With --serve or --cable the page is served until Ctrl-C instead. With --video or
     --frames a 360 degree video of one row is made.
     """
-    from hpop.cli import user_code
-
     filmed, served = video is not None or frames is not None, serve or cable
     if filmed and (served or out is not None or blind or opens):
         raise click.UsageError(
@@ -140,7 +134,7 @@ def ride(
         )
     if served and (out is not None or opens or (serve and cable)):
         raise click.UsageError("give only one of --serve and --cable; a served page has no --out and no --open")
-    user_code.register(imports)
+    cli.user_code.register(imports)
     path, front = loaded(folder)
     problem = problem_of(path, front)
     if filmed:
@@ -153,11 +147,8 @@ def ride(
 
 def _say(problem: Problem, front: Front, rows: Sequence[str]) -> str:
     """Print the letter of each trajectory on the page, and notes on inexact drawings; return their number as text."""
-    from hpop.problems.named_rows import named_rows
-    from hpop.view.ride.scene import ViewScene
-
-    chosen = named_rows(front, rows)
-    for note in ViewScene.of(problem).notes:
+    chosen = problems.named_rows.named_rows(front, rows)
+    for note in hpop.view.ride.scene.ViewScene.of(problem).notes:
         echo(f"note: {note}")
     for name, row in zip("ABCDEFGH", chosen, strict=False):
         echo(f"{name} is {row}")
@@ -165,9 +156,8 @@ def _say(problem: Problem, front: Front, rows: Sequence[str]) -> str:
 
 
 def _write(problem: Problem, front: Front, rows: Sequence[str], out: Path, *, blind: bool, opens: bool) -> None:
-    from hpop.view import save_ride
 
-    written = save_ride(problem, front, out, rows=rows, blind=blind)
+    written = hpop.view.save_ride(problem, front, out, rows=rows, blind=blind)
     echo(f"written: {written}, to ride along {_say(problem, front, rows)} in a browser")
     if opens:
         open_page(written)
@@ -175,17 +165,14 @@ def _write(problem: Problem, front: Front, rows: Sequence[str], out: Path, *, bl
 
 def _serve(problem: Problem, front: Front, rows: Sequence[str], *, blind: bool, cable: bool, port: int) -> None:
     """Serve the page until Ctrl-C, and print how to open it in a headset."""
-    from hpop.cli.serving import EVERYWHERE, OnePage, certificate_for, own_address
-    from hpop.runtime.page_server import LOCAL
-    from hpop.view.ride.page import ride_page
-
-    page = ride_page(problem, front, rows=rows, blind=blind).encode()
+    serving, local = cli.serving, runtime.page_server.LOCAL
+    page = hpop.view.ride.page.ride_page(problem, front, rows=rows, blind=blind).encode()
     if cable:
-        host, certificate = LOCAL, None
+        host, certificate = local, None
     else:
-        host, certificate = own_address(), certificate_for(own_address())
-    everywhere = LOCAL if cable else EVERYWHERE
-    with OnePage(page, host=everywhere, port=port, names=[host], certificate=certificate) as server:
+        host, certificate = serving.own_address(), serving.certificate_for(serving.own_address())
+    everywhere = local if cable else serving.EVERYWHERE
+    with serving.OnePage(page, host=everywhere, port=port, names=[host], certificate=certificate) as server:
         _say(problem, front, rows)
         here = server.server_address[1]
         if certificate is None:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+import hpop
+from hpop import cli, problems
 from hpop.base.text import counted
 from hpop.cli import results
 from hpop.cli.batching import is_batch, print_summary
@@ -103,33 +105,31 @@ def show(
     10,000 trajectories, those of the table and 10,000 others, spread over the front, are checked; --all checks all. For
     a FOLDER that `hpop batch` wrote, the summary is printed.
     """
-    from hpop.batches.results import Results
-    from hpop.cli import picking, report, user_code
-    from hpop.problems.verify import lost_trajectories, verify
-
     if rows is not None and points is not None:
         raise click.UsageError("give --rows or --points, not both")
-    user_code.register(imports)
+    cli.user_code.register(imports)
     if is_batch(folder):
-        print_summary(Results(folder))
+        print_summary(hpop.batches.Results(folder))
         return
     path, front = loaded(folder)
-    preference = picking.loaded_preference(person)
+    preference = cli.picking.loaded_preference(person)
     problem = problem_of(path, front)
-    most, checked = report.MostRows(points or rows or report.MOST_ROWS, represent=points is not None), None
+    most, checked = cli.report.MostRows(points or rows or cli.report.MOST_ROWS, represent=points is not None), None
     if len(front) > MOST_CHECKED and not every:
-        checked = _spread(front, report.shown_rows(front, most, report.marks(front, preference)))
-    _refuse_faults(path, lost_trajectories(problem, front, None if also else checked))
+        checked = _spread(front, cli.report.shown_rows(front, most, cli.report.marks(front, preference)))
+    _refuse_faults(path, problems.verify.lost_trajectories(problem, front, None if also else checked))
     echo(f"as saved in {path}, not yet checked:")
     more = _with_further(problem, front, also)
-    report.print_front(problem, more, saved=path, verbose=verbose, preference=preference, most=most)
+    cli.report.print_front(problem, more, saved=path, verbose=verbose, preference=preference, most=most)
     if preference is not None and len(front):
-        picking.print_preference(preference, more)
+        cli.picking.print_preference(preference, more)
     echo("checking costs, ends and collisions")
     with status.progress_bar() as progress:
-        faults = verify(problem, front, rows=checked, say=lambda doing: progress(Progress(f"checking: {doing}")))
+        faults = problems.verify.verify(
+            problem, front, rows=checked, say=lambda doing: progress(Progress(f"checking: {doing}"))
+        )
     _refuse_faults(path, faults)
-    number = report.how_many(front) if checked is None else f"{checked.size:,} of {report.how_many(front)}"
+    number = cli.report.how_many(front) if checked is None else f"{checked.size:,} of {cli.report.how_many(front)}"
     echo(f"verified: costs re-evaluated, ends and collisions checked for {number}")
     if checked is not None:
         echo("note: checked were the table and trajectories spread over the front; --all checks all trajectories")
@@ -189,8 +189,6 @@ def pick(
     FOLDER holds the front that `hpop plan` wrote. Give one of --least, --wish, --row, --knee and --preference;
     --at-most limits the choice. --at-most and --wish may name criteria added by --also.
     """
-    from hpop.cli import picking, user_code
-
     ways = {"--least": bool(least), "--wish": bool(wish), "--row": row is not None, "--knee": knee}
     ways["--preference"] = person is not None
     given = [name for name, is_given in ways.items() if is_given]
@@ -198,13 +196,13 @@ def pick(
         raise click.UsageError(f"give one of {', '.join(ways)}, got {' and '.join(given)}")
     if row is not None and at_most:
         raise click.UsageError("--row names one trajectory, so --at-most has no effect: give only one of these options")
-    user_code.register(imports)
+    cli.user_code.register(imports)
     path, front = loaded(folder)
     if also:
         front = _with_further(problem_of(path, front), front, also)
-    preference = picking.loaded_preference(person)
-    picked = picking.picked(front, at_most, least=least, wish=wish, row=row, preference=preference)
-    picking.print_picked(front, picked, saved=path)
+    preference = cli.picking.loaded_preference(person)
+    picked = cli.picking.picked(front, at_most, least=least, wish=wish, row=row, preference=preference)
+    cli.picking.print_picked(front, picked, saved=path)
     if csv is not None:
         table = picked.point.trajectory.table()
         table.to_csv(csv)
@@ -230,7 +228,7 @@ def _refuse_faults(path: Path, faults: list[str]) -> None:
 
 def _with_further(problem: Problem, front: Front, also: Sequence[str]) -> Front:
     """Return the front with the criteria ``also`` evaluated on its trajectories, as reported values."""
-    from hpop.problems import evaluation
-
     with status.progress_bar() as progress:
-        return evaluation.evaluated(problem, front, also, lambda done: progress(Progress("evaluation", detail=done)))
+        return problems.evaluation.evaluated(
+            problem, front, also, lambda done: progress(Progress("evaluation", detail=done))
+        )

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 import click
 
+import hpop
+from hpop import cli
 from hpop.cli.terminal import echo, user_errors
 
 # Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
@@ -28,21 +30,19 @@ def score(folder: Path) -> None:
     Writes answers.csv, scores.csv, choices.csv and answers.sqlite; free text of participants goes to remarks.csv only.
     The exit code is 17 if the front has changed since the study began.
     """
-    from hpop.study import Answers, Design
     from hpop.study.design_file import FILE
     from hpop.study.documents import locked_for_changes
-    from hpop.study.folder import front_of
 
-    design = Design.load(folder)
+    design = hpop.study.Design.load(folder)
     with locked_for_changes(folder):  # not while a participant is withdrawn
-        answers = Answers.load(folder, design)
+        answers = hpop.study.Answers.load(folder, design)
         written = answers.save_tables(folder)
     for said in (*answers.faults, *answers.notes):
         echo(f"note: {said}")
     _print_scores(answers)
     echo(f"written to {folder}: {', '.join(path.name for path in written)}")
     echo(f"{folder / FILE} says which letter is which row: to stay blind, open it only after the last session")
-    front_of(folder, design)
+    hpop.study.folder.front_of(folder, design)
 
 
 @click.command()
@@ -65,21 +65,18 @@ def report(folder: Path, named: str, method: str, correction: str | None, out: P
 
     The report has a page, tables, figures, and code that repeats the analysis.
     """
-    from hpop.study import Answers, analyse
-    from hpop.study.folder import REPORT, front_of
-
-    answers = Answers.load(folder)
-    analysis = analyse(
+    answers = hpop.study.Answers.load(folder)
+    analysis = hpop.study.analyse(
         answers.design,
         answers,
         method=cast("Method", method),
         score=_score(named),
         correction=cast("Correction | None", correction),
     )
-    page = analysis.save(out or folder / REPORT)
+    page = analysis.save(out or folder / hpop.study.folder.REPORT)
     echo(analysis.text())
     echo(f"written: {page}")
-    front_of(folder, answers.design)
+    hpop.study.folder.front_of(folder, answers.design)
 
 
 def _score(text: str) -> tuple[str, str]:
@@ -128,9 +125,6 @@ def power(
     With --people, compute the power instead: the probability that so large a study finds the difference. Both are
     simulated before the study. Give --effect, the smallest difference that would matter, or --pilot.
     """
-    from hpop.study import Answers
-    from hpop.study import power as simulated
-
     if (effect is None) == (pilot is None):
         raise click.UsageError("give either --effect or --pilot")
     shifts = None if effect is None else _shifts(effect)
@@ -141,13 +135,13 @@ def power(
         )
     if (correlation if effect is None else named) is not None:
         raise click.UsageError("give --correlation only with --effect, and --score only with --pilot")
-    found = simulated(
+    found = hpop.study.power(
         shifts,
         n=people,
         k=several if stimuli is None else stimuli,
         correlation=0.5 if correlation is None else correlation,
         test=test,
-        pilot=None if pilot is None else Answers.load(pilot).matrix(*_score(named or "ssq.total")).values,
+        pilot=None if pilot is None else hpop.study.Answers.load(pilot).matrix(*_score(named or "ssq.total")).values,
         target=target,
         seed=seed,
     )
@@ -178,11 +172,9 @@ def _print_scores(answers: Answers) -> None:
     import numpy as np
     from rich.console import Console
 
-    from hpop.cli.report import plain_table, print_wide
-
     if not answers.sessions:
         return
-    table = plain_table()
+    table = cli.report.plain_table()
     for name in ("form", "score", "before", *answers.design.letters):
         table.add_column(name, justify="left" if name in ("form", "score") else "right")
     for form in (form for form in answers.design.questionnaires if form.kind == "ratings"):
@@ -193,4 +185,4 @@ def _print_scores(answers: Answers) -> None:
             cells = [f"{np.median(column):.2f} (n {column.size})" if column.size else "-" for column in present]
             table.add_row(form.id, name, *cells)
     echo("Medians")
-    print_wide(Console(), table)
+    cli.report.print_wide(Console(), table)

@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+import hpop
+from hpop import cli, runtime
+from hpop.base.files import read_regular
 from hpop.base.text import argument, counted
 from hpop.cli.results import loaded
 from hpop.cli.study_scores import folder_argument, power, report, score
@@ -137,15 +140,12 @@ def init(
     Writes the design, the schedule, the stimuli, a page for each participant, and a copy of the front
     to a new folder DIR.
     """
-    from hpop.study import Design, Protocol
-    from hpop.study import folder as folders
-
-    folders.check_unused(folder)
+    hpop.study.folder.check_unused(folder)
     text = _consent(consent)
     path, planned = loaded(front)
     shown = _rows(planned, rows, count, by, share)
     with _beside(partial(_check_words, language, words)):
-        design = Design.of(
+        design = hpop.study.Design.of(
             planned,
             shown,
             participants=participants,
@@ -155,13 +155,13 @@ def init(
             forms=forms,
             comparisons=comparisons,
             kind="video" if video else "ride",
-            protocol=Protocol(rest_s=rest),
+            protocol=hpop.study.Protocol(rest_s=rest),
             language=language,
             seed=seed,
         )
     with status.progress_bar() as progress:
         progress(Progress("stimuli and pages"))
-        folders.prepare(design, planned, folder, words=words, progress=progress)
+        hpop.study.prepare(design, planned, folder, words=words, progress=progress)
     for note in design.notes:
         echo(f"note: {note}")
     echo(f"{participants:,} participants, {len(design.orders):,} orders of {len(design.letters)} stimuli of {path}")
@@ -179,21 +179,19 @@ def serve(folder: Path, port: int, network: bool) -> None:
     Runs until Ctrl-C. Pages are served to this machine, and to a headset on a cable after `adb reverse`; with --network
     also to other machines.
     """
-    from hpop.cli.serving import EVERYWHERE, certificate_for, context_of, own_address
-    from hpop.runtime.page_server import LOCAL
-    from hpop.study import Design
     from hpop.study.server import StudyServer, token_of
 
-    Design.load(folder)  # refuses a folder that is no study
-    here = own_address() if network else LOCAL
-    certificate = certificate_for(here) if network else None
+    serving, local = cli.serving, runtime.page_server.LOCAL
+    hpop.study.Design.load(folder)  # refuses a folder that is no study
+    here = serving.own_address() if network else local
+    certificate = serving.certificate_for(here) if network else None
     with StudyServer(
         folder,
         port=port,
-        host=EVERYWHERE if network else LOCAL,
+        host=serving.EVERYWHERE if network else local,
         names=[here],
         token=token_of(folder),
-        secured=None if certificate is None else context_of(certificate),
+        secured=None if certificate is None else serving.context_of(certificate),
         tell=lambda said: echo(f"error: {said}", err=True),
     ) as server:
         if certificate is None:
@@ -217,9 +215,7 @@ def check(folder: Path) -> None:
 
     The exit code is 17 if the front, stimuli, pages or answers of the study in DIR have faults.
     """
-    from hpop.study.folder import check as checked
-
-    found = checked(folder)
+    found = hpop.study.check(folder)
     for note in found.notes:
         echo(f"note: {note}")
     for fault in found.faults[:MOST_LINES]:
@@ -239,9 +235,7 @@ def replace(folder: Path, participant: str) -> None:
 
     PARTICIPANT is the id of the person who dropped out, such as p07. Answers so far are kept.
     """
-    from hpop.study import replace as replaced
-
-    successor = replaced(folder, participant)
+    successor = hpop.study.replace(folder, participant)
     echo(f"{participant} dropped out; {successor} takes the place, in the same order: pages/{successor}.html")
 
 
@@ -256,7 +250,6 @@ def withdraw(folder: Path, participant: str, yes: bool) -> None:
     PARTICIPANT is an id, such as p07. The data are deleted after a confirmation, or with --yes; tables and reports are
     made again without them. The next person takes the place, under another id.
     """
-    from hpop.study import withdraw as withdrawn
     from hpop.study.leaving import known_of
 
     files = known_of(folder, participant)
@@ -268,7 +261,7 @@ def withdraw(folder: Path, participant: str, yes: bool) -> None:
             )
         echo(f"this deletes for good: {', '.join(files) or 'no file, as none is left'}; tables are made again")
         click.confirm(f"delete all data of {participant}?", abort=True)
-    done = withdrawn(folder, participant)
+    done = hpop.study.withdraw(folder, participant)
     echo(f"{participant} withdrew; removed: {', '.join(done.removed) or 'no file, as none was left'}")
     if done.remade:
         echo(f"made again without {participant}: {', '.join(done.remade)}")
@@ -282,13 +275,10 @@ def _check_words(language: str, path: Path | None) -> None:
 
     ``language`` selects hpop's own texts.
     """
-    from hpop.study.words import checked_file
-    from hpop.study.words import words as shipped
-
     if path is None:
-        shipped(language)
+        hpop.study.words.words(language)
     else:
-        checked_file(path)
+        hpop.study.words.checked_file(path)
 
 
 @contextmanager
@@ -311,7 +301,6 @@ def _rows(
     front: Front, asked: list[str], count: int | None, by: str | None, share: float | None
 ) -> list[str | NamedRow]:
     """Return the rows named by --rows and, up to ``count`` in all, further rows that differ most from them."""
-    from hpop.study import pick
     from hpop.study.conditions import VIEW
 
     if asked and count is None:
@@ -325,13 +314,11 @@ def _rows(
         raise click.UsageError(
             f"--count is the number of all stimuli: expected {max(2, len(named) + len(views))} or more, got {several}"
         )
-    return [*pick(front, several - len(views), always=named, by=by or "costs", share=share), *views]
+    return [*hpop.study.pick(front, several - len(views), always=named, by=by or "costs", share=share), *views]
 
 
 def _consent(path: Path) -> str:
     """Return the text in the consent file; StudyError if it cannot be read."""
-    from hpop.base.files import read_regular
-
     try:
         return read_regular(path, MOST_CONSENT).decode()
     except OSError as error:

@@ -37,6 +37,8 @@ from hpop.planners.base import Planner, make_planner
 REGISTRIES: tuple[Registry[Any], ...] = (criteria, planners, graphs, models, goals, readers, formats)
 HOME = Path(__file__).parents[1]
 """Folder of the package hpop."""
+FIRST = ("hpop.cli.report", "hpop.scenario")
+"""Modules that import the libraries."""
 FORM = "give FILE.py, or a MODULE that Python can import from this folder"
 
 
@@ -199,7 +201,12 @@ def _only(name: str, file: Path) -> None:
 
 
 def _look_in(folder: Path) -> None:
-    """Put a folder first on the import path, as Python does for scripts."""
+    """Put a folder first on the import path, as Python does for scripts.
+
+    Libraries that hpop needs are imported before, because the folder may have files with their names.
+    """
+    for module in FIRST:
+        import_module(module)
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
     invalidate_caches()

@@ -49,12 +49,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import shapely
 from pydantic import BaseModel
 
 from hpop.base.arrays import copied
+from hpop.base.lazy import homes_of, on_first_use
 from hpop.base.options import LEAST, MOST, real
 from hpop.base.registry import criteria, models, planners, readers
 from hpop.base.text import shown
@@ -95,6 +96,13 @@ from hpop.world.geometry.shapes import check_coordinates
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
 from hpop.world.readers import geojson_content
 from hpop.world.readers.readers import read_world
+
+if TYPE_CHECKING:  # imported on first use: start-up time
+    from hpop.scenario import events as events
+    from hpop.scenario import json_schema as json_schema
+    from hpop.scenario import new as new
+
+__getattr__ = on_first_use(__name__, homes_of(__name__))
 
 SHAPES = ("box", "cylinder", "sphere", "hull")
 

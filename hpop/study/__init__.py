@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from hpop.preference import People as People
     from hpop.preference import Preference as Preference
     from hpop.preference import Prior as Prior
+    from hpop.study import folder as folder
+    from hpop.study import words as words
     from hpop.study.analysis import Analysis as Analysis
     from hpop.study.analysis import analyse as analyse
     from hpop.study.answers import Answers as Answers
@@ -39,5 +41,5 @@ if TYPE_CHECKING:
     from hpop.study.stimuli import save_stimuli as save_stimuli
 
 _HOMES = homes_of(__name__)
-__all__ = [*_HOMES]
+__all__ = [name for name, home in _HOMES.items() if home]
 __getattr__ = on_first_use(__name__, _HOMES)
