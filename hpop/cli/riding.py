@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import hpop
-from hpop import cli, problems, runtime
+from hpop import cli, problems
 from hpop.cli.results import RIDE, loaded, problem_of
 from hpop.cli.terminal import echo, imports_option, open_page, user_errors
 from hpop.runtime import status
@@ -165,13 +165,13 @@ def _write(problem: Problem, front: Front, rows: Sequence[str], out: Path, *, bl
 
 def _serve(problem: Problem, front: Front, rows: Sequence[str], *, blind: bool, cable: bool, port: int) -> None:
     """Serve the page until Ctrl-C, and print how to open it in a headset."""
-    serving, local = cli.serving, runtime.page_server.LOCAL
+    serving = cli.serving
     page = hpop.view.ride.page.ride_page(problem, front, rows=rows, blind=blind).encode()
     if cable:
-        host, certificate = local, None
+        host, certificate = serving.LOCAL, None
     else:
         host, certificate = serving.own_address(), serving.certificate_for(serving.own_address())
-    everywhere = local if cable else serving.EVERYWHERE
+    everywhere = serving.LOCAL if cable else serving.EVERYWHERE
     with serving.OnePage(page, host=everywhere, port=port, names=[host], certificate=certificate) as server:
         _say(problem, front, rows)
         here = server.server_address[1]

@@ -21,7 +21,8 @@ from starlette.responses import HTMLResponse
 from starlette.routing import Route
 
 from hpop.errors import OutputError
-from hpop.runtime.page_server import LOCAL, PageServer
+from hpop.runtime.page_server import LOCAL as LOCAL
+from hpop.runtime.page_server import PageServer
 
 EVERYWHERE = "0.0.0.0"
 DAYS = 7

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 import hpop
-from hpop import cli, runtime
+from hpop import cli
 from hpop.base.files import read_regular
 from hpop.base.text import argument, counted
 from hpop.cli.results import loaded
@@ -181,14 +181,14 @@ def serve(folder: Path, port: int, network: bool) -> None:
     """
     from hpop.study.server import StudyServer, token_of
 
-    serving, local = cli.serving, runtime.page_server.LOCAL
+    serving = cli.serving
     hpop.study.Design.load(folder)  # refuses a folder that is no study
-    here = serving.own_address() if network else local
+    here = serving.own_address() if network else serving.LOCAL
     certificate = serving.certificate_for(here) if network else None
     with StudyServer(
         folder,
         port=port,
-        host=serving.EVERYWHERE if network else local,
+        host=serving.EVERYWHERE if network else serving.LOCAL,
         names=[here],
         token=token_of(folder),
         secured=None if certificate is None else serving.context_of(certificate),
