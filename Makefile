@@ -35,6 +35,7 @@ bench: $(TOOLS)
 	$(BIN)/python benchmarks/many_queries.py --out out/bench/many_queries.json
 	$(BIN)/python benchmarks/batch.py --out out/bench/batch.json
 	$(BIN)/python benchmarks/speeds.py --out out/bench/speeds.json
+	$(BIN)/python benchmarks/tours.py --out out/bench/tours.json
 	$(BIN)/python benchmarks/graph.py --out out/bench/graph.json
 	$(BIN)/python benchmarks/general.py --out out/bench/general.json
 	$(BIN)/python benchmarks/optimisers.py --out out/bench/optimisers.json

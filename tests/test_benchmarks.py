@@ -80,6 +80,21 @@ def test_make_bench_fails_on_a_regression_and_still_writes_what_it_measured(
     assert json.loads(out.read_text())["instances"] == [worse]
 
 
+def test_the_benchmark_of_tours_counts_a_layer_for_each_set_of_visited_stops(module):
+    tours = module("tours")
+    alone, in_order, free = (tours.searched(tours.Case(1.0, *case)) for case in ((0,), (3, "given"), (3, "any")))
+    assert [figures["layers"] for _, figures in (alone, in_order, free)] == [1, 4, 8]
+    states = alone[1]["nodes"]
+    for _, figures in (in_order, free):
+        assert figures["nodes"] == figures["layers"] * states + 1  # and the goal from which stops could be skipped
+        assert figures["labels"] >= figures["front"] > 0
+    # Each given tour is also one in any order, and each tour is a path without stops.
+    for better, worse in ((free, in_order), (alone, free)):
+        costs = better[0].costs
+        assert all((costs <= row).all(axis=1).any() for row in worse[0].costs)
+    assert set(tours.measured(tours.Case(1.0, 1))) >= {"build_s", "search_s", "own_mb", "process_mb", "prototype_s"}
+
+
 def test_make_bench_runs_every_benchmark_that_writes_its_figures():
     texts = {file.name: file.read_text() for file in BENCHMARKS.glob("*.py")}
     writing = {name for name, text in texts.items() if '"--out", type=Path' in text and "png" not in text}
