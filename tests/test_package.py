@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import re
 import shutil
 import subprocess
@@ -177,60 +176,6 @@ def test_all_that_is_asked_for_is_pinned() -> None:
         text for asked in PROJECT["optional-dependencies"].values() for text in asked
     ]
     assert distributions(everything) - {"hpop"} <= pinned
-
-
-# Imports inside functions
-
-
-def unexplained(source: str) -> list[int]:
-    """Lines of the imports of hpop inside functions that have no reason.
-
-    The reason is a comment on their line, above them or above the first of consecutive ones, or one for the whole file,
-    which says "imported inside functions".
-    """
-    lines = ["", *source.splitlines()]
-    if any(line.startswith("#") and "imported inside functions" in line for line in lines):
-        return []
-    functions = [f for f in ast.walk(ast.parse(source)) if isinstance(f, ast.FunctionDef | ast.AsyncFunctionDef)]
-    imports = {
-        node.lineno: int(node.end_lineno or 0)
-        for function in functions
-        for node in ast.walk(function)
-        if (isinstance(node, ast.ImportFrom) and (node.level or str(node.module).split(".")[0] == "hpop"))
-        or (isinstance(node, ast.Import) and any(alias.name.split(".")[0] == "hpop" for alias in node.names))
-    }
-    found, explained = [], 0  # the last line of an import with a reason
-    for begin, end in sorted(imports.items()):
-        above = lines[begin - 1].lstrip().startswith("#") or explained == begin - 1
-        if above or any("#" in line for line in lines[begin : end + 1]):
-            explained = end
-        else:
-            found.append(begin)
-    return found
-
-
-FUNCTION = "def f():\n"
-
-
-@pytest.mark.parametrize(
-    ("source", "lines"),
-    [
-        ("import hpop\n" + FUNCTION + "    import numpy\n", []),
-        (FUNCTION + "    import hpop.view\n", [2]),
-        (FUNCTION + "    from hpop import view\n    from .a import b\n", [2, 3]),
-        (FUNCTION + "    from hpop import view  # slow\n    from hpop.a import b\n\n    from hpop.c import d\n", [5]),
-        (FUNCTION + "    # slow\n    from hpop import (\n        a,\n    )\n    from hpop.a import b\n", []),
-        ("class A:\n    async def f():\n        if 1:\n            from hpop import a\n", [4]),
-        ("# Heavy modules are imported inside functions: slow.\n" + FUNCTION + "    from hpop import a\n", []),
-    ],
-)
-def test_what_has_a_reason_to_be_imported_in_a_function(source: str, lines: list[int]) -> None:
-    assert unexplained(source) == lines
-
-
-def test_hpop_is_imported_at_the_top_of_files_or_with_a_reason_elsewhere() -> None:
-    paths = sorted((ROOT / "hpop").rglob("*.py"))
-    assert [f"{path.relative_to(ROOT)}:{line}" for path in paths for line in unexplained(path.read_text())] == []
 
 
 # The release
