@@ -42,7 +42,7 @@ MAKING = "the bodies of the world were made"
 def solid_bodies(obstacles: Sequence[Obstacle], raster: Raster | None) -> tuple[Solid, ...]:
     """Return all obstacles as named convex bodies: solids, convex pieces of prisms, and boxes over occupied cells.
 
-    Raises MapError for more than `MOST_BODIES`.
+    Raises MapError for more than `MOST_BODIES` bodies of prisms and solids, or of cells.
     """
     bodies: list[Solid] = []
     solid_count = 0
@@ -58,7 +58,10 @@ def solid_bodies(obstacles: Sequence[Obstacle], raster: Raster | None) -> tuple[
 
 
 def closed_bodies(content: Content, keep_out: BaseGeometry) -> tuple[Solid, ...]:
-    """Return keep-out zones and standing people as tall columns, which robots must avoid as they avoid obstacles."""
+    """Return keep-out zones and standing people as tall columns, which robots must avoid as they avoid obstacles.
+
+    ``keep_out`` is the region of the world's own, m, in addition to the zones of the content.
+    """
     bodies = []
     for index, person in enumerate(content.people):
         if not person.moves:
@@ -161,7 +164,7 @@ def _is_rectangle(corners: FloatArray) -> bool:
 
 
 def _boxes(raster: Raster) -> Iterator[Solid]:
-    """Yield boxes that cover the occupied cells between the heights of the raster."""
+    """Yield boxes that cover the occupied cells between the heights of the raster; see `ENDLESS` for infinite ones."""
     rectangles = _rectangles(raster.cells)
     _check_count(len(rectangles), "cells")
     bottom = max(raster.z_min, min(-ENDLESS, raster.z_max - ENDLESS))

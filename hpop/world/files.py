@@ -158,7 +158,7 @@ def sha256(data: bytes) -> str:
 
 
 def file_source(reader: str, path: str | Path, options: dict[str, Any], *contents: bytes) -> dict[str, Any]:
-    """Return a world's description by its files: reader, absolute path, options, and the hashes of all files read."""
+    """Return a world's description by its files: reader, absolute path, options, and SHA-256 of all files' contents."""
     return {
         "kind": reader,
         "path": os.path.abspath(path),
@@ -171,7 +171,7 @@ def place_seen_from(folder: str, path: str) -> str:
     """Return the path of a file relative to a folder.
 
     If the file is in the home folder but ``folder`` is not, the path begins with ~. If they are on different drives, it
-    is the file name alone. So the result, which is saved in files that people share, names neither user nor machine.
+    is the file name alone. So the result, which is saved in files that people share, does not show the home folder.
     """
     home = os.path.abspath(os.path.expanduser("~"))
     try:
@@ -217,6 +217,7 @@ def _lies_in(folder: str, path: str) -> bool:
 def extract(module: str, path: str | Path, data: bytes, options: dict[str, Any]) -> ChildAnswer:
     """Read a file with a module of `hpop.apart` in a child process, and return its contents; `MapError` if invalid.
 
+    ``data`` are the bytes of the file, ``options`` those of the module's function ``extract``.
     Meanwhile the time and memory limits of the running plan are checked. If one is exceeded, the child process is
     killed.
     """

@@ -39,7 +39,7 @@ Heights = tuple[float, float]
 
 
 class Cache:
-    """Cache of values by key, limited in bytes: the least recently used values are dropped first, the newest never.
+    """Cache of values by key, limited in bytes: least recently used values are dropped first, the last one used never.
 
     A cache created ``beside`` another one shares its limit and lock. So all worlds on one ground together stay within
     one limit.
@@ -69,7 +69,7 @@ class Cache:
             return value
 
     def find(self, key: Hashable) -> Any:
-        """Return the value of a key, or None."""
+        """Return the value of a key, which then counts as just used, or None if it is missing."""
         with self._budget.lock:
             if key not in self._values:
                 return None
@@ -147,7 +147,7 @@ def check_area(name: str, area: BaseGeometry) -> None:
 
 
 def check_size(extent: BaseGeometry) -> None:
-    """Raise MapError for a world larger than any building."""
+    """Raise MapError for an extent more than `LARGEST` m across: its coordinates are not in metres."""
     x_min, y_min, x_max, y_max = extent.bounds
     if max(x_max - x_min, y_max - y_min) > LARGEST:
         raise MapError(
@@ -315,12 +315,12 @@ class Ground:
         return self.derived(("free", layer), make)
 
     def free_region(self, layer: Layer, closed: BaseGeometry | None = None) -> BaseGeometry:
-        """Return the extent, m, less a layer (obstacles in a range of heights) and the region ``closed`` if given."""
+        """Return the extent, m, less the obstacles of a layer, and less the region ``closed`` if given."""
         solid = self._solid(layer)
         return without(self.extent, solid if closed is None else union([solid, closed]))
 
     def beside_cells(self, layer: Layer) -> FreeSpace | None:
-        """Return the extent less the prisms in a range of heights, ignoring occupied cells; None without prisms."""
+        """Return the extent less the prisms of a layer, ignoring its occupied cells; None without prisms."""
         if not layer.prisms:
             return None
         solid = union([self.obstacles[i].polygon for i in layer.prisms])
@@ -329,9 +329,10 @@ class Ground:
     def cell_space(
         self, layer: Layer, rest: FreeSpace | None, closed: BaseGeometry | None = None, before: CellSpace | None = None
     ) -> CellSpace | None:
-        """Return the free space in a range of heights in the form for cells, in which a few changed cells cost little.
+        """Return the free space in a range of heights as a `CellSpace`, in which a few changed cells cost little.
 
-        Return None if this form does not apply: without cells, or if an edge is not parallel to an axis.
+        Return None if this is impossible: without cells, with an extent that is not their rectangle, or if an edge of
+        the cells or of ``rest`` is not parallel to an axis.
 
         Parameters
         ----------

@@ -154,6 +154,9 @@ class FromCells:
 def occupied_cells(data: Any, thresholds: tuple[float, float], *, unknown_is_free: bool) -> BoolArray:
     """Return which cells (H, W) are occupied, given occupancy in percent, or -1 for unknown.
 
+    Thresholds are (free, occupied), see `FromCells.from_occupancy_grid`. Cells between them, and cells of -1, are
+    unknown; they are occupied unless ``unknown_is_free``.
+
     Data of type bool are returned unchanged. Raises MapError for other data.
     """
     try:

@@ -174,7 +174,7 @@ class World(FromCells, FromFiles):
 
     @property
     def raster(self) -> Raster | None:
-        """Return the occupancy cells."""
+        """Return the occupancy cells, or None in a world without them."""
         return self.ground.raster
 
     @property
@@ -213,9 +213,10 @@ class World(FromCells, FromFiles):
 
     @property
     def for_robots(self) -> World:
-        """Return the world for collision checks of the robot, as prepared by :meth:`keeping`.
+        """Return the world for collision checks of the robot, with the margin and people set by :meth:`keeping`.
 
-        Standing people are enlarged by the margin, except people that the robot touches at its start.
+        Its people are left out; a standing person becomes a keep-out zone, enlarged by the margin. Standing people that
+        the robot touches at its start are no obstacles in it. Without a margin and such people it is this world itself.
         """
         content = self.content
         if not content.left and not (content.kept and content.bodies):
@@ -228,10 +229,10 @@ class World(FromCells, FromFiles):
         return self.derived(("for robots",), make)
 
     def keeping(self, margin: float, left: tuple[int, ...] = ()) -> World:
-        """Return the world for a robot that keeps a margin, m, from standing people.
+        """Return this world with the margin, m, that a robot keeps from standing people; see :meth:`for_robots`.
 
-        ``left`` are indices of people that the robot touches at its start; no margin is kept from them, so that the
-        robot can move away.
+        ``left`` are indices of standing people that the robot touches at its start. They are no obstacles in
+        :meth:`for_robots`, so that the robot can move away from them.
         """
         content = self.content
         if (content.kept, content.left) == (margin, left):
@@ -282,9 +283,10 @@ class World(FromCells, FromFiles):
     def segments_free(
         self, x0: Column, y0: Column, x1: Column, y1: Column, margin: float, *, z: Heights = WHOLE
     ) -> BoolArray:
-        """Return which straight segments (M,) lie in the extent, at least ``margin`` (m) from blocked regions.
+        """Return which straight segments (M,) keep ``margin`` (m) from blocked regions and from the extent's border.
 
-        The margin may be missed by 1e-9 m.
+        Segments run from (x0, y0) to (x1, y1), columns (M,) in metres; those beyond the extent are not free. The margin
+        may be missed by 1e-9 m.
         """
         if not margin >= 0:
             raise OptionError(f"margin must be a distance of at least 0 m; got {shown(margin)}.")
@@ -294,7 +296,7 @@ class World(FromCells, FromFiles):
 
     @property
     def contents(self) -> frozenset[str]:
-        """Return the kinds of content that this world has, such as "landmarks"; a criterion may require some."""
+        """Return the kinds of content that this world has: "obstacles", "keep_out", and those of `Content.present`."""
         present = {
             "obstacles": self.obstacles or self.raster is not None,
             "keep_out": not (self.keep_out.is_empty and all(z.kind != "keep-out" for z in self.content.zones)),
@@ -309,7 +311,10 @@ class World(FromCells, FromFiles):
         landmarks: Iterable[Landmark] = (),
         zones: Iterable[Zone] = (),
     ) -> World:
-        """Return the world with this content instead: people, conversations (indices into people), landmarks, zones."""
+        """Return the world with this content in place of all it had; kinds that are not given are empty.
+
+        ``groups`` are conversations: each lists the indices of two or more people.
+        """
         content = Content(people, groups, landmarks, zones)  # type: ignore[arg-type]  # it makes tuples of them
         world = replace(self, content=content)
         return copied(world, source=self.source)

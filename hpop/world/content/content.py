@@ -113,8 +113,8 @@ class Content:
     groups     conversations: each a tuple of two or more indices into ``people``
     landmarks  objects that the viewer may want to see
     zones      areas of the floor with rules for robots
-    left       set by a `Problem`: indices of standing people that the robot touches at its start. They do not block
-               it, so that it can leave.
+    left       set by a `Problem`: indices of standing people that the robot touches at its start. It may move away
+               from each of them, as long as the gap does not shrink.
     kept       set by a `Problem`: clearance, m, that the robot keeps from standing people
     """
 
@@ -146,7 +146,10 @@ class Content:
 
     @cached_property
     def closed(self) -> BaseGeometry:
-        """Return the region, m, that the robot must not enter: keep-out zones and the bodies of standing people."""
+        """Return the region, m, that the robot must not enter: keep-out zones and the bodies of all standing people.
+
+        Bodies are not enlarged by ``kept``, and people in ``left`` are among them; see `World.for_robots`.
+        """
         zones = [zone.area for zone in self.zones if zone.kind == "keep-out"]
         bodies = [_body(person, 0.0) for person in self.people if not person.moves]
         return shapely.union_all([*zones, *bodies]) if zones or bodies else MultiPolygon()
@@ -171,7 +174,7 @@ class Content:
 
     @property
     def present(self) -> frozenset[str]:
-        """Return the kinds of content that this world has, such as "groups"; a criterion may require some of them."""
+        """Return the kinds of content that there are, such as "groups" or "speed zones"; a criterion may need some."""
         kinds = {
             "people": bool(self.people),
             "moving people": any(person.moves for person in self.people),
@@ -183,7 +186,10 @@ class Content:
         return frozenset(name for name, there in kinds.items() if there)
 
     def describe(self) -> dict[str, Any]:
-        """Return a JSON-able description; :meth:`build` turns it into an equal content."""
+        """Return a JSON-able description of people, groups, landmarks and zones; :meth:`build` builds them again.
+
+        The attributes ``left`` and ``kept`` are not described.
+        """
         return {
             "people": [described_person(person) for person in self.people],
             "groups": [list(group) for group in self.groups],

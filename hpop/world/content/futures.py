@@ -34,7 +34,10 @@ def named_as(what: str, name: object) -> str:
 
 
 def set_numbers(value: object, what: str, *names: str) -> None:
-    """Convert the named attributes of a frozen value to floats, so that equal values have equal descriptions."""
+    """Convert the named attributes of a frozen value to floats in place, so that equal values have equal descriptions.
+
+    Raises MapError if one is no finite number; ``what`` names the value in the message.
+    """
     for name in names:
         object.__setattr__(value, name, number(what, name, getattr(value, name)))
 
@@ -75,9 +78,9 @@ class Future:
     velocity    (x, y) m/s
     track       positions over time, instead of a velocity
     until       s   when this future ends, if the person's prediction does not end earlier; None: when that ends
-    x, y        m   where this future begins; None: at the person's position. If there is a track, they are not used:
-                the future begins at the track's position at time 0. This must be the person's position, unless x or y
-                is given
+    x, y        m   where this future begins; None: at the person's position. With a track, the future begins where
+                the track is at time 0 instead. The track must then be at the person's position, unless x or y is
+                given, whatever its value
     yaw, afterwards, spread, growth  see `Person`; None: the person's own values
     """
 
@@ -142,7 +145,7 @@ def heading_along(velocity: tuple[float, float]) -> float:
 
 
 def checked_futures(what: str, given: Any, looks_ahead: bool) -> tuple[Future, ...]:
-    """Check the futures of a person, and return them with weights normalised to sum 1.
+    """Return the futures of a person with weights normalised to sum 1; MapError unless they are a list of `Future`.
 
     With ``looks_ahead``, a future without a heading (yaw) faces in the direction of its velocity.
     """

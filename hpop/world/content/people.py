@@ -151,7 +151,7 @@ class Person:
 
     @property
     def speed(self) -> float:
-        """Return the greatest predicted speed, m/s, over all futures."""
+        """Return the greatest predicted or recorded speed, m/s, over all futures; 0 for a standing person."""
         if self.futures:
             return max(person.speed for _, person in self.hypotheses)
         return math.hypot(*self.velocity) if self.track is None else self.track.speed
@@ -279,7 +279,7 @@ class Person:
         return self.yaw if along is None else np.arctan2(along[1], along[0])
 
     def there(self, t: Column) -> Column:
-        """Return 1 at times t, s, when the person is present, else 0; a single 1.0 for a person who is always present.
+        """Return 1 where the person is present at times t (N,), s, else 0; one 1.0 for a person who is always present.
 
         A person with a track is absent before its first time. A person who is "gone" afterwards is absent after
         ``until``.

@@ -77,7 +77,7 @@ class WalkedPath:
 
     @classmethod
     def of(cls, person: Person, bounds: tuple[float, float, float, float]) -> WalkedPath | None:
-        """Return the path of a person with one future, long enough to leave the bounds; None for a standing person."""
+        """Return the whole track of a person with one future, or its line to beyond the bounds; None if it stands."""
         if person.track is not None:
             track = person.track.later(0.0)
             points = np.stack([track.x, track.y], axis=1)
@@ -117,7 +117,7 @@ class WalkedPath:
         return None
 
     def leaves(self, area: BaseGeometry) -> float | None:
-        """Return the distance along the path, m, at which it leaves an area: 0 if it starts outside, None if never."""
+        """Return the distance along the path, m, where it first leaves an area: 0 if never inside, None if it stays."""
         spans = self._spans(area)
         if not spans:
             stays = self.lengths[-1] == 0.0 and area.covers(shapely.Point(self.points[0]))
@@ -156,7 +156,7 @@ class WalkedPath:
 
 
 class End(NamedTuple):
-    """End of a prediction: name of the person, time, s, reason (a key of ENDS), and whether the person then stays."""
+    """End of a prediction: name of the person, time, s, reason (a key of ENDS), and "stays" or "gone" from then on."""
 
     who: str
     time: float
@@ -285,9 +285,9 @@ def _standing(person: Person, horizon: float | None, who: str) -> tuple[Person, 
 
 
 def _outside(world: World) -> tuple[World, list[Inside]]:
-    """Return the world with walking people moved out of obstacles, and the people who were within one.
+    """Return the world with walking people moved out of obstacles, and a list of all people who were within one.
 
-    Raises MapError if every walking person begins deep within an obstacle.
+    People deep inside are moved ``AWAY`` m, and stand there. Raises MapError if all walking people begin deep inside.
     """
     solid, inside, people = world.solid(*TALL), list[Inside](), list[Person]()
     walking = outside = 0
@@ -372,7 +372,7 @@ def yielding(person: Person, place: tuple[float, float], reach: float, begin: fl
 def with_stops(
     people: Sequence[Person], which: Sequence[int], place: tuple[float, float], reach: float
 ) -> tuple[Person, ...]:
-    """Return all people; those with the indices ``which`` stop before the robot, see :func:`yielding`."""
+    """Return all people; those with indices ``which`` stop before a robot that stands from now on, see `yielding`."""
     return tuple(yielding(person, place, reach) if i in which else person for i, person in enumerate(people))
 
 
@@ -383,7 +383,7 @@ def taken_to_stop(people: Sequence[Person], which: Sequence[int]) -> str:
 
 
 def _stopped(person: Person, place: tuple[float, float], reach: float, begin: float) -> Person:
-    """Return a person with one future, changed to stop before coming too near to the standing robot."""
+    """Return a person with one future, stopped before it comes too near to the standing robot, or else unchanged."""
     if person.velocity == STANDS and person.track is None:
         return person
     times = np.arange(0.0, begin + WITHIN, STEP)

@@ -73,9 +73,10 @@ def expected(people: Iterable[Person], effect: Callable[..., Column], *columns: 
 
 
 def worst(people: Iterable[Person], effect: Callable[..., Column], *columns: Column | None) -> Column:
-    """Return the largest ``effect(person, *columns)`` (N,), at least 0, over all people and all their futures.
+    """Return the largest ``effect(person, *columns)`` (N,) over all people and all their futures.
 
-    Each future counts, however unlikely. For the arguments see :func:`expected`.
+    Each future counts, however unlikely. An absent person counts as 0, so effects should not be negative. For the
+    arguments see :func:`expected`.
     """
 
     def alone(person: Person, *part: Column | None) -> Column:
@@ -95,7 +96,7 @@ def over(
     combine: Callable[[Column, Column], Column],
     *columns: Column | None,
 ) -> Column:
-    """Combine the effects (N,) of items, ``effect(item, *columns)``: a sum with np.add, a maximum with np.maximum.
+    """Combine the effects (N,) of one or more items, ``effect(item, *columns)``, by np.add (sum) or np.maximum.
 
     Columns are (N,), or None where an effect does not need them. Arrays are evaluated in blocks, which is several times
     faster. Equal consecutive samples are evaluated only once.
@@ -117,7 +118,7 @@ def over(
 
 
 def _once_a_run(function: Callable[..., Column], columns: list[Column | None]) -> Column:
-    """Return the values (N,) of a function; consecutive equal samples are evaluated only once."""
+    """Return the values (N,) of a function of columns (N,) or None; equal consecutive samples are evaluated once."""
     given = [column for column in columns if column is not None]
     changes = np.ones(given[0].size, dtype=bool)
     changes[1:] = np.any([column[1:] != column[:-1] for column in given], axis=0)

@@ -151,7 +151,7 @@ class Field:
         return GridPoints(u, v, None if isinstance(u, casadi.SX) else casadi.horzcat(u, v).T, size)
 
     def at(self, places: GridPoints) -> Any:
-        """Return the values (M, 1) at points in grid steps, as a CasADi expression."""
+        """Return the values at points from `places`, as a CasADi expression of the shape of the columns given there."""
         u, v, points, size = places
         if points is None:
             return lift(fields.symbols.look(self, u, v), size)
@@ -173,7 +173,10 @@ class Field:
 
 
 def _step(at: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
-    """Return the sample (index) before each position (M,) on an axis of ``count`` samples, and the rest in steps."""
+    """Return the sample (index) before each position (M,) on an axis of ``count`` samples, and the distance beyond it.
+
+    Positions and distances are in grid steps. A position beyond the second or the last but one sample is moved there.
+    """
     at = np.minimum(np.maximum(at, 1.0), count - 2.0)
     before = np.fmin(at, count - 3.0).astype(np.int64)  # fmin also bounds NaN
     return before, at - before
@@ -258,7 +261,10 @@ class LazyField(Field):
         return Field, (self.values, self.spacing, self.origin)
 
     def coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Sample the blocks that the spline needs at points (M,) in grid steps; return the padded samples."""
+        """Compute the missing samples that the spline needs at points (M,) in grid steps; return all padded samples.
+
+        Samples of other blocks are 0 until they are computed.
+        """
         asked: Any = self.__dict__["_asked"]
         if not asked.all():
             rows, columns = self.__dict__["_coefficients"].shape
@@ -273,7 +279,7 @@ class LazyField(Field):
         return super().coefficients
 
     def _fill(self, wanted: Any) -> None:
-        """Compute the missing samples of the marked blocks, one thread at a time."""
+        """Compute the missing samples of the blocks that the mask ``wanted`` marks, one thread at a time."""
         with self.__dict__["_lock"]:
             self._filled(wanted)
 
@@ -333,8 +339,9 @@ class TiledField(LazyField):
         self._begin(shape, spacing, origin, (0.0, 1.0), _side=side, _sample=sample, _reads=reads, _made=made)
 
     def take_over(self, before: TiledField, boxes: IntArray) -> None:
-        """Copy all tiles that do not depend on changed inputs from ``before``, the field before the change.
+        """Copy to this field the tiles of ``before``, the field before a change, that do not depend on changed inputs.
 
+        Tiles that ``before`` has not computed are not copied.
         ``boxes`` (B, 4) enclose the changed inputs: first row and column, last row + 1 and last column + 1.
         """
         inside, old = (field.__dict__["_whole"][PAD:-PAD, PAD:-PAD] for field in (self, before))

@@ -82,7 +82,10 @@ class RasterBalls:
         return np.clip(np.where(np.abs(phi) < NOISE, 0.0, phi), 0.0, 1.0)
 
     def spans(self, rows: slice, columns: slice) -> list[tuple[int, int]]:
-        """Return the ranges of rows and of columns that the balls of a tile reach; they may lie beyond the image."""
+        """Return the ranges of rows and of columns of the image that the balls of a tile reach, or beyond the image.
+
+        The tile is given by its rows and columns in the result, which has ``pad`` more cells on every side.
+        """
         border = self._border
         return [
             (part.start - border, min(part.start + self._tile - border, size + border))
@@ -90,7 +93,7 @@ class RasterBalls:
         ]
 
     def _cells(self, rows: slice, columns: slice) -> FloatArray:
-        """Return the occupancy of the cells that the balls of a tile reach, including cells beyond the image."""
+        """Return the occupancy, 0 or 1, of the cells in the ranges `spans`, including cells beyond the image."""
         cells, spans = self._raster.cells, self.spans(rows, columns)
         out = np.full([stop - start for start, stop in spans], float(self._outside))
         inside = [(max(start, 0), min(stop, size)) for (start, stop), size in zip(spans, cells.shape, strict=True)]
@@ -167,7 +170,8 @@ def prism_obstruction(
 ) -> FloatArray:
     """Return the obstructed fraction (M,) of the ball round each camera position, like :func:`polygon_obstruction`.
 
-    The obstacles are prisms that do not overlap, as :func:`disjoint_prisms` returns them.
+    The obstacles are prisms that do not overlap: polygons ``parts``, S of them, and their heights (S, 2), m, as
+    :func:`disjoint_prisms` returns them.
     """
     columns = (np.asarray(c, dtype=np.float64) for c in (x, y, z))
     x, y, z = (np.ravel(c) for c in np.broadcast_arrays(*columns))
@@ -253,7 +257,7 @@ def _edges(geometries: Sequence[BaseGeometry]) -> tuple[FloatArray, IntArray]:
 
 
 class SolidBalls:
-    """Fraction of the ball of ``radius`` m round a point that solids fill, as a function of the point.
+    """Fraction of the ball of ``radius`` m round a point that convex bodies fill, as a function of the point.
 
     The fraction changes slowly: by at most 3/4 when the centre moves by the radius. Rays measure it at the nodes of a
     grid, a tenth of the radius apart, and smooth cubics (Catmull and Rom 1974) interpolate. A node is computed when a
@@ -285,7 +289,7 @@ class SolidBalls:
         return np.clip(share, 0.0, 1.0)
 
     def _at(self, nodes: IntArray) -> FloatArray:
-        """Return the filled fractions at nodes; one thread computes missing nodes while others wait."""
+        """Return the filled fractions at nodes, integer keys of any shape; missing ones are computed by one thread."""
         some, which = np.unique(nodes, return_inverse=True)
         with self._lock:
             place = np.minimum(np.searchsorted(self._keys, some), max(0, self._keys.size - 1))
@@ -309,6 +313,6 @@ class SolidBalls:
 
 
 def filled(world: World, radius: float) -> SolidBalls:
-    """Return the function of points that gives the fraction of a ball of ``radius`` m that solids fill; cached."""
+    """Return a function of points, cached: the fraction of the ball of ``radius`` m round each that obstacles fill."""
     ground = world.ground
     return ground.derived(("filled balls", radius), lambda: SolidBalls(surfaces_of(world), radius))

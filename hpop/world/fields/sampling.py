@@ -43,8 +43,9 @@ OBSTRUCTION = "the obstruction was sampled"
 
 
 def sample_clearance(ground: Ground, free: FreeSpace, last: tuple[FreeSpace, Field] | None) -> Field:
-    """Sample the signed clearance on a grid that reaches some cells beyond the extent; see `World.clearance_field`.
+    """Sample the signed clearance of a free space on a grid, at least 0.5 m beyond the extent.
 
+    See `World.clearance_field`.
     ``last`` is a previous free space of this ground with its samples. Samples with an unchanged nearest edge are
     copied, since they would be equal to the last bit. Blocks with other samples are computed again.
     """
@@ -73,7 +74,10 @@ def sample_clearance(ground: Ground, free: FreeSpace, last: tuple[FreeSpace, Fie
 
 
 def _near(edges: FloatArray, clearance: FloatArray, xs: FloatArray, ys: FloatArray) -> BoolArray:
-    """Return in which blocks of grid points (ys, xs) changed edges (E, 4) may change the old clearance (H, W), m."""
+    """Return a mask of the blocks, `BLOCK` samples a side, in which changed edges (E, 4) may change the clearance.
+
+    ``clearance`` (H, W), m, was sampled before the change at the points of the grid ``ys`` (H,) and ``xs`` (W,).
+    """
     rows, columns = (np.arange(0, size, BLOCK) for size in clearance.shape)
     if not len(edges):
         return np.zeros((rows.size, columns.size), dtype=bool)

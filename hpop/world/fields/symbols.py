@@ -56,7 +56,7 @@ _OPEN: ContextVar[Looks | None] = ContextVar("looks", default=None)
 
 @contextmanager
 def looking() -> Iterator[Looks]:
-    """Record all evaluations of fields with scalar symbols inside this context."""
+    """Open a context whose record gets all evaluations of fields with scalar symbols (SX) inside it."""
     looks = Looks()
     token = _OPEN.set(looks)
     try:

@@ -55,6 +55,8 @@ def meets_within(
 ) -> bool:
     """Return whether the segment from a to b meets a hull whose sides have been moved outwards by ``grown``, m.
 
+    A negative ``grown`` moves them inwards.
+
     normals  (size, 3)  outward unit normal (x, y) of each side, and its offset from the origin, m
     """
     first, last = 0.0, 1.0
@@ -87,9 +89,9 @@ def square_away(x: float, y: float, ax: float, ay: float, bx: float, by: float) 
 
 @lean
 def crosses(hull: FloatArray, slack: float, ax: float, ay: float, bx: float, by: float) -> bool:
-    """Return whether the segment between the first two corners of a hull crosses that from a to b.
+    """Return whether the segment between the first two corners of a hull crosses the segment from a to b.
 
-    All four ends must be more than ``slack``, m, beside the line of the other segment.
+    Return False if any of the four ends is within ``slack``, m, of the line of the other segment.
     """
     x, y, u, v = hull[0, 0], hull[0, 1], hull[1, 0], hull[1, 1]
     p = (u - x) * (ay - y) - (v - y) * (ax - x)
@@ -205,13 +207,16 @@ def compare_hulls(
 
 
 class Uncompiled:
-    """Number of hulls that GEOS has compared in this process, before the loop was compiled."""
+    """Number of hulls counted so far in this process; at `FEW` the loop is used, and compiled if it is not."""
 
     hulls = 0
 
 
 def is_worth_compiling(hulls: int) -> bool:
-    """Return whether the loop is compiled, on disk, or needed for so many hulls that it is to be compiled."""
+    """Count some more hulls, and return whether to compare them by the loop rather than by GEOS.
+
+    It is the loop once its compiled form is on disk, or once `FEW` hulls have been counted in this process.
+    """
     if Uncompiled.hulls < FEW and is_cached(compare_hulls):
         Uncompiled.hulls = FEW
     Uncompiled.hulls += hulls

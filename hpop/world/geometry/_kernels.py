@@ -121,7 +121,7 @@ def inside(
 
 @lean
 def within_reach(rounds: FloatArray, o: tuple[float, ...], reach: float, found: IntArray) -> int:
-    """Write to ``found`` the numbers of the bodies within ``reach`` m of the point o, and return their count."""
+    """Write to ``found`` the numbers of bodies whose bounding ball is within ``reach`` m of o; return their count."""
     count = 0
     for b in range(len(rounds)):
         x, y, z = rounds[b, 0] - o[0], rounds[b, 1] - o[1], rounds[b, 2] - o[2]

@@ -85,7 +85,7 @@ class ChangingEdges:
         return cls(keys[place], place, tree, tree)
 
     def updated(self, raster: Raster, edges: IntArray) -> ChangingEdges:
-        """Return the index for new edges (E, 4), built from the removed and added ones only, unless they are many."""
+        """Return the index for new edges (E, 4) in grid coordinates; only edges that came or went cost time, if few."""
         keys = _keys(edges)
         order = np.argsort(keys)
         now = keys[order]
@@ -104,7 +104,10 @@ class ChangingEdges:
         return distance if self.added is None else np.minimum(distance, self.added.distance(x, y))
 
     def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
-        """Update in ``relation`` (N,) whether convex hulls of corners (N, c, 2), m, meet the edges."""
+        """Update in ``relation`` (N,) which convex hulls of corners (N, c, 2), m, are within ``margin`` of the edges.
+
+        See :func:`._hulls.compare_hulls` for the values in ``relation``.
+        """
         for tree in (self.tree, self.added):
             if tree is not None:
                 tree.compare(corners, margin, relation)
@@ -143,7 +146,7 @@ class CellSpace(FreeSpace):
 
         Parameters
         ----------
-        rest : free space if only the other blocked regions count, not the cells; None without such regions
+        rest : free space if only the other blocked regions, not the cells, count; None without such regions
         outline : function that returns the whole free region, m
         before : free space of a raster on the same grid; its index is reused
         """
@@ -164,7 +167,7 @@ class CellSpace(FreeSpace):
 
     @cached_property
     def whole(self) -> FreeSpace:
-        """Return the same free space as a `FreeSpace` with one region."""
+        """Return this free space as a plain `FreeSpace`, built on first use from its whole region."""
         return FreeSpace(self.outline())
 
     @property
@@ -212,7 +215,7 @@ class CellSpace(FreeSpace):
         return result
 
     def differs(self, before: FreeSpace, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
-        """Return at which points (M,) the free space within a distance, m, may differ from a previous free space."""
+        """Return at which points (M,) the free space may differ from a previous one somewhere within ``within`` m."""
         changed = self.changed_cells(before)
         if changed is None:
             return super().differs(before, x, y, within)
@@ -223,7 +226,10 @@ class CellSpace(FreeSpace):
         return near
 
     def changed_cells(self, before: FreeSpace) -> FloatArray | None:
-        """Return boxes (B, 4), m, round all cells that have changed; None if anything besides cells has changed."""
+        """Return boxes (B, 4), m, round all cells that differ; None if anything besides cells differs.
+
+        A box is x_min, y_min, x_max, y_max.
+        """
         if not isinstance(before, CellSpace) or before.rest is not self.rest:
             return None
         return changed_boxes(before.raster, self.raster)
@@ -236,7 +242,10 @@ class CellSpace(FreeSpace):
         return free if self.rest is None else free & self.rest.shapes_free(shapes, margin)
 
     def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
-        """Update in ``relation`` (N,) whether convex hulls of corners (N, c, 2), m, meet the border."""
+        """Update in ``relation`` (N,) which convex hulls of corners (N, c, 2), m, are within ``margin`` of the border.
+
+        See :func:`._hulls.compare_hulls` for the values in ``relation``.
+        """
         if self.index is not None:
             self.index.compare(corners, margin, relation)
         if self.rest is not None:
@@ -259,7 +268,7 @@ class CellSpace(FreeSpace):
 
 
 def changed_boxes(before: Raster, after: Raster) -> FloatArray | None:
-    """Return boxes (B, 4), m, that enclose all changed cells, one per block of cells; None for different grids."""
+    """Return boxes (B, 4), m, round the changed cells, one per block of `changed_blocks`; None for different grids."""
     if not on_one_grid(before, after):
         return None
     blocks = changed_blocks(before.cells, after.cells)
@@ -279,7 +288,10 @@ BLOCK = 32  # cells along a side of a block in which changes count as one
 
 
 def changed_blocks(before: BoolArray, after: BoolArray) -> IntArray:
-    """Return bounds (B, 4) of the changed cells per block: first row, first column, last row + 1, last column + 1."""
+    """Return bounds (B, 4) of the changed cells in each block of `BLOCK` x `BLOCK` cells that has any.
+
+    A row of the result is first row, first column, last row + 1 and last column + 1.
+    """
     rows, columns = np.nonzero(before != after)
     if not rows.size:
         return np.zeros((0, 4), np.int64)

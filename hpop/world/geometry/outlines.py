@@ -34,7 +34,7 @@ MOST_SQUARES = 5 * MOST_MENDED**2
 MOST_JOINED = 100_000
 """Largest number of crossings of outlines that are joined."""
 MOST_NEAR = 200_000
-"""Largest number of overlaps of a line that is widened to a strip with itself."""
+"""Largest number of pairs of segments of a line, neighbours included, whose strips may overlap when it is widened."""
 MOST_PAIRS = 20_000_000
 """Largest number of pairs of segments whose bounding boxes overlap."""
 AT_ONCE = 1_000_000
@@ -93,7 +93,8 @@ def _lowest(rings: NDArray[np.object_]) -> IntArray:
 def check_mendable(outline: BaseGeometry, what: str) -> int:
     """Return the number of times an outline crosses itself, after checking that it can be mended in reasonable time.
 
-    Raises MapError for more than `MOST_MENDED` crossings, or too many points where it touches itself.
+    ``what`` names it in messages. Raises MapError for more than `MOST_MENDED` crossings, or too many points where it
+    touches itself.
     """
     segments = _segments([outline])
     crossings = _bound(what, "crosses itself", MOST_MENDED, (_crossings(*pair) for pair in _pairs(segments, what)))
@@ -125,13 +126,16 @@ def check_joinable(outlines: Sequence[BaseGeometry], what: str) -> None:
 
 
 def check_widenable(line: BaseGeometry, distance: float, what: str) -> None:
-    """Raise MapError if a strip of half-width ``distance``, m, along a line would overlap itself too often."""
+    """Raise MapError if a strip of half-width ``distance``, m, along a line would overlap itself too often.
+
+    Pairs of segments whose enlarged bounding boxes overlap are counted, up to `MOST_NEAR`.
+    """
     near = (len(first) for first, _ in _pairs(_segments([line]), what, margin=distance))
     _bound(what, "comes near to itself", MOST_NEAR, near)
 
 
 def _may_cross(count: Any) -> Any:
-    """Return whether outlines of ``count`` points can cross more than `MOST_JOINED` times."""
+    """Return whether outlines of ``count`` points, a number or an array, can cross more than `MOST_JOINED` times."""
     return count * count > 2 * MOST_JOINED
 
 
@@ -186,7 +190,10 @@ def _segments(outlines: Sequence[BaseGeometry]) -> FloatArray:
 
 
 def _crossings(first: FloatArray, second: FloatArray, *, touching: bool = False) -> int:
-    """Count the pairs of segments (m, 2, 2) that cross, or with ``touching`` also touch; their boxes overlap."""
+    """Count the pairs of segments (m, 2, 2) that cross, or with ``touching`` also those that touch.
+
+    The bounding boxes of each pair must overlap, as those from `_pairs` do.
+    """
     for _ in range(2):
         apart = _side(first, second[:, 0]) * _side(first, second[:, 1])
         meet = apart <= 0 if touching else apart < 0

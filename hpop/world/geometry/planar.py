@@ -79,7 +79,10 @@ class EdgeTree:
         return out
 
     def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
-        """Update in ``relation`` (N,) whether convex hulls of corners (N, c, 2), m, meet the edges."""
+        """Update in ``relation`` (N,) which convex hulls of corners (N, c, 2), m, are within ``margin`` of the edges.
+
+        See :func:`._hulls.compare_hulls` for the values in ``relation``.
+        """
         levels, count = len(self.members).bit_length() + 1, corners.shape[1]
         scratch = np.empty(2 * levels, np.int64), *np.split(np.empty((6 * count, 3)), [count, 3 * count])
         slack = SLACK * float(np.abs(self.boxes[0]).max())
@@ -167,7 +170,7 @@ class FreeSpace:
         return result
 
     def differs(self, before: FreeSpace, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
-        """Return at which points (M,) the free space within a distance, m, may differ from a previous free space.
+        """Return at which points (M,) the free space may differ from a previous one somewhere within ``within`` m.
 
         It is equal if no edge within that distance was added or removed, and the point is free in both or in neither.
         """
@@ -186,6 +189,8 @@ class FreeSpace:
 
     def segments_free(self, x0: FloatArray, y0: FloatArray, x1: FloatArray, y1: FloatArray, margin: float) -> BoolArray:
         """Return which segments (M,) lie in the free region, at least ``margin`` (>= 0, m) from its border.
+
+        The margin may be missed by `TOLERANCE`.
 
         Cheap tests decide most: a segment is free if the clearance of its midpoint exceeds the margin plus half its
         length, and not free if an end is closer than the margin. The remaining ones are looked up in the tree of edges.
@@ -212,8 +217,8 @@ class FreeSpace:
     def hulls_free(self, corners: FloatArray, margin: float) -> BoolArray:
         """Return which convex hulls of corners (N, c, 2), m, lie in the free region, ``margin`` (m) from its border.
 
-        The result equals :meth:`shapes_free`, which is slower and therefore called only for hulls whose distance from
-        the border is the margin up to rounding.
+        The result equals :meth:`shapes_free`, which is slower. It is called only while the compiled loop does not pay,
+        and for hulls that the loop cannot decide, such as those at the margin up to rounding.
         """
         hulls = geometry._hulls
         if not hulls.is_worth_compiling(len(corners)):
@@ -228,7 +233,10 @@ class FreeSpace:
         return free
 
     def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
-        """Update in ``relation`` (N,) whether convex hulls of corners (N, c, 2), m, meet the border."""
+        """Update in ``relation`` (N,) which convex hulls of corners (N, c, 2), m, are within ``margin`` of the border.
+
+        See :func:`._hulls.compare_hulls` for the values in ``relation``.
+        """
         if len(self.edges):
             self._nearest.compare(corners, margin, relation)
 

@@ -34,7 +34,7 @@ RAYS = "rays were cast"
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """Convex bodies in the form that rays need: each is the intersection of half-spaces with a cylinder or a ball.
+    """Convex bodies in the form that rays need: intersections of half-spaces, and of an endless cylinder or a ball.
 
     planes  (P, 4)    outward unit normal of each half-space, and its distance from the origin, m; body by body
     begin   (B + 1,)  index of each body's first plane
@@ -141,7 +141,7 @@ def surfaces_of(world: World) -> Surfaces:
 
 
 def rows(vector: Vector, size: int) -> FloatArray:
-    """Stack the x, y and z of a vector, columns or numbers, into rows (N, 3); OptionError for CasADi symbols."""
+    """Stack the x, y and z of a vector, columns (N,) or numbers, into rows (N, 3); OptionError for CasADi symbols."""
     if any(map(is_symbolic, vector)):
         raise OptionError(
             "rays in space need positions as numbers, but here they are variables of an optimisation; use a planner on "

@@ -70,7 +70,7 @@ def check_pose(origin: Any) -> tuple[float, float, float]:
 
 
 def check_coordinates(geometry: BaseGeometry | NDArray[np.object_], what: str) -> None:
-    """Raise MapError for coordinates beyond any building, or so small that their products underflow.
+    """Raise MapError for coordinates that are not finite, above `FARTHEST` m, or so small that products underflow.
 
     ``what`` names the geometry in the message.
     """
@@ -82,7 +82,7 @@ def check_coordinates(geometry: BaseGeometry | NDArray[np.object_], what: str) -
 
 
 def check_positive(name: str, value: Any) -> float:
-    """Return a value as a finite float above 0; a `MapError` names the quantity otherwise."""
+    """Return a value as a float from 1e-9 to 1e9; a `MapError` names the quantity otherwise."""
     return float(real(name, value, 1e-9, 1e9, "a number above 0,", error=MapError))
 
 
@@ -112,7 +112,7 @@ def check_size(height: int, width: int, what: str) -> None:
 
 
 def check_span(height: int, width: int, resolution: float, path: Any) -> None:
-    """Raise MapError if the resolution (m per cell) makes a map smaller than a robot or larger than a country."""
+    """Raise MapError if the resolution (m per cell) makes the longer side of a map less than 0.1 m or above 1000 km."""
     side = max(height, width) * resolution
     if not SMALLEST <= side <= LARGEST:
         raise MapError(
@@ -178,7 +178,10 @@ class Obstacle:
 
 
 def prisms_of(obstacles: Any) -> tuple[Obstacle, ...]:
-    """Return prisms from shapely polygons, each alone or as (polygon, (z_min, z_max)), m; MapError otherwise."""
+    """Return prisms from shapely polygons, each alone or as (polygon, (z_min, z_max)), m; MapError otherwise.
+
+    Each part of a MultiPolygon becomes a prism of its own.
+    """
     if not isinstance(obstacles, Iterable) or (isinstance(obstacles, np.ndarray) and not obstacles.ndim):
         raise MapError(
             f"obstacles must be a list of shapely polygons; got {shown(obstacles)}. Put a single polygon in brackets."

@@ -228,7 +228,7 @@ class Solid:
     def outline(self) -> Polygon:
         """Return the outline as seen from above, m: exact for boxes and hulls, else a polygon that encloses it.
 
-        The polygon is at most `SAGITTA` larger.
+        This polygon reaches at most `SAGITTA` beyond it.
         """
         if isinstance(self.shape, Sphere):
             return shapely.Polygon(self.pose[:2, 3] + _rim(self.shape.radius))
@@ -237,7 +237,10 @@ class Solid:
 
     @cached_property
     def is_upright(self) -> bool:
-        """Return whether the solid is an upright prism, so that its outline and heights describe it in full."""
+        """Return whether the solid is an upright prism, so that its outline and heights describe it in full.
+
+        An upright cylinder counts as one; a sphere never does.
+        """
         vertical = np.hypot(self.pose[0, :3], self.pose[1, :3]) <= TILT
         match self.shape:
             case Box():
@@ -358,7 +361,7 @@ def _length(what: str, value: Any) -> float:
 
 
 def _rim(radius: float) -> FloatArray:
-    """Return the corners (N, 2), m, of a polygon that encloses a circle within `SAGITTA`."""
+    """Return the corners (N, 2), m, of a polygon round a circle; they are at most `SAGITTA` off the circle."""
     excess = SAGITTA / min(radius, 1.0)
     count = max(16, 4 * math.ceil(math.pi / math.acos(1.0 / (1.0 + excess)) / 4))
     angles = 2.0 * math.pi * np.arange(count) / count

@@ -169,9 +169,9 @@ def _line(turns: IntArray, low: int, left: int, ax: float, ay: float, bx: float,
     """Add one directed line of an outline, from (ax, ay) to (bx, by), to the array ``turns`` of winding numbers.
 
     In each row that the line crosses, the next node to its right gets +1 if the line goes down, and -1 if it goes up.
-    Then the sum of a row up to a node counts how often the outline winds round the node. Rows are half open, and x is
-    computed from the lower end, so that opposite lines cancel exactly. ``turns`` begins at row ``low`` and column
-    ``left``.
+    Then the sum of a row up to a node counts how often the outline winds round the node. A row through an end of
+    the line is crossed only if this end is the lower one. x is computed from the lower end, so that opposite lines
+    cancel exactly. ``turns`` begins at row ``low`` and column ``left``.
     """
     high, right = low + turns.shape[0], left + turns.shape[1] - 1
     sign = 1
@@ -236,7 +236,10 @@ def shadows(
 
 @kernel
 def lit(turns: IntArray, split: int, out: FloatArray) -> None:
-    """Write to out (H, W) the fraction of the split x split nodes round each sample that lie in no shadow."""
+    """Add to out (H, W) the fraction of the split x split nodes round each sample that lie in no shadow.
+
+    turns  (H split, W split + 1)  as from `shadows`
+    """
     for row in range(turns.shape[0]):
         count = 0
         for column in range(turns.shape[1] - 1):
@@ -324,7 +327,7 @@ def unseen(
 ) -> None:
     """Write to out (M,) 1 - the total visibility, in [0, 1], of the landmarks within the angle of view.
 
-    The visibility of each landmark, times its weight, is a field; see `landmark_field`.
+    The visibility of each landmark, times its share of all weights, is a field; see `landmark_field`.
 
     values            (N,)    samples of all fields, one field after another, row by row; 0 beyond the windows
     windows           (L, 5)  of each field: index of its first value, first row, rows, first column, columns

@@ -102,7 +102,10 @@ class Bearings:
         return self._layers[nearest]
 
     def _inverse(self, bearing: int, read: Callable[[Field], Column], nearest: float) -> Column:
-        """Return 1 / distance (M,), 1/m, along a bearing, with distances of at least ``nearest`` m."""
+        """Return 1 / distance (M,), 1/m, along a bearing, with distances of at least ``nearest`` m.
+
+        ``read`` evaluates a field at the points of interest, see `_reader`.
+        """
         layers, count = self.layers(nearest), len(self.directions)
         plain = 1.0 / np.maximum(read(self._distances(bearing)), nearest)
         if not layers[..., 2 * count + bearing].any():
@@ -222,10 +225,11 @@ class Bearings:
 
 
 def as_seen(world: World, heights: Heights) -> World:
-    """Return a world whose `clearance` is the distance to the nearest surface that a camera sees, m.
+    """Return a world whose ``clearance(x, y, z=heights)`` is the distance to the nearest surface that a camera sees, m.
 
-    Only surfaces within a range of heights count. If the extent has no walls, the world reaches `MARGIN` beyond it. The
-    result is cached for each ground, range and class of world.
+    It has no people, landmarks and zones, but all obstacles, so ask for its clearance at the same heights. If the area
+    beyond the extent is no obstacle at these heights, the world reaches `MARGIN` beyond it. The result is cached for
+    each ground, class of world, and set of obstacles in the range of heights.
     """
     ground = world.ground
 
@@ -238,7 +242,7 @@ def as_seen(world: World, heights: Heights) -> World:
 
 
 def bearings(world: World, z: float, count: int = 16) -> Bearings:
-    """Return the distances along ``count`` bearings at height z, m; cached for each ground and height."""
+    """Return the distances along ``count`` bearings at height z, m; cached with the ground of the world."""
     z = real("the height of bearings", z, -MOST, MOST, "a length in m")
     count = whole("the number of bearings", count, 4)
 
@@ -293,7 +297,10 @@ def _cast(edges: FloatArray, x: FloatArray, y: FloatArray, directions: FloatArra
 
 
 def _is_walled(ground: Ground, heights: Heights) -> bool:
-    """Return whether the area beyond the extent is an obstacle at these heights. It is as high as occupied cells."""
+    """Return whether the area beyond the extent obstructs a camera at these heights.
+
+    Such an area has the heights of the occupied cells, and unlimited height in a world without cells.
+    """
     return ground.outside_is_obstacle and (ground.raster is None or ground.layer(heights).cells)
 
 

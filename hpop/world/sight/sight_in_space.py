@@ -49,7 +49,10 @@ def landmarks_unseen(
 
 
 def sees(world: World, pose: Pose, landmark: Landmark, size: int, *, far: float) -> FloatArray:
-    """Return 1 (N,) for camera poses in front of a landmark, within ``far`` m, with a free line to it, else 0."""
+    """Return 1 (N,) for camera poses in front of a landmark, within ``far`` m, with a free line to it, else 0.
+
+    The camera may look in any direction; :func:`in_view` tests its view. ``size`` is the number N of poses.
+    """
     offset = _from_landmark(pose, landmark, size)
     close = (np.linalg.norm(offset, axis=1) <= far) & (_in_front(offset, landmark) > 0.0)
     seen = np.zeros(size)
@@ -58,7 +61,10 @@ def sees(world: World, pose: Pose, landmark: Landmark, size: int, *, far: float)
 
 
 def in_view(pose: Pose, landmark: Landmark, size: int, fov: float, vertical: float) -> FloatArray:
-    """Return 1 (N,) where a landmark is within the angles of view, rad, about the axes of the camera, else 0."""
+    """Return 1 (N,) where a landmark is within the angles of view, rad, about the axes of the camera, else 0.
+
+    Obstacles are ignored. ``size`` is the number N of poses.
+    """
     offset = -_from_landmark(pose, landmark, size)
     along, aside, above = (np.sum(offset * rows(axis, size), axis=1) for axis in (pose.ahead, pose.left, pose.up))
     inside = np.ones(size, dtype=bool)
@@ -70,7 +76,10 @@ def in_view(pose: Pose, landmark: Landmark, size: int, fov: float, vertical: flo
 
 
 def openness(world: World, pose: Pose, size: int, radius: float) -> FloatArray:
-    """Return the visible fraction (N,), in [0, 1], of the horizontal disc of ``radius`` m around the camera."""
+    """Return the visible fraction (N,), in [0, 1], of the horizontal disc of ``radius`` m around each of N cameras.
+
+    Obstacles that contain a camera hide nothing from it.
+    """
     directions = over_sphere(RAYS, height=0.0)
     place = rows((pose.x, pose.y, pose.z), size)
     distances = surfaces_of(world).first_hits(place, np.broadcast_to(directions, (size, *directions.shape)), radius)
@@ -83,7 +92,10 @@ def _from_landmark(pose: Pose, landmark: Landmark, size: int) -> FloatArray:
 
 
 def _in_front(offset: FloatArray, landmark: Landmark) -> FloatArray:
-    """Return the cosine (N,), at least 0, of the plane angle between a landmark's front and the camera's direction."""
+    """Return the cosine (N,), at least 0, of the plane angle between a landmark's front and the offset to the camera.
+
+    Offsets are (N, 3), m. The cosine is 1 for a landmark without a front.
+    """
     if landmark.facing is None:
         return np.ones(len(offset))
     flat = np.hypot(offset[:, 0], offset[:, 1])
@@ -92,7 +104,7 @@ def _in_front(offset: FloatArray, landmark: Landmark) -> FloatArray:
 
 
 def _free(world: World, landmark: Landmark, offset: FloatArray) -> FloatArray:
-    """Return 1 (N,) where the line from a landmark to the camera enters no solid, else 0."""
+    """Return 1 (N,) where the line from a landmark to the camera, an offset (N, 3), m, enters no obstacle, else 0."""
     distance = np.linalg.norm(offset, axis=1)
     some = distance > 0.0
     directions = offset / np.where(some, distance, 1.0)[:, None]

@@ -132,7 +132,10 @@ def landmarks_unseen(
 
 
 def sees(world: World, pose: Pose, landmark: Landmark, *, far: float) -> Column:
-    """Return which poses (M,) of a camera see a landmark: from its front, within ``far`` m. Numbers only."""
+    """Return which poses (M,) of a camera see a landmark: from its front, within ``far`` m, with a free line to it.
+
+    The camera may look in any direction. Poses must be numbers, not CasADi symbols.
+    """
     dx, dy = pose.x - landmark.x, pose.y - landmark.y
     free = _by_height(pose, lambda z: line_of_sight(world, landmark, z, far)(pose.x, pose.y)) > 0.5
     close = dx * dx + dy * dy + (pose.z - landmark.z) ** 2 <= far * far
@@ -256,7 +259,7 @@ def _unseen_in_view(
 
 
 def _lit(ground: Ground, landmark: Landmark, camera_z: float, far: float) -> Window:
-    """Return the fraction of free lines of sight for each sample up to ``far`` m from a landmark in x and y."""
+    """Return a window of samples up to ``far`` m from a landmark in x and y: the fractions of free lines of sight."""
     limits.check(SIGHT)
     xs, ys, spacing = _grid(ground)
     rows, columns = _part(ground, landmark, far)
@@ -351,7 +354,7 @@ def _tiles(x: FloatArray, y: FloatArray, side: float) -> list[Any]:
 
 
 def _grid(ground: Ground, least: float = 0.0) -> tuple[FloatArray, FloatArray, float]:
-    """Return the sample positions along x and y, m, and their spacing, m, of at least ``least``."""
+    """Return the sample positions along x and along y, m, and their spacing, at least ``least`` m."""
     x0, y0, x1, y1 = ground.bounds
     spacing = max(ground.cell, least, math.sqrt((x1 - x0) * (y1 - y0) / MAX_NODES))
     xs, ys = grid_points(ground.bounds, spacing)

@@ -155,7 +155,7 @@ def _rate(text: str, source: TrackFile) -> float:
 
 
 def tracks(text: str, source: TrackFile, wanted: Sequence[Hashable] | None = None) -> Tracks:
-    """Return tracks by id, of all people or of the ``wanted`` ids; MapError for a file of another format."""
+    """Return the tracks of a CSV file by id, of all people or of the ``wanted`` ids; MapError for another format."""
     said, rows = comments_of(text, source), _rows(text, source)
     first = next(rows, None)
     if first is None:
@@ -210,7 +210,7 @@ class _Table:
 
     @classmethod
     def of(cls, rows: Iterable[Sequence[str]], places: dict[str, int], lines: _Lines, source: TrackFile) -> _Table:
-        """Collect the columns with the given indices from rows; MapError for a row that is too short."""
+        """Collect the columns from rows, ``places`` giving the index of each by name; MapError for a row too short."""
         cells: dict[str, list[str]] = {name: [] for name in places}
         columns = list(zip(cells.values(), places.values(), strict=True))
         for number, row in enumerate(islice(rows, MOST_ROWS + 1)):
@@ -242,7 +242,10 @@ class _Table:
         return numbers
 
     def times(self, second: float | None) -> tuple[FloatArray, float | None]:
-        """Return the times (N,) and the length of their unit, s; dates (ISO 8601) become seconds since 1970."""
+        """Return the column t as numbers (N,), and the length of their unit, s, or None if it is unknown.
+
+        The length is ``second``, as stated in the title. Dates (ISO 8601) become seconds since 1970, of length 1.
+        """
         first = next(iter(self.cells["t"]), "")
         if second is not None or _is_number(first) or not first[:4].isdecimal():
             return self.numbers("t"), second
@@ -338,7 +341,10 @@ def _are_whole(numbers: FloatArray) -> bool:
 
 
 def _step(who: FloatArray, when: FloatArray, x: FloatArray, y: FloatArray) -> float:
-    """Return the median distance between successive positions of a person; inf if each person has only one."""
+    """Return the median distance between successive positions of a person; inf if each person has only one.
+
+    ``who`` and ``when`` are the columns to be read as the person and the time of each row.
+    """
     order = np.lexsort((when, who))
     goes_on = np.diff(who[order]) == 0
     steps = np.hypot(np.diff(x[order]), np.diff(y[order]))[goes_on]

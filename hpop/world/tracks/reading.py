@@ -77,7 +77,10 @@ def _is_finite(value: Any) -> bool:
 
 
 def _wrong_cell(rows: Sequence[Sequence[Any]]) -> str:
-    """Describe, for an error message, the first cell of JuPedSim's tables that is no finite number."""
+    """Describe, for an error message, the first cell in rows of JuPedSim's trajectory_data that is no finite number.
+
+    If all are numbers, the frame rate (fps) in its metadata must be the faulty one.
+    """
     for number, row in enumerate(rows, 1):
         for column, value in zip(CELLS, row, strict=True):
             if not _is_finite(value):
@@ -86,7 +89,7 @@ def _wrong_cell(rows: Sequence[Sequence[Any]]) -> str:
 
 
 def is_obsmat(text: str) -> bool:
-    """Return whether a file seems to be an obsmat.txt of the ETH data set: it begins with a row of eight numbers."""
+    """Return whether a file seems to be an obsmat.txt of the ETH data set: its first row has eight values, no comma."""
     first = text.lstrip().partition("\n")[0].split()
     return len(first) == OBSMAT_COLUMNS and not first[0].startswith("#") and "," not in first[0]
 
@@ -108,7 +111,10 @@ def obsmat_tracks(text: str, source: TrackFile, wanted: Sequence[Hashable] | Non
 
 
 def is_petrack(text: str, source: TrackFile) -> bool:
-    """Return whether a file begins like a file of PeTrack: comments, then numbers separated by blanks."""
+    """Return whether a file begins like a file of PeTrack: comments, then a row of 4 or 5 values without commas.
+
+    If a comment names columns, they must be id, frame, x and y in this order.
+    """
     rows = [line for line in text[:HEAD].splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if not text.lstrip().startswith("#") or not rows or "," in rows[0] or len(rows[0].split()) not in (4, 5):
         return False

@@ -24,7 +24,7 @@ FASTEST_CAMERA = 10_000.0
 MOST_ROWS = 5_000_000
 """Largest number of rows of a file."""
 EPOCHS = {1e18: 1e-9, 1e15: 1e-6, 1e12: 1e-3, 1e9: 1.0}
-"""Unit of times since 1970, s (nanoseconds to seconds), by the number in 2001 from which times are in this unit."""
+"""Length of the unit of times since 1970, s, by the least such time in this unit: the number that it had in 2001."""
 SINCE_1970 = 1e8
 """Time, s, above which times count as times since 1970."""
 LEAVES = 10.0
@@ -65,7 +65,10 @@ class TrackFile:
         return MapError(f"the track file {named(str(self.path))} {fault}{self.hint}")
 
     def rate(self, said: float | None) -> float:
-        """Return the frames per second, from the file or the options; MapError if both are missing or they differ."""
+        """Return the frames per second: those stated in the file (``said``) or the option ``frame_rate``.
+
+        Raises MapError if both are missing or they differ, or if the file's rate is impossible.
+        """
         if said is None and self.frame_rate is None:
             raise self.error(
                 "counts frames and does not say how many there are per second; give frame_rate=, such as 25."
@@ -82,7 +85,7 @@ class TrackFile:
         return float(said if self.frame_rate is None else self.frame_rate)  # type: ignore[arg-type]  # one is there
 
     def a_metre(self, said: str | None) -> float:
-        """Return the number of units in a metre; MapError if file and options state different units."""
+        """Return the number of units in a metre; MapError if file (``said``) and options state different units."""
         if said is not None and self.unit is not None and said != self.unit:
             raise self.error(f"says that positions are in {said}, but unit is {self.unit}; leave unit out.")
         return UNITS[self.unit or said or "m"]
@@ -117,7 +120,7 @@ class _Points(NamedTuple):
 
     @property
     def goes_on(self) -> BoolArray:
-        """Mask (N - 1,) of the points that are followed by another point of the same person."""
+        """Return which points (N - 1,), of all but the last, are followed by another point of the same person."""
         return np.asarray(np.diff(self.who) == 0)
 
     @property
@@ -198,7 +201,10 @@ def _numbers(source: TrackFile, wanted: Sequence[Hashable], first: Mapping[Hasha
 
 
 def _seconds(times: FloatArray, second: float | None) -> tuple[FloatArray, list[str]]:
-    """Convert times (N,) to s, with notes; times since 1970 are shifted to begin at 0."""
+    """Convert times (N,) to s, and return them with notes; times since 1970 are shifted to begin at 0.
+
+    Times are in units of ``second`` s; if that is None, in s or in the unit guessed for times since 1970.
+    """
     begin = float(times.min())
     if second is None:
         second = next((unit for least, unit in EPOCHS.items() if least <= begin < 5 * least), 1.0)
@@ -236,7 +242,10 @@ def _without_wrong_points(points: _Points, names: Sequence[Hashable]) -> tuple[_
 
 
 def _parts(points: _Points, names: Sequence[Hashable]) -> tuple[list[list[slice]], list[str]]:
-    """Split each person's points at jumps and long absences, and return the parts and notes."""
+    """Split each person's points at jumps and long absences.
+
+    Return, for each person, the slices of ``points`` that count as different people, and notes.
+    """
     steps, goes_on = np.diff(points.t), points.goes_on
     usual = float(np.median(steps[goes_on])) if goes_on.any() else np.inf
     missing = goes_on & (steps > max(MISSING, 5 * usual))

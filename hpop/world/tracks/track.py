@@ -125,7 +125,7 @@ class Track:
     def ahead(self, t: Column) -> tuple[Column, Column] | None:
         """Return the unit vector (x, y) in which the person walks at times t, s; None if the person never walks.
 
-        At rest it is the direction of the last movement.
+        At rest it is the direction of the last movement, and before any movement that of the first.
         """
         if self._ahead is None:
             return None
@@ -133,12 +133,15 @@ class Track:
         return self._of_leg(t, ux), self._of_leg(t, uy)
 
     def later(self, t: float) -> Track:
-        """Return the track with its time ``t``, s, as the new time 0, without points that are no longer needed."""
+        """Return the track with its time ``t``, s, as the new time 0, without points before the leg at this time.
+
+        At least the last two points stay.
+        """
         first = min(max(int(np.searchsorted(self.times, t, side="right")) - 1, 0), self.times.size - 2)
         return replace(self, times=self.times[first:] - t, x=self.x[first:], y=self.y[first:])
 
     def until(self, t: float) -> Track:
-        """Return the track up to time t, s, which must be after its first time."""
+        """Return the track up to time t, s; unchanged if it ends before. MapError unless t is after its first time."""
         kept = int(np.searchsorted(self.times, t, side="left"))
         if kept == 0 or t <= self.begin:
             raise MapError(f"a track that begins at {self.begin:g} s cannot end at {t:g} s; give a later time.")
@@ -164,7 +167,8 @@ class Track:
     def _ahead(self) -> tuple[FloatArray, FloatArray] | None:
         """Return the directions (N+1,) of movement before the track, on its legs, and after it, as unit vectors.
 
-        At rest it is the direction of the last movement. Return None if the person never walks.
+        At rest it is the direction of the last movement, and before any movement that of the first. Return None if the
+        person never walks.
         """
         vx, vy = self._velocities
         speed = np.hypot(vx, vy)
