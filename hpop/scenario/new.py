@@ -208,6 +208,10 @@ planner:                        # hpop planners lists others
 #   - {{x: {problem.start[0]:.1f}, y: {problem.start[1]:.1f}, yaw: 90 deg, name: Ada}}
 # landmarks:                    # points worth seeing, for criteria such as landmark_blindness
 #   - {{x: {problem.start[0]:.1f}, y: {problem.start[1]:.1f}, name: door}}
+# tour:                         # stops on the way, in any order: within 1 m of a place, for 10 s
+#   order: any
+#   stops:
+#     - {{at: [{problem.start[0]:.1f}, {problem.start[1]:.1f}], within: 1.0, dwell: 10, name: door}}
 """
 
 
