@@ -261,5 +261,5 @@ def check_requirements(criterion: Criterion, model: Model, world: World) -> None
     usable = [name for name, substitute in substitutes.items() if not lacking(substitute.requires, model, world)]
     raise CriterionError(
         f"criterion {criterion.name!r} requires {', '.join(absent)}, which neither the model nor the world has"
-        + (f"; take {' or '.join(map(repr, usable))}" if usable else "")
+        + (f"; take {' or '.join(map(repr, usable))}" if usable else "; leave it out")
     )

@@ -134,7 +134,7 @@ def trajectory_costs(
 def _shared_costs(
     criteria: Sequence[Criterion], table: MotionTable, world: World, say: Callable[[str], None] | None
 ) -> FloatArray:
-    """Return the costs (n, k) of trajectories by criteria that add up over motions; evaluate each distinct motion once.
+    """Return the costs (n, k) of trajectories by sums, means and maxima over motions; evaluate each motion once.
 
     The cost is NaN for trajectories with curves and for criteria that depend on the time; callers compute these costs
     in another way.
@@ -163,7 +163,7 @@ def _shared_costs(
 
 
 def _own_costs(criteria: Sequence[Criterion], trajectories: Sequence[Trajectory], world: World) -> FloatArray:
-    """Return the costs (n, k) of trajectories by criteria that add up over motions.
+    """Return the costs (n, k) of trajectories by criteria that are sums, means or maxima over motions.
 
     Each motion is evaluated at its time in the trajectory, and knows the motions before and after it.
     """

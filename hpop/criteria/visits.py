@@ -55,7 +55,7 @@ def landmark_seen(
 
 
 def hidden_targets(world: World, model: Model, states: States, target: tuple[float, float, float]) -> BoolArray:
-    """Return whether solids of the world hide a target (a small ball about it) from the camera in states (N,)."""
+    """Return whether solids of the world hide a target, a ball of 5 cm radius, completely from the camera (N,)."""
     pose = model.pose("camera", states)
     camera = rows((pose.x, pose.y, pose.z), states.size)
     share = surfaces_of(world).blocked(

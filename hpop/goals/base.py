@@ -94,7 +94,7 @@ def checked_count(count: int) -> int:
 
 @checked_arguments
 def goal(name: str) -> Callable[[T], T]:
-    """Register a goal under a name: a frozen dataclass with its parameters as fields."""
+    """Return a decorator that registers a class of goals under a name: a frozen dataclass, its parameters as fields."""
 
     def declare(cls: T) -> T:
         if not is_dataclass(cls) or not all(hasattr(cls, method) for method in ("states", "reached", "describe")):
@@ -166,7 +166,8 @@ class GoalSet(GoalDefaults):
 class AnyOf(GoalDefaults):
     """Alternative goals; a trajectory must reach any one of them, such as a view of one of several cans.
 
-    Members may be goals, states, or names of these, which the problem looks up.
+    Members may be goals, ``{name of a goal: its parameters}``, states, or names of states. The problem looks them up;
+    the properties and methods below need members that are goals.
 
     >>> AnyOf("ready", [0, 0, 0]).members, AnyOf(["ready", "home"]).members
     (('ready', [0, 0, 0]), ('ready', 'home'))
@@ -196,7 +197,7 @@ class AnyOf(GoalDefaults):
         return tuple(goal for member in self.members for goal in member.alternatives())
 
     def states(self, problem: Problem, rng: RNG, count: int) -> States:
-        """Return about equally many states of each member.
+        """Return at most ``count`` states in all, about equally many of each member.
 
         Warn of members that cannot be reached; raise QueryError if no member can be reached.
         """
@@ -262,7 +263,7 @@ def checked_goal(given: Any, space: StateSpace) -> Values | Goal:
 
 @checked_arguments
 def is_named(given: Any) -> bool:
-    """Return whether a value is the name of a goal with its parameters: ``{name: {parameter: value}}``.
+    """Return whether a value has the form of a goal by name: ``{name: {parameter: value}}``, the name known or not.
 
     >>> is_named({"look_at": {"target": [1, 0, 0.5], "distance": [0.2, 0.4]}}), is_named({"x": 1.0})
     (True, False)
@@ -274,7 +275,10 @@ def is_named(given: Any) -> bool:
 
 
 def _several(given: Any, kinds: tuple[type, ...]) -> list[Any]:
-    """Return a list of goals: the members of a set, the entries of a list, or the single goal that was given."""
+    """Return a list of goals: the members of a set, the entries of a list, or the single goal that was given.
+
+    kinds  types of the entries of a list of goals; a list with any other entry, such as a number, is one goal
+    """
     if isinstance(given, GoalSet | AnyOf):
         return [
             entry for member in given.members for entry in (_several(member, kinds) if _is_set(member) else [member])

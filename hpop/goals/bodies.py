@@ -98,7 +98,7 @@ def turn_to_rates(pose: Pose, twist: Twist, axes: Axes) -> Vector:
 
 
 def _remaining_rotation(pose: Pose, axes: Axes) -> tuple[Vector, Column, Column]:
-    """Return the rotation from a body's axes to given axes: its axis times the sine, the sine, and the cosine."""
+    """Return the rotation from a body's axes to given axes: axis times sine of the angle, this sine, and the cosine."""
     own = (pose.ahead, pose.left, pose.up)
     normals = [cross(one, other) for one, other in zip(own, axes, strict=True)]
     normal = tuple(0.5 * sum(part) for part in zip(*normals, strict=True))
@@ -120,7 +120,8 @@ class LookAt(Region):
     distance         m    (least, greatest) from the camera to the target
     roll             rad  roll of the camera to the right, 0 with the horizon level; None allows any roll. It has no
                           effect if the camera looks straight up or down, within 1e-6 rad
-    angle_tolerance  rad  largest error of the view: the target's angle from its middle and the roll together
+    angle_tolerance  rad  largest error of the view: root of the sum of squares of the target's angle from the middle of
+                          the view and of the roll error
 
     The goal ignores obstacles between camera and target; the criterion ``occlusion`` measures them. A front has a note
     if nothing of the target is visible.
@@ -268,7 +269,10 @@ class PoseAt(Region):
         return self.position_tolerance, self.angle_tolerance
 
     def coordinates(self, pose: Pose) -> tuple[Column, ...]:
-        """Return the offset of the body from the position, m, and the remaining rotation, rad."""
+        """Return the offset (x, y, z) of the body from the position, m, and how far it must still turn, rad.
+
+        The latter is a rotation vector for yaw_pitch_roll, two angles (:func:`off_axis`) for a direction, else nothing.
+        """
         x, y, z = self.position
         apart = (pose.x - x, pose.y - y, pose.z - z)
         if self._axes is not None:

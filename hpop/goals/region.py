@@ -83,9 +83,9 @@ class InverseKinematics:
         return Miss(*(np.sqrt((excess[:, part] ** 2).sum(axis=1)) for part in (lengths, ~lengths)))
 
     def descend(self, rows: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Change states, given as rows (M, n), step by step until the region's coordinates are within bounds (M, k).
+        """Return states as rows (M, n), moved step by step from given rows until coordinates are within bounds (M, k).
 
-        Return the rows; some may have stopped at a local optimum outside the bounds.
+        The given rows stay as they are. Some states may stop at a local optimum outside the bounds.
         """
         least, most = self._limits
         rows, damping = rows.copy(), np.full(len(rows), DAMPING)
@@ -112,7 +112,7 @@ class InverseKinematics:
         return self._within_one_turn(rows)
 
     def distinct(self, rows: FloatArray) -> FloatArray:
-        """Return rows (N, n) without repetitions: of states nearer than `APART`, only the first is kept."""
+        """Return rows (N, n) without near repetitions: a row nearer than `APART` to an earlier row is left out."""
         from scipy.spatial import KDTree  # slow to import
 
         columns = []
@@ -161,7 +161,7 @@ class InverseKinematics:
 
 
 def sampled_space(model: Model, world: World) -> StateSpace:
-    """Return the model's state space, in which states are sampled; a mobile base is limited to the world."""
+    """Return the state space in which states are sampled: the model's, with x and y of a base limited to the map."""
     if not ({"base", "plane"} & model.provides and {"x", "y"} <= set(model.space.names)):
         return model.space
     x_min, y_min, x_max, y_max = world.bounds

@@ -291,7 +291,9 @@ class Tour:
 
     def _checked_pair(self, pair: Any) -> tuple[int, int]:
         if not isinstance(pair, Sequence) or len(pair) != 2:
-            raise QueryError(f"some must have pairs of stops, the first before the second, got {shown(pair)}")
+            raise QueryError(
+                f"each pair of an order (some) must be two stops, the first before the second, got {shown(pair)}"
+            )
         first, second = (self._index(stop) for stop in pair)
         return first, second
 
@@ -302,7 +304,8 @@ class Tour:
         if is_whole(stop) and 0 <= int(stop) < len(self.stops):
             return int(stop)
         raise QueryError(
-            f"some must name stops by an index from 0 to {len(self.stops) - 1} or by name ({', '.join(self.names)}), "
+            f"pairs of an order (some) must name stops by an index from 0 to {len(self.stops) - 1} or by name "
+            f"({', '.join(self.names)}), "
             f"got {shown(stop)}.{did_you_mean(stop, self.names)}"
         )
 
@@ -325,8 +328,8 @@ class Tour:
             if not ready:
                 cycle = self._cycle(direct)
                 raise QueryError(
-                    f"some must not contradict itself, but {' before '.join(self.names[i] for i in cycle)}; leave one "
-                    "of these pairs out"
+                    f"pairs of an order (some) must not contradict each other, but "
+                    f"{' before '.join(self.names[i] for i in cycle)}; leave one of these pairs out"
                 )
             before |= {j: frozenset(direct[j]).union(*(before[i] for i in direct[j])) for j in ready}
         return tuple(before[j] for j in range(len(self.stops)))

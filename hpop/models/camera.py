@@ -34,7 +34,8 @@ def camera_height(m: Motions) -> float:
     ends = m.camera.start.z, m.camera.end.z
     if any(map(is_symbolic, ends)) or np.ptp(np.concatenate(ends)) > LEVEL:
         raise UnsupportedCriterion(
-            "the criterion needs a camera at a constant height, but this robot moves its camera up and down"
+            "the criterion needs a camera at a constant height, but this robot moves its camera up and down; leave the "
+            "criterion out"
         )
     return float(np.round(ends[0][0], 6))
 

@@ -73,9 +73,9 @@ class Drive(LawDefaults):
         lasts, gain = end.clock - start.clock, end.speed - start.speed
         speed, yaw = start.speed + gain * share, self.interpolate("yaw", start, end, share)
         turning = self.slopes("yaw", start, end, share)[0]
-        states_after, aside = (np.cos(yaw), -np.sin(yaw)) if name == "x" else (np.sin(yaw), np.cos(yaw))
+        along, aside = (np.cos(yaw), -np.sin(yaw)) if name == "x" else (np.sin(yaw), np.cos(yaw))
         off = self.defect(name, start, end)
-        return lasts * speed * states_after + off, lasts * (gain * states_after + speed * turning * aside)
+        return lasts * speed * along + off, lasts * (gain * along + speed * turning * aside)
 
     def travel(self, start: States, end: States, lever: Column) -> Column:
         """Return an upper bound (M,), m, on the path length of a point of the robot ``lever`` metres from its axis."""

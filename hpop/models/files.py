@@ -84,7 +84,7 @@ def path_of(given: Mapping[str, Any], what: str) -> Any:
 
 
 def _has_hash(path: str, one: Mapping[str, Any]) -> bool:
-    """Return whether the file at a path has the first of a record's hashes."""
+    """Return whether the file at a path has the first of a record's hashes; True for a record without hashes."""
     try:
         return not one["sha256"] or sha256(read_regular(path, MOST_BYTES)) == one["sha256"][0]
     except (OSError, TypeError, LookupError):

@@ -94,7 +94,7 @@ class SpeedRamp(StraightGeometry):
         return (Phase(duration, 0.0 * duration, 1.0 + 0.0 * duration, "ramp", (end.speed - start.speed) / safe),)
 
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
-        """Return a state where a share of the way is done; the square of the speed grows evenly along the way."""
+        """Return the column ``name`` after a share (0 to 1) of the way; the squared speed grows evenly along it."""
         if name == SPEED:
             return np.sqrt(np.maximum(start.speed**2 + (end.speed**2 - start.speed**2) * share, 0.0))
         return linear(name, start, end, share)
@@ -217,7 +217,9 @@ def _run_end(planned: Trajectory, laws: Mapping[str, Law], begin: int) -> int:
 
 
 def _profile(way: FloatArray, limits: FloatArray, acceleration: float) -> tuple[FloatArray, FloatArray]:
-    """Return the fastest profile of a run from rest to rest: ends of its ramps and cruises, m, and the speeds there.
+    """Return the fastest profile of a run from rest to rest, as two columns.
+
+    The first has the ways, m, at which ramps and cruises begin and end, from 0 on, the second the speeds there, m/s.
 
     way     (n+1,)  m    way done at each planned state
     limits  (n,)    m/s  class of each planned motion; motions without a way do not count
@@ -256,7 +258,7 @@ def doubtful_speeds(law: Law, start: States, end: States) -> BoolArray:
 
 
 def speed_faults(speeds: Sequence[float], trajectory: Trajectory) -> Iterator[str]:
-    """Yield motions with a speed that is no class, or that changes or is kept where it may not be."""
+    """Yield a text for each speed that is no class, or that changes or is not 0 where it may not."""
     if not speeds or SPEED not in trajectory.states.names:
         return
     laws, column = laws_of(trajectory.model), trajectory.states.speed
@@ -284,7 +286,7 @@ def speed_faults(speeds: Sequence[float], trajectory: Trajectory) -> Iterator[st
 
 
 def _ramp_faults(trajectory: Trajectory, i: int, fastest: float) -> Iterator[str]:
-    """Yield faults of one executed ramp: faster than the base can drive, or speeding up harder."""
+    """Yield a text for each fault of the executed ramp ``i``: faster than the base can drive, or speeding up harder."""
     s = trajectory.states
     length = np.hypot(s.x[i + 1] - s.x[i], s.y[i + 1] - s.y[i])
     hardest = laws_of(trajectory.model)[CHANGE].acceleration  # type: ignore[attr-defined]
@@ -295,7 +297,7 @@ def _ramp_faults(trajectory: Trajectory, i: int, fastest: float) -> Iterator[str
 
 
 def neighbouring(count: int) -> IntArray:
-    """Return the changes (c, 2) between layers: 0 is rest, and 1 to ``count`` are the classes, rising."""
+    """Return all changes of speed as pairs (c, 2), from and to: 0 is rest, 1 to ``count`` are the classes, rising."""
     every = range(1, count + 1)
     pairs = [pair for i in every for pair in ((0, i), (i, 0))]
     pairs += [pair for i, j in pairwise(every) for pair in ((i, j), (j, i))]

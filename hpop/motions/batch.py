@@ -186,7 +186,10 @@ class Motions:
         return largest
 
     def moments(self, pieces: int) -> list[Instants]:
-        """Return moments (M,) that cut each phase into ``pieces`` equal times, without start and end of the motions."""
+        """Return the moments that cut each phase into ``pieces`` equal times, without start and end of the motions.
+
+        Each entry of the list has one moment of every motion (M,). Moments at which two phases meet are included.
+        """
         pieces = whole("pieces", pieces, 1, MOST_PIECES)
         shares = [(phase, i / pieces) for phase in self.phases for i in range(pieces)]
         return [self._instants(phase, share, None) for phase, share in shares[1:]]

@@ -40,7 +40,8 @@ class Body:
     turned      (M,)  rad  absolute rotation, about any axis
     rotation    (M,)  rad  signed rotation about the vertical, counter-clockwise positive
     turns       one or two columns (M,), rad: signed rotations of the turns that end in each motion, 0 for none. A turn
-                is a motion in place, or the longest stretch of a curve in which the heading changes with one sign
+                is a rotation in one motion or, along curves, the longest stretch in which the heading changes with one
+                sign
     stays       True if no motion of the batch moves the body's position
     steady      True if no motion of the batch rotates the body
     upright     True if no motion of the batch rotates it about an axis other than the vertical

@@ -66,12 +66,15 @@ CURVE_PANELS = 8  # least panels of a curve: rates have kinks where a speed chan
 
 
 def evenly(begin: FloatArray, width: FloatArray, owner: IntArray) -> FloatArray:
-    """Return the weights (P, 5) with which values at the nodes of pieces are integrated over the fraction, 0 to 1."""
+    """Return the weights (P, 5) that integrate values at the nodes of P pieces over a fraction from 0 to 1.
+
+    All pieces of a motion together have weights of sum 1, so their integral is the mean over the phase or motion.
+    """
     return width[:, None] * BOOLE
 
 
 def timed(phases: Sequence[Phase]) -> WeightsOf:
-    """Return a function for weights that turn values over the share of the motion done into integrals over time.
+    """Return a function for weights (P, 5): pieces are ranges of the share of the motion done, integrals over time, s.
 
     phases  timing of the motions, which says at what time each share is done
     """

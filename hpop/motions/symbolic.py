@@ -53,7 +53,7 @@ class SymbolicMotions:
 
     vector   all symbols as one MX vector: first the columns of the start states, then those of the end states
     motions  the batch of motions on these symbols
-    point    (2 * states * M,) the numbers for which the symbols stand, in the order of ``vector``
+    point    (2 k M,) for k state columns: the numbers for which the symbols stand, in the order of ``vector``
     """
 
     vector: Any
@@ -86,6 +86,6 @@ class SymbolicMotions:
         return casadi.Function("f", [self.vector], [expression, casadi.jacobian(expression, self.vector)])
 
     def values_and_jacobian(self, column: Column) -> tuple[FloatArray, FloatArray]:
-        """Return the numeric value (M,) of a symbolic column and its Jacobian (M, 2 * states * M) at ``point``."""
+        """Return the numeric value (M,) of a symbolic column and its Jacobian (M, 2 k M) at ``point``."""
         value, jacobian = self.function(column)(self.point)
         return np.array(value).ravel(), np.array(jacobian)

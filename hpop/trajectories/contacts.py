@@ -42,11 +42,11 @@ def contact(
 ) -> str:
     """Return a description of the first contact, or of the first distance below a margin, m; "" if there is none.
 
-    For a person with an uncertain position or several futures, it counts as contact if more than 5 % of the prediction
-    is too near. A robot that begins within a person's margin, or is approached within a second, may leave. So may a
-    robot that begins in contact (with an uncertain person, within a second), as long as its own motion does not reduce
-    the gap. Standing people are not checked, except the indices in ``left``, people that the robot touches at its
-    start.
+    ``parts`` are the upright prisms of the robot (:class:`hpop.models.base.Part`). With several futures of a person, it
+    counts as contact if more than 5 % of the prediction is too near; for an uncertain position, which is sampled, 6 %.
+    A robot that begins within a person's margin, or is approached within a second, may leave. So may a robot that
+    begins in contact (with an uncertain person, within a second), as long as its own motion does not reduce the gap.
+    Standing people are not checked, except the indices in ``left``, people that the robot touches at its start.
     """
     moments = _moments(trajectory)
     for least, what in ((0.0, "touches"), (margin, f"comes within {margin:g} m of")):
@@ -62,7 +62,8 @@ def first_contact(
 ) -> tuple[float, str] | None:
     """Return the first time, s, at which a robot is nearer than a margin, m, to any person, and the person's name.
 
-    Return None if this never happens. A robot may leave people near its start, see :func:`contact`.
+    Moving and standing people count. Return None if this never happens. A robot may leave people near its start, see
+    :func:`contact`.
 
     begin  s, of the trajectory, at which the predictions of people begin; the returned time counts from then
     """
@@ -92,7 +93,7 @@ def _earliest_contact(
     margin: float,
     left: Collection[int] = (),
 ) -> tuple[float, str] | None:
-    """Return the first time, s, at which the robot is too near to a person, and the person's name; None if never.
+    """Return the first time, s, at which a person is nearer than the margin, m, and the person's name; None if never.
 
     Moving people are checked, and standing people with indices in ``left``.
     """
@@ -108,7 +109,7 @@ def _earliest_contact(
 def _first_contact_with(
     parts: Sequence[Any], person: Person, moments: Sequence[_Moments], margin: float
 ) -> float | None:
-    """Return the first time, s, at which the robot is too near to one person, or None.
+    """Return the first time, s, at which the robot is nearer to one person than the margin, m, or None.
 
     Moments in which the robot leaves the person near its start do not count, see :func:`contact`.
     """
@@ -161,7 +162,7 @@ def _moments_of_leaving(
 def _share_too_near(
     parts: Sequence[Any], person: Person, states: States, times: FloatArray, margin: float
 ) -> FloatArray:
-    """Return the share (N,) of a person's prediction at times (N,), s, that is too near; 0 or 1 if it is certain."""
+    """Return the share (N,) of a person's prediction within the margin, m, at times (N,), s; 0 or 1 if certain."""
     x, y = (np.broadcast_to(column, times.shape) for column in person.at(times))
     there = np.broadcast_to(np.asarray(person.there(times), float), times.shape) > 0
     deviation = np.broadcast_to(np.asarray(person.deviation(times), float), times.shape)

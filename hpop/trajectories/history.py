@@ -201,7 +201,7 @@ class TrajectoryPieces:
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
-        """Law (n,) of each piece."""
+        """Name of the law (n,) of each piece."""
         return tuple(self.trajectory.kinds[i] for i in self.owner)
 
     @cached_property
@@ -220,7 +220,7 @@ class TrajectoryPieces:
         return self.trajectory.at(self.times)
 
     def batches(self, world: World) -> Iterator[tuple[IntArray, Motions]]:
-        """Yield the pieces law by law, each group with its indices in time order."""
+        """Yield, for each law, the indices of its pieces in time order, and these pieces as one batch."""
         until = self._since + (self.trajectory.durations / self.counts)[self.owner]
         # The turns along curves that end in a piece depend only on its ends.
         turns = Trajectory(self.trajectory.model, self.states, self.kinds).turns
@@ -236,7 +236,7 @@ class TrajectoryPieces:
 
     @cached_property
     def _since(self) -> FloatArray:
-        """Time (n,), s, from the start of its motion to each piece."""
+        """Time (n,), s, from the start of its motion to the start of each piece."""
         owner, within = numbered(self.counts)
         return within * (self.trajectory.durations / self.counts)[owner]
 

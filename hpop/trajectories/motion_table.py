@@ -38,11 +38,11 @@ class MotionTable:
     states   (S,) columns: distinct states, NaN in a column that no motion at the state needs
     laws     names of the motion laws
     law      (M,) law of each distinct motion, as index into ``laws``
-    start    (M,) state in which each motion begins
-    end      (M,) state in which each motion ends
-    first    (n,) state in which each trajectory begins
-    counts   (n,) motions of each trajectory
-    motions  (N,) all motions, one trajectory after another, in time order
+    start    (M,) index into ``states`` of the state in which each motion begins
+    end      (M,) index of the state in which each motion ends
+    first    (n,) index of the state in which each trajectory begins
+    counts   (n,) number of motions of each trajectory
+    motions  (N,) index of the distinct motion, for all motions of one trajectory after another, in time order
     punctual (n,) whether the execution of each trajectory keeps to its times
     """
 
@@ -136,7 +136,7 @@ class MotionTable:
     def maxima(self, each: FloatArray) -> FloatArray:
         """Return the maximum (n,) over each trajectory of ``each`` (M,), a value per distinct motion.
 
-        It is 0 for a trajectory without motions, and NaN if a value is NaN.
+        It is at least 0, 0 for a trajectory without motions, and NaN if a value is NaN.
         """
         most = np.zeros(self.counts.size)
         with np.errstate(invalid="ignore"):
@@ -152,7 +152,7 @@ class MotionTable:
             yield index, Motions(world, self.model, law, start, end)
 
     def by_law(self) -> Iterator[tuple[IntArray, Law, States, States]]:
-        """Yield the distinct motions of each law in blocks, with the states in which they begin and end."""
+        """Yield the distinct motions of each law in blocks: indices, law, and the states where they begin and end."""
         for i, kind in enumerate(self.laws):
             of_law, names = np.flatnonzero(self.law == i), (*self.model.space.names, *extras(self.model, (kind,)))
             for block in (of_law[begin : begin + BLOCK] for begin in range(0, of_law.size, BLOCK)):
@@ -270,7 +270,7 @@ class MotionTable:
 
 
 def _distinct(columns: Sequence[Any]) -> tuple[IntArray, IntArray]:
-    """Return the indices of the distinct rows, in order of first appearance, and for each row the number of its equal.
+    """Return the indices of the distinct rows, in order of first appearance, and for each row its place among these.
 
     Rows are equal if all bits are. Each row looks up the slot of its hash, which holds the first row with that hash. If
     the two are equal, the row is done; otherwise it gets another hash. Few rows are distinct, so this takes a tenth of

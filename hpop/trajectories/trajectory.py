@@ -52,9 +52,13 @@ class Trajectory:
         object.__setattr__(self, "states", States(**columns))
         object.__setattr__(self, "kinds", tuple(self.kinds))
         if any(column.shape != (len(self.kinds) + 1,) for column in columns.values()):
-            raise ModelError(f"{len(self.kinds)} motions need {len(self.kinds) + 1} states in every column")
+            shapes = ", ".join(f"{name} {column.shape}" for name, column in columns.items())
+            raise ModelError(
+                f"{len(self.kinds)} motions need {len(self.kinds) + 1} states in every column; got {shapes}"
+            )
         if not all(np.isfinite(column).all() for column in columns.values()):
-            raise ModelError("the states of a trajectory must be finite numbers")
+            wrong = ", ".join(name for name, column in columns.items() if not np.isfinite(column).all())
+            raise ModelError(f"the states of a trajectory must be finite numbers; got others in {wrong}")
         laws = laws_of(with_optional_members(self.model, MODEL_DEFAULTS))
         unknown = set(self.kinds) - set(laws)
         if unknown:
@@ -223,7 +227,7 @@ class Trajectory:
         return float(self.times[-1])
 
     def batches(self, world: World) -> Iterator[tuple[IntArray, Motions]]:
-        """Yield the motions law by law: the indices of the motions of a law, and these motions, in time order."""
+        """Yield, for each law, the indices of its motions in time order, and these motions as one batch."""
         for kind, index in self._by_kind():
             yield index, motions_of(world, self.model, kind, self.states, self.times, self.turns, index, index)
 
@@ -255,7 +259,7 @@ class Trajectory:
         return ended
 
     def cut(self, pieces: IntArray) -> Trajectory:
-        """Return the trajectory with each motion (n,) cut into ``pieces`` of equal duration.
+        """Return the trajectory with each motion i cut into ``pieces[i]`` motions of equal duration; pieces is (n,).
 
         Only motions of constant pace can be cut.
         """

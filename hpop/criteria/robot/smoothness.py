@@ -28,7 +28,7 @@ class Smoothness:
 
     p is the position of the base, T the duration and D the length of its path. Unit 1; a criterion of the whole
     trajectory. The value depends neither on the speed nor on the size of the path. The smoothest movement from rest to
-    rest along a line costs 720 in the limit of a ``ramp`` of 0, and 1800 ramp/T less in general: 685 for 5 s and the
+    rest along a line costs about 720 - 1800 ramp/T: 720 in the limit of a ``ramp`` of 0, and 685 for 5 s and the
     default ramp. A trajectory in which the base does not move costs 0.
 
     Source: Hogan and Sternad, "Sensitivity of smoothness measures to movement duration, amplitude, and arrests", J.

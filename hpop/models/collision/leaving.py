@@ -49,7 +49,10 @@ class Leaving:
         return free
 
     def motions_free(self, motions: Motions) -> BoolArray:
-        """Return whether each motion (M,) keeps clear of the body, or begins in contact and never reduces the gap."""
+        """Return whether each motion (M,) keeps clear of the body, or begins in contact and leaves it.
+
+        Until the robot is clear of the body, the gap must not shrink; a motion may also end before.
+        """
         free: BoolArray = self.body.motions_free(motions)
         some = np.flatnonzero(~free)
         some = some[~self.body.states_free(motions.start.take(some))]
@@ -101,6 +104,8 @@ class Leaving:
 class LeavingCollision(PlanarCollision):
     """Collision test of a robot that starts in contact with standing people, and may leave the contact.
 
+    States in contact with these people count as free; their motions do only if they leave the contact.
+
     left  one test for each of these people; they are not obstacles in ``world``
     """
 
@@ -117,7 +122,7 @@ class LeavingCollision(PlanarCollision):
         return 0.0
 
     def clear(self, x: FloatArray, y: FloatArray, beyond: float = 0.0) -> BoolArray:
-        """Return whether the robot is free at each position (P,) at every yaw, also of the people in contact."""
+        """Return whether the robot is free at each position (P,) at every yaw, and clear of the people in contact."""
         free = super().clear(x, y, beyond)
         for leaving in self.left:
             free &= leaving.body.clear(x, y, beyond)

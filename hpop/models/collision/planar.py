@@ -116,7 +116,7 @@ class PlanarCollision:
     def differs(self, before: PlaneCollision, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
         """Return a mask (P,) of the positions near which collisions may have changed since an earlier world.
 
-        before  collision test in the earlier world; if it is of another robot, the mask is True everywhere
+        before  collision test in the earlier world; for another robot, or one with joints, the mask is True everywhere
         x, y    m, positions (P,)
         within  m, distance from each position within which changes count
         """

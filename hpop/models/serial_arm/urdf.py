@@ -328,7 +328,10 @@ class Semantics:
     enabled: frozenset[Pair]
 
     def apart(self, links: list[str]) -> frozenset[Pair]:
-        """Return all pairs of the given links that need no collision test."""
+        """Return the pairs of links that need no collision test: lonely links with the given links, and ``disabled``.
+
+        The pairs in ``disabled`` are all returned, also those of other links.
+        """
         pairs = {pair_of(link, other) for link in self.lonely for other in links if link != other}
         return (frozenset(pairs) - self.enabled) | self.disabled
 
