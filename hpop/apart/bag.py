@@ -23,9 +23,10 @@ LEVEL = 1e-3
 
 
 def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
-    """Return the last grid on a topic of the bag at ``options["path"]``.
+    """Return the last occupancy grid on a topic of the bag at ``options["path"]``; ``data`` is not used.
 
-    Its cells are occupancies in percent, -1 if unknown.
+    The array ``cells`` (height, width) holds occupancies in percent, -1 if unknown; row 0 is at the bottom. The words
+    of the answer are its topic, resolution, m, origin (x, y, yaw), m and rad, and more.
     """
     try:
         from rosbags import rosbag1, rosbag2  # of an extra
@@ -81,7 +82,11 @@ def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
 
 
 def _topic_to_read(asked: str | None, grids: list[str], topics: Counter[str]) -> str:
-    """Return the topic to read: the requested topic, or the only topic with a grid."""
+    """Return the topic to read: the requested one, or else /map, or else the only topic with a grid.
+
+    Raises ChildRefused if there is none. ``grids`` are the topics with grids, ``topics`` counts messages by topic and
+    type, for the error.
+    """
     there = f"its topics are {counts_text(topics, 30)}" if topics else "it has no topics"
     if not grids:
         raise ChildRefused(f"it has no map, a {GRID}; {there}")

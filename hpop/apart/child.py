@@ -71,7 +71,7 @@ def refusal(text: str) -> bytes:
 
 
 def set_limits(memory: int, seconds: int) -> None:
-    """Limit the memory (bytes) and the processor time (s) of this process, if the system can do so."""
+    """Limit the memory (bytes), processor time (s) and file size (`DISK`) of this process, if the system can do so."""
     try:
         import resource  # missing on some systems
     except ImportError:  # this system has no such limits
@@ -84,7 +84,7 @@ def set_limits(memory: int, seconds: int) -> None:
 
 
 def answer_bytes(asked: dict[str, Any], data: bytes) -> bytes:
-    """Return the answer to a request about the bytes of a file, or the refusal, as bytes."""
+    """Return the answer to a request (see the module) about the bytes of a file as bytes, or the refusal."""
     try:
         if asked["module"] not in MODULES:
             raise ValueError(asked["module"])

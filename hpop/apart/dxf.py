@@ -16,7 +16,11 @@ WIDE = ("LWPOLYLINE", "POLYLINE")
 
 
 def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
-    """Return the lines of a drawing, in its units; the words of the answer include its unit (``$INSUNITS``)."""
+    """Return the lines of a drawing, in its units, as `Lines.answer` does.
+
+    ``options["layers"]`` are names of layers, or None for all that are on. The words of the answer include
+    ``insunits``, the code of the unit, and ``elsewhere``, the number of entities on layout sheets.
+    """
     try:
         from ezdxf import recover  # of an extra
         from ezdxf.lldxf.const import DXFError  # of an extra
@@ -106,7 +110,7 @@ class _EntityWalk:
 
 
 def _add(placed: _PlacedEntity, shown: bool, lines: Lines) -> None:
-    """Add the lines of an entity; ``shown`` tells whether its layer is on."""
+    """Add the lines of an entity to ``lines``; ``shown`` tells whether its layer is on and not frozen."""
     from ezdxf import path  # of an extra
 
     entity, matrix, layer = placed
@@ -147,7 +151,7 @@ def _band(polyline: Any, lines: Lines) -> list[Any]:
 
 
 def _polylines(path: Any) -> Iterator[list[tuple[float, float]]]:
-    """Yield the parts of a path as points (x, y); curves are flattened within a tolerance relative to their size."""
+    """Yield the parts of a path as points (x, y); curves become chords, off by at most `SAG` times their size."""
     for part in path.sub_paths() if path.has_sub_paths else (path,):
         corners = [(v.x, v.y, v.z) for v in part.control_vertices()]
         if not corners:

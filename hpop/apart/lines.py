@@ -31,7 +31,7 @@ HIDDEN = "on layers that are off or frozen"
 """Note on hidden entities."""
 Points = Sequence[tuple[float, float]]
 NEAR = 0.01
-"""Largest distance beyond a border at which a point still counts as on the border."""
+"""Largest distance beyond a border at which a point still counts as on the border, in the drawing's units."""
 
 
 class Lines:
@@ -65,7 +65,10 @@ class Lines:
             )
 
     def wants(self, layer: str, *, shown: bool = True) -> bool:
-        """Count an entity of a layer, and return whether to read it; ``shown`` tells whether the layer is on."""
+        """Count an entity of a layer, and return whether to read it.
+
+        It is read if its layer was requested; if no layers were requested, if its layer is on (``shown``).
+        """
         self.counted[layer] += 1
         if self._asked is not None:
             return layer.casefold() in self._asked
@@ -102,6 +105,10 @@ class Lines:
 
     def answer(self, known: Iterable[str], **words: Any) -> ChildAnswer:
         """Return the collected lines; raise `ChildRefused` if a requested layer is missing.
+
+        Arrays: ``points`` (n, 2) of all lines; ``starts`` (m + 1,), the index of each line's first point; ``width``,
+        ``layer`` and ``area`` (m,) of each line: 0 for a pen stroke, an index into the word ``layers``, and a number
+        that lines round one filled area share, 0 for others. Words: names of layers, and counts.
 
         known  names of all layers that the file lists, including layers without lines
         words  further words of the answer
@@ -155,7 +162,10 @@ class Visible:
         return replace(self, areas=(*self.areas, _area(corners)))
 
     def of(self, parts: Sequence[Points], *, filled: bool) -> list[Points]:
-        """Return the visible part of lines, or of the area that they enclose by the even-odd rule."""
+        """Return the visible part of lines ``parts``, or if ``filled`` of the area that they enclose (even-odd rule).
+
+        An area is returned as its outlines.
+        """
         x0, y0, x1, y1 = self.box
         inside = all(x0 - NEAR <= x <= x1 + NEAR and y0 - NEAR <= y <= y1 + NEAR for part in parts for x, y in part)
         if inside and not self.areas:

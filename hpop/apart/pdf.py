@@ -39,7 +39,10 @@ Matrix = np.ndarray[Any, np.dtype[np.float64]]
 
 
 def page_unit(pdfium: Any, document: Any, number: int, data: bytes) -> float:
-    """Return the length of a page's unit in points (1/72 inch): its UserUnit (PDF 1.6), by default 1."""
+    """Return the length of a page's unit in points (1/72 inch): its UserUnit (PDF 1.6), by default 1.
+
+    ``number`` is the index of the page, from 0; ``data`` are the bytes of the file.
+    """
     if not _may_have(data, b"UserUnit"):
         return 1.0
     alone = pdfium.PdfDocument.new()
@@ -122,7 +125,11 @@ def _unescaped(escape: bytes) -> bytes:
 
 
 def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
-    """Return the lines of a page, in points from the lower left corner of the displayed page."""
+    """Return the lines of a page as `Lines.answer` does, in points from the lower left corner of the displayed page.
+
+    ``options["page"]`` is its number, from 1, and ``options["layers"]`` are names of layers, or None for all that are
+    on. The words of the answer include ``pages``, the number of pages, and ``unit``, see `page_unit`.
+    """
     try:
         import pypdfium2 as pdfium  # of an extra
         from pypdfium2 import raw  # of an extra
@@ -207,7 +214,7 @@ def _visible_objects(
 
 
 def _object_clip(raw: Any, thing: Any, matrix: Matrix, clip: Visible, lines: Lines) -> Visible:
-    """Return the visible part of an object: the intersection of ``clip`` and the object's clip paths.
+    """Return the visible part of the object ``thing``: the intersection of ``clip`` and the object's clip paths.
 
     matrix  from the coordinates of its parent to the displayed page
     """
@@ -250,7 +257,7 @@ def _text(get: Any) -> str:
 
 
 def _add(raw: Any, path: Any, matrix: Matrix, layer: str, clip: Visible, lines: Lines, *, shown: bool) -> None:
-    """Add the visible lines of a path, if it draws dark lines or fills."""
+    """Add the visible lines of a path to ``lines``, if it draws dark lines or fills; ``clip`` is its visible part."""
     fill, stroke = ctypes.c_int(), ctypes.c_int()
     if not raw.FPDFPath_GetDrawMode(path, ctypes.byref(fill), ctypes.byref(stroke)):
         return
@@ -288,7 +295,7 @@ def _brightness(get: Any, path: Any) -> float:
 
 
 def _parts(raw: Any, segments: Iterable[Any], count: int, matrix: Matrix) -> list[list[tuple[float, float]]]:
-    """Return the parts of a path as points; curves are flattened within a tolerance relative to their size."""
+    """Return the parts of a path as points (x, y); curves become chords, off by at most `SAG` times their size."""
     parts: list[list[tuple[float, float]]] = []
     if count > MOST_POINTS:
         raise ChildRefused(
@@ -318,7 +325,7 @@ def _parts(raw: Any, segments: Iterable[Any], count: int, matrix: Matrix) -> lis
 
 
 def _bezier_points(*corners: tuple[float, float]) -> list[tuple[float, float]]:
-    """Return points of a cubic Bézier curve, without its first; chords between them are within a tolerance of it."""
+    """Return points of a cubic Bézier curve, without its first; chords are off it by at most `SAG` times its size."""
     a, b, c, d = np.array(corners)
     bend = max(math.hypot(*(a - 2 * b + c)), math.hypot(*(b - 2 * c + d)))  # bounds the distance of chords
     size = float(np.hypot(*np.ptp(np.array(corners), axis=0)))

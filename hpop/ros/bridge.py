@@ -42,7 +42,7 @@ class Pace:
         self.since, self.count = clock(), 0
 
     def step(self) -> None:
-        """Count a message; if the limit for this second is reached, wait until the next second."""
+        """Count a message; if ``most`` were counted in this second before it, first wait until the second is over."""
         now = self.clock()
         if now - self.since >= 1.0:
             self.since, self.count = now, 0
@@ -59,8 +59,9 @@ class Bridge:
     Parameters
     ----------
     url : such as ws://localhost:9090, or wss://
+    server : plans the goals that come
     say : called with a line of text for each event
-    delays : s, before the first new attempt, and the longest; each delay is twice the one before
+    delays : (first, longest), s, before attempts to connect again; each delay is twice the one before
 
     Raises OptionError for an invalid url, ImportError without the extra ``ros``.
     """
@@ -147,7 +148,7 @@ class Bridge:
             self.server.disconnected()
 
     def _leave(self) -> None:
-        """Withdraw the action and close the connection; only the first of several threads does so."""
+        """Withdraw the action and close the connection, if there is one; only the first of several threads does so."""
         with self._leaving:
             connection, self._connection = self._connection, None
             if connection is None:

@@ -116,7 +116,7 @@ def _yaw(orientation: Any, where: str) -> float:
 
 
 def time_of(message: Any, where: str) -> int:
-    """Return the time stamp of a message with a header, ns; 0 without a stamp."""
+    """Return the time stamp of a message with a header, ns; 0 without a stamp, RosError for an invalid one."""
     told = mapping(mapping(message, where).get("header", {}), f"header of {where}").get("stamp", {})
     given = mapping(told, f"stamp of {where}")
     seconds, rest = (given.get(name, 0) for name in ("sec", "nanosec"))
@@ -139,7 +139,7 @@ def mapping(value: Any, where: str) -> Mapping[str, Any]:
 
 
 def number(value: Any, where: str, most: float) -> float:
-    """Return a value if it is a number within +-``most``; raise RosError otherwise. The bridge sends null for NaN."""
+    """Return a number within +-``most`` as a float; RosError otherwise, also for null, which bridges send for NaN."""
     if not is_number(value) or not -most <= value <= most:
         raise RosError(f"{where} must be a number from {-most:g} to {most:g}, got {shown(value)}")
     return float(value)

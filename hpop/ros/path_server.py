@@ -34,7 +34,7 @@ class _GivenUp(Exception):
 class _Goal:
     """Goal that the server has accepted.
 
-    id    in the protocol
+    id    text by which the bridge names the goal
     args  fields of the goal, as received
     open  whether its result is still to be sent
     """
@@ -49,8 +49,8 @@ class PathServer:
     """Action server that plans goals; a bridge passes messages to and from it.
 
     The bridge calls ``connected``, ``received`` and ``disconnected`` from one thread. A new goal aborts the
-    goal that is being planned, because Nav2 sends a new goal every second. Invalid messages are ignored and
-    reported, each kind once.
+    goal that is being planned, because Nav2 sends a new goal every second. Invalid messages are ignored, and
+    reported once for each wording, up to `MOST_REMARKS`.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ class PathServer:
         return {"send_action_goal": self._accept, "cancel_action_goal": self._cancel, "publish": self._heard}
 
     def _accept(self, message: Mapping[str, Any]) -> None:
-        """Accept a new goal, end older goals, and send first feedback."""
+        """Accept a new goal, abort older goals that are planned or wait, and send first feedback."""
         self._check_action(message)
         goal = _Goal(protocol.goal_id(message), message.get("args"))
         with self._changed:
@@ -173,7 +173,10 @@ class PathServer:
                 self._now = None
 
     def _answer(self, goal: _Goal, robot: PlanarPose | None) -> GoalResult | None:
-        """Plan a goal and return its result; None if no client waits for it. No exception leaves this method."""
+        """Plan a goal and return its result; None if no client waits for it any more.
+
+        An error in planning becomes a result with this error. ``robot`` is the pose of the robot, if known.
+        """
         told = monotonic()
 
         def follow(progress: Progress) -> None:

@@ -29,7 +29,7 @@ def spaced(run: Trajectory, body: str, *, planned: bool, timed: bool = False) ->
     """Return poses of a body along a trajectory: at the ends of all motions, and every 5 cm or 45 degrees between.
 
     A turn in place has several poses at exactly one position. A hold (wait) has no pose of its own, unless poses are
-    ``timed``: then its pose occurs twice, at the begin and the end of the hold.
+    ``timed``: then its pose occurs twice, at the beginning and the end of the hold.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def trajectory_of(path: Mapping[str, Any], model: Model) -> Trajectory:
 class _MotionSequence:
     """Sequence of motions under construction; a motion that continues the last one extends it.
 
-    States are x, y, yaw, and the total time of holds so far.
+    Each state, between motions, is x, y, m; continuous yaw, rad; and the total time of holds so far, s.
 
     kinds  (n,) kind of each motion: "turn", "move" or "hold"
     """
@@ -158,7 +158,7 @@ class _MotionSequence:
             self._put("turn", (x, y, yaw + change, clock), goes_on)
 
     def move(self, to_x: float, to_y: float) -> None:
-        """Append a turn towards a position, m, and a straight move to it; extend the last move if it leads there."""
+        """Append a turn towards a position, m, and a straight move to it, or extend the last move if it leads there."""
         if self._last() == "move":
             from_x, from_y, yaw, clock = self._states[-2]
             along = (to_x - from_x) * np.cos(yaw) + (to_y - from_y) * np.sin(yaw)
@@ -184,7 +184,7 @@ class _MotionSequence:
         return self.kinds[-1] if self.kinds else ""
 
     def _put(self, kind: str, state: tuple[float, ...], goes_on: bool) -> None:
-        """Append a motion that ends in a state; if it goes on, move the end of the last motion instead."""
+        """Append a motion that ends in ``state``; if it ``goes_on`` with the last one, move the end of that instead."""
         if goes_on:
             self._states[-1] = state
         else:

@@ -53,7 +53,8 @@ class GoalPlanner:
     def rehearsed(self, progress: ProgressCallback | None = None) -> Front:
         """Solve the problem with its own start and goal, to compile kernels and find errors before a goal arrives.
 
-        Raises UnknownName if the default choice names no point of this front.
+        Raises UnknownName if the default choice is neither "knee", a criterion nor a row number. A row number is
+        checked later, against the front of each goal.
         """
         front = self.problem.solve(self.planners, progress=progress)
         self.names = front.names
@@ -87,7 +88,10 @@ class GoalPlanner:
         return GoalResult(GoalStatus.SUCCEEDED, values, options_of(front, row))
 
     def _choice(self, planner_id: Any) -> str:
-        """Return the trajectory that a planner_id chooses, such as "knee"; Failure before planning if it is unknown."""
+        """Return the name or row number that a planner_id chooses, see `choice_of`; Failure if it is unknown.
+
+        An empty planner_id stands for the default choice.
+        """
         if not isinstance(planner_id, str) or len(planner_id) > LONGEST_CHOICE:
             raise Failure(ErrorCode.INVALID_PLANNER, f"planner_id must be a short text, got {shown(planner_id)}")
         choice = choice_of(planner_id or self.known.choice)
@@ -97,7 +101,7 @@ class GoalPlanner:
         return choice
 
     def _is_known(self, choice: str) -> bool:
-        """Return whether a choice is a row number, the knee, or a criterion."""
+        """Return whether a choice is a row number (any), "knee", or a criterion of the rehearsed front."""
         return choice.isdecimal() or choice in ("knee", *self.names)
 
     def _choices(self) -> str:
@@ -105,7 +109,7 @@ class GoalPlanner:
         return ", ".join(["knee", *(f"least {name}" for name in self.names)])
 
     def _start(self, asked: Mapping[str, Any], robot: PlanarPose | None) -> PlanarPose:
-        """Return the start of a goal: its own, or the pose of the robot; Failure if neither is known."""
+        """Return the start of a goal: its own if ``use_start`` is true, else the robot's pose; Failure if unknown."""
         if asked.get("use_start") is True:
             return self._pose(asked.get("start"), "the start")
         if robot is None:
@@ -155,14 +159,14 @@ class GoalPlanner:
         return front
 
     def _state(self, whole: Values, pose: PlanarPose) -> Values:
-        """Return a state of the robot with its base at a given pose, and all other values from the state ``whole``."""
+        """Return the state ``whole`` of the robot with x, y and yaw of its base replaced by those of a pose."""
         told: dict[str, float] = dict(zip(OF, pose[:3], strict=True))
         return tuple(told.get(name, value) for name, value in zip(self.problem.model.space.names, whole, strict=True))
 
     def _check_free(self, values: Values, what: str, outside: ErrorCode, occupied: ErrorCode) -> None:
-        """Raise Failure if the start or goal (named by ``what``) is off the map or blocked.
+        """Raise Failure if the start or goal (named by ``what``) is off the map or blocked, with the case's code.
 
-        A free angle is taken from the start.
+        ``values`` is a state; a value of None, which is free at the goal, is taken from the start of the problem.
         """
         own = self.problem
         space = own.model.space

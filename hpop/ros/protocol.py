@@ -45,12 +45,12 @@ class Interface:
     """Names of the action, topics and frames by which ROS reaches the planner.
 
     action         name of the action, which no other server may have
-    distribution   distribution of ROS 2 with the nav2_msgs of the bridge
+    distribution   distribution of ROS 2 with the nav2_msgs of the bridge, a key of `FIELDS`
     frame_id       frame of the map, of goals and paths
     pose_topic     topic of the robot's pose in that frame, for goals with ``use_start`` false
-    pose_type      type of its messages, one of three
+    pose_type      type of its messages, one of `POSES`
     options_topic  topic for the front of each plan, as JSON in a std_msgs/msg/String
-    choice         trajectory for an empty planner_id, such as "knee"
+    choice         which trajectory of the front an empty planner_id chooses, such as "knee" or "fewest turns"
 
     Raises OptionError for an invalid name.
     """
@@ -127,7 +127,7 @@ def encoded(message: Message) -> str:
 
 
 def greetings(known: Interface) -> list[Message]:
-    """Return the messages that open a connection: they offer the action and subscribe to the robot's pose."""
+    """Return the messages that open a connection: they offer the action and the options topic, and ask for poses."""
     return [
         {"op": "advertise", "topic": known.options_topic, "type": TEXT},
         {
@@ -156,7 +156,7 @@ def feedback(known: Interface, goal: str) -> Message:
 
 
 def result(known: Interface, goal: str, status: GoalStatus, values: Message) -> Message:
-    """Return the message with the result of a goal.
+    """Return the message with the result of a goal: its final status, and the fields ``values``.
 
     ``result`` is always true, because for false the bridge drops the values with the error code, and aborts the goal
     (rosbridge_library/capabilities/action_result.py, commit 1101795). The bridge takes the status from ``status``.
@@ -207,7 +207,10 @@ class GoalResult(NamedTuple):
 def values_of(
     known: Interface, path: Message | None, seconds: float, code: ErrorCode = ErrorCode.NONE, why: str = ""
 ) -> Message:
-    """Return the fields of a result message that the ROS distribution has; without a path, the path is empty."""
+    """Return the fields of a result message that the ROS distribution has; without a path, the path is empty.
+
+    ``seconds`` is the planning time, ``why`` the text of an error.
+    """
     whole: Message = {
         "path": path or {"header": header(0, known.frame_id), "poses": []},
         "planning_time": stamp(round(seconds * SECOND)),

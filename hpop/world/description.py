@@ -198,7 +198,7 @@ def seen_from(folder: str, description: Any) -> Any:
 
 
 def found_from(folder: str, description: Any) -> Any:
-    """Return a world's description with the absolute paths of its files, for the folder where the front now lies.
+    """Return a world's description with the absolute paths of its files, given the folder where the front now lies.
 
     This undoes :func:`seen_from`. A file is looked for at its relative path, at its old absolute path if stated, and by
     name in the folder. The old absolute path is preferred only if its file is unchanged and the other is not. If a file
@@ -243,7 +243,7 @@ def _unchanged(description: Any) -> bool:
 
 
 def without_places(description: Any) -> Any:
-    """Return a description that is equal for equal maps: hashes stand for packed cells, and file paths are left out."""
+    """Return a world's description that is equal for equal maps: file paths are left out, cells replaced by a hash."""
     raster = description.get("raster") if isinstance(description, Mapping) else None
     if isinstance(raster, Mapping) and isinstance(raster.get("cells"), str):
         try:
@@ -348,7 +348,10 @@ def _build_raster(data: Mapping[str, Any]) -> Raster:
 
 
 def unpack_cells(text: str, rows: int, columns: int) -> BoolArray:
-    """Unpack cells (rows, columns) from base64 text of zlib-compressed bits; too much data is never decompressed."""
+    """Unpack cells (rows, columns) from base64 text of zlib-compressed bits; MapError unless there are so many.
+
+    No more data is decompressed than these cells take.
+    """
     check_size(rows, columns, "the described raster")
     size = -(-rows * columns // 8)
     wrong = MapError(f"the described raster does not hold exactly {columns} x {rows} cells.")

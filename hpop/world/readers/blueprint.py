@@ -51,7 +51,7 @@ MOST = 1_000
 
 
 class Specks(NamedTuple):
-    """Groups of connected pixels, one per row.
+    """Groups of connected pixels; row i of the arrays describes group i.
 
     area    (n,)    int     pixels
     boxes   (n, 4)  int     first row, first column, last row + 1, last column + 1
@@ -186,7 +186,10 @@ def lettering(raster: Raster) -> Iterator[str]:
 
 
 def _words(specks: Specks, *, turned: bool) -> list[IntArray]:
-    """Return, for each word, the indices of its letters; words run horizontally, or upward if ``turned``."""
+    """Return, for each word, the indices in ``specks`` of its letters; words run horizontally, or upward if ``turned``.
+
+    Letters of a word are close together and of similar height.
+    """
     r0, c0, r1, c1 = specks.boxes.T if not turned else specks.boxes[:, [1, 0, 3, 2]].T
     if not len(r0):
         return []
@@ -215,7 +218,10 @@ def _words(specks: Specks, *, turned: bool) -> list[IntArray]:
 
 
 def numbered(cells: BoolArray, structure: BoolArray | None) -> tuple[NDArray[np.int32], int]:
-    """Assign numbers from 1 to groups of connected cells; return the numbers (H, W), 0 for False, and their count."""
+    """Assign numbers from 1 to groups of connected cells; return the numbers (H, W), 0 for False, and their count.
+
+    ``structure`` is `_ROUND` to connect cells that touch at corners, and None to connect only those that share a side.
+    """
     from scipy import ndimage  # slow to import
 
     limits.hold(READING, 0, LABELS * cells.size)
@@ -224,7 +230,7 @@ def numbered(cells: BoolArray, structure: BoolArray | None) -> tuple[NDArray[np.
 
 
 def areas_of(labels: NDArray[np.int32], count: int) -> IntArray:
-    """Return the number of cells with each label (count + 1,).
+    """Return the number of cells with each label from 0 to ``count``, (count + 1,); label 0 marks False cells.
 
     Labels are counted in blocks of rows, to bound memory.
     """
@@ -252,7 +258,10 @@ def _rounded_up(value: float) -> float:
 
 
 def without_lines(raster: Raster, thinnest: float) -> tuple[BoolArray, str]:
-    """Return cells (H, W) without lines thinner than ``thinnest``, m, and a note on the removed pixels."""
+    """Return cells (H, W) without obstacles thinner than ``thinnest``, m, and a note on the removed pixels.
+
+    The ends of thin lines at thick walls stay, see `_thick`.
+    """
     pixels = min(MOST, math.ceil(thinnest / raster.resolution - 1e-9))
     thick = _thick(raster.cells, pixels)
     removed = np.count_nonzero(raster.cells) - np.count_nonzero(thick)
@@ -309,7 +318,10 @@ def _beside(lines: NDArray[np.int32], rooms: NDArray[np.int32], large: BoolArray
 
 
 def _thick(cells: BoolArray, pixels: int) -> BoolArray:
-    """Return the obstacle cells that belong to a square of ``pixels`` x ``pixels`` obstacle cells, or touch it."""
+    """Return the obstacle cells (H, W) in squares of ``pixels`` x ``pixels`` obstacle cells, and those near to one.
+
+    Near is up to ``pixels`` // 2 cells away along each axis, which keeps the corners of rotated walls.
+    """
     if pixels <= 1:
         return cells
     from scipy import ndimage  # slow to import

@@ -61,7 +61,7 @@ class DrawingOptions(NamedTuple):
     wall_width  m
     layers      names, or None for all visible layers
     inside      a point of the free space, m, or None
-    door_arcs   whether the swing arcs of doors are walls, or left out
+    door_arcs   "closed": the swing arcs of doors are walls; "open": they are left out
     """
 
     wall_width: float
@@ -91,7 +91,8 @@ def build(
     """Build a world from the lines of a drawing, with notes on everything left out.
 
     found      arrays: ``points`` (n, 2) of all lines; ``starts`` (m + 1,), the index of the first point of each line;
-               ``layer`` and ``area`` (m,) of each line. Lines with an equal area number above 0 bound a filled area.
+               ``layer``, ``width`` and ``area`` (m,) of each line. Lines with an equal area number above 0 bound a
+               filled area. Points and widths are in units of the drawing; ``words``: see `hpop.apart.lines`
     placement  conversion from the units of the drawing to metres
     nothing    text for the error about a drawing without lines
     """
@@ -155,7 +156,10 @@ def _counted(layer: IntArray) -> tuple[list[int], list[int]]:
 def _walls(
     points: FloatArray, starts: IntArray, lines: IntArray, widths: FloatArray, usual: float, path: str | Path
 ) -> list[BaseGeometry]:
-    """Return polygons along lines, each as wide as given by ``widths``, m; lines of unusual width get flat ends."""
+    """Return polygons along the lines with the numbers ``lines``, as wide as the ``widths`` (m,) of all lines say, m.
+
+    Lines as wide as ``usual`` get square ends, so that walls meet without a notch; others get flat ends.
+    """
     walls: list[BaseGeometry] = []
     for begin in range(0, len(lines), BLOCK):
         limits.check(READING)
@@ -171,9 +175,9 @@ def _walls(
 def _without(
     arcs: Sequence[Arc], points: FloatArray, starts: IntArray, widths: FloatArray, lines: IntArray
 ) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
-    """Return points, starts, widths and lines (see `build`) without the given arcs.
+    """Return points, starts and widths (see `build`), and the numbers of the lines to read, without the given arcs.
 
-    The parts of a line before and after an arc become new lines.
+    A line with an arc is left out; its parts before and after the arc are added as new lines at the end.
     """
     pieces = [
         (points[begin:end], widths[arc.line])

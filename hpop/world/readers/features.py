@@ -152,7 +152,7 @@ def length(value: Any) -> float | None:
 
 
 def number(value: Any) -> Any:
-    """Convert text that is a number to this number; other values stay as they are."""
+    """Return text that is a number as a float, and any other value unchanged."""
     if isinstance(value, str) and len(value) <= 40 and (found := LENGTH.fullmatch(value.strip())) and not found[2]:
         return float(found[1])
     return value
@@ -222,7 +222,7 @@ class FeatureFilter:
         return bool(self._wanted)
 
     def takes(self, properties: Mapping[str, Any], keys: Iterable[str] | None = None) -> bool:
-        """Return whether properties have the values that this filter demands, for all its keys or only for ``keys``."""
+        """Return whether properties have one of the values for each key of this filter, or for those in ``keys``."""
         asked = self._wanted.items() if keys is None else [(k, w) for k, w in self._wanted.items() if k in keys]
         return all(wanted & values(key, properties.get(key)) for key, wanted in asked)
 

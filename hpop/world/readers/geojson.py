@@ -187,7 +187,7 @@ def _ground(
 def _shapes(
     features: Sequence[Feature], kinds: tuple[str, ...], noted: FeatureNotes, *, doors: bool
 ) -> tuple[list[Feature], NDArray[np.object_]]:
-    """Return geometries of the given kinds with their features; with ``doors``, also doors of any kind, at the end."""
+    """Return geometries of the given kinds with their features; with ``doors``, also all doors, which come last."""
     if not doors:
         return shaped(features, kinds, noted)
     opening = [feature for feature in features if is_door(feature)]
@@ -281,7 +281,10 @@ class _Plan(NamedTuple):
     doors: list[Door]
 
     def add(self, feature: Feature, parts: Sequence[Any], width: float, notes: FeatureNotes, *, doors: bool) -> None:
-        """Add the geometries of a feature, m, as doors, polygons, or walls of thickness ``width`` along lines."""
+        """Add the geometries ``parts`` of a feature, m: polygons as areas, lines as walls of thickness ``width``, m.
+
+        With ``doors``, the geometries of a door are added as doors instead.
+        """
         if doors and is_door(feature):
             self.doors.extend(Door(feature, part) for part in parts)
             return
@@ -294,7 +297,7 @@ class _Plan(NamedTuple):
 
 
 def _heights(feature: Feature, notes: FeatureNotes) -> Heights:
-    """Return the heights of a feature, m. Missing or unreadable heights are unlimited; unreadable ones get a note."""
+    """Return the heights (z_min, z_max) of a feature, m. Missing or unreadable ones are unlimited, the latter noted."""
     properties = feature.data.get("properties")
     if not isinstance(properties, dict):
         notes.add(feature, "no properties, so of unlimited height")
@@ -334,5 +337,5 @@ def _heights(feature: Feature, notes: FeatureNotes) -> Heights:
 
 
 def _in_bounds(height: float | None) -> float | None:
-    """Return a height, m; None if it is farther from the floor than hpop allows."""
+    """Return a height, m; None if it is None, or more than `MOST` m from the floor."""
     return height if height is not None and abs(height) <= MOST else None

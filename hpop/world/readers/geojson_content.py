@@ -39,7 +39,7 @@ ContentFile = str | Path | Mapping[str, Any]
 """Path of a file, or a mapping with ``path`` and ``where``, which states properties that features must have."""
 ContentFiles = ContentFile | Sequence[ContentFile]
 Maker = Callable[[Any, Feature], Landmark | Zone | str | None]
-"""Function from a geometry, m, and its feature to content. If there is none, it returns a text for a note, or None."""
+"""Function from a geometry, m, and its feature to a landmark or zone; or else to a text for a note, or None."""
 
 
 def read(

@@ -160,7 +160,10 @@ def _hint(text: str) -> str:
 
 
 def _features(data: Any, path: str | Path, *, several: bool) -> list[Any]:
-    """Return the JSON of all features in one parsed value; MapError if it is no GeoJSON."""
+    """Return the JSON of all features in one parsed value; MapError if it is no GeoJSON.
+
+    ``several`` says that the file has more such values, for the message.
+    """
     kind = data.get("type") if isinstance(data, dict) else None
     if kind == "FeatureCollection":
         found = data.get("features")
@@ -310,7 +313,7 @@ def _geometry(feature: Feature, data: dict[str, Any], notes: FeatureNotes) -> Ba
 
 
 def _with_rings(feature: Feature, data: dict[str, Any], notes: FeatureNotes) -> dict[str, Any]:
-    """Return polygon data with only the rings that bound an area.
+    """Return the JSON of a polygon or multipolygon with only the rings that bound an area.
 
     Removed rings, and rings that are not closed, get a note.
     """
@@ -351,7 +354,10 @@ def _bounds_area(ring: list[list[Any]]) -> bool:
 def _mended(
     of: Sequence[Feature], shapes: NDArray[np.object_], areas: BoolArray, notes: FeatureNotes, rooms: bool
 ) -> NDArray[np.object_]:
-    """Return the geometries with invalid polygons made valid; with ``rooms`` each polygon is repaired by itself."""
+    """Make invalid polygons valid, in the array ``shapes`` itself, and return it; ``areas`` marks the polygons.
+
+    With ``rooms`` each polygon of a MultiPolygon is repaired by itself.
+    """
     check_each_joinable(shapes[areas], [each for each, area in zip(of, areas, strict=True) if area])
     invalid = np.flatnonzero(areas & ~shapely.is_valid(shapes)).tolist()
     crossings = [check_mendable(shapes[i], str(of[i])) for i in invalid]

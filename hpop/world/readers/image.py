@@ -65,8 +65,9 @@ class DecodedImage:
     is_turned: bool = False
 
     def blocks(self) -> Iterator[tuple[slice, FloatArray, FloatArray | None]]:
-        """Yield about a million pixels at a time: rows, brightness (h, W, channels) and opacity (h, W), from 0 to 1.
+        """Yield about a million pixels at a time: rows (from the top), brightness (h, W, channels) and opacity (h, W).
 
+        Both are from 0 to 1.
         Grey images have one channel, coloured images three. The opacity is None for an image without transparency.
         """
         step = max(1, BLOCK // self.width)
@@ -92,10 +93,10 @@ class DecodedImage:
 
 
 def read_image(data: bytes, path: str | Path, *, upright: bool = False) -> DecodedImage:
-    """Decode an image after checking its size; white is the largest value of 8 or 16 bits.
+    """Open an image whose pixels are decoded block by block, after checking its size; MapError if it is no image.
 
-    One byte per cell counts towards the memory limit. ``upright`` applies the EXIF orientation, as image viewers do;
-    map_server does not.
+    White is the largest value of 8 or 16 bits. One byte per pixel counts towards the memory limit from now on.
+    ``upright`` applies the EXIF orientation, as image viewers do; map_server does not.
     """
     from PIL import Image, ImageOps, UnidentifiedImageError  # slow to import
 
@@ -145,7 +146,7 @@ def _unreadable(image: Any, path: str | Path, error: Exception) -> MapError:
 
 
 def shades(pixels: Pixels) -> FloatArray:
-    """Convert pixel values to brightness from 0 (black) to 1 (white)."""
+    """Convert pixel values of 8 or 16 bits to brightness from 0 (black) to 1 (white, the largest value)."""
     return np.asarray(pixels / float(np.iinfo(pixels.dtype).max))
 
 

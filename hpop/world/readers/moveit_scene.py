@@ -81,7 +81,7 @@ class SceneEntry(NamedTuple):
         return [SceneEntry(f"{self.what} {place}", entry) for place, entry in enumerate(given)]
 
     def numbers(self, keys: str) -> tuple[float, ...]:
-        """Return numbers from a list, or from a mapping with one key for each letter of ``keys``, such as "xyz"."""
+        """Return a number for each letter of ``keys``, such as "xyz", from a list or a mapping with these keys."""
         given = self.given
         if isinstance(given, dict) and given.keys() == set(keys):
             given = [given[key] for key in keys]
@@ -149,7 +149,7 @@ def read(path: str | Path) -> World:
 
 
 def _apply(scene: SceneEntry, objects: dict[str, Object], *, is_diff: bool) -> None:
-    """Apply a message (a scene, or a change of a scene) to the objects by name; MapError for unreadable objects."""
+    """Apply a message (a scene, or a change of a scene) to ``objects`` in place; MapError for unreadable objects."""
     world = scene.get("world")
     if not isinstance(world.given, dict) or "collision_objects" not in world.given:
         raise MapError(
@@ -268,7 +268,7 @@ def _refuse_unread(scene: SceneEntry) -> None:
 
 
 def _frame(thing: SceneEntry) -> str:
-    """Return the name of the frame in which the pose of an object is given."""
+    """Return the name of the frame in which the pose of an object is given, "" if there is none."""
     header = thing.get("header")
     frame = None if header.given is None else header.get("frame_id").given
     if not isinstance(frame, str | None):

@@ -54,7 +54,9 @@ FLATTENING = 1 / 298.257223563
 
 
 def crs_of(name: Any) -> str:
-    """Return the code of a crs from its name; `MapError` if unknown. Systems in degrees all count as `DEGREES`.
+    """Return the code in the name of a crs; `MapError` if it has none. Systems in `GEOGRAPHIC` all count as `DEGREES`.
+
+    The crs with this code need not exist; see `degrees_of`.
 
     >>> crs_of("urn:ogc:def:crs:EPSG::3857"), crs_of("urn:ogc:def:crs:OGC:1.3:CRS84"), crs_of("EPSG:4326")
     ('EPSG:3857', 'EPSG:4326', 'EPSG:4326')
@@ -134,7 +136,11 @@ def _first_position(geometry: Any) -> list[float]:
 
 
 def degrees_of(points: FloatArray, crs: str, what: Any) -> FloatArray:
-    """Convert points (n, 2) from a crs to longitude and latitude (n, 2); `MapError` if pyproj is not installed."""
+    """Convert points (n, 2) from a crs to longitude and latitude (n, 2).
+
+    Raises MapError without pyproj, for an unknown crs, and for points that it does not cover; ``what`` is for the
+    message.
+    """
     if crs == DEGREES:
         return points
     try:  # here: an extra, and slow to import
@@ -161,7 +167,7 @@ def degrees_of(points: FloatArray, crs: str, what: Any) -> FloatArray:
 
 
 def on_earth(shapes: NDArray[np.object_], crs: str, what: Any) -> NDArray[np.object_]:
-    """Convert geometries (n,) from a crs to longitude and latitude."""
+    """Convert geometries (n,) from a crs to longitude and latitude, without heights; see `degrees_of`."""
     flat = shapely.force_2d(shapes)
     return np.asarray(shapely.transform(flat, lambda points: degrees_of(points, crs, what)), dtype=object)
 
@@ -275,7 +281,7 @@ class Placement:
 
 
 def _as_degrees(shapes: NDArray[np.object_]) -> BoolArray:
-    """Return which geometries (n,) look like degrees: within 180 and 90, too small to be in metres, and no points."""
+    """Return which geometries (n,) look like degrees: within 180 and 90, spans below `SMALL`, and no points."""
     bounds = shapely.bounds(shapes).reshape(-1, 4)
     spans = bounds[:, 2:] - bounds[:, :2]
     within = (np.abs(bounds) <= MOST_DEGREES * 2).all(axis=1)

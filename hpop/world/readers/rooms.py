@@ -74,7 +74,7 @@ def kind_of(feature: Feature) -> str:
 
 
 def is_door(feature: Feature) -> bool:
-    """Return whether a feature is a door by OpenStreetMap's properties or by its type."""
+    """Return whether a feature is a door: its kind is "door", or it has a property door or entrance, not "no"."""
     own = feature.properties
     tagged = any(own.get(key) is not None and truth(own.get(key)) is not False for key in ("door", "entrance"))
     return tagged or kind_of(feature) == "door"
@@ -180,7 +180,7 @@ class Arc(NamedTuple):
     """Swing of a door, drawn as an arc that is a part of a line.
 
     line         index of the line
-    first, last  indices of its first and last point
+    first, last  indices of the first and the last point of the arc among all points
     radius       m, the width of the door
     middle       (x, y), m, point in the middle of the arc
     """
@@ -193,9 +193,10 @@ class Arc(NamedTuple):
 
 
 def door_arcs(points: FloatArray, starts: IntArray, lines: IntArray) -> Iterator[Arc]:
-    """Yield the arcs among lines of points (n, 2), m, that look like door swings.
+    """Yield the arcs that look like door swings, at most one for each of the lines with the numbers ``lines``.
 
-    A line may also include the leaf of the door. Line i has the points ``starts[i]`` to ``starts[i + 1]``.
+    Line i has the points ``points[starts[i]:starts[i + 1]]``, m. It may also include the leaf of the door: one point
+    more at either end or at both.
     """
     sizes = starts[lines + 1] - starts[lines]
     for number, line in enumerate(lines[(sizes >= POINTS[0]) & (sizes <= POINTS[1])].tolist()):
@@ -231,7 +232,7 @@ def _radius(arc: FloatArray) -> float | None:
 
 
 def said_of_doors(arcs: list[Arc], treated: DoorArcs) -> str:
-    """Return a note on the arcs of door swings: number, widths, positions, and treatment."""
+    """Return a note on the arcs of door swings: number, widths, positions, and by ``treated`` if they are left out."""
     examples = ", ".join(f"({arc.middle[0]:.2f}, {arc.middle[1]:.2f})" for arc in arcs[:PLACES_TOLD])
     radii = sorted(arc.radius for arc in arcs)
     size = f"{radii[0]:.2g}" if radii[-1] - radii[0] < 0.01 else f"{radii[0]:.2g} to {radii[-1]:.2g}"

@@ -211,6 +211,8 @@ def _plain(value: Any) -> Any:
 def _image_beside(path: Path, name: str) -> tuple[Path, tuple[str, ...]]:
     """Return the path of the image that a yaml file names, and a note if the image was found elsewhere.
 
+    ``path`` is that of the yaml file, ``name`` that of the image in it.
+
     A map copied from another machine may name another folder, case or ending. Only the folders of the named image and
     of the yaml file are searched; if no image is there, the named path is returned.
     """
