@@ -227,7 +227,7 @@ def test_without_a_lattice_path_the_note_of_the_lattice_is_passed_on():
     wall = World.from_polygons([shapely.box(4.0, 0.0, 4.2, 8.0)], extent=shapely.box(0, 0, 10, 8))
     found = AnyAngle(step=STEP).solve(Problem(wall, ROBOT, (1.0, 1.0, 0.0), (7.0, 4.0, None), ["length"]))
     assert (found.status, found.trajectories) == (Status.NO_PATH, ())
-    assert any("obstacles enclose the start" in note for note in found.notes)
+    assert any("obstacles separate start and goal" in note for note in found.notes)
     assert (
         found.notes[-1]
         == "any-angle: the roadmap was not searched, since there is no lattice path from which to build it"

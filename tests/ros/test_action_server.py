@@ -109,7 +109,7 @@ def test_without_use_start_it_begins_where_the_robot_is(served):
         ({"goal": pose_message(7, 9, 0)}, 204, "the goal (7, 9) is off the map"),
         ({"start": pose_message(4, 1, 0)}, 205, "the start is blocked: "),
         ({"goal": pose_message(3.7, 1, 0)}, 206, "the goal is blocked: "),
-        ({"goal": pose_message(7, 1, 0)}, 208, "no path: obstacles enclose the start"),
+        ({"goal": pose_message(7, 1, 0)}, 208, "no path: obstacles separate start and goal"),
         ({"goal": {"pose": {}}}, 200, "position of the goal must be a message with fields, got None"),
         ({"start": [1, 2, 3]}, 200, "the start must be a message with fields"),
         ({"planner_id": 3}, 201, "planner_id must be a short text, got 3"),

@@ -379,7 +379,7 @@ class TourGraph(TrajectoryGraph):
         for stop, members in zip(self.tour.stops, self.members, strict=True):
             if not stop.optional and not reached[members].any():
                 why = self.inner.what_separates(begin, self.inner.inside(members.tolist()))
-                return f"stop {stop.name!r} cannot be reached from the start: {why}"
+                return f"stop {stop.name!r} cannot be reached from the start; with this stop as the goal: {why}"
         if not reached[ends].any():
             return self.inner.what_separates(begin, ends)
         return (

@@ -326,7 +326,7 @@ def test_where_no_path_leads_to_a_joined_goal_the_wall_between_is_named():
     problem = Problem(wall, ROUND, (1.0, 1.0, 0.3), (3.33, 2.47, 1.0), ["length"])
     found = Lattice(step=0.4).solve(problem)
     assert found.status is Status.NO_PATH
-    assert any("obstacles enclose the start" in note for note in found.notes)
+    assert any("obstacles separate start and goal" in note for note in found.notes)
 
 
 OFF = Problem(WORLD, ROUND, (1.0, 1.0, 0.3), (3.33, 2.47, 1.0), CRITERIA)

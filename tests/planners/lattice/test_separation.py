@@ -46,7 +46,7 @@ def wall_with_gaps(x0, x1, *gaps):
 @pytest.mark.parametrize("x", [5.0, 5.13])
 def test_a_wall_closes_off_the_start_however_thin(thickness, radius, x):
     text = note(wall_with_gaps(x, x + thickness), DifferentialDrive(radius=radius))
-    assert "obstacles enclose the start, even for a robot of no size" in text
+    assert "obstacles separate start and goal, even for a robot of no size" in text
     far = float(re.search(r"spans x [\d.]+ to ([\d.]+) m", text)[1])
     assert x - 0.25 - 1e-9 <= far <= x
 
@@ -92,7 +92,7 @@ def test_a_passage_wide_enough_that_the_steps_miss_is_told_from_a_narrow_one():
 def test_a_high_table_is_no_wall_for_a_low_robot():
     table = [(shapely.box(4, 0, 6, 8), (0.6, 0.8))]
     text = note(table, DifferentialDrive(camera_height=1.2))
-    assert "obstacles enclose" in text
+    assert "obstacles separate start and goal" in text
     world = World.from_polygons(table, extent=shapely.box(0, 0, 10, 8))
     low = Problem(world, DifferentialDrive(camera_height=0.5), (1, 4, 0), (9, 4, 0), ["length"])
     assert str(Lattice().solve(low).status) == "complete"

@@ -256,6 +256,16 @@ def test_a_wrong_tour_is_refused_with_its_place(tmp_path: Path, order: str, stop
         ([EAST, NORTH], [(0, 1), (1, 0)], "but east before north before east; leave one of these pairs out"),
         ([EAST, NORTH], [("east", "south")], "got 'south'"),
         ([{**EAST, "name": str(i)} for i in range(7)], "any", "six stops in any order"),
+        ([{**EAST, "name": str(i)} for i in range(9)], "any", "these 9 stops have more. Keep some of them in order"),
+        ([{**EAST, "name": str(i)} for i in range(61)], "given", "must have 1 to 60 stops, got 61"),
+        (
+            [{**EAST, "dwell": float("nan")}],
+            "given",
+            "dwell of stop 'east' must be a time in s from 0 to 3,600, got nan",
+        ),
+        ([{**EAST, "within": 0}], "given", "within of stop 'east' must be a length in m from 1e-06"),
+        ([EAST, NORTH, SEEN], [(0, 1), (1, 2), (2, 0)], "but east before north before vase before east; leave one"),
+        ([EAST], [(0, 0)], "but east before east; leave one of these pairs out"),
         ([EAST], "sometimes", "order must be given, any, or a list of pairs"),
         ([{"look_up": 3}], "given", "'look_up' is not a key of a stop. Did you mean 'look_at'?"),
         ([{**EAST, "dwell": 3000}, {**NORTH, "dwell": 3000}], "given", "3,600 s at most in all"),
@@ -273,7 +283,10 @@ def test_a_wrong_tour_says_what_was_expected_and_what_to_do(stops: Any, order: A
             {"at": (3.5, 1.5), "within": 0.4, "name": "in the wall"},
             "no robot state within 0.4 m of its position is free",
         ),
-        ({"landmark": "vase", "within": 0.2, "name": "too near"}, "or give a larger within"),
+        ({"landmark": "walled in", "within": 0.2, "name": "too near"}, "or give a larger within"),
+        ({"landmark": "in a niche", "name": "unseen"}, "The landmark may be behind obstacles"),
+        ({"landmark": "ceiling", "name": "too high"}, "or outside the camera's field of view"),
+        ({"at": (20.0, 1.0), "within": 0.5, "name": "outside"}, "at (20, 1) it is outside the map, which spans x 0.00"),
         (
             {"look_at": {"target": (3.5, 1.5, 1.2), "distance": (0.5, 1.0)}, "name": "hidden"},
             "with its target in view. The target may be inside or behind",
@@ -281,9 +294,13 @@ def test_a_wrong_tour_says_what_was_expected_and_what_to_do(stops: Any, order: A
     ],
 )
 def test_a_stop_that_cannot_be_visited_is_named(stop: Any, said: str) -> None:
-    world = WORLD.with_content(landmarks=(VASE, Landmark(3.5, 1.5, 1.2, name="walled in")))
-    if "landmark" in stop:
-        stop = {**stop, "landmark": "walled in"}
+    landmarks = (
+        Landmark(3.5, 1.5, 1.2, name="walled in"),
+        Landmark(1.0, 4.0, 1.2, name="in a niche"),  # its walls are 0.2 m away on all sides
+        Landmark(6.5, 4.5, 9.0, name="ceiling"),
+    )
+    niche = shapely.box(0.8, 3.8, 1.2, 4.2).exterior.buffer(0.05)
+    world = hpop.World.from_polygons([WALL, niche], extent=ROOM).with_content(landmarks=landmarks)
     with pytest.raises(QueryError, match=re.escape(said)) as refused:
         problem([stop], world=world).solve(LATTICE)
     assert f"stop {stop['name']!r} cannot be visited" in str(refused.value)
@@ -294,7 +311,18 @@ def test_a_stop_behind_walls_is_out_of_reach() -> None:
     world = hpop.World.from_polygons([*closed.geoms] if hasattr(closed, "geoms") else [closed], extent=ROOM)
     front = problem([{"at": (6.5, 1.2), "within": 0.5, "name": "cell"}], world=world).solve(LATTICE)
     assert not len(front)
-    assert any("stop 'cell' cannot be reached from the start" in note for note in front.notes)
+    said = "stop 'cell' cannot be reached from the start; with this stop as the goal: no path: obstacles separate"
+    assert any(said in note for note in front.notes)
+
+
+def test_an_optional_stop_out_of_reach_is_skipped_and_a_blocked_one_refused() -> None:
+    closed = shapely.box(5.0, 0.0, 8.0, 2.4).boundary.buffer(0.1)
+    world = hpop.World.from_polygons([WALL, closed], extent=ROOM)
+    cell = {"at": (6.5, 1.2), "within": 0.5, "name": "cell", "optional": True}
+    front = problem([cell], "any", ["length", "stops_missed"], world=world).solve(LATTICE)
+    assert front.costs[:, 1].tolist() == [1.0]
+    with pytest.raises(QueryError, match=r"stop 'cell' cannot be visited: no robot state within 0.5 m .* inside an"):
+        problem([{**cell, "at": (3.5, 1.5), "within": 0.5}], "any", ["length", "stops_missed"]).solve(LATTICE)
 
 
 def test_planners_without_tours_refuse_them() -> None:
