@@ -201,7 +201,7 @@ def misfit(value: Any, hint: Any) -> str:
 
 
 def extreme(value: Any) -> str:
-    """Return the expected value in words if a value is empty or too large to compute with; "" otherwise."""
+    """Return the expected value in words if a value is empty, not finite, or too large to compute with; else ""."""
     if isinstance(value, int | float | np.number) and not isinstance(value, bool):
         number: Any = value
         finite = isinstance(value, int) or bool(np.isfinite(number))
@@ -297,7 +297,7 @@ def type_in_words(hint: Any) -> str:
 def _is_array(value: Any, hint: Any) -> bool:
     """Return whether a value is an array of numbers or converts to one.
 
-    A plain number does not count if the hint has axes.
+    A plain number counts only if the hint is `AnyColumn`.
     """
     if hint is AnyColumn and type(value).__module__.partition(".")[0] == "casadi":
         return True

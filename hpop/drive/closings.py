@@ -32,7 +32,10 @@ NEAR = 1.0  # m from the robot's outline up to which a message counts a closed a
 
 
 def polygon_of(shape: Any, what: str) -> BaseGeometry:
-    """Return an area, m, given as a shapely polygon or as corners ((x, y), ...); DriveError for anything else."""
+    """Return a valid polygon from a shapely polygon or from corners ((x, y), ...), m; DriveError for anything else.
+
+    what  name of the area in the message of the error
+    """
     area = shape
     if not isinstance(shape, BaseGeometry):
         try:
@@ -69,7 +72,7 @@ class Closing:
         return repr(self.name) if self.name else f"an area about ({x:.2f}, {y:.2f})"
 
     def describe(self) -> dict[str, Any]:
-        """Return name and area as JSON."""
+        """Return the name, and the area as GeoJSON."""
         return {"name": self.name, "area": mapping(self.area)}
 
     @cached_property
@@ -78,7 +81,10 @@ class Closing:
         return world_of_area(self.area)
 
     def collision(self, model: Model) -> Collision:
-        """Return the collision check of a robot with this area; motions out of contact with a standing person pass."""
+        """Return the collision check of a robot with this area.
+
+        If the area is the body of a person, a robot in contact may move as long as the gap does not shrink.
+        """
         collision = model.collision(self.world_of_area)
         if not self.person:
             return collision
@@ -91,7 +97,10 @@ class Closing:
 
 
 def named_areas(world: World) -> dict[str, BaseGeometry]:
-    """Return the areas of all named zones of a world, m, by name; zones need not be closed."""
+    """Return the areas, m, of all named zones of a world by name, also of zones that are not closed to the robot.
+
+    Zones with one name are joined to one area.
+    """
     areas: dict[str, list[BaseGeometry]] = {}
     for zone in world.content.zones:
         if zone.name:
@@ -100,11 +109,11 @@ def named_areas(world: World) -> dict[str, BaseGeometry]:
 
 
 def to_close(area: Any, name: str, areas: Mapping[str, BaseGeometry], closed: Sequence[Closing]) -> Closing:
-    """Return the `Closing` of an area, given as a polygon or by its name; DriveError for anything else.
+    """Return the `Closing` of an area, given as a polygon or by its name; DriveError if that is not possible.
 
     name    name of the polygon, by which it can be opened; "" for none
     areas   areas that can be closed by name
-    closed  areas that are closed already; no two may have the same name
+    closed  areas that are closed already; the new one must have another name
     """
     if isinstance(area, str):
         if area not in areas:
@@ -118,7 +127,10 @@ def to_close(area: Any, name: str, areas: Mapping[str, BaseGeometry], closed: Se
 
 
 def to_open(area: Any, areas: Mapping[str, BaseGeometry], closed: Sequence[Closing]) -> list[Closing]:
-    """Find the closed areas with this name or polygon, and return them; DriveError if there are none."""
+    """Return those of the ``closed`` areas that have this name or polygon; DriveError if there are none.
+
+    areas  areas that can be closed by name, for the message of the error
+    """
     if isinstance(area, str):
         if opened := [closing for closing in closed if closing.name == area]:
             return opened
@@ -158,7 +170,7 @@ def listed(closed: Sequence[Closing]) -> str:
 
 
 def no_way_out(closings: Sequence[Closing], here: States, model: PlanarModel) -> str:
-    """Return as text why no path leads to the goal from a state (1,): the closed areas near the robot, and elsewhere.
+    """Return a message that no path leads to the goal from a state (1,), with the closed areas near it and elsewhere.
 
     Return "" if no area is closed.
     """
@@ -188,9 +200,10 @@ def states_by_place(graph: StateGraph) -> tuple[States, float]:
 
 
 def closed_arcs(graph: StateGraph, closing: Closing, states: States, longest: float) -> IntArray:
-    """Return the indices (c,) of the arcs of a graph that lead through a closed area, or cut its corners.
+    """Return the indices (c,) of the arcs of a graph that a closed area blocks.
 
-    ``states`` and ``longest`` come from :func:`states_by_place` for this graph.
+    These are motions that collide with it, and on a lattice also diagonal moves past positions in it
+    (:meth:`.StateGraph.cut_corners`). ``states`` and ``longest`` come from :func:`states_by_place` for this graph.
     """
     collision = closing.collision(graph.model)
     x_min, y_min, x_max, y_max = closing.area.bounds
@@ -217,7 +230,10 @@ def closed_arcs(graph: StateGraph, closing: Closing, states: States, longest: fl
 
 
 def chains_closed(chains: MotionChains, closing: Closing) -> BoolArray:
-    """Return which chains of motions (C,), by which start and goal join a graph, collide with a closed area."""
+    """Return which chains of motions (C,), by which start and goal are joined to a graph, collide with a closed area.
+
+    A chain that begins in contact with a standing person does not collide if it leads out of contact.
+    """
     collision = closing.collision(chains.graph.model)
     closed: BoolArray = ~collision.states_free(chains.corners[0]) & (not closing.person)  # contact may be left
     for rows, motions in chains.motions():

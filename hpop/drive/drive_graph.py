@@ -62,7 +62,10 @@ class KnownRoutes:
 
     @classmethod
     def of(cls, paths: Sequence[IntArray], tails: IntArray, graph: Graph, closed: BoolArray) -> KnownRoutes:
-        """Build known paths from the arcs of each path; the graph has tails (m,) and a mask of closed arcs (m,)."""
+        """Build known paths from the indices of the arcs of each path.
+
+        tails, closed  (m,) tail of each arc of the graph, and whether the arc is closed
+        """
         arcs = np.concatenate([np.zeros(0, np.int64), *paths])
         sizes = [path.size for path in paths]
         last = np.cumsum(np.array(sizes, np.int64))
@@ -77,7 +80,10 @@ class KnownRoutes:
         return cls(tails[arcs], arcs, np.repeat(last, sizes), remaining_cost, is_closed)
 
     def remaining(self, node: int) -> list[IntArray]:
-        """Return the parts of known paths from a node to the goal, as arcs, that are open and not dominated."""
+        """Return the arcs of each known path's part from a node to the goal, for parts that are open.
+
+        Parts that another of them dominates are left out.
+        """
         steps = np.flatnonzero((self.tails == node) & ~self.closed)
         steps = steps[is_nondominated(self.remaining_cost[steps])] if steps.size else steps
         return [self.arcs[step : self.ends[step]] for step in steps.tolist()]
@@ -136,7 +142,7 @@ class DriveGraph:
     def from_beside(self, problem: Problem) -> DriveGraph:
         """Return this graph with a new start: the start of a problem, a state off the graph, joined to it by motions.
 
-        The goal, criteria and closed areas stay those of this graph's drive.
+        Criteria and closed areas stay those of this graph. The problem must have the goal of the drive.
         """
         joined = DriveGraph.laid_out(self.name, self.inner, problem, self.query.objectives)
         return replace(joined, closings=self.closings, masks=self.masks, reading=self.reading)
@@ -171,7 +177,7 @@ class DriveGraph:
 
     @cached_property
     def closed(self) -> BoolArray:
-        """Mask (m,) of the closed arcs of the graph, including the arcs that join its ends."""
+        """Mask (m,) of the closed arcs of the graph, including arcs that join start and goal to it."""
         space = self.query.space
         inner = np.zeros(self.inner.arcs.heads.size, dtype=np.bool_)
         for mask in self.masks:
@@ -212,7 +218,10 @@ class DriveGraph:
         return copied(changed, **{part: vars(self)[part] for part in CACHED if part in vars(self)})
 
     def _reading(self, closing: Closing, criteria: Sequence[Criterion], world: World) -> set[int]:
-        """Return the columns of criteria that give motions near a closed area other costs in ``world`` than now."""
+        """Return the columns of the criteria whose costs near a closed area differ between ``world`` and the old world.
+
+        Up to `SAMPLED` arcs nearest to the area are compared.
+        """
         states, _ = self._places
         x_min, y_min, x_max, y_max = closing.area.bounds
         dx, dy = np.maximum(x_min - states.x, states.x - x_max), np.maximum(y_min - states.y, states.y - y_max)
@@ -322,7 +331,8 @@ class DriveGraph:
 
         Parameters
         ----------
-        before, kept : an earlier graph and its preparation, which is updated if the costs are unchanged
+        before, kept : an earlier graph and its preparation. If the costs are unchanged, ``kept`` is changed in place
+            and returned
         """
         if before is not None and kept is not None and before.graph is self.graph:
             kept.open(np.flatnonzero(before.closed & ~self.closed))

@@ -189,7 +189,10 @@ class Execution(EventLog):
         return options
 
     def options_again(self, now: float, deadline: float, answer: Mapping[str, Any] | None) -> Options:
-        """Repeat a call of :meth:`options` from an event log; ``answer`` is a result that a deadline cut short."""
+        """Repeat a call of :meth:`options` from an event log.
+
+        answer  the logged result if the deadline cut the search short; None repeats the search to its end
+        """
         now = self._told(now)
         self._note("options", now, deadline=deadline, answer=answer)
         return self._options(now, deadline_of(deadline), answer, again=True)[0]
@@ -197,9 +200,13 @@ class Execution(EventLog):
     def _options(
         self, now: float, deadline: float, answer: Any, *, again: bool = False
     ) -> tuple[Options, ReplanResult]:
-        """Return options, and the search result behind them; ``again`` repeats an event log, without a deadline.
+        """Return options, and the search result behind them.
 
-        If no path leads on because people walk towards the robot, they are predicted to stop before it.
+        If no path leads on because people walk towards the robot, the drive continues with people who are predicted to
+        stop before it.
+
+        answer  a logged result, as for :meth:`options_again`
+        again   repeats an event log: the search then has no deadline, which only places the commit
         """
         commit, seconds = self.commit(now, deadline), None if again else deadline
         if answer is not None and answer.get("stopping"):
@@ -258,8 +265,8 @@ class Execution(EventLog):
     def take(self, option: Option | Point | int, now: float | None = None) -> Trajectory:
         """Take one of the last options, which the robot follows from the commit on; return the new plan.
 
-        A change on request needs neither patience nor notice. Raises DriveError if the robot has passed the commit, or
-        if the option has been closed since.
+        ``patience`` and ``notice`` do not count here. Raises DriveError if the robot has passed the commit, or if the
+        option has been closed since.
         """
         options = self._options_at_hand()
         now = self._in_order(self._now() if now is None else now)

@@ -32,7 +32,8 @@ class Stretch(NamedTuple):
 
     begins  s, time of the plan; a motion under way belongs to the surroundings in which it began
     lag     s, time of the drive at which the plan began, corrected by measured states
-    driven  if the last motion of this part was split: the plan before that, and its time of the split, s; else None
+    driven  if the last motion of this part was split: the plan before the split, and the time of the split on that
+            plan, s; else None
     """
 
     surroundings: DriveSurroundings
@@ -110,10 +111,13 @@ def _costs(criteria: Sequence[Criterion], trajectory: Trajectory, stretch: Stret
 def stopped(
     stretches: Sequence[Stretch], t: float, begins: float, lag: float, driven: Trajectory | None = None
 ) -> list[Stretch]:
-    """Return the stretches of a drive that stops at time ``t`` of its plan, s, with a new stretch from the stop on.
+    """Return the stretches of a drive whose plan is stopped at time ``t`` of the plan, s.
+
+    Stretches that begin at ``t`` or later are dropped. If there are any, or if the motion under way was split, a new
+    stretch in the present surroundings follows.
 
     begins, lag  of the new stretch, in times of the new plan
-    driven       the plan before, if the motion under way was split at the stop
+    driven       the plan before the split, if the motion under way was split at ``t``; else None
     """
     last, begun = stretches[-1], [stretch for stretch in stretches if stretch.begins < t]
     if driven is not None:
@@ -165,7 +169,7 @@ class DriveProgress:
         self.stretches.append(Stretch(last.surroundings, begins, self.lag))
 
     def enter(self, surroundings: DriveSurroundings, now: float) -> Cut:
-        """Continue the drive in changed surroundings; return the part of the plan that is open there."""
+        """Continue the drive in changed surroundings; return how far the plan is open there."""
         self._stand(now)
         if surroundings.people != self.surroundings.people:
             self.plan = self.plan.among_others()
@@ -174,7 +178,7 @@ class DriveProgress:
         return self.cut(now)
 
     def _stand(self, now: float) -> None:
-        """Insert into the plan the time for which the robot has stood because the remaining plan is closed."""
+        """Insert a hold into the plan for the time that the robot has stood because the remaining plan is closed."""
         plan = self.plan
         stood = now - self.lag - plan.end
         if plan.stops is not None and stood > SAME:
@@ -183,7 +187,7 @@ class DriveProgress:
             self.plan = Plan(joined(before, remaining), before.duration)
 
     def cut(self, now: float) -> Cut:
-        """Stop the plan before closed areas and people in the way; return its open part."""
+        """Stop the plan before closed areas and people in the way; return how far it is open."""
         t, surroundings = self.planned(now), self.surroundings
         then = max(now, self.lag)  # people walk on before the robot leaves
         people = surroundings.at(self.plan.announced.at(t), then).world.content.people
@@ -256,7 +260,10 @@ WHOLE = "worst moments and means are those of the whole drive"
 def front_of_rest(
     problem: Problem, candidates: Candidates, present: Trajectory | None, past: Callable[[], Past]
 ) -> tuple[Front, Point | None, int | None]:
-    """Return the front of remaining plans, the present plan if it is dominated, and the index of the present plan.
+    """Return the front of remaining plans, a point for the present plan if it is dominated, and the latter's index.
+
+    A dominated present plan has the index after the last point of the front. The point is None if the present plan is
+    in the front; point and index are None if it is closed.
 
     Costs that are sums cover only the remaining plan, because the past adds the same to all plans. Worst moments and
     means cover the whole drive, so plans with the same values become one point.

@@ -251,6 +251,8 @@ class Options(Sequence[Option]):
 
     def place_of(self, chosen: Any) -> int:
         """Return the index of an option, given as the option, as a point of :attr:`front`, or as an index."""
+        if not len(self):
+            raise DriveError(f"there is no option to take: {self.certificate}")
         if is_whole(chosen) and -len(self) <= chosen < len(self):
             return int(chosen) % len(self)
         if isinstance(chosen, Point):

@@ -42,7 +42,10 @@ def until(trajectory: Trajectory, t: float) -> Trajectory:
 
 
 def between(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
-    """Return the part of a trajectory between two times, s; motions under way are cut."""
+    """Return the part of a trajectory between two times, s; motions under way are cut.
+
+    A part of a turn becomes a turn of its own, from rest to rest, which takes longer than that part took.
+    """
     times = trajectory.times
     first = int(np.searchsorted(times, begin + SAME, side="right")) - 1
     last = int(np.searchsorted(times, end - SAME, side="left"))
@@ -91,7 +94,7 @@ def joined(first: Trajectory, second: Trajectory) -> Trajectory:
 
 
 def held(trajectory: Trajectory, seconds: float) -> Trajectory:
-    """Return a trajectory followed by a hold of ``seconds``."""
+    """Return a trajectory followed by a hold of ``seconds``; DriveError if its holds become too long in all."""
     if seconds <= SAME:
         return trajectory
     kinds = (*trajectory.kinds, HOLD.kind)
@@ -164,7 +167,8 @@ class Plan:
     def stops_for(self) -> float:
         """Least time, s, for which a robot stands after a stop.
 
-        It is 0 except for punctual plans, where it lasts until the executed robot, which brakes, stands as well.
+        It is 0 unless the plan is punctual (made among moving people). The execution of a punctual plan brakes, and so
+        stands later than planned; this is the time by which it is late.
         """
         return self.ramp if self.announced.punctual else 0.0
 
@@ -291,7 +295,7 @@ def closed_trajectories(trajectories: Sequence[Trajectory], closings: Iterable[C
 
 
 def _at_once(trajectory: Trajectory, t: float, safe: float) -> float:
-    """Return the time, s, of an emergency stop: in a straight run just before the closed area, otherwise now."""
+    """Return the time, s, of an emergency stop: ``safe`` if the robot then moves straight ahead, otherwise ``t``."""
     return safe if "x" in laws_of(trajectory.model)[trajectory.kinds[_motion(trajectory, safe)]].varies else t
 
 

@@ -189,7 +189,10 @@ class Replanner:
         return ReplanResult(candidates, paths.gap, paths.stats.labels_generated, logged_result)
 
     def _clear(self, now: DriveSurroundings, problem: Problem, commit: Commit, seconds: float) -> list[Trajectory]:
-        """Return parts of known plans after the commit that are open and clear of people, as found in ``seconds`` s."""
+        """Return the known plans' parts after the commit that are open and clear of people, checked for ``seconds`` s.
+
+        Checking lasts at least `RECHECK` s of processor time. Plans that were not checked in time are left out.
+        """
         until, least = time.perf_counter() + seconds, time.thread_time() + RECHECK
 
         def enough() -> bool:

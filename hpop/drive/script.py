@@ -252,7 +252,8 @@ def follow(
     problem : the problem of the front
     choice : a point of the front, its row, or its name, such as "knee" (:meth:`hpop.Front.named`); or a person's
         preference (:class:`hpop.study.Preference`), by which the robot then also chooses on the way
-    planner : provides the graph to search on the way; default: the planner that found the choice, with its options
+    planner : provides the graph to search on the way; default: the planner that found the choice, with its options for
+        graph and time
     begin : s, when the robot leaves, on the clock of the caller
     patience, notice : see :class:`hpop.drive.Execution`
 
@@ -278,7 +279,9 @@ def follow(
 
 
 def _point(front: Front, choice: Any) -> Point:
-    """Return the chosen point of a front."""
+    """Return the chosen point of a front, given as the point, by its row or by its name; DriveError otherwise."""
+    if not len(front):
+        raise DriveError(f"a drive needs a front with points, but this one has none: {front.certificate:.400}")
     if isinstance(choice, str):
         named = front.named()
         if choice not in named:

@@ -54,7 +54,7 @@ def write(drive: Execution, path: str | os.PathLike[str]) -> None:
 
 
 def read(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Read a file of :func:`write`; paths of map files in it are relative to its folder.
+    """Read a file of :func:`write`; paths of map files, which it stores relative to its folder, become absolute.
 
     Raises DriveError for any other file, OSError if it cannot be read.
     """
@@ -132,7 +132,7 @@ def deadline_of(seconds: float) -> float:
 class Change:
     """Effect of a change of the world on a drive.
 
-    Times are in seconds since the start of the drive.
+    Times are in s on the clock of the caller, as ``now`` in the methods of the drive.
 
     now         time of the change
     safe_until  time until which the present plan is free; None if it is free to its end

@@ -112,7 +112,10 @@ class DriveSurroundings:
     def with_people(
         self, now: float, people: Iterable[Person], groups: Iterable[Iterable[int]] = ()
     ) -> DriveSurroundings:
-        """Return the surroundings with other people, predicted from now on; groups are indices of people who talk."""
+        """Return the surroundings with other people, predicted from now on.
+
+        groups  indices of the people in each group that talks together
+        """
         given = tuple(people) if isinstance(people, Iterable) and not isinstance(people, str) else None
         if given is None or not all(isinstance(person, Person) for person in given):
             raise DriveError(

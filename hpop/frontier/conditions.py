@@ -69,7 +69,10 @@ class ColumnCondition(NamedTuple):
         return f"{self.name} {self.comparison} {self.bound:.12g}"
 
     def met(self, values: FloatArray, quantum: float) -> BoolArray:
-        """Mark the values (n,) that meet the condition; they are compared in whole quanta, or exactly for quantum 0."""
+        """Mark the values (n,) that meet the condition.
+
+        They are compared in whole quanta. For quantum 0, a value that equals the bound up to rounding is equal to it.
+        """
         bound, slack = self.bound, choosing.ROUNDING * abs(self.bound)
         if quantum:
             values, bound = np.rint(values / quantum), self.bound / quantum

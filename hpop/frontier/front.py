@@ -244,7 +244,8 @@ class Front(Choices[T], Generic[T]):
         except TypeError:
             return self._selected(*conditions.kept(index, len(self)))
         if not -len(self) <= row < len(self):
-            raise IndexError(f"an index must be below {len(self)} in a front of {len(self)} points, got {row}")
+            known = f"from {-len(self)} to {len(self) - 1}" if len(self) else "left out"
+            raise IndexError(f"an index must be {known} in a front of {len(self)} points, got {row}")
         return self._point(row % len(self))
 
     def _point(self, row: int) -> Point[T]:

@@ -75,7 +75,7 @@ def refuse_tour(problem: Problem, what: str) -> None:
 
 
 def refuse_speeds(problem: Problem, what: str) -> None:
-    """Raise QueryError for a model with several speeds; ``what`` says what does not choose among them."""
+    """Raise QueryError for a model with several speeds; ``what`` names, for the error, a method that drives at one."""
     if problem.model.speed_classes:
         raise QueryError(
             f"{what} drives at one speed, but the robot has the speeds {_speeds_text(problem.model)}; give the model "

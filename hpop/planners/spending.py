@@ -107,7 +107,10 @@ class Spending:
             self.limits.progress(Progress(stage))
 
     def left(self) -> Limits:
-        """Return the limits of a search that may use all remaining time and memory; raise Exhausted if none remains."""
+        """Return the limits of a search that may use all remaining time and memory; raise Exhausted if none remains.
+
+        A part of the time limit stays reserved for evaluating the candidates.
+        """
         self.check("the search was to begin")
         limit, most = self.limits.time_limit, self.limits.max_memory
         return replace(

@@ -101,7 +101,7 @@ def claimable(problem: Problem) -> dict[str, Criterion]:
 
 
 def _check_answers(problem: Problem, front: Front) -> None:
-    """Raise QueryError if a front is the solution of a problem with another world, robot or criteria."""
+    """Raise QueryError if a front is the solution of a problem with another world, robot, criteria or quanta."""
     if front.problem is None:
         return
     asked, answered = question_of(plain(problem.describe())), question_of(front.problem)
@@ -222,7 +222,10 @@ def _running_with_memory(criterion: Criterion, value: float, pieces: TrajectoryP
 
 
 def _piece_costs(criterion: Criterion, pieces: TrajectoryPieces, world: World) -> FloatArray:
-    """Return the costs (n,) of pieces, scaled so that their sum (or maximum) is the cost of each motion."""
+    """Return the costs (n,) of pieces; the sum (or maximum) over the pieces of a motion is the motion's cost.
+
+    If they nearly agree with it, they are scaled; else the motion's cost is spread over them, as in :func:`trace`.
+    """
     whole, owner = pieces.trajectory, pieces.owner
     costs = _costs_of_batches(criterion, pieces.batches(world), len(pieces))
     motions = _costs_of_batches(criterion, whole.batches(world), len(whole))

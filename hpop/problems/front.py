@@ -183,6 +183,7 @@ class Front(frontier.Front[Trajectory]):
         Parameters
         ----------
         encode : turns each trajectory into JSON values of your own; :meth:`load` reverses it by ``decode``
+        problem : description to write in place of the front's own
         """
         asked = self.problem if problem is None else problem
         placed = asked and seen_from_file(path, asked)

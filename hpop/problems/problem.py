@@ -51,7 +51,7 @@ class Problem:
     goal      a state, in which angles may be None (any value); or a goal for a body (:class:`hpop.goals.Goal`), such as
               ``{"look_at": {"target": (2, 1, 1.5), "distance": (1, 2)}}``; or a list of alternatives
     criteria  names, instances, or ``{name: {parameter: value}}``, all minimised
-    quanta    smallest differences of costs that count, by criterion, in its unit, if not those of the criteria
+    quanta    smallest differences of costs that count, by name of criterion, in its unit; default: the criterion's own
     horizon   s, up to which moving people are predicted; None: until they leave the map or come to an obstacle
     tour      stops to visit on the way, a :class:`hpop.Tour` or a mapping with its parameters; None for no stops
 

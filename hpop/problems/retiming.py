@@ -37,7 +37,7 @@ CONSTANT = 1e-9  # a smaller discomfort of the fastest profile is none
 
 
 def _camera_acceleration(problem: Problem, criterion: Criterion, path: _Path) -> Discomfort:
-    """Return the discomfort: the integral of the squared acceleration of the camera."""
+    """Return the data of the discomfort "squared_acceleration": derivatives of the camera's position along the path."""
     slopes, bends = list[FloatArray](), list[FloatArray]()
     for one in path.stretches:
         rates, changes = path.coordinates.rates_of_states(one.middle, *one.in_middle)
@@ -51,7 +51,7 @@ def _camera_acceleration(problem: Problem, criterion: Criterion, path: _Path) ->
 
 
 def _largest_flow(problem: Problem, criterion: Criterion, path: _Path) -> Discomfort:
-    """Return the discomfort: the largest value of a criterion that is proportional to the speed."""
+    """Return the data of the discomfort "peak_optic_flow": the largest flow in each interval, at unit path speed."""
     flows = []
     for one in path.stretches:
         knots = path.coordinates.knots(one.states, one.slopes, np.append(0.0, np.cumsum(one.steps)))
@@ -96,7 +96,7 @@ class _Path:
         return not any(one.bends.any() for one in self.stretches)
 
     def trajectory(self, profiles: Profiles, b: FloatArray) -> Trajectory:
-        """Return the trajectory with a speed profile b at all grid positions."""
+        """Return the trajectory with a speed profile ``b``: the squared speed along the path at all grid positions."""
         lasts, root, coordinates = profiles.durations(b), np.sqrt(b), self.coordinates
         knots, kinds, now, interval, place = list[States](), list[str](), 0.0, 0, 0
         for part in self.parts:

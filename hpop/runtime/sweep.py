@@ -164,8 +164,8 @@ class Sweep(Generic[S, T, R]):
     ) -> tuple[dict[int, R], Status]:
         """Run all tasks until ``stop()`` is true or Ctrl-C comes; return the results and the status.
 
-        Results are by the index of their task, in order. The status tells whether all tasks were done. ``report`` is
-        called with the results so far, at first and after each result.
+        Results are by the index of their task, in order. The status is COMPLETE if all tasks were done, else TIME_LIMIT
+        (after ``stop()``) or INTERRUPTED. ``report`` is called with the results so far, at first and after each result.
         """
         results: dict[int, R] = {}
         status = Status.COMPLETE

@@ -202,7 +202,10 @@ class Faults:
         return None
 
     def _column(self, value: Any, place: Place, space: StateSpace, name: str) -> Any:
-        """Check the value of one state, such as x or yaw, at the start or a goal, and return it."""
+        """Check one value of a state, such as x or yaw, at the start or a goal, and return it, angles in rad.
+
+        At a goal, "any" becomes None. After adding a fault, return 0.
+        """
         what = str(place[0])
         turns = name in space.angles
         if value == "any":
@@ -265,7 +268,7 @@ class Faults:
         return None
 
     def angle(self, given: Any, place: Place, what: str, otherwise: str = "") -> Any:
-        """Return an angle in rad, given as a number in rad or as text in degrees; add a fault for another value."""
+        """Return an angle in rad, given as a number or as text in degrees; for other text add a fault, return 0."""
         angle = Degrees.in_radians(given)
         if not isinstance(angle, str):
             return angle

@@ -227,7 +227,7 @@ def _usual_step(world: World) -> float:
 
 
 def _planned(problem: Problem) -> tuple[float, tuple[Status, str] | None]:
-    """Plan with the usual step, then half and a quarter of it, until a path is found.
+    """Plan a shortest path with the usual step, then half and a quarter of it, until a path is found.
 
     Returns the step, m, and None; or, if no path was found, the usual step with status and reason.
     """
@@ -279,7 +279,7 @@ def _rounded(model: Any, world: World, place: tuple[float, float]) -> tuple[floa
 
 
 def _heading(start: tuple[float, float], goal: tuple[float, float]) -> float:
-    """Return the heading towards the goal, in steps of 45 degrees."""
+    """Return the heading from start to goal, in degrees, rounded to a multiple of 45."""
     return 45.0 * round(math.degrees(math.atan2(goal[1] - start[1], goal[0] - start[0])) / 45.0) % 360.0
 
 

@@ -111,7 +111,7 @@ def _recorded(faults: Faults, entry: TrackEntry, said: dict[str, Any]) -> People
 def _unknown(member: int | str, names: Sequence[str], places: int, times: int) -> str:
     """Return the message for a member of a group that names no person, or more than one.
 
-    places  number of people
+    places  number of entries in the list of people, which the indices count
     times   number of people with that name
     """
     known = ", ".join(name for name in names if name)

@@ -314,8 +314,8 @@ class ZoneEntry(_Strict):
 class StopEntry(_Strict):
     """Stop of a tour: a disc of positions (``at`` and ``within``, m), a goal by name, or a landmark that is seen."""
 
-    at: Point | None = None  # m, [x, y]: any position within this distance, with any heading
-    within: float | None = None  # m, about `at`; or from camera to landmark at most, 3 by default
+    at: Point | None = None  # m, [x, y]: any position at most `within` away, with any heading
+    within: float | None = None  # m, largest distance from `at`; or from the camera to the landmark, 3 by default
     landmark: str | None = None  # name of a landmark that the camera must see
     dwell: float = 0.0  # s, how long the robot stands there
     name: str = ""  # in messages, tables and pictures

@@ -58,7 +58,10 @@ class Document:
             )
 
     def with_values(self, values: dict[str, Any], sources: Mapping[Place, Place] | None = None) -> Document:
-        """Return the document with other values; ``sources`` gives the positions whose lines new values report."""
+        """Return the document with other values.
+
+        sources  for the position of a new value, the position in the file whose line is reported for it
+        """
         lines = dict(self._lines)
         for place, source in (sources or {}).items():
             lines = {key: line for key, line in lines.items() if key[: len(place)] != place}

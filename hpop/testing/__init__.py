@@ -35,7 +35,7 @@ __all__ = [
 
 @checked_arguments
 def kind_of(plugin: Any) -> registry.Registry[type]:
-    """Return the registry of criteria, models or planners to which an object belongs."""
+    """Return the registry of criteria or of models for such an object; that of planners for any other object."""
     if isinstance(plugin, Criterion):
         return registry.criteria
     return registry.models if isinstance(plugin, Model) else registry.planners
@@ -43,7 +43,10 @@ def kind_of(plugin: Any) -> registry.Registry[type]:
 
 @checked_arguments
 def conformance(plugin: Any, *, rng: RNG = 0) -> Iterator[Check]:
-    """Yield the checks of a criterion, a model or a planner, one after the other."""
+    """Yield the checks of a criterion, a model or a planner, one after the other; ``rng`` draws the worlds.
+
+    Any object that is neither a criterion nor a model is checked as a planner.
+    """
     if isinstance(plugin, Criterion):
         return criterion_checks(plugin, rng=rng)
     return model_checks(plugin, rng=rng) if isinstance(plugin, Model) else planner_checks(plugin, rng=rng)

@@ -292,7 +292,7 @@ def _difference(expected: Candidates, found: Candidates) -> str:
 
 
 def _repeat_fault(planner: Planner, problem: Problem, first: Candidates) -> str:
-    """Return a fault if a pickled copy has another result; on an executor, if the planner sweeps."""
+    """Return a fault if a pickled copy has another result; a planner that accepts an executor is run on one."""
     copy = pickle.loads(pickle.dumps(planner))
     if not sweeps(planner):
         return _difference(first, copy.solve(problem))

@@ -150,7 +150,7 @@ def _spaces(query: TreeQuery, ob: Any, oc: Any) -> tuple[Any, Any]:
 
 
 def _goal_region(query: TreeQuery, ob: Any, space: Any) -> Any:
-    """Return OMPL's goal region, from which braking ends near the goal; every 20th extension is towards the goal."""
+    """Return OMPL's goal region, from which braking ends near the goal; one sample in 20 is the goal."""
 
     class RestNearGoal(ob.GoalSampleableRegion):  # type: ignore[misc]
         def distanceGoal(self, state: Any) -> float:  # noqa: N802  (OMPL's name)

@@ -106,7 +106,7 @@ class TreeQuery:
         return tuple((self.world.free_space((part.z_min, part.z_max)), part.reach) for part in self.model.platform)
 
     def clear(self, x: FloatArray, y: FloatArray, margin: float) -> bool:
-        """Return whether the robot, turning anywhere at all positions (P,), keeps ``margin`` metres from obstacles."""
+        """Return whether the robot, at all positions (P,) and any heading, keeps ``margin`` m from obstacles."""
         return all(bool((space.clearance(x, y) >= reach + margin).all()) for space, reach in self.spaces)
 
     def drive(self, base: Base, acceleration: float, turn_acceleration: float, duration: float) -> Base | None:
