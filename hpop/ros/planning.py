@@ -106,7 +106,7 @@ class GoalPlanner:
 
     def _choices(self) -> str:
         """Return the possible choices as text, for messages."""
-        return ", ".join(["knee", *(f"least {name}" for name in self.names)])
+        return ", ".join(["knee", *(f"least {name}" for name in self.names)]) + " or a row number"
 
     def _start(self, asked: Mapping[str, Any], robot: PlanarPose | None) -> PlanarPose:
         """Return the start of a goal: its own if ``use_start`` is true, else the robot's pose; Failure if unknown."""

@@ -122,6 +122,8 @@ class World(FromCells, FromFiles):
     ) -> World:
         """Build a world from shapely polygons, each alone or as (polygon, (z_min, z_max)), in metres.
 
+        By default the extent is their bounding box.
+
         >>> world = World.from_polygons([shapely.box(4, 0, 6, 3)], extent=shapely.box(0, 0, 10, 5))
         >>> world.clearance(np.array([1.0, 3.5, 5.0]), np.array([2.5, 2.0, 1.0]))
         array([1. , 0.5, 0. ])
@@ -247,12 +249,15 @@ class World(FromCells, FromFiles):
         return {}
 
     def blocked(self, z_min: float = -math.inf, z_max: float = math.inf) -> BaseGeometry:
-        """Return the region, m, where the robot must not be: `solid` and `closed`. It must also stay in the extent."""
+        """Return the region, m, where the robot must not be: `solid` in a range of heights, and `closed` at any height.
+
+        The robot must also stay in the extent.
+        """
         layer = self.ground.layer((z_min, z_max))
         return self.derived(("blocked", layer), lambda: union([self.solid(z_min, z_max), self.closed]))
 
     def free_space(self, z: Heights = WHOLE) -> FreeSpace:
-        """Return the extent less the blocked regions, indexed for exact distances to its border."""
+        """Return the extent less what is `blocked` in a range of heights, indexed for exact distances to its border."""
         if self.closed.is_empty:
             return self.ground.free_space(z)
         layer = self.ground.layer(z)
@@ -265,12 +270,14 @@ class World(FromCells, FromFiles):
         return self.derived(("free", layer), make)
 
     def beside_cells(self, layer: Layer) -> FreeSpace:
-        """Return the extent less closed regions and the prisms in a range of heights, ignoring occupied cells."""
+        """Return the extent less closed regions and the prisms of a layer, ignoring its occupied cells."""
         blocked = union([*(self.obstacles[i].polygon for i in layer.prisms), self.closed])
         return self.derived(("beside cells", layer), lambda: FreeSpace(without(self.extent, blocked)))
 
     def clearance(self, x: Column, y: Column, *, z: Heights = WHOLE) -> Column:
-        """Return the distance (M,), m, to the nearest obstacle, keep-out zone or border; 0 inside or beyond them.
+        """Return the distance (M,), m, to the nearest obstacle, keep-out zone, standing person or border of the extent.
+
+        It is 0 inside the former, and beyond the extent.
 
         x and y are (M,) in metres; only obstacles in the range of heights ``z`` count. Exact for arrays (about 1 us per
         point in a building at 0.05 m). For CasADi columns `clearance_field` is used, which is signed and smoothed.
@@ -357,7 +364,7 @@ class World(FromCells, FromFiles):
     # Saving
 
     def describe(self) -> dict[str, Any]:
-        """Return a JSON-able description, from which `from_description` builds an identical world.
+        """Return a JSON-able description, from which `from_description` builds the world again.
 
         A world read from files is described by the reader, its options, and the absolute path and SHA-256 of the files.
         Other worlds are described by coordinates or compressed cells.

@@ -100,7 +100,7 @@ def test_without_use_start_it_begins_where_the_robot_is(served):
         (
             {"planner_id": "GridBased"},
             201,
-            "planner_id must be one of knee, least turns, least length, got 'GridBased'",
+            "planner_id must be one of knee, least turns, least length or a row number, got 'GridBased'",
         ),
         ({"planner_id": "9999"}, 201, "no row 9999"),
         ({"goal": pose_message(7, 5, 0, frame_id="odom")}, 202, "the goal must be in the frame map"),

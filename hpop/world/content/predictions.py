@@ -179,7 +179,7 @@ def bounded(world: World, horizon: float | None = None) -> tuple[tuple[Person, .
 
     - A person predicted to walk into an obstacle stops a body's radius before it, and stays there.
     - A person who leaves the map is gone from then on.
-    - With a horizon, s, no prediction goes beyond it. A walking person is then gone or stays, as its ``afterwards``
+    - With a horizon, s, only recordings go beyond it. A walking person is then gone or stays, as its ``afterwards``
       says. A standing person stays, and its uncertainty grows no further.
     - A walking person who begins within an obstacle is shifted out of it by up to half a metre, or left out if deeper
       inside. A person who stands within an obstacle stays.

@@ -24,6 +24,7 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, Column, FloatArray, IntArray
 from hpop.base.math import is_symbolic
 from hpop.base.symbols import lift
+from hpop.base.text import shown
 from hpop.world import fields
 from hpop.world.geometry.shapes import rotate
 
@@ -68,7 +69,7 @@ class Field:
         """Copy the samples, and pad their border."""
         values = np.asarray(self.values, dtype=np.float64)
         if values.ndim != 2 or values.size == 0 or not np.isfinite(values).all():
-            raise ValueError(f"values must be a finite (H, W) array with samples; got shape {values.shape}.")
+            raise ValueError(f"values must be a finite (H, W) array with samples; got {shown(self.values)}.")
         coefficients = np.pad(values, PAD, mode="edge")
         coefficients.setflags(write=False)
         object.__setattr__(self, "values", coefficients[PAD:-PAD, PAD:-PAD])

@@ -75,8 +75,11 @@ def check_coordinates(geometry: BaseGeometry | NDArray[np.object_], what: str) -
     ``what`` names the geometry in the message.
     """
     away = np.abs(shapely.get_coordinates(geometry))
-    if not (away <= FARTHEST).all():
-        raise MapError(f"{what} must have finite coordinates, within {FARTHEST:,.0f} m of the origin; shift it there.")
+    if (far := away[~(away <= FARTHEST)]).size:
+        raise MapError(
+            f"{what} must have finite coordinates, within {FARTHEST:,.0f} m of the origin; got one {far[0]:g} m away. "
+            "Shift it there."
+        )
     if (near := away[(away > 0) & (away < VANISHING)]).size:
         raise MapError(f"{what} has a coordinate of {near[0]:g} m, too small for GEOS to compute with; write 0.")
 

@@ -131,7 +131,9 @@ class Hull:
         if points.ndim != 2 or points.shape[1] != 3 or not 4 <= len(points) <= MOST_POINTS:
             raise MapError(f"a hull needs 4 to {MOST_POINTS:,} points, an array (V, 3) in m; got {shown(self.points)}.")
         if not (np.abs(points) <= MOST).all():
-            raise MapError(f"a hull's points must be finite numbers, at most {MOST:,.0f} m from its origin.")
+            raise MapError(
+                f"a hull's points must be finite numbers from {-MOST:,.0f} to {MOST:,.0f} m; got {shown(self.points)}."
+            )
         flat = MapError(
             "a hull needs four points that are not in one plane, or it has no volume. Use a thin box instead."
         )
@@ -318,7 +320,10 @@ def pose_at(
     if quaternion is not None:
         turned = _numbers("a quaternion (x, y, z, w)", quaternion, 4)
         if not LEAST <= math.hypot(*turned) <= MOST:
-            raise MapError(f"a quaternion (x, y, z, w) must have length 1; got {shown(quaternion)}.")
+            raise MapError(
+                f"a quaternion (x, y, z, w) must have a length from {LEAST:g} to {MOST:,.0f}, best 1; got "
+                f"{shown(quaternion)}."
+            )
         pose[:3, :3] = Rotation.from_quat(turned).as_matrix()
     else:
         angles = _numbers("roll, pitch and yaw", rpy, 3)

@@ -77,7 +77,7 @@ class SceneEntry(NamedTuple):
         if not isinstance(given, list):
             raise self.fault("a list")
         if len(given) > most:
-            raise MapError(f"{self.what} has {len(given):,} entries; at most {most:,} are read.")
+            raise MapError(f"{self.what} has {len(given):,} entries; at most {most:,} are read. Leave some out.")
         return [SceneEntry(f"{self.what} {place}", entry) for place, entry in enumerate(given)]
 
     def numbers(self, keys: str) -> tuple[float, ...]:

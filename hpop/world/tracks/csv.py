@@ -94,7 +94,7 @@ def titled(titles: Sequence[str], source: TrackFile) -> Columns:
         if what == "times" and "frame" in places:
             continue  # a frame has no unit
         if len(given) > 1 or given - set(known):
-            raise source.error(f"has {what} in {', '.join(sorted(given))}; expected one of {', '.join(known)}.")
+            raise source.error(f"has {what} in {', '.join(sorted(given))}; expected one unit of {', '.join(known)}.")
     unread = tuple(
         title.strip()
         for place, title in enumerate(titles)
@@ -180,7 +180,7 @@ def tracks(text: str, source: TrackFile, wanted: Sequence[Hashable] | None = Non
         times = table.numbers("frame") / source.rate(said.rate)
         second = 1.0
     elif source.frame_rate is not None:
-        raise source.error("has times in s; leave frame_rate out, which is for frames.")
+        raise source.error("has times, not frames; leave frame_rate out.")
     else:
         times, second = table.times(second)
     x, y = (table.numbers(name) / source.a_metre(unit) for name in ("x", "y"))
@@ -328,7 +328,7 @@ def _without_titles(first: Sequence[str], source: TrackFile) -> dict[str, int]:
 
 
 def _finite(column: Sequence[str]) -> FloatArray | None:
-    """Return the numbers of a column, or None if a cell is no number."""
+    """Return the numbers of a column, or None if a cell is no finite number."""
     try:
         numbers = np.array([text.replace(",", ".") for text in column], dtype=np.float64)
     except ValueError:

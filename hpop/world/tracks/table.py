@@ -181,7 +181,8 @@ def tracks_of(
                 raise source.error(f"has a fault at the id {shown(name)}: {error}") from None
     if not tracks:
         raise source.error(
-            f"has no person with rows at two times, as a track needs: {counted(len(names), 'id')}, each in one row."
+            f"has no person with rows at two times that can be joined to a track; it has {counted(len(names), 'id')}. "
+            "Check that the columns of ids and times are right."
         )
     if alone:
         told.append(f"has people at one time only, who are left out: {some(alone, MOST_NAMED)}")

@@ -115,7 +115,7 @@ class Track:
         return legs(self.x[:-1]) + legs(vx) * since, legs(self.y[:-1]) + legs(vy) * since
 
     def velocity(self, t: Column) -> tuple[Column, Column]:
-        """Return the velocity (x, y), m/s, at times t, s; it is 0 before the first and after the last time.
+        """Return the velocity (x, y), m/s, at times t, s; it is 0 before the first and from the last time on.
 
         At a time of the track it is the velocity towards the next point.
         """

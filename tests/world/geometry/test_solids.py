@@ -132,7 +132,7 @@ def test_a_pose_is_roll_pitch_yaw_or_a_quaternion():
         (lambda: Solid(Sphere(1), np.diag([1.0, 2.0, 1.0, 1.0])), "rotation matrix"),
         (lambda: Solid(Sphere(1), np.diag([1.0, 1.0, -1.0, 1.0])), "right-handed"),
         (lambda: pose_at((1, 2)), "a position must be 3 numbers"),
-        (lambda: pose_at(quaternion=(0, 0, 0, 0)), "must have length 1"),
+        (lambda: pose_at(quaternion=(0, 0, 0, 0)), "must have a length from 1e-06 to 1,000,000"),
         (lambda: pose_at(rpy="up"), "roll, pitch and yaw must be 3 numbers"),
         (lambda: pose_at(rpy=(0, 0, 90)), "in radians.*write math.radians"),
         (lambda: pose_at((1, 2, 1e300)), "a position must be finite numbers"),
