@@ -143,8 +143,9 @@ class _Progress:
 def visits_of(tour: Tour, trajectory: Trajectory, inside: BoolArray, weights: Weights) -> Visits:
     """Return the visits of a trajectory: those that miss the smallest weight of optional stops, as early as possible.
 
-    Stops are visited one after another, in the order of the tour. A visit takes the stop's dwell time, for which the
-    robot must stand at the stop. A stop without dwell time can be visited at any state where a motion begins or ends.
+    Stops are visited one after another, in an order that the tour allows. A visit takes the dwell time of the stop, for
+    which the robot must stand at the stop. A stop without dwell time can be visited at any state where a motion begins
+    or ends.
 
     inside   (s, n+1)  whether each of the n+1 states of the trajectory counts as being at each of s stops
     weights            weights of optional stops

@@ -134,7 +134,10 @@ class GoalSet(GoalDefaults):
         return f"({', '.join('any' if value is None else f'{value:.4g}' for value in self.members[0])})"
 
     def states(self, problem: Problem, rng: RNG, count: int) -> States:
-        """Return ``count`` states or fewer: members without free angles once, others repeatedly with random angles."""
+        """Return ``count`` states: first members without free angles, once each, then others with random angles.
+
+        Members with free angles are repeated as often as needed. Without any, there may be fewer states.
+        """
         count = checked_count(count)
         whole, others = ([m for m in self.members if (None in m) is free] for free in (False, True))
         rows = list(islice(chain(whole, cycle(others)), count))
@@ -237,7 +240,9 @@ GoalSpec = StateSpec | Goal | Mapping[str, Mapping[str, Any]] | Sequence[StateSp
 
 @checked_arguments
 def checked_goal(given: Any, space: StateSpace) -> Values | Goal:
-    """Return a checked goal: the values of a single state, a set of states, or a goal of another kind.
+    """Check a goal, given in any form of ``GoalSpec``, and return it.
+
+    The result is the values of a single state, a set of states, or a goal of another kind.
 
     Raises QueryError for a value that is no state of the space, UnknownName for an unknown name of a goal.
     """

@@ -257,9 +257,9 @@ class Region(GoalDefaults, ABC):
         return tuple(field.name for field in fields(self) if field.name.endswith("tolerance"))  # type: ignore[arg-type]
 
     def _descend_from(self, sought: InverseKinematics, rng: np.random.Generator, seeds: int) -> FloatArray:
-        """Draw random states as rows (seeds, n), and move each to a random point within the bounds.
+        """Return random states as rows (seeds, n), each moved to a random point within the bounds.
 
-        States for which this fails are moved to any point within the bounds.
+        States for which this fails are moved towards any point within the bounds; some may still be outside.
         """
         low, high = (np.broadcast_to(bound, (seeds, len(bound))) for bound in self.bounds)
         aims = rng.uniform(low, high)

@@ -336,7 +336,10 @@ class Tour:
 
     @staticmethod
     def _cycle(direct: Sequence[set[int]]) -> list[int]:
-        """Return the stops of a cycle, with the first one again at the end; there must be a cycle."""
+        """Return the indices of the stops of a cycle, each before the next, with the first one again at the end.
+
+        direct  for each stop, the stops that a pair puts before it; there must be a cycle among them
+        """
         within = set(range(len(direct)))
         while len(left := {j for j in within if direct[j] & within}) < len(within):
             within = left
@@ -369,7 +372,10 @@ class Tour:
 
     @cached_property
     def steps(self) -> tuple[tuple[TourStep, ...], ...]:
-        """Visits that are possible in each layer. A visit skips undecided stops that come before it, all optional."""
+        """Visits that are possible in each layer.
+
+        A visit skips all undecided stops that must come before it. It is possible only if these are optional.
+        """
         number = {done: i for i, done in enumerate(self.layers)}
         return tuple(
             tuple(
@@ -382,7 +388,7 @@ class Tour:
 
     @property
     def endings(self) -> Iterator[tuple[int, tuple[int, ...]]]:
-        """Yield each layer in which the tour may end, with the optional stops that are then skipped."""
+        """Yield the index of each layer in which the tour may end, and the indices of the stops then skipped."""
         for i, done in enumerate(self.layers):
             left = [j for j in range(len(self.stops)) if j not in done]
             if all(self.stops[j].optional for j in left):

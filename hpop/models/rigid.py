@@ -238,8 +238,8 @@ def motion_bounds(motions: Motions, lever: float) -> tuple[Column, Column]:
 def rigid_body(name: str, mount: Mount, motions: Motions) -> Body:
     """Return how a body mounted on the base moves in each motion, in closed form.
 
-    It turns with the base, and moves on an arc if it is off the axis. On curves the path length of a body off the axis
-    has no closed form and is integrated numerically.
+    It turns with the base, unless its mount has a ``view``, and moves on an arc if it is off the axis. On curves the
+    path length of a body off the axis has no closed form and is integrated numerically.
     """
     m, law = motions, cast(PlanarLaw, motions.law)
     rotation = law.turned(m.start, m.end)

@@ -188,7 +188,12 @@ def class_execution(planned: Trajectory, executed: Mapping[str, str]) -> tuple[T
 
 
 def _passing_times(made: Trajectory, speed: FloatArray, passed_in: FloatArray) -> FloatArray:
-    """Return the time (n+1,), s, at which planned states are passed; ``passed_in`` has motion, way in it and speed."""
+    """Return the times (n+1,), s, at which an execution passes the planned states.
+
+    made       the execution
+    speed      m/s, at each of its states
+    passed_in  (n+1, 3)  for each planned state: executed motion, way in it, m, and speed at its start, m/s
+    """
     motion, (way, begin) = passed_in[:, 0].astype(np.int64), passed_in[:, 1:].T
     last = np.minimum(motion, max(0, len(made) - 1))
     lasts = np.append(made.durations, 0.0)[last]

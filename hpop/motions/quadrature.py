@@ -74,7 +74,7 @@ def evenly(begin: FloatArray, width: FloatArray, owner: IntArray) -> FloatArray:
 
 
 def timed(phases: Sequence[Phase]) -> WeightsOf:
-    """Return a function for weights (P, 5): pieces are ranges of the share of the motion done, integrals over time, s.
+    """Return a function (:data:`WeightsOf`) for pieces in the share of the motion done and integrals over time, s.
 
     phases  timing of the motions, which says at what time each share is done
     """
@@ -322,7 +322,7 @@ def before_kinks(motions: Motions, phase: Phase) -> tuple[IntArray, FloatArray]:
 
 
 def kinks_between(motions: Motions, phase: Phase, beyond: float = 0.0) -> tuple[IntArray, IntArray]:
-    """Return, for each motion (M,), the index of the first kink within a phase and of the first kink after it.
+    """Return, for each motion (M,), indices in the world's kinks: of the first within a phase, and the first after it.
 
     A kink is a time at which a moving person turns, comes or leaves. ``beyond`` s are added to the end of the phase.
     """

@@ -98,7 +98,10 @@ class History:
         return SampledTrajectory(self.executed, times)
 
     def at_motion_ends(self, times: FloatArray, values: FloatArray) -> FloatArray:
-        """Return running values at the end of each planned motion (M,), from values (N,) at times of the execution."""
+        """Return running values at the end of each planned motion (M,).
+
+        They are interpolated between ``values`` (N,) at ``times`` (N,), s, of the execution.
+        """
         return np.interp(self.passed[1:], times, values)
 
     def once(self, key: Hashable, make: Callable[[], T]) -> T:

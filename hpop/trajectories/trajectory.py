@@ -51,17 +51,14 @@ class Trajectory:
         columns = {name: frozen(np.asarray(getattr(self.states, name), float)) for name in self.states.names}
         object.__setattr__(self, "states", States(**columns))
         object.__setattr__(self, "kinds", tuple(self.kinds))
-        if any(column.shape != (len(self.kinds) + 1,) for column in columns.values()):
+        count = len(self.kinds)
+        if any(column.shape != (count + 1,) for column in columns.values()):
             shapes = ", ".join(f"{name} {column.shape}" for name, column in columns.items())
-            raise ModelError(
-                f"{len(self.kinds)} motions need {len(self.kinds) + 1} states in every column; got {shapes}"
-            )
-        if not all(np.isfinite(column).all() for column in columns.values()):
-            wrong = ", ".join(name for name, column in columns.items() if not np.isfinite(column).all())
-            raise ModelError(f"the states of a trajectory must be finite numbers; got others in {wrong}")
+            raise ModelError(f"{count} motions need {count + 1} states in every column, got the shapes {shapes}")
+        if wrong := [name for name, column in columns.items() if not np.isfinite(column).all()]:
+            raise ModelError(f"the states of a trajectory must be finite numbers; got others in {', '.join(wrong)}")
         laws = laws_of(with_optional_members(self.model, MODEL_DEFAULTS))
-        unknown = set(self.kinds) - set(laws)
-        if unknown:
+        if unknown := set(self.kinds) - set(laws):
             raise ModelError(f"kinds must be motion laws of this model, {sorted(laws)}; got {sorted(unknown)}")
         names = (*self.model.space.names, *extras(self.model, self.kinds))
         if self.states.names != names:
@@ -261,7 +258,7 @@ class Trajectory:
     def cut(self, pieces: IntArray) -> Trajectory:
         """Return the trajectory with each motion i cut into ``pieces[i]`` motions of equal duration; pieces is (n,).
 
-        Only motions of constant pace can be cut.
+        This suits moves and curves; pieces of a turn from rest to rest would last longer than the whole.
         """
         owner = np.repeat(np.arange(len(self)), pieces)
         within = np.concatenate([np.arange(count) for count in pieces]) / pieces[owner]

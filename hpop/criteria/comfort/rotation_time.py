@@ -26,6 +26,6 @@ class RotationTime:
     """
 
     def cost(self, m: Motions) -> Column:
-        """Return the time (M,), s, in which each motion turns the camera."""
+        """Return the duration (M,), s, without waits, of each motion that turns the camera; 0 for all others."""
         busy = sum(phase.duration for phase in m.phases if phase.shape != "hold")
         return np.where(m.camera.turned > STILL, busy, 0.0)

@@ -74,7 +74,10 @@ class StopsMissed:
         return made
 
     def cost(self, m: History) -> Column:
-        """Return the sum of the weights (M,) of the optional stops that are not visited by the end of each motion."""
+        """Return the sum of the weights (M,) of the optional stops that are not visited by the end of each motion.
+
+        It is 0 for a batch of motions, which have no history: searches add the weights.
+        """
         if self.tour is None or isinstance(m, Motions):  # a motion by itself has no cost: searches add the weights
             return np.zeros(len(m))
         weights = self.weights or {}

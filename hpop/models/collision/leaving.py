@@ -49,9 +49,9 @@ class Leaving:
         return free
 
     def motions_free(self, motions: Motions) -> BoolArray:
-        """Return whether each motion (M,) keeps clear of the body, or begins in contact and leaves it.
+        """Return whether each motion (M,) keeps clear of the body, or begins in contact and does not shrink the gap.
 
-        Until the robot is clear of the body, the gap must not shrink; a motion may also end before.
+        Once the robot is clear of the body, it must stay clear. A motion may also end in contact.
         """
         free: BoolArray = self.body.motions_free(motions)
         some = np.flatnonzero(~free)

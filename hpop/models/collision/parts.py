@@ -94,7 +94,7 @@ def joints_of(parts: Iterable[Part]) -> tuple[str, ...]:
 
 
 def convex_parts(outline: tuple[tuple[float, float], ...], z_min: float, z_max: float) -> tuple[Part, ...]:
-    """Return collision parts whose outlines form a polygon: a single part, or triangles if it is not convex.
+    """Return collision parts that together have the outline of a polygon: one part, or triangles if it is not convex.
 
     >>> len(convex_parts(((1, 1), (-1, 1), (-1, -1), (1, -1)), 0, 1))
     1

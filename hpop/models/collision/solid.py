@@ -56,7 +56,7 @@ class SolidCollision:
 
     @cached_property
     def _obstacles(self) -> Any:
-        """Broad-phase collision manager of all obstacles not above the robot, as prisms over triangles."""
+        """Broad-phase collision manager of all that blocks, up to 1 m above the robot, as prisms over triangles."""
         objects = []
         for shape, z_min, z_max in self._prisms():
             low, high = max(z_min, -1.0), min(z_max, self._top + 1.0)
@@ -151,7 +151,10 @@ class SolidCollision:
 
 
 def _sample_counts(law: Law, start: States, end: States, names: Sequence[str]) -> IntArray:
-    """Return at how many states (M,) each motion is sampled, ends included, so that they are at most SPACING apart."""
+    """Return at how many states (M,) each motion is sampled, ends included.
+
+    None of the states ``names`` then changes by more than ``SPACING`` from one sample to the next.
+    """
     if is_curve(law):
         shares = np.linspace(0.0, 1.0, CURVE_STEPS + 1)
         rates = (slopes(law, name, start, end, share)[0] for share in shares for name in names)

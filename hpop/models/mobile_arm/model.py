@@ -208,7 +208,10 @@ class MobileArm(OnBase, Model):
         return self._kinematics.twist_rate(body, states, rates, changes)
 
     def body(self, name: str, motions: Motions) -> Body:
-        """Return how a body moves in each motion, in closed form if the law of the base has one."""
+        """Return how a body moves in each motion.
+
+        It is integrated for camera and tool in a reach, and for a law of the base that has no closed form.
+        """
         if isinstance(motions.law, Reach):
             return standing(name, motions) if name == "base" else ArmBody(name, self._kinematics, motions)
         if not is_planar(motions.law):

@@ -104,7 +104,7 @@ def assemble(
 
 
 def displacement(joint: UrdfJoint, value: float) -> FloatArray:
-    """Return the pose (4, 4) of a joint's child link, in the frame of the joint, when the joint has a value."""
+    """Return the pose (4, 4) of a joint's child link, in the frame of the joint, at a joint value, rad or m."""
     pose = np.eye(4)
     if joint.kind == "prismatic":
         pose[:3, 3] = value * joint.axis

@@ -76,7 +76,7 @@ def hulls(data: bytes, path: Path, scale: FloatArray) -> list[Hull]:
     path   its path, for the type of the file and for messages
     scale  (3,) factors of the coordinates
 
-    Raises ModelError if a piece is not convex.
+    Raises ModelError if a piece is not convex, or if the file cannot be read or is too large.
     """
     mesh = _load_mesh(data, path)
     deepest = _depth(mesh, scale, path)
