@@ -153,7 +153,8 @@ def _draw_criterion(axes: Axes, trace: Trace, column: int) -> None:
     words = {"sum": "running total", "time-mean": "running mean", "max": "running worst"}
     text = words.get(criterion.aggregate, "running value")
     if criterion.aggregate in ("sum", "trajectory"):
-        highest, values = 0.0, np.concatenate([[0.0], values])
+        falls = bool((np.diff(values) < 0).any())  # as stops_missed, which begins with all stops
+        highest, values = 0.0, np.concatenate([values[:1] if falls else [0.0], values])
     else:
         highest = alone.max(initial=0.0)
         values = np.concatenate([values[:1], values]) if values.size else np.zeros(1)

@@ -37,6 +37,16 @@ def test_a_trace_names_each_visit_in_the_middle_of_its_dwell(problem, front):
     assert [line.get_xdata()[0] for line in lines] == [texts["4 passed"]]  # it has no dwell
 
 
+def test_a_trace_of_missed_stops_begins_with_all_optional_ones_and_falls_at_each_visit(problem, front):
+    row = next(row for row in range(len(front)) if len(visit_order(front, row).split()) == 4)
+    axes = next(axes for axes in draw_trace(problem, front.trajectories[row]).axes if "missed" in axes.get_ylabel())
+    line = max(axes.lines, key=lambda line: len(line.get_xdata()))
+    times, values = line.get_xdata(), line.get_ydata()
+    assert values[0] == 2
+    ends = sorted(v["end"] for v in front.provenance[row]["visits"] if v["stop"] in ("vase", "passed"))
+    assert times[1:][np.diff(values) < 0] == pytest.approx(ends)
+
+
 def test_a_long_name_is_cut_and_a_problem_without_a_tour_has_no_names(problem, front):
     stops = [{**STOPS[0], "name": "the cabinet of curiosities"}, *STOPS[1:]]
     named = hpop.Problem(
