@@ -170,7 +170,8 @@ class PanTilt(OnBase, PlanarModel):
     The head moves while the base stands (laws "pan" and "tilt"). While the base turns in place, the head either turns
     with it ("turn"), or turns back by the same angle so that the view does not change ("unwind"). A motion of the head
     lasts its rest-to-rest time plus v/a, the time that the base loses by stopping and starting again (v and a are its
-    speed and acceleration). During "unwind", base and head keep the limits of both.
+    speed and acceleration); for a base with several speeds, planned changes of speed last this time instead. During
+    "unwind", base and head keep the limits of both.
     """
 
     joints: ClassVar[tuple[str, ...]] = ("pan", "tilt")

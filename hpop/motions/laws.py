@@ -148,7 +148,7 @@ class Coupled(Law, Protocol):
 class Curve(Coupled, Protocol):
     """Law of curves: its states do not change in proportion to the share of the motion done.
 
-    Its yaw rate may change its sign within a motion. Under all other laws the states change in proportion to the share,
+    Its yaw rate may change its sign within a motion. Under all other laws the yaw changes in proportion to the share,
     so that each motion is a single turn in one direction.
     """
 
@@ -227,8 +227,8 @@ class Leg(NamedTuple):
 class Hold(LawDefaults):
     """Law of a hold: the robot stands still, and only the state ``clock`` changes.
 
-    The difference of the clock, s, is the duration of the hold. Motions of other laws may also have a clock column, but
-    ignore it.
+    The difference of the clock, s, is the duration of the hold, as it is for curves. Motions of other laws may have a
+    clock column, but ignore it.
     """
 
     kind: str = "hold"

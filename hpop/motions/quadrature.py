@@ -204,7 +204,8 @@ def _differences(values: FloatArray, *, jumps: bool) -> FloatArray:
 def _may_stay_open(values: FloatArray, weights: FloatArray, owner: IntArray, size: int, *, jumps: bool) -> FloatArray:
     """Return the error (M,) that each piece of a motion may have without being halved.
 
-    The error of a piece is the difference of its values times its duration; the bound is a share of the whole integral.
+    The error of a piece is the difference of its values times its duration. The bound is a share of the whole integral;
+    for a rate that jumps, of its largest value times the duration.
     """
     if not jumps:
         return np.asarray(AGREE * np.bincount(owner, np.abs(values * weights).sum(axis=1), minlength=size))

@@ -73,7 +73,7 @@ class Pose(Protocol):
     """Pose of a body in the world frame (REP-103): position in m, angles in rad, each a column.
 
     Yaw is positive counter-clockwise, pitch upwards, roll to the right. ``ahead``, ``left`` and ``up`` are the axes of
-    the body, as unit vectors.
+    the body, as unit vectors; a component that is always the same may be a number.
     """
 
     @property

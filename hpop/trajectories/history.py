@@ -26,7 +26,7 @@ T = TypeVar("T")
 
 
 class SampledTrajectory(Instants):
-    """States and rates of an executed trajectory, with its speed ramps, at ``times`` (N,), s."""
+    """States and rates of a trajectory, such as an executed one with its speed ramps, at ``times`` (N,), s."""
 
     def __init__(self, executed: Trajectory, times: FloatArray) -> None:
         states, (rates, changes) = executed.at(times), executed.rates(times)

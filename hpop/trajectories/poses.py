@@ -22,7 +22,7 @@ NEXT = 0.01  # share of a step: a shorter last step is merged with the step befo
 class Poses:
     """Poses of a body at N times, in the world's frame: right-handed, x and y on the floor, z up (REP-103).
 
-    times        (N,)    s      from 0, strictly increasing even in whole ns; the last is the end of the trajectory
+    times        (N,)    s      as given; of :func:`poses`, from 0 to the end, strictly increasing even in whole ns
     positions    (N, 3)  m      x, y, z
     quaternions  (N, 4)  1      x, y, z, w: they turn the axes of the world to those of the body, x ahead, y left, z up.
                                 Unit; w >= 0 in the first; signs without jumps: q · q_before >= 0

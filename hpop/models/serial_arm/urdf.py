@@ -64,7 +64,8 @@ class UrdfJoint:
     parent, child  names of the links
     origin  (4, 4)  frame of the joint in the frame of the parent; at value 0 it is the frame of the child
     axis    (3,)    unit vector in the joint's frame
-    low, high, speed  limits, None if missing in the file; soft limits replace them where they are tighter
+    low, high, speed  limits, None if missing in the file; soft limits replace them where they are tighter. Where a
+            revolute or prismatic joint has a <limit> without lower or upper, these are 0
     mimic   rule by which the joint follows another joint, or None
     doubt   note for the user on contradictory limits, or ""
     """
