@@ -19,6 +19,7 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
 from hpop.drive.closings import Closing, chains_closed, closed_arcs, no_way_out, states_by_place
+from hpop.drive.known_routes import KnownRoutes
 from hpop.frontier import is_nondominated
 from hpop.motions import Motions, States
 from hpop.planners.base import Candidates
@@ -26,6 +27,8 @@ from hpop.planners.graphs.assemble import assemble, claim_with_known_paths, sear
 from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED, with_ends
 from hpop.planners.graphs.query import Query
 from hpop.planners.graphs.state_graph import StateGraph
+from hpop.planners.graphs.tour_stops import with_stop_states
+from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.objectives import Objectives
 from hpop.runtime.status import Status
 from hpop.search import Graph, ParetoPaths, SearchStats
@@ -39,54 +42,6 @@ if TYPE_CHECKING:
 
     from hpop.problems.problem import Problem
     from hpop.world import World
-
-
-@dataclass(frozen=True, eq=False)
-class KnownRoutes:
-    """Paths to the goal that are known from earlier searches, with the remaining cost from each of their nodes.
-
-    The S arcs are listed path by path. If areas have only been closed since, open remaining parts of optimal paths are
-    still optimal, as there are fewer alternatives.
-
-    tails, arcs     (S,)    tail node and index of each arc
-    ends            (S,)    index in this list after the last arc of the same path
-    remaining_cost  (S, k)  in quanta (smallest cost steps), from the tail of each arc to the goal
-    closed          (S,)    whether this arc or a later one of the path is closed
-    """
-
-    tails: IntArray
-    arcs: IntArray
-    ends: IntArray
-    remaining_cost: IntArray
-    closed: BoolArray
-
-    @classmethod
-    def of(cls, paths: Sequence[IntArray], tails: IntArray, graph: Graph, closed: BoolArray) -> KnownRoutes:
-        """Build known paths from the indices of the arcs of each path.
-
-        tails, closed  (m,) tail of each arc of the graph, and whether the arc is closed
-        """
-        arcs = np.concatenate([np.zeros(0, np.int64), *paths])
-        sizes = [path.size for path in paths]
-        last = np.cumsum(np.array(sizes, np.int64))
-        remaining_cost = np.empty((arcs.size, graph.criteria), np.int64)
-        is_closed = np.empty(arcs.size, dtype=np.bool_)
-        worst = np.array(graph.aggregates) == "max"
-        for end, size in zip(last.tolist(), sizes, strict=True):
-            own = slice(end - size, end)
-            costs = graph.costs[arcs[own]][::-1]
-            remaining_cost[own] = np.where(worst, np.maximum.accumulate(costs), np.cumsum(costs, axis=0))[::-1]
-            is_closed[own] = np.logical_or.accumulate(closed[arcs[own]][::-1])[::-1]
-        return cls(tails[arcs], arcs, np.repeat(last, sizes), remaining_cost, is_closed)
-
-    def remaining(self, node: int) -> list[IntArray]:
-        """Return the arcs of each known path's part from a node to the goal, for parts that are open.
-
-        Parts that another of them dominates are left out.
-        """
-        steps = np.flatnonzero((self.tails == node) & ~self.closed)
-        steps = steps[is_nondominated(self.remaining_cost[steps])] if steps.size else steps
-        return [self.arcs[step : self.ends[step]] for step in steps.tolist()]
 
 
 SAMPLED = 200  # arcs nearest to a change, evaluated to find the criteria that depend on it
@@ -124,15 +79,23 @@ class DriveGraph:
 
     @classmethod
     def laid_out(
-        cls, name: str, inner: StateGraph, problem: Problem, objectives: Objectives, closings: Sequence[Closing] = ()
+        cls,
+        name: str,
+        inner: StateGraph,
+        problem: Problem,
+        objectives: Objectives,
+        closings: Sequence[Closing] = (),
+        like: TrajectoryGraph | None = None,
     ) -> DriveGraph:
         """Build the graph from the start of a problem to its goal; ``inner`` is a graph of states in the bare world.
 
-        The bare world has no people and no named areas; ``closings`` are the closed areas of the problem. Raises
-        QueryError if the start or the goal cannot be joined to the graph.
+        The bare world has no people and no named areas; ``closings`` are the closed areas of the problem. States of a
+        tour's stops are those of the graph ``like``, if it is given. Raises QueryError if the start, the goal or a stop
+        cannot be joined to the graph.
         """
         began = time.perf_counter()
         space, start, goals = with_ends(inner, problem, inner.reach(problem))
+        space = with_stop_states(space, problem, like)
         costed = space if inner.world is problem.world else space.costed_in(problem.world)
         graph = costed.graph(objectives.optimised)
         query = Query(space, objectives, graph, start, goals, build_seconds=time.perf_counter() - began)
@@ -144,7 +107,7 @@ class DriveGraph:
 
         Criteria and closed areas stay those of this graph. The problem must have the goal of the drive.
         """
-        joined = DriveGraph.laid_out(self.name, self.inner, problem, self.query.objectives)
+        joined = DriveGraph.laid_out(self.name, self.inner, problem, self.query.objectives, like=self.query.space)
         return replace(joined, closings=self.closings, masks=self.masks, reading=self.reading)
 
     @property
@@ -391,8 +354,16 @@ class DriveGraph:
         """Return paths from a node as trajectories of the planner that built the graph, with a claim of optimality."""
         query = replace(self.query, start=node, closed=self.closed)
         reason = self.closed_in(node) if paths.status is Status.NO_PATH else ""
-        claim, stats = claim_with_known_paths(paths, query.where), search_stats(paths, paths.gap)
+        claim, stats = claim_with_known_paths(paths, self.where(query)), search_stats(paths, paths.gap)
         return assemble(self.name, query, paths, claim, reason=reason, stats=stats)
+
+    def where(self, query: Query) -> str:
+        """Return the description of a search for the certificate."""
+        return query.where
+
+    def unreachable(self, node: int) -> tuple[str, ...]:
+        """Return the names of a tour's stops that must be visited but cannot be reached from a node; none here."""
+        return ()
 
     def closed_in(self, node: int) -> str:
         """Return as text why no path leads to the goal from a node; "" if no area is closed."""

@@ -18,11 +18,13 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.options import MOST, real, whole
 from hpop.drive import storage
 from hpop.drive.closings import Closing, refuse_covered
-from hpop.drive.moment import DriveProgress, Moment, front_of_rest, past
+from hpop.drive.moment import DriveProgress, Moment, past
 from hpop.drive.options import Commit, LeavePoints, Option, Options, PlanComparison, same_side
-from hpop.drive.plan import SAME, Plan, between, closed_trajectories, held, part
+from hpop.drive.plan import SAME, Plan, between, closed_trajectories, held, joined, part
+from hpop.drive.remaining_front import front_of_rest
 from hpop.drive.replanning import Replanner, ReplanResult
-from hpop.drive.storage import Change, EventLog, deadline_of, written
+from hpop.drive.stop_log import StopLog, refuse_moving_tour
+from hpop.drive.storage import Change, deadline_of, written
 from hpop.drive.surroundings import DriveSurroundings
 from hpop.drive.wishes import NOTICE, PATIENCE, Wish, adapted, wished
 from hpop.errors import DriveError
@@ -31,7 +33,7 @@ from hpop.motions import States
 from hpop.motions.states import StateSpec
 from hpop.planners.base import Planner
 from hpop.planners.graphs.timed.safety import LEAVING
-from hpop.planners.needs import refuse_speeds, refuse_tour
+from hpop.planners.needs import refuse_speeds
 from hpop.problems.front import Point
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person
@@ -46,7 +48,7 @@ SHIFT = 0.01
 
 
 @checked_arguments
-class Execution(EventLog):
+class Execution(StopLog):
     """A drive along a plan, with options to change the plan; :func:`hpop.follow` creates one.
 
     problem     the problem for which the plan was made
@@ -78,7 +80,7 @@ class Execution(EventLog):
         notice: float = NOTICE,
         preference: Preferring | None = None,
     ) -> None:
-        refuse_tour(problem, "a drive")
+        refuse_moving_tour(problem)
         refuse_speeds(problem, "a drive")
         self.problem, self.planner, self.choice, self.ways = problem, planner, choice, tuple(ways)
         super().__init__(begin)
@@ -144,6 +146,7 @@ class Execution(EventLog):
         measured = space.state(state, what="state that is seen")
         planned = progress.plan.nearest_time(measured, progress.planned(now))
         progress.lag = self._told(now) - planned
+        self._note_visits(now)
         if abs(progress.lag - progress.stretches[-1].lag) > SHIFT:
             progress.shift(now)
         self._note("seen", now, state=list(space.values(measured)))
@@ -184,6 +187,7 @@ class Execution(EventLog):
                   are the known plans that are open and clear of people, and the gap is infinite
         """
         deadline, now = deadline_of(deadline), self._told(now)
+        self._note_visits(now)
         options, result = self._options(now, deadline, None)
         self._note("options", now, deadline=deadline, answer=result.answer)
         return options
@@ -194,6 +198,7 @@ class Execution(EventLog):
         answer  the logged result if the deadline cut the search short; None repeats the search to its end
         """
         now = self._told(now)
+        self._note_visits(now)
         self._note("options", now, deadline=deadline, answer=answer)
         return self._options(now, deadline_of(deadline), answer, again=True)[0]
 
@@ -233,8 +238,12 @@ class Execution(EventLog):
         begins = float(plan.driven.times[commit.place])
         remaining = between(plan.announced, begins, plan.announced.duration)
         present = remaining if plan.stops is None and not commit.stands else None
-        result = self._replanner.result(surroundings, commit, present, deadline, answer)
         problem = surroundings.at(commit.state, commit.time)
+        if (tour := self._progress.tour) is not None:
+            plan_then = joined(commit.before, remaining)
+            tour = tour.after(plan_then, commit.before.duration, self._progress.lag, problem.world)
+            problem = replace(problem, tour=tour.tour)
+        result = self._replanner.result(surroundings, problem, commit, present, deadline, answer)
         before = Plan(commit.before)
         costs_so_far = partial(past, before, before.end, self._progress.stretches, self.problem.criteria)
         candidates = replace(result.candidates, notes=(*result.candidates.notes, *surroundings.stopping))
@@ -247,7 +256,8 @@ class Execution(EventLog):
             lambda trajectory: same_side(trajectory, remaining, surroundings.problem.world, closings),
         )
         status = result.candidates.status
-        options = Options(front, now, commit, place, point, status, result.gap, result.labels, compared=compared)
+        search = (status, result.gap, result.labels)
+        options = Options(front, now, commit, place, point, *search, result.unreachable, compared=compared)
         self._latest = options
         return options, result
 
@@ -279,6 +289,7 @@ class Execution(EventLog):
             raise DriveError("the plan was cut before the place where these options begin; call options(now) again")
         if closed_trajectories([chosen.item], self.surroundings.closed).any():
             raise DriveError(f"option {place} has been closed since; call options(now) again")
+        self._note_visits(now)
         self._drive(now, commit.place, commit.stands, None if chosen.keeps_on else chosen.item)
         self._note("take", self._told(now), place=commit.place, stands=commit.stands, keeps_on=chosen.keeps_on,
                    rest=None if chosen.keeps_on else chosen.item.describe(), costs=chosen.costs)  # fmt: skip
@@ -289,6 +300,7 @@ class Execution(EventLog):
         now, most = self._told(event["now"]), len(self._progress.plan.driven)
         place = whole("place", event["place"], 0, most, "the number of a state of the plan", error=DriveError)
         stands = real("stands", event["stands"], 0, MOST, "a time in s", error=DriveError)
+        self._note_visits(now)
         self._drive(now, place, stands, trajectory)
         self.record.append(dict(event))
 
@@ -362,9 +374,11 @@ class Execution(EventLog):
         if isinstance(people, Iterable) and not isinstance(people, str):
             people = given["people"] = tuple(people)
         after = before.changed(now, what, given[what], name, groups)
+        refuse_moving_tour(after.problem)
         new = [closing for closing in after.closed if closing not in before.closed]
         refuse_covered(new, self.problem.model, self._progress.state(now))
         talk = after.problem.world.content.groups
+        self._note_visits(now)
         self._note(what, self._told(now), **written(close, open, people, talk, stop, name))
         return self._change(now, after, new)
 

@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.arrays import FloatArray
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs, running_costs, trajectory_costs
 from hpop.drive.plan import SAME, Cut, Plan, between, cut_of, held, joined, motion_ends, until
 from hpop.drive.surroundings import DriveSurroundings
-from hpop.frontier.dominance import quantised
+from hpop.drive.tour_progress import TourProgress
 from hpop.motions import States
-from hpop.planners.base import Candidates
-from hpop.problems import solving
-from hpop.problems.evaluation import claimable
-from hpop.problems.front import Front, Point
+from hpop.problems.recorded_visits import StopVisit
 from hpop.trajectories.history import sections
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from hpop.problems.problem import Problem
+    pass
 
 
 class Stretch(NamedTuple):
@@ -134,10 +131,13 @@ class DriveProgress:
     lag        s, time of the drive at which the plan began, corrected by measured states
     stretches  parts of the drive by surroundings; the last one has the present surroundings
     margin     m, distance to keep from moving people
+    tour       stops that are done since the last event; None without a tour
     """
 
     def __init__(self, plan: Plan, surroundings: DriveSurroundings, begin: float, margin: float) -> None:
         self.plan, self.lag, self.margin = plan, begin, margin
+        tour = surroundings.problem.tour
+        self.tour = None if tour is None else TourProgress(tour)
         self.stretches = [Stretch(surroundings, 0.0, begin)]
 
     @property
@@ -158,7 +158,8 @@ class DriveProgress:
         planned, plan = self.planned(now), self.plan
         at_end = planned >= plan.end - SAME
         stands, arrived = plan.stops is not None and at_end, plan.stops is None and at_end
-        return Moment(now, planned, self.state(now), stands, arrived, plan, tuple(self.stretches), self.lag)
+        stretches = tuple(self.stretches)
+        return Moment(now, planned, self.state(now), stands, arrived, plan, stretches, self.lag, self.tour)
 
     def shift(self, now: float) -> None:
         """Begin a new stretch with the present lag, after the motion under way."""
@@ -228,6 +229,7 @@ class Moment:
     _plan: Plan
     _stretches: tuple[Stretch, ...]
     _lag: float
+    _tour: TourProgress | None = None
 
     @property
     def plan(self) -> Trajectory:
@@ -253,131 +255,19 @@ class Moment:
         costs = past(plan, end, self._stretches, criteria)
         return {criterion.name: costs.cost(criterion) for criterion in criteria}
 
+    @cached_property
+    def stops(self) -> TourProgress | None:
+        """Stops of the tour that are done; None without a tour."""
+        if self._tour is None:
+            return None
+        plan, t, world = self._plan, self.planned, self._stretches[-1].surroundings.problem.world
+        announced, stood = plan.announced, self.now - self._lag - plan.end
+        if self.stands and stood > SAME:
+            before = held(plan.driven, stood)
+            announced, t = joined(before, between(announced, plan.end, announced.duration)), before.duration
+        return self._tour.after(announced, t, self._lag, world)
 
-WHOLE = "worst moments and means are those of the whole drive"
-
-
-def front_of_rest(
-    problem: Problem, candidates: Candidates, present: Trajectory | None, past: Callable[[], Past]
-) -> tuple[Front, Point | None, int | None]:
-    """Return the front of remaining plans, a point for the present plan if it is dominated, and the latter's index.
-
-    A dominated present plan has the index after the last point of the front. The point is None if the present plan is
-    in the front; point and index are None if it is closed.
-
-    Costs that are sums cover only the remaining plan, because the past adds the same to all plans. Worst moments and
-    means cover the whole drive, so plans with the same values become one point.
-
-    problem  its start and time are those at which the remaining plans begin
-    present  the present plan from there, None if it is closed
-    past     function that returns the costs of the drive up to there
-    """
-    front = solving.front(problem, candidates)
-    criteria = [claimable(problem)[name] for name in (*front.names, *front.reported_names)]
-    rows = _CostedPlans.of(front)
-    if present is None:
-        own = _CostedPlans.none(front)
-    else:
-        own = _CostedPlans.alone(present, trajectory_costs(criteria, [present], problem.world))
-    if any(criterion.aggregate in ("max", "time-mean") for criterion in criteria):
-        costs_so_far = past()
-        rows, own = (plans.whole(criteria, costs_so_far) for plans in (rows, own))
-        front = rows.front(front)
-        front = replace(front, certificate=f"{front.certificate}; {WHOLE}")
-    if present is None:
-        return front, None, None
-    place = _place(front, own)
-    if place is None and not _is_dominated(front, own):
-        front = _CostedPlans.of(front).and_those_of(own).front(front)
-        place = _place(front, own)
-    if place is None:
-        return front, own.point(front), len(front)
-    items = tuple(present if i == place else trajectory for i, trajectory in enumerate(front.items))
-    return replace(front, items=items), None, place  # of plans with equal costs, the present one is no change
-
-
-@dataclass(frozen=True, eq=False)
-class _CostedPlans:
-    """Remaining plans with their costs and reported values (n, k + r), and their provenance (planner and options)."""
-
-    trajectories: tuple[Trajectory, ...]
-    values: FloatArray
-    origins: tuple[dict[str, Any], ...]
-
-    @classmethod
-    def of(cls, front: Front) -> _CostedPlans:
-        """Return the plans of a front."""
-        return cls(front.trajectories, np.hstack([front.costs, front.reported]), front.provenance)
-
-    @classmethod
-    def alone(cls, present: Trajectory, values: FloatArray) -> _CostedPlans:
-        """Return a collection with only the present plan."""
-        return cls((present,), values, ({"planner": "drive", "kept": True},))
-
-    @classmethod
-    def none(cls, front: Front) -> _CostedPlans:
-        """Return an empty collection with the columns of a front."""
-        return cls((), np.zeros((0, len(front.names) + len(front.reported_names))), ())
-
-    def and_those_of(self, others: _CostedPlans) -> _CostedPlans:
-        """Return a collection of these plans and ``others``."""
-        values = np.concatenate([self.values, others.values])
-        return _CostedPlans(self.trajectories + others.trajectories, values, self.origins + others.origins)
-
-    def whole(self, criteria: Sequence[Criterion], past: Past) -> _CostedPlans:
-        """Return the plans with worst moments and means over the whole drive; ``past`` has the costs so far."""
-        values = self.values.copy()
-        for j, criterion in enumerate(criteria):
-            if criterion.aggregate == "max":
-                values[:, j] = np.maximum(values[:, j], past.totals[criterion.name])
-            elif criterion.aggregate == "time-mean":
-                durations = np.array([trajectory.duration for trajectory in self.trajectories])
-                total = past.duration + durations
-                integral = past.totals[criterion.name] + values[:, j] * durations
-                values[:, j] = np.divide(integral, total, out=np.zeros(total.size), where=total > 0.0)
-        return replace(self, values=values)
-
-    def front(self, like: Front) -> Front:
-        """Return the front of these plans, with names, certificate and problem taken from the front ``like``."""
-        k = len(like.names)
-        return Front.of(
-            self.values[:, :k],
-            self.trajectories,
-            names=like.names,
-            units=like.units,
-            quanta=like.quanta,
-            groups=like.groups,
-            reported=self.values[:, k:],
-            reported_names=like.reported_names,
-            reported_units=like.reported_units,
-            status=like.status,
-            certificate=like.certificate,
-            provenance=self.origins,
-            problem=like.problem,
-            runs=like.runs,
-        )
-
-    def point(self, front: Front) -> Point:
-        """Return the only plan as a point, with the index after the last point of a front."""
-        values, k = self.values[0].tolist(), len(front.names)
-        return Point(
-            index=len(front),
-            costs=dict(zip(front.names, values[:k], strict=True)),
-            reported=dict(zip(front.reported_names, values[k:], strict=True)),
-            item=self.trajectories[0],
-            provenance=self.origins[0],
-        )
-
-
-def _counts(front: Front, own: _CostedPlans) -> IntArray:
-    return quantised(own.values[:, : len(front.names)], front.quanta)
-
-
-def _place(front: Front, own: _CostedPlans) -> int | None:
-    """Return the index of the point of a front that has the same costs as a plan; None if there is none."""
-    same = np.flatnonzero((front.integers == _counts(front, own)).all(axis=1))
-    return int(same[0]) if same.size else None
-
-
-def _is_dominated(front: Front, own: _CostedPlans) -> bool:
-    return bool((front.integers <= _counts(front, own)).all(axis=1).any())
+    @property
+    def visits(self) -> tuple[StopVisit, ...]:
+        """Visits of the tour's stops so far, in order of time, with times of the drive; () without a tour."""
+        return () if self.stops is None else self.stops.visits

@@ -153,6 +153,11 @@ class Option(Point):
     keeps_on: bool = False
     dominated: bool = False
 
+    @property
+    def stops(self) -> tuple[str, ...]:
+        """Names of the tour's stops that it visits from the commit on, in this order; () without a tour."""
+        return tuple(visit["stop"] for visit in self.provenance.get("visits", ()))
+
 
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
@@ -168,6 +173,7 @@ class Options(Sequence[Option]):
     gap       for every missing cost vector, a vector of the front is at most a factor 1 + gap worse
     labels    number of partial paths that the search generated
     compared  the announced plan, with which options are compared
+    unreachable  names of the tour's stops that must still be visited but cannot be reached; there is then no option
     """
 
     front: Front
@@ -179,6 +185,7 @@ class Options(Sequence[Option]):
     gap: float
     labels: int
     compared: PlanComparison = field(kw_only=True)
+    unreachable: tuple[str, ...] = ()
 
     @property
     def certificate(self) -> str:

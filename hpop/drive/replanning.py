@@ -8,19 +8,21 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
-from threading import Lock, Thread
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hpop.base.arrays import IntArray
 from hpop.criteria.base import make_criterion
-from hpop.drive.drive_graph import DriveGraph, KnownRoutes
+from hpop.drive.drive_graph import DriveGraph
+from hpop.drive.known_routes import KnownRoutes
+from hpop.drive.latest_only import LatestOnlyWorker
 from hpop.drive.options import Commit
 from hpop.drive.surroundings import DriveSurroundings
 from hpop.drive.timed_drive_graph import ScheduledPath, TimedDriveGraph, clear_trajectories, rechecked, remaining_from
+from hpop.drive.tour_graph import TourGraphs
 from hpop.errors import DriveError
 from hpop.planners.base import Candidates, Planner
 from hpop.planners.graphs.state_graph import StateGraph
@@ -35,47 +37,6 @@ from hpop.trajectories.trajectory import Trajectory
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-T = TypeVar("T")
-
-
-class LatestOnlyWorker:
-    """A worker thread that keeps only the newest waiting task; an older waiting task is cancelled.
-
-    The thread ends after its last task, or when the process ends.
-    """
-
-    def __init__(self) -> None:
-        """Make a worker without tasks."""
-        self._lock, self._busy = Lock(), False
-        self._next: tuple[Future[Any], Callable[[], Any]] | None = None
-
-    def begin(self, task: Callable[[], T]) -> Future[T]:
-        """Submit a task, to be run when the present one is done."""
-        future: Future[T] = Future()
-        with self._lock:
-            if self._next is not None:
-                self._next[0].cancel()
-            self._next = future, task
-            if not self._busy:
-                self._busy = True
-                Thread(target=self._work, name="hpop drive", daemon=True).start()
-        return future
-
-    def _work(self) -> None:
-        while True:
-            with self._lock:
-                if self._next is None:
-                    self._busy = False
-                    return
-                future, task = self._next
-                self._next = None
-            if future.set_running_or_notify_cancel():
-                try:
-                    future.set_result(task())
-                except BaseException as error:  # raised again by future.result()
-                    future.set_exception(error)
-
-
 RECHECK = 0.05  # s of processor time in which known paths are checked again, even if the deadline is shorter
 
 
@@ -86,12 +47,14 @@ class ReplanResult(NamedTuple):
     gap     for every missing cost vector, a returned one is at most a factor 1 + gap worse
     labels  number of partial paths that the search generated
     answer  if a deadline ended the search, its result as JSON, so that it can be repeated; else None
+    unreachable  names of the stops of a tour that must still be visited but cannot be reached
     """
 
     candidates: Candidates
     gap: float
     labels: int
     answer: dict[str, Any] | None
+    unreachable: tuple[str, ...] = ()
 
 
 class _PendingGraph(NamedTuple):
@@ -117,6 +80,7 @@ class Replanner:
         self._arcs: list[IntArray] = []  # of the known trajectories
         self._routes: KnownRoutes | None = None
         self._last_paths: list[IntArray] = []  # of the last search
+        self._tours = None if problem.tour is None else TourGraphs(problem.tour)
         self._began = float(begin)
         self._untimed: DriveGraph | None = None  # while people move: costs that do not depend on time
         self._timed: TimedDriveGraph | None = None
@@ -130,6 +94,7 @@ class Replanner:
     def result(
         self,
         now: DriveSurroundings,
+        problem: Problem,
         commit: Commit,
         present: Trajectory | None,
         deadline: float | None,
@@ -137,11 +102,11 @@ class Replanner:
     ) -> ReplanResult:
         """Search for remaining plans in the present world, from the next place where the plan may change (`Commit`).
 
+        problem   the problem from there, with the stops of a tour that are done
         present   the present plan from there, None if it is closed
         deadline  s of processor time of this thread, None for no deadline
         answer    the logged result of the same search, if its deadline ended it
         """
-        problem = now.at(commit.state, commit.time)
         if now.moving:
             return self._search_on_clock(now, problem, commit, present, deadline, answer)
         return self._search(now, problem, commit, present, deadline, answer)
@@ -348,7 +313,15 @@ class Replanner:
         graph = self.graph(now)
         node = int(graph.nodes(commit.state)[0])
         known, present_arcs, prepared = list[IntArray](), None, self._prepared
-        if node < 0:
+        if self._tours is not None and problem.tour is not None:
+            layered = self._tours.at(graph, problem.tour)
+            if node < 0:
+                layered = layered.from_beside(problem)
+                node = layered.base.query.start
+            graph, node = layered, layered.node(node, problem.tour)
+            if answer is None:
+                known, prepared = self._tours.known(layered, node), self._tours.prepared(layered)
+        elif node < 0:
             graph = graph.from_beside(problem)
             node, prepared = graph.query.start, graph.prepared() if answer is None else None
         elif answer is None:
@@ -361,7 +334,9 @@ class Replanner:
             paths = graph.remaining_paths(prepared, node, known, present_arcs, deadline)
         else:
             paths = graph.restored(node, answer)
-        if graph is self._graph:
+        if self._tours is not None:
+            self._tours.keep(graph, paths.places)
+        elif graph is self._graph:
             self._last_paths = paths.places
         logged_result = None
         if not paths.status.is_final:
@@ -373,7 +348,12 @@ class Replanner:
                 "labels": paths.stats.labels_generated,
                 "arcs": arcs,
             }
-        return ReplanResult(graph.candidates(node, paths), paths.gap, paths.stats.labels_generated, logged_result)
+        lost = graph.unreachable(node) if paths.status is Status.NO_PATH else ()
+        candidates = graph.candidates(node, paths)
+        if problem.tour is not None:  # missed stops are counted among those that remain
+            own = {criterion.name: criterion for criterion in problem.criteria}
+            candidates = replace(candidates, objectives=tuple(own.get(c.name, c) for c in candidates.objectives))
+        return ReplanResult(candidates, paths.gap, paths.stats.labels_generated, logged_result, lost)
 
     def graph(self, now: DriveSurroundings) -> DriveGraph:
         """Return the graph with the present costs and closed areas; it is built at the first call."""
@@ -381,12 +361,15 @@ class Replanner:
         if self._graph is None:
             problem = now.problem.at(self.problem.start, 0.0)
             self._graph = DriveGraph.laid_out(self.planner.name, self._inner(now), problem, self.objectives, now.closed)
-            self._arcs = self._graph.arcs_of(self._trajectories)
+            self._arcs = [] if self._tours is not None else self._graph.arcs_of(self._trajectories)
         elif self._graph.world is now.problem.world:
             return self._graph
         else:
             people_change = self._graph.world.content.people != now.people
             self._graph = self._graph.changed(now.problem.world, now.closed, people=people_change)
+        if self._tours is not None:
+            self._tours.at(self._graph)  # ahead of the next query
+            return self._graph
         self._routes = self._graph.known_routes(self._arcs)
         self._prepared = self._graph.prepared(before, self._prepared)  # ahead of the next query
         return self._graph

@@ -19,6 +19,7 @@ from hpop.drive.closings import Closing
 from hpop.drive.execution import DEADLINE, Execution
 from hpop.drive.options import Option, Options
 from hpop.drive.plan import until
+from hpop.drive.stop_log import NOTED
 from hpop.drive.storage import Change, read
 from hpop.drive.wishes import NOTICE, PATIENCE
 from hpop.errors import CoversRobot, DriveError, HpopError, OptionError, QueryError, did_you_mean
@@ -40,7 +41,7 @@ from hpop.world.content.people import person_from
 
 WORLD = ("close", "open", "people", "stop")
 CHOICES = ("wish", "take")
-KINDS = (*WORLD, *CHOICES, "options")
+KINDS = (*WORLD, *CHOICES, "skip", "options")
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +50,11 @@ class Event:
 
     at     s, time of the drive
     kind   "close", "open", "people" or "stop": a change of the world (:meth:`hpop.drive.Execution.world`); "wish" or
-           "take": a choice of the person aboard; "options": options are only listed
+           "take": a choice of the person aboard; "skip": a stop of the tour is left out; "options": options are only
+           listed
     value  for "close" and "open": a polygon, or the name of a door; "people": all people present; "stop": a person;
-           "wish": its words or shares; "take": an index, "knee" or "least NAME"; "options": None
+           "wish": its words or shares; "take": an index, "knee" or "least NAME"; "skip": the name of a stop;
+           "options": None
     name   name of a closed polygon, by which it can be opened
     """
 
@@ -141,6 +144,11 @@ def _happened(drive: Execution, event: Event, deadline: float) -> Happening:
             change = drive.world(event.at, name=event.name, **{event.kind: event.value})
         except CoversRobot as error:  # where the robot is becomes known only now
             words = str(error)
+    if event.kind == "skip":
+        try:
+            drive.skip(event.value, event.at)
+        except DriveError as error:  # which stops remain becomes known only now
+            words = str(error)
     drive.ready(event.at)  # simulated time waits for the graph
     closed = drive.surroundings.closings
     options = drive.options(event.at, deadline)
@@ -150,7 +158,7 @@ def _happened(drive: Execution, event: Event, deadline: float) -> Happening:
     asked = taken is not None
     if asked:
         drive.take(taken)  # type: ignore[arg-type]
-    elif change is not None or options.keep_on is None:  # a robot that waits takes what is open
+    elif change is not None or event.kind == "skip" or options.keep_on is None:  # a robot that waits takes what is open
         taken = drive.adapt(options)
     there = drive.surroundings
     people = tuple(person.later(event.at - there.since) for person in there.people)
@@ -227,7 +235,9 @@ def tell(drive: Execution, event: Mapping[str, Any]) -> None:
         drive.world(now, people=[person_from(person) for person in event["people"]], groups=event["groups"])
     elif kind == "stop":
         drive.world(now, stop=event["person"])
-    else:
+    elif kind == "skip":
+        drive.skip(event["stop"], now)
+    elif kind not in NOTED:
         raise DriveError(f"unknown event {shown(kind)} in the record of a drive; save the drive again")
 
 

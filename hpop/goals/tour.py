@@ -196,6 +196,8 @@ class Tour:
            ``{"look_at": {"target": (22, 16, 1.5), "distance": (1, 2.5)}}``, ``{"landmark": "the vase"}``
     order  "given": as listed; "any": in any order; or pairs of stops, by index from 0 or by name, each of which says
            that the first stop comes before the second
+    done   stops that were visited or skipped before, by index or name; a drive sets them. They count as neither visited
+           nor missed any more
 
     Raises QueryError for invalid stops, equal names, an unknown stop in a pair, and pairs that contradict each other.
 
@@ -205,6 +207,7 @@ class Tour:
 
     stops: tuple[TourStop, ...]
     order: Order = "given"
+    done: tuple[int | str, ...] = ()
 
     def __post_init__(self) -> None:
         if isinstance(self.stops, str | Mapping) or not isinstance(self.stops, Sequence):
@@ -227,6 +230,7 @@ class Tour:
             )
         object.__setattr__(self, "stops", tuple(stops))
         object.__setattr__(self, "order", self._checked_order())
+        object.__setattr__(self, "done", tuple(sorted({self._index(stop, "done") for stop in self.done})))
         _ = self.layers
 
     @classmethod
@@ -234,14 +238,14 @@ class Tour:
         """Build a tour from a mapping with the keys of a scenario: ``stops``, and ``order`` or ``some`` (pairs)."""
         if isinstance(spec, Tour):
             return spec
-        if not isinstance(spec, Mapping) or not {"stops"} <= set(spec) <= {"stops", "order", "some"}:
+        if not isinstance(spec, Mapping) or not {"stops"} <= set(spec) <= {"stops", "order", "some", "done"}:
             raise QueryError(
                 "a tour must be an hpop.Tour, or a mapping with stops and optionally order (given or any) or some "
                 f"(pairs of stops), got {shown(spec)}"
             )
         if "order" in spec and "some" in spec:
             raise QueryError("a tour must have order or some, got both; some is an order itself: leave order out")
-        return cls(spec["stops"], spec.get("some", spec.get("order", "given")))
+        return cls(spec["stops"], spec.get("some", spec.get("order", "given")), spec.get("done", ()))
 
     def on(self, model: Model, world: World) -> Tour:
         """Return the tour with the goals of its stops as objects; raise QueryError for stops that cannot be used."""
@@ -258,20 +262,30 @@ class Tour:
         return tuple(i for i, stop in enumerate(self.stops) if stop.optional)
 
     @property
+    def remaining(self) -> tuple[int, ...]:
+        """Indices of the stops that were neither visited nor skipped before."""
+        return tuple(i for i in range(len(self.stops)) if i not in self.done)
+
+    @property
     def words(self) -> str:
-        """Stops and order in words, for the certificate of a front."""
-        *most, last = (f"{stop.name} (optional)" if stop.optional else stop.name for stop in self.stops)
+        """Remaining stops and their order in words, for the certificate of a front."""
+        if not self.remaining:
+            return "with no stop left to visit"
+        stops = (self.stops[i] for i in self.remaining)
+        *most, last = (f"{stop.name} (optional)" if stop.optional else stop.name for stop in stops)
         listed = f"{', '.join(most)} and {last}" if most else last
         if self.order == "any":
             return f"visiting {listed} in any order" if most else f"visiting {listed}"
         if self.order == "given":
             return f"visiting {listed} in this order" if most else f"visiting {listed}"
-        pairs = ", ".join(f"{self.names[i]} before {self.names[j]}" for i, j in self._pairs)
-        return f"visiting {listed} in any order with {pairs}"
+        left = [(i, j) for i, j in self._pairs if not {i, j} & {*self.done}]
+        pairs = ", ".join(f"{self.names[i]} before {self.names[j]}" for i, j in left)
+        return f"visiting {listed} in any order{f' with {pairs}' if left else ''}"
 
     def describe(self) -> dict[str, Any]:
         """Return a JSON-able description, from which :meth:`of` builds an equal tour."""
-        listed = {"stops": [stop.describe() for stop in self.stops]}
+        listed: dict[str, Any] = {"stops": [stop.describe() for stop in self.stops]}
+        listed |= {"done": [*self.done]} if self.done else {}
         if isinstance(self.order, str):
             return listed if self.order == "given" else {"order": self.order, **listed}
         return {"some": [list(pair) for pair in self.order], **listed}
@@ -297,15 +311,14 @@ class Tour:
         first, second = (self._index(stop) for stop in pair)
         return first, second
 
-    def _index(self, stop: Any) -> int:
-        """Return the index of a stop that is given by its index or name."""
+    def _index(self, stop: Any, what: str = "pairs of an order (some)") -> int:
+        """Return the index of a stop that is given by its index or name; ``what`` names the argument in the error."""
         if isinstance(stop, str) and stop in self.names:
             return self.names.index(stop)
         if is_whole(stop) and 0 <= int(stop) < len(self.stops):
             return int(stop)
         raise QueryError(
-            f"pairs of an order (some) must name stops by an index from 0 to {len(self.stops) - 1} or by name "
-            f"({', '.join(self.names)}), "
+            f"{what} must name stops by an index from 0 to {len(self.stops) - 1} or by name ({', '.join(self.names)}), "
             f"got {shown(stop)}.{did_you_mean(stop, self.names)}"
         )
 
@@ -350,12 +363,12 @@ class Tour:
 
     @cached_property
     def layers(self) -> tuple[frozenset[int], ...]:
-        """Sets of decided stops that the order allows, sorted by size: the first is empty, the last has all stops.
+        """Sets of decided stops that the order allows, sorted by size: the first is `done`, the last has all stops.
 
         Raises QueryError if there are too many for an exact search.
         """
-        found: dict[frozenset[int], None] = {frozenset(): None}
-        row = [frozenset[int]()]
+        row = [frozenset[int](map(self._index, self.done))]
+        found = dict.fromkeys(row)
         while row:
             more = dict.fromkeys(
                 done | {j} for done in row for j in range(len(self.stops)) if j not in done and self.before[j] <= done

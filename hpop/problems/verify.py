@@ -151,10 +151,14 @@ def _order_faults(tour: Tour, visits: Sequence[Visit], duration: float) -> Itera
     """Yield a text for each fault in the order and times of visits, such as missing, repeated or too short ones."""
     at = {visit.stop: number for number, visit in enumerate(visits)}
     for j, stop in enumerate(tour.stops):
+        if j in tour.done:
+            if j in at:
+                yield f"visits stop {stop.name!r}, which was done before"
+            continue
         if j not in at and not stop.optional:
             yield f"does not visit stop {stop.name!r}"
         for i in tour.before[j]:
-            if at.get(i, -1) > at.get(j, len(visits)):
+            if i not in tour.done and at.get(i, -1) > at.get(j, len(visits)):
                 yield f"visits stop {tour.names[i]!r} after {stop.name!r}, against the order"
     if len(at) < len(visits):
         yield "visits a stop twice"

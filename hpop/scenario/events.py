@@ -10,6 +10,7 @@
       - {at: 9, people: [{x: 8, y: 5, velocity: [-0.8, 0]}]}    # all people from now on, as in a scenario
       - {at: 11, wish: fewer turns}         # or hurry, or shares of costs: {duration: -0.2}
       - {at: 12, take: least length}        # one of the options: knee, least NAME, or its number
+      - {at: 13, skip: the vase}            # a stop of the tour that is left out
       - {at: 14, open: wet floor}
       - {at: 15, options: true}             # only show the options
 
@@ -51,6 +52,7 @@ class EventEntry(BaseModel):
     stop: str | int | None = None
     wish: str | dict[str, float] | None = None
     take: str | int | None = None
+    skip: str | None = None
     options: Literal[True] | None = None
     name: str = ""
 
@@ -125,6 +127,12 @@ def _know(faults: Faults, events: Sequence[Event], problem: Problem, names: Sequ
                             place,
                             f"'hurry' needs the cost duration, but the front has {', '.join(names)}; plan with it",
                         )
+                case "skip":
+                    stops = there.problem.tour
+                    if stops is None:
+                        faults.add(place, "the front has no tour, so there is no stop to skip; leave the event out")
+                    else:
+                        name_meant(stops.names, event.value)
                 case "take" if isinstance(event.value, str) and not event.value.isdigit():
                     name_meant(["knee", *(f"least {name}" for name in names)], event.value)
         except HpopError as error:

@@ -202,23 +202,23 @@ class GraphFamily:
         refuse_moving(problem, f"this search of {self.name}")
         objectives = objectives or edge_objectives(problem.criteria, self.name)
         spending = spending or Spending(Limits(progress=progress))
-        built = self._built_or_refused(problem, objectives, spending)
+        built = self._built_or_refused(self.toured_graphs(problem, objectives, spending))
         space, start, goals = built.ends
         checked = replace(built, ends=Ends(space.with_checked_arcs(), start, goals))
         return built_query(checked, objectives)
 
     def states(self, problem: Problem) -> StateGraph | None:
-        """Build the graph of a problem and return it without start and goals; None if it is no graph in the plane."""
+        """Build the graph of a problem and return it without start, goals and stops; None if it is not in the plane."""
         objectives = edge_objectives(problem.criteria, self.name)
-        return self._built_or_refused(problem, objectives, Spending()).ends.space.states_alone
+        return self._built_or_refused(self.graphs(problem, objectives, Spending())).ends.space.states_alone
 
-    def _built_or_refused(self, problem: Problem, objectives: Objectives, spending: Spending) -> BuiltGraph:
-        """Return the whole graph; raise QueryError instead of NotBuilt if it cannot be built.
+    def _built_or_refused(self, graphs: Iterator[BuiltGraph]) -> BuiltGraph:
+        """Return the last graph, which is whole; raise QueryError instead of NotBuilt if it cannot be built.
 
         After Ctrl-C while building, raises KeyboardInterrupt.
         """
         try:
-            *_, built = self.toured_graphs(problem, objectives, spending)
+            *_, built = graphs
             return built
         except NotBuilt as stop:
             if stop.candidates.status is Status.INTERRUPTED:

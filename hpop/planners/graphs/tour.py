@@ -48,6 +48,7 @@ class TourGraph(TrajectoryGraph):
     inner    graph of one layer, with start and goals among its nodes
     tour     stops and their order
     members  for each stop: the nodes (c,) of the inner graph at which it can be visited, in ascending order
+             none for a stop that is done
     goals    goal nodes of the inner graph; the extra nodes have the same order
     """
 
@@ -115,6 +116,7 @@ class TourGraph(TrajectoryGraph):
         The stop is NONE for an arc that ends the tour by skipping the remaining stops.
         """
         count, parts = self.inner.size, []
+        parts.append(tuple(np.zeros(0, np.int64) for _ in range(4)))  # all stops may be done
         goals = np.unique(self.goals)
         of_goal = np.array([self.goals.index(goal) for goal in goals.tolist()], np.int64)
         for (layer, stop, _, higher), row in self._skips.items():
@@ -152,7 +154,7 @@ class TourGraph(TrajectoryGraph):
     def heads(self) -> NDArray[np.int32]:
         """Head node (m,) of each arc."""
         count = self.inner.size
-        heads = self._with_climbs(self.inner.heads, np.zeros(self._before.size, np.int32))
+        heads = self.in_layers(self.inner.heads, np.zeros(self._before.size, np.int32))
         for layer in range(1, len(self.tour.layers)):
             heads[self.rows[layer * count] : self.rows[(layer + 1) * count]] += np.int32(layer * count)
         heads[self._before + np.arange(self._before.size)] = self._climbs[1]
@@ -165,11 +167,11 @@ class TourGraph(TrajectoryGraph):
         layers, states = np.divmod(self._climbs[0], count)
         return np.asarray(layers * inner[-1] + inner[states + 1])
 
-    def _with_climbs(self, inner: NDArray[Any], climbs: NDArray[Any]) -> NDArray[Any]:
+    def in_layers(self, inner: NDArray[Any], climbs: NDArray[Any]) -> NDArray[Any]:
         """Merge the values of arcs into one array (m, ...), in the order of all arcs of the tour graph.
 
         inner   values of the arcs of the inner graph, repeated in every layer
-        climbs  values (c, ...) of the arcs between layers
+        climbs  values (c, ...) of the arcs between layers, or one value (1, ...) for all of them
         """
         size, climbed = self.inner.size, self._before + np.arange(self._before.size)
         values = np.empty((int(self.rows[-1]), *inner.shape[1:]), inner.dtype)
@@ -201,8 +203,12 @@ class TourGraph(TrajectoryGraph):
         bytes_ = layers * (inner.arcs * (8 * len(criteria) + ARC) + 8 * count)
         doing = f"the {layers} layers of the tour ({self.size:,} nodes) were built"
         self.spending.hold(bytes_, doing)
+        return self.layered(inner, criteria)
+
+    def layered(self, inner: Graph, criteria: Sequence[Criterion]) -> Graph:
+        """Return the search graph, given the inner graph with its costs by the criteria."""
         heads = self.heads
-        costs = self._with_climbs(inner.costs, self._climb_costs(criteria))
+        costs = self.in_layers(inner.costs, self._climb_costs(criteria))
         for array in (heads, costs, self.rows):
             array.setflags(write=False)
         graph = Graph.from_csr(self.rows, heads, costs, aggregates=inner.aggregates)
@@ -246,7 +252,7 @@ class TourGraph(TrajectoryGraph):
     @property
     def turned(self) -> NDArray[np.int8]:
         """Number (m,) of turns in each arc, by which searches break ties; 0 for arcs between layers."""
-        return cast(NDArray[np.int8], self._with_climbs(self.inner.turned, np.zeros(self._before.size, np.int8)))
+        return cast(NDArray[np.int8], self.in_layers(self.inner.turned, np.zeros(self._before.size, np.int8)))
 
     # Checks
 
@@ -377,7 +383,7 @@ class TourGraph(TrajectoryGraph):
         reached = np.zeros(size, dtype=bool)
         reached[breadth_first_order(links, begin, return_predecessors=False)] = True
         for stop, members in zip(self.tour.stops, self.members, strict=True):
-            if not stop.optional and not reached[members].any():
+            if not stop.optional and members.size and not reached[members].any():
                 why = self.inner.what_separates(begin, self.inner.inside(members.tolist()))
                 return f"stop {stop.name!r} cannot be reached from the start; with this stop as the goal: {why}"
         if not reached[ends].any():

@@ -38,17 +38,23 @@ def with_tour(ends: Ends, problem: Problem, tour: Tour, criteria: Sequence[Crite
     criteria  costs that the search minimises
     """
     space = ends.space
-    members = [_members(space, stop, problem.world) for stop in tour.stops]
-    if empty := [i for i, found in enumerate(members) if not found.size]:
-        space = _with_states(space, problem, [tour.stops[i] for i in empty])
+    members = tour_members(space, tour, problem.world)
+    if empty := [i for i in tour.remaining if not members[i].size]:
+        space = with_drawn_states(space, problem, [tour.stops[i] for i in empty])
     plain = ends.space
     space, start, goals = with_speeds(ends._replace(space=space), problem.model, criteria)
     if space is not plain:
-        members = [_members(space, stop, problem.world) for stop in tour.stops]
+        members = tour_members(space, tour, problem.world)
     layered = TourGraph(
-        space.model, space.world, space, tour, tuple(members), tuple(dict.fromkeys(goals)), spending=space.spending
+        space.model, space.world, space, tour, members, tuple(dict.fromkeys(goals)), spending=space.spending
     )
     return Ends(layered, start, layered.targets)
+
+
+def tour_members(space: TrajectoryGraph, tour: Tour, world: World) -> tuple[IntArray, ...]:
+    """Return for each stop the nodes of a graph at which the robot visits it; none for a stop that is done."""
+    none = np.zeros(0, np.int64)
+    return tuple(none if i in tour.done else _members(space, stop, world) for i, stop in enumerate(tour.stops))
 
 
 def _members(space: TrajectoryGraph, stop: TourStop, world: World) -> IntArray:
@@ -71,7 +77,23 @@ def _members(space: TrajectoryGraph, stop: TourStop, world: World) -> IntArray:
     return np.concatenate(found)
 
 
-def _with_states(space: TrajectoryGraph, problem: Problem, stops: Sequence[TourStop]) -> TrajectoryGraph:
+def with_stop_states(space: TrajectoryGraph, problem: Problem, like: TrajectoryGraph | None = None) -> TrajectoryGraph:
+    """Return a graph with states added for the stops of the problem's tour at which it has none.
+
+    With ``like``, add those that were added to this other graph of the same states.
+    """
+    tour, alone = problem.tour, space.states_alone
+    if like is None and tour is not None:
+        members = tour_members(space, tour, problem.world)
+        empty = [tour.stops[i] for i in tour.remaining if not members[i].size]
+        return with_drawn_states(space, problem, empty) if empty else space
+    if not isinstance(like, JoinedEnds) or not like.stops or alone is None:
+        return space
+    ends = dict(space.ends if isinstance(space, JoinedEnds) else {}) | {what: like.ends[what] for what in like.stops}
+    return JoinedEnds(alone.model, alone.world, alone, ends, like.reach, like.stops, spending=alone.spending)
+
+
+def with_drawn_states(space: TrajectoryGraph, problem: Problem, stops: Sequence[TourStop]) -> TrajectoryGraph:
     """Return the graph with random states of the given stops added, connected to and from states nearby.
 
     Raises QueryError for a stop without a free state, or whose states cannot be connected.

@@ -254,7 +254,8 @@ def configuration_roadmap(
     else:
         rows = uniform_samples(connections, samples, of_samples, spending)
     tour = problem.tour
-    at_stops = [connections.rows(drawn_states(problem, stop)) for stop in (() if tour is None else tour.stops)]
+    stops = [] if tour is None else [tour.stops[i] for i in tour.remaining]
+    at_stops = [connections.rows(drawn_states(problem, stop)) for stop in stops]
     free = connections.states(np.concatenate([ends_and_guides.inner, *at_stops, rows]))
     nodes = concatenated_states(space, [start, free, goals])
     near = neighbours or (math.ceil(2 * math.e * math.log(nodes.size)) if in_plane else NEAREST)

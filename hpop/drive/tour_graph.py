@@ -1,0 +1,157 @@
+"""The graph of a drive along a tour: a copy of the drive's graph for each set of stops that may be done.
+
+It is built when the drive begins, and again after a stop was skipped that the tour's order does not allow to skip.
+While stops are visited, searches only begin in another copy. So all that is known of the graph is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hpop.base.arrays import BoolArray, IntArray, copied
+from hpop.drive.closings import listed
+from hpop.drive.drive_graph import DriveGraph
+from hpop.goals import Tour
+from hpop.planners.graphs.query import Query
+from hpop.planners.graphs.state_graph import StateGraph
+from hpop.planners.graphs.tour import TourGraph
+from hpop.planners.graphs.tour_stops import tour_members
+from hpop.search.prepared import Prepared
+
+if TYPE_CHECKING:
+    from hpop.problems.problem import Problem
+
+
+@dataclass(frozen=True, eq=False)
+class TourDriveGraph(DriveGraph):
+    """A drive's graph in layers (:class:`hpop.planners.graphs.tour.TourGraph`), with the present closed arcs.
+
+    base   the drive's graph, which is one layer
+    space  the layered graph of its states
+    """
+
+    base: DriveGraph = field(kw_only=True)
+    space: TourGraph = field(kw_only=True)
+
+    @classmethod
+    def over(cls, base: DriveGraph, tour: Tour, before: TourDriveGraph | None = None) -> TourDriveGraph:
+        """Build the graph for a tour, whose first layer has the stops that are done.
+
+        Parameters
+        ----------
+        before : an earlier graph, whose states of stops are reused if the states are equal
+        """
+        inner, criteria = base.query.space, base.query.objectives.optimised
+        if before is not None and before.base.query.space is inner:
+            none = np.zeros(0, np.int64)
+            members = tuple(none if i in tour.done else own for i, own in enumerate(before.space.members))
+        else:
+            members = tour_members(inner, tour, base.world)
+        goals = tuple(dict.fromkeys(base.query.goals))
+        space = TourGraph(inner.model, base.world, inner, tour, members, goals, spending=inner.spending)
+        query = replace(base.query, space=space, graph=space.layered(base.graph, criteria), goals=space.targets)
+        return cls(base.name, query, base.world, base.closings, base=base, space=space)
+
+    def from_beside(self, problem: Problem) -> TourDriveGraph:
+        """Return this graph with a new start; see :meth:`hpop.drive.drive_graph.DriveGraph.from_beside`."""
+        return TourDriveGraph.over(self.base.from_beside(problem), self.space.tour)
+
+    @property
+    def inner(self) -> StateGraph:
+        """The graph of states, without layers, start, goals and stops."""
+        return self.base.inner
+
+    @cached_property
+    def closed(self) -> BoolArray:
+        """Mask (m,) of the closed arcs; an arc is closed in all layers."""
+        closed: BoolArray = self.space.in_layers(self.base.closed, np.zeros(1, np.bool_))
+        return closed
+
+    def allows(self, tour: Tour) -> bool:
+        """Return whether a layer has the stops that are done in a tour."""
+        return tour.layers[0] in self.space.tour.layers
+
+    def node(self, inner: int, tour: Tour) -> int:
+        """Return the node for a node of one layer, in the layer of the stops that are done in a tour."""
+        return self.space.tour.layers.index(tour.layers[0]) * self.base.graph.nodes + inner
+
+    def where(self, query: Query) -> str:
+        """Return the description of the search for the certificate, with the stops that are done at its start."""
+        layer = self.space.tour.layers[query.start // self.base.graph.nodes]
+        done = [self.space.tour.names[i] for i in sorted(layer - self.space.tour.layers[0])]
+        return f"{query.where}, after {', '.join(done)}" if done else query.where
+
+    # Stops out of reach
+
+    def unreachable(self, node: int) -> tuple[str, ...]:
+        """Return the names of the stops that must still be visited, but that no open path from a node reaches."""
+        from scipy.sparse import csr_array  # on first use: the import takes its time
+        from scipy.sparse.csgraph import breadth_first_order
+
+        layer, begin = divmod(node, self.base.graph.nodes)
+        is_open = ~self.base.closed
+        ends = self.base.tails[is_open], self.base.graph.heads[is_open]
+        links = csr_array((np.ones(ends[0].size, np.int8), ends), shape=(self.base.graph.nodes,) * 2)
+        reached = np.zeros(self.base.graph.nodes, dtype=np.bool_)
+        reached[breadth_first_order(links, begin, return_predecessors=False)] = True
+        tour = self.space.tour
+        due = [i for i, stop in enumerate(tour.stops) if i not in tour.layers[layer] and not stop.optional]
+        return tuple(tour.names[i] for i in due if not reached[self.space.members[i]].any())
+
+    def closed_in(self, node: int) -> str:
+        """Return as text why no path leads on from a node: stops that cannot be reached, or closed areas."""
+        lost = self.unreachable(node)
+        if not lost:
+            return super().closed_in(node)
+        stops, skips = ", ".join(map(repr, lost)), ", ".join(f"drive.skip({name!r})" for name in lost)
+        return (
+            f"no path: from where the robot may change its plan, it cannot reach stop{'s' * (len(lost) > 1)} {stops}; "
+            f"closed: {listed(self.closings)}. Open what is closed, or skip with {skips}"
+        )
+
+
+class TourGraphs:
+    """The layered graph of a drive, its preparation for searches, and the paths of earlier searches on it."""
+
+    def __init__(self, tour: Tour) -> None:
+        """Begin with the tour of a problem, of which no stop is done."""
+        self.tour = tour
+        self._graph: TourDriveGraph | None = None
+        self._prepared: Prepared | None = None
+        self._last_paths: list[IntArray] = []
+
+    def at(self, base: DriveGraph, tour: Tour | None = None) -> TourDriveGraph:
+        """Return the graph over the drive's present graph, for searches with the stops that are done in a tour."""
+        tour, before = tour or self.tour, self._graph
+        if before is not None and not before.allows(tour):
+            self.tour, self._last_paths = tour, []
+        elif before is not None and before.base is base:
+            return before
+        same_layers = before is not None and before.space.tour is self.tour
+        if before is not None and same_layers and before.base.graph is base.graph:  # only other areas are closed
+            changed = {"world": base.world, "closings": base.closings, "base": base}
+            self._graph = copied(before, without=("closed",), **changed)
+        else:
+            self._graph = TourDriveGraph.over(base, self.tour, before)
+        self._prepared = self._graph.prepared(before if same_layers else None, self._prepared)
+        return self._graph
+
+    def known(self, graph: TourDriveGraph, node: int) -> list[IntArray]:
+        """Return the remaining parts, from a node on, of the paths of the last search, as arcs."""
+        return graph.known_routes(self._last_paths).remaining(node) if graph is self._graph else []
+
+    def keep(self, graph: DriveGraph, paths: Sequence[IntArray]) -> None:
+        """Keep the paths of a search for later ones, unless its graph was built for that search alone."""
+        if graph is self._graph:
+            self._last_paths = list(paths)
+
+    def prepared(self, graph: TourDriveGraph) -> Prepared:
+        """Return a graph prepared for searches."""
+        if graph is self._graph and self._prepared is not None:
+            return self._prepared
+        return graph.prepared()
