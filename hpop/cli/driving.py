@@ -142,15 +142,20 @@ def _print_options(options: Options, happening: Happening) -> None:
     table.add_column(cli.report.header("leaves at", "s"), justify="right")
     table.add_column(cli.report.header("next turn", "s from now"), justify="right")
     table.add_column("same side")
+    numbers = problems.recorded_visits.stop_numbers(options.front)
+    if numbers:
+        table.add_column("stops")
     table.add_column("")
     for number, words in sorted(names.items()):
         option = options[number]
         sides = {None: "-", True: "yes", False: "no"}[option.same_side]
         leaves, turn = ("-" if t is None else f"{t:.1f}" for t in (option.leaves_at, option.next_turn))
-        table.add_row(
-            str(number), *(f"{value:.5g}" for value in option.costs.values()), leaves, turn, sides, ", ".join(words)
-        )
+        stops = [" ".join(str(numbers[name]) for name in option.stops) or "-"] if numbers else []
+        costs = (f"{value:.5g}" for value in option.costs.values())
+        table.add_row(str(number), *costs, leaves, turn, sides, *stops, ", ".join(words))
     cli.report.print_wide(Console(), table)
+    if numbers:
+        echo(f"  stops: {', '.join(f'{number} {name}' for name, number in numbers.items())}")
 
 
 def _how_far(options: Options) -> str:
@@ -191,5 +196,9 @@ def _print_end(driven: Execution) -> None:
         f"{name} {value:.5g}" + f" {criterion.unit}" * (criterion.unit != "1")
         for (name, value), criterion in zip(moment.past.items(), driven.problem.criteria, strict=True)
     )
+    if moment.stops is not None:
+        visits = ", ".join(f"{visit.name} ({visit.begin:.1f} to {visit.end:.1f} s)" for visit in moment.visits)
+        skipped = f"; skipped: {', '.join(moment.stops.skipped)}" if moment.stops.skipped else ""
+        echo(f"visited: {visits or 'none'}{skipped}")
     where = "the robot arrives" if moment.arrived else "the robot stands before the closed part of its path"
     echo(f"{where} after {moment.planned:.1f} s; the drive cost {costs}")

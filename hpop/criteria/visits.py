@@ -151,9 +151,12 @@ def visits_of(tour: Tour, trajectory: Trajectory, inside: BoolArray, weights: We
     weights            weights of optional stops
     """
     best = {0: _Progress()}  # by layer of the tour, which stands for the set of stops that have been visited
+    stops_at: dict[int, set[int]] = {}
+    for stop, state in np.argwhere(inside).tolist():
+        stops_at.setdefault(state, set()).add(stop)
     for state, begin, lasts in _stands(trajectory):
-        here = set(np.flatnonzero(inside[:, state]).tolist())
-        if not here:
+        here = stops_at.get(state)
+        if here is None:
             continue
         reached = [(layer, _Progress(now.missed, 0.0, now.visits)) for layer, now in best.items()]
         known: dict[tuple[int, float], float] = {}

@@ -80,7 +80,7 @@ class Replanner:
         self._arcs: list[IntArray] = []  # of the known trajectories
         self._routes: KnownRoutes | None = None
         self._last_paths: list[IntArray] = []  # of the last search
-        self._tours = None if problem.tour is None else TourGraphs(problem.tour)
+        self._tours = None if problem.tour is None else TourGraphs(problem.tour, self._trajectories)
         self._began = float(begin)
         self._untimed: DriveGraph | None = None  # while people move: costs that do not depend on time
         self._timed: TimedDriveGraph | None = None

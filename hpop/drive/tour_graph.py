@@ -13,15 +13,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.base.arrays import BoolArray, IntArray, copied
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
+from hpop.criteria.visits import Visit, all_visits
 from hpop.drive.closings import listed
 from hpop.drive.drive_graph import DriveGraph
+from hpop.drive.known_routes import KnownRoutes
+from hpop.drive.plan import SAME
 from hpop.goals import Tour
 from hpop.planners.graphs.query import Query
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.tour import TourGraph
 from hpop.planners.graphs.tour_stops import tour_members
 from hpop.search.prepared import Prepared
+from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
@@ -86,6 +90,45 @@ class TourDriveGraph(DriveGraph):
         done = [self.space.tour.names[i] for i in sorted(layer - self.space.tour.layers[0])]
         return f"{query.where}, after {', '.join(done)}" if done else query.where
 
+    # Known paths
+
+    def arcs_of(self, trajectories: Sequence[Trajectory]) -> list[IntArray]:
+        """Return for each trajectory the arcs of its last part, as on the base graph, with its visits of stops."""
+        of_base = self.base.arcs_and_places(trajectories)
+        visits = all_visits(self.space.tour, self.world, trajectories)
+        return [
+            self._in_layers(arcs, trajectory.times[places], found.visits)
+            for trajectory, (arcs, places), found in zip(trajectories, of_base, visits, strict=True)
+        ]
+
+    def _in_layers(self, arcs: IntArray, leaves: FloatArray, visits: Sequence[Visit]) -> IntArray:
+        """Return the arcs of a path of the base graph with visits; none if it does not lead through the layers.
+
+        leaves  (n,)  s, time at which the robot leaves the tail of each of the n arcs
+        """
+        none, (tour, base), count = np.zeros(0, np.int64), (self.space.tour, self.base.graph), self.base.graph.nodes
+        if not arcs.size:
+            return none
+        nodes = [*self.base.tails[arcs].tolist(), int(base.heads[arcs[-1]])]
+        path, layer, later = list[int](), 0, [*visits]
+        for k, (node, left) in enumerate(zip(nodes, [*leaves.tolist(), np.inf], strict=True)):
+            while later and later[0].begin <= left + SAME:
+                stop = later.pop(0).stop
+                higher = next(step.layer for step in tour.steps[layer] if step.stop == stop)
+                path += self._arc(layer * count + node, higher * count + node) if k else []
+                layer = higher
+            if k < arcs.size:
+                path.append(int(self.graph.indptr[layer * count + node] + arcs[k] - base.indptr[node]))
+        skipped = dict(tour.endings).get(layer)
+        if skipped:
+            path += self._arc(layer * count + nodes[-1], len(tour.layers) * count + self.space.goals.index(nodes[-1]))
+        return none if skipped is None or min(path) < 0 else np.array(path, np.int64)
+
+    def _arc(self, tail: int, head: int) -> list[int]:
+        """Return the arc between two nodes, as a list; [-1] if there is none."""
+        begin, end = self.graph.indptr[tail : tail + 2].tolist()
+        return [begin + i for i in np.flatnonzero(self.graph.heads[begin:end] == head).tolist()] or [-1]
+
     # Stops out of reach
 
     def unreachable(self, node: int) -> tuple[str, ...]:
@@ -118,12 +161,14 @@ class TourDriveGraph(DriveGraph):
 class TourGraphs:
     """The layered graph of a drive, its preparation for searches, and the paths of earlier searches on it."""
 
-    def __init__(self, tour: Tour) -> None:
-        """Begin with the tour of a problem, of which no stop is done."""
-        self.tour = tour
+    def __init__(self, tour: Tour, trajectories: Sequence[Trajectory]) -> None:
+        """Begin with the tour of a problem, of which no stop is done, and known trajectories."""
+        self.tour, self._trajectories = tour, trajectories
         self._graph: TourDriveGraph | None = None
         self._prepared: Prepared | None = None
+        self._arcs: list[IntArray] = []  # of the known trajectories
         self._last_paths: list[IntArray] = []
+        self._routes: KnownRoutes | None = None
 
     def at(self, base: DriveGraph, tour: Tour | None = None) -> TourDriveGraph:
         """Return the graph over the drive's present graph, for searches with the stops that are done in a tour."""
@@ -138,12 +183,18 @@ class TourGraphs:
             self._graph = copied(before, without=("closed",), **changed)
         else:
             self._graph = TourDriveGraph.over(base, self.tour, before)
+        if not same_layers:
+            self._arcs = self._graph.arcs_of(self._trajectories)
+        self._routes = self._graph.known_routes(self._arcs)
         self._prepared = self._graph.prepared(before if same_layers else None, self._prepared)
         return self._graph
 
     def known(self, graph: TourDriveGraph, node: int) -> list[IntArray]:
-        """Return the remaining parts, from a node on, of the paths of the last search, as arcs."""
-        return graph.known_routes(self._last_paths).remaining(node) if graph is self._graph else []
+        """Return the remaining parts, from a node on, of known paths, as arcs."""
+        if graph is not self._graph or self._routes is None:
+            return []
+        last = graph.known_routes(self._last_paths)
+        return [arcs for routes in (self._routes, last) for arcs in routes.remaining(node)]
 
     def keep(self, graph: DriveGraph, paths: Sequence[IntArray]) -> None:
         """Keep the paths of a search for later ones, unless its graph was built for that search alone."""

@@ -30,12 +30,17 @@ def stop_names(front: Front) -> tuple[str, ...]:
     return () if tour is None else Tour.of(tour).names
 
 
+def stop_numbers(front: Front) -> dict[str, int]:
+    """Return the number of each stop of a front's tour, from 1, by its name; {} without a tour."""
+    return {name: number for number, name in enumerate(stop_names(front), 1)}
+
+
 def stop_visits(front: Front, row: int, *, executed: bool = False) -> list[StopVisit]:
     """Return the visits of a row in order of time, at planned times or at those of the execution.
 
     The list is empty without a tour, and for visits that are not recorded in the form that hpop writes.
     """
-    numbers = {name: number for number, name in enumerate(stop_names(front), 1)}
+    numbers = stop_numbers(front)
     recorded = front.provenance[row].get("visits") if numbers else None
     try:
         visits = [

@@ -27,10 +27,11 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from pydantic import BaseModel, Field
 from shapely.geometry import Polygon
 
+from hpop.base.text import shown
 from hpop.drive.script import KINDS, Event
 from hpop.drive.surroundings import DriveSurroundings
 from hpop.drive.wishes import HURRY, checked_wish
-from hpop.errors import HpopError
+from hpop.errors import HpopError, did_you_mean
 from hpop.problems.named_rows import name_meant
 from hpop.scenario.faults import Faults
 from hpop.scenario.people import people_of
@@ -128,11 +129,11 @@ def _know(faults: Faults, events: Sequence[Event], problem: Problem, names: Sequ
                             f"'hurry' needs the cost duration, but the front has {', '.join(names)}; plan with it",
                         )
                 case "skip":
-                    stops = there.problem.tour
-                    if stops is None:
-                        faults.add(place, "the front has no tour, so there is no stop to skip; leave the event out")
-                    else:
-                        name_meant(stops.names, event.value)
+                    names_of_stops = () if problem.tour is None else problem.tour.names
+                    if event.value not in names_of_stops:
+                        hint = did_you_mean(event.value, names_of_stops)
+                        known = ", ".join(names_of_stops) or "none, as the front has no tour"
+                        faults.add(place, f"no stop is called {shown(event.value)}.{hint} The stops are {known}")
                 case "take" if isinstance(event.value, str) and not event.value.isdigit():
                     name_meant(["knee", *(f"least {name}" for name in names)], event.value)
         except HpopError as error:

@@ -30,6 +30,7 @@ from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.content import INK, SKIN
 from hpop.view.ground import KEEP_OUT, View, draw_bare_floor, outline, view_of
+from hpop.view.marks import draw_stops
 from hpop.view.page import figure_for, new_figure, whole
 from hpop.view.silhouettes import draw_map_obstacles
 from hpop.view.style import (
@@ -81,7 +82,7 @@ def draw_drive(drive: Execution, happenings: Sequence[Happening]) -> Figure:
     there = drive.surroundings
     ended = max(0.0, drive.begin + drive.plan.duration - there.since)
     people = [person.later(ended) for person in there.people]
-    _draw_map(last, problem, view, drive.plan, there.closings, people)
+    stops = _draw_map(last, problem, view, drive.plan, there.closings, people)
     last.plot(*path_points(drive.plan).T, color=DRIVEN, linewidth=2.4, zorder=4, gid="driven")
     arrives = drive.plan.duration >= drive.announced.duration
     end = f"driven in {drive.plan.duration:.1f} s" if arrives else "it stops before a closed area"
@@ -105,20 +106,22 @@ def draw_drive(drive: Execution, happenings: Sequence[Happening]) -> Figure:
     if any(happening.people for happening in shown):
         look = {"markerfacecolor": SKIN, "markeredgecolor": INK, **disc}
         handles.append(Line2D([], [], label="person", **look))  # type: ignore[arg-type]
+    handles += stops
     figure.legend(handles=handles, loc="outside lower center", ncols=7, fontsize=SMALL, frameon=False)
     return figure
 
 
 def _draw_map(
     axes: Axes, problem: Problem, view: View, plan: Trajectory, closed: Sequence[Closing], people: Sequence[Person]
-) -> None:
-    """Draw the map with obstacles, closed areas and people at one moment."""
+) -> list[Line2D]:
+    """Draw the map with obstacles, closed areas, people and stops at one moment; return the legend entry of stops."""
     draw_bare_floor(axes, problem.world)
     draw_map_obstacles(axes, problem, camera_heights(problem, [plan]), view)
     for closing in closed:
         patch = PathPatch(outline(closing.area), facecolor="none", edgecolor=KEEP_OUT, hatch=r"\\\\", zorder=2.5)
         patch.set_gid("closed")
         axes.add_patch(patch)
+    stops = draw_stops(axes, problem)
     for person in people:
         if any(float(one.there(np.float64(0.0))) > 0 for _, one in person.hypotheses):
             body = Circle((person.x, person.y), person.radius, facecolor=SKIN, edgecolor=INK, zorder=6)
@@ -129,6 +132,7 @@ def _draw_map(
     if axes.get_subplotspec().is_first_col():  # type: ignore[union-attr]
         axes.set_ylabel("y (m)", fontsize=SMALL)
     axes.tick_params(labelsize=SMALL)
+    return stops
 
 
 def _draw_options(axes: Axes, happening: Happening) -> None:

@@ -12,6 +12,7 @@ from click.testing import CliRunner, Result
 import hpop.drive
 from hpop.cli import main
 from tests.drive.rooms import planned
+from tests.tours import tour_front, tour_problem
 
 EVENTS = """\
 choice: least turns
@@ -92,3 +93,23 @@ def test_what_happened_before_a_mistake_is_kept(folder: Path, tmp_path: Path) ->
     assert done.exit_code != 0
     assert hpop.drive.load(tmp_path / "drive.json").record[0]["event"] == "close"
     assert (tmp_path / "drive.png").exists()
+
+
+def test_a_tour_is_driven_with_its_stops_named(tmp_path: Path) -> None:
+    problem = tour_problem()
+    tour_front(problem).save(tmp_path / "front.json")
+    text = "choice: knee\nevents: [{at: 1, options: true}, {at: 2, skip: north}, {at: 25, skip: east}]"
+    done = drive(tmp_path, tmp_path / "out", text)
+    assert done.exit_code == 0, done.output
+    assert "stops: 1 east, 2 north, 3 vase, 4 passed" in done.output
+    assert re.search(r"yes +1 3 4 2 +.*present plan", done.output)
+    assert "stop 'east' was visited already" in done.output
+    assert re.search(r"visited: east \(.* s\).*; skipped: north", done.output)
+    again = hpop.drive.load(tmp_path / "out" / "drive.json")
+    assert [event["event"] for event in again.record if event["event"] in ("skip", "visited")][:2] == [
+        "skip",
+        "visited",
+    ]
+    wrong = drive(tmp_path, tmp_path / "out", "events: [{at: 2, skip: nort}]")
+    assert wrong.exit_code == 16
+    assert "no stop is called 'nort'. Did you mean 'north'? The stops are east, north" in wrong.output

@@ -134,5 +134,5 @@ def test_an_event_is_at_a_time(at: object) -> None:
 
 
 def test_an_event_is_of_a_known_kind() -> None:
-    with pytest.raises(DriveError, match="one of close, open, people, stop, wish, take, options"):
+    with pytest.raises(DriveError, match="one of close, open, people, stop, wish, take, skip, options"):
         Event(1.0, "explode")

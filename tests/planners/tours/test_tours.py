@@ -336,11 +336,40 @@ def test_planners_without_tours_refuse_them() -> None:
         problem([{**EAST, "optional": True}], "any", ["obstruction", "stops_missed"]).solve("lattice", max_detour=1.2)
 
 
-def test_a_drive_refuses_a_tour() -> None:
-    asked = problem([EAST])
-    front = asked.solve(LATTICE)
-    with pytest.raises(QueryError, match="a drive cannot plan a tour"):
-        hpop.follow(asked, front, 0)
+@pytest.mark.parametrize(
+    ("stops", "order", "done"),
+    [
+        ([EAST, NORTH, SEEN], "any", ["north"]),
+        ([{**NORTH, "optional": True}, EAST, SEEN], "given", ["vase"]),
+        ([EAST, NORTH, SEEN], [("east", "north"), ("north", "vase")], [0]),
+    ],
+)
+def test_stops_that_are_done_are_left_out(stops: list[Any], order: Any, done: list[Any]) -> None:
+    criteria = ["length", "turns", *["stops_missed"] * any(stop.get("optional", False) for stop in stops)]
+    tour = Tour(stops, order, done=done)
+    names = {name if isinstance(name, str) else tour.names[name] for name in done}
+    left = [stop for stop, name in zip(stops, tour.names, strict=True) if name not in names]
+    kept = order if isinstance(order, str) else [pair for pair in order if not {*pair} & names]
+    asked = Problem(WORLD, ROBOT, (1, 1, 0), (7, 3, None), criteria, tour=tour)
+    front, fresh = asked.solve(LATTICE), problem(left, kept, criteria).solve(LATTICE)
+    np.testing.assert_array_equal(front.costs, fresh.costs)
+    assert [o["visits"] for o in front.provenance] == [o["visits"] for o in fresh.provenance]
+    assert verify(asked, front) == []
+    assert front.problem is not None
+    again = Problem.from_description(front.problem)
+    assert again.tour == asked.tour
+    assert tour.words == Tour(left, kept).words
+    first, *others = front.provenance
+    wrong = {**first, "visits": [*first["visits"], {"stop": next(iter(names)), "begin": 0.0, "end": 9.0}]}
+    assert "done before" in " ".join(verify(asked, replace(front, provenance=(wrong, *others))))
+
+
+def test_a_tour_of_which_all_stops_are_done_has_the_front_without_a_tour() -> None:
+    asked = Problem(WORLD, ROBOT, (1, 1, 0), (7, 3, None), ["length", "turns"], tour=Tour([EAST], done=[0]))
+    plain = Problem(WORLD, ROBOT, (1, 1, 0), (7, 3, None), ["length", "turns"])
+    np.testing.assert_array_equal(asked.solve(LATTICE).costs, plain.solve(LATTICE).costs)
+    with pytest.raises(QueryError, match=r"done must name stops by an index.*got 'west'"):
+        Tour([EAST], done=["west"])
 
 
 def test_stops_missed_needs_optional_stops_and_they_need_it() -> None:
