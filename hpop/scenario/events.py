@@ -31,7 +31,7 @@ from hpop.base.text import shown
 from hpop.drive.script import KINDS, Event
 from hpop.drive.surroundings import DriveSurroundings
 from hpop.drive.wishes import HURRY, checked_wish
-from hpop.errors import HpopError, did_you_mean
+from hpop.errors import DriveError, HpopError, did_you_mean
 from hpop.problems.named_rows import name_meant
 from hpop.scenario.faults import Faults
 from hpop.scenario.people import people_of
@@ -133,7 +133,9 @@ def _know(faults: Faults, events: Sequence[Event], problem: Problem, names: Sequ
                     if event.value not in names_of_stops:
                         hint = did_you_mean(event.value, names_of_stops)
                         known = ", ".join(names_of_stops) or "none, as the front has no tour"
-                        faults.add(place, f"no stop is called {shown(event.value)}.{hint} The stops are {known}")
+                        faults.add(
+                            place, f"no stop is called {shown(event.value)}.{hint} The stops are {known}", DriveError
+                        )
                 case "take" if isinstance(event.value, str) and not event.value.isdigit():
                     name_meant(["knee", *(f"least {name}" for name in names)], event.value)
         except HpopError as error:
