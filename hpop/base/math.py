@@ -52,7 +52,7 @@ def norm(vector: Sequence[Column]) -> Column:
     """Return the length of vectors, given by one column for each component.
 
     Components that are the number 0.0 (always zero) are left out. If one component remains, the length is computed by
-    `smooth_abs`, if two remain, by `hypot`; if none remains, it is the number 0.0.
+    `smooth_abs`, if more remain, by `hypot`; if none remains, it is the number 0.0.
 
     >>> float(norm((2.0, 3.0, 6.0))), float(norm((0.0, 0.0, -1.5)))
     (7.0, 1.5)

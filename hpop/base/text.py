@@ -26,6 +26,8 @@ LENGTH = 80
 def printable(text: object, *, newlines: bool = False) -> str:
     r"""Return a text in which characters that would control a terminal or reorder a line are escaped.
 
+    With ``newlines``, line breaks stay as they are.
+
     >>> print(printable("Käthe \x1b[2J \u202e!"))
     Käthe \x1b[2J \u202e!
     """

@@ -181,7 +181,7 @@ class DriveGraph:
         return copied(changed, **{part: vars(self)[part] for part in CACHED if part in vars(self)})
 
     def _reading(self, closing: Closing, criteria: Sequence[Criterion], world: World) -> set[int]:
-        """Return the columns of the criteria whose costs near a closed area differ between ``world`` and the old world.
+        """Return the columns of criteria whose costs near a closed area differ in `self.world` and ``world``.
 
         Up to `SAMPLED` arcs nearest to the area are compared.
         """
@@ -227,7 +227,7 @@ class DriveGraph:
         return np.where(same, nearest, -1)
 
     def arcs_of(self, trajectories: Sequence[Trajectory]) -> list[IntArray]:
-        """Return for each trajectory the arcs of its last part: from its last state off the graph on, up to a goal."""
+        """Return for each trajectory the arcs of its last part on the graph, up to a goal; none if it ends elsewhere."""
         return [arcs for arcs, _ in self.arcs_and_places(trajectories)]
 
     def arcs_and_places(self, trajectories: Sequence[Trajectory]) -> list[tuple[IntArray, IntArray]]:

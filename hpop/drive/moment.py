@@ -1,4 +1,7 @@
-"""Progress of a drive: the position of the robot, the costs so far, and the front of remaining plans."""
+"""Progress of a drive: the position of the robot, the costs so far, and the front of remaining plans.
+
+Times of the drive are on the clock of the caller, s. Times of the plan begin at 0 at the beginning of the plan.
+"""
 
 from __future__ import annotations
 

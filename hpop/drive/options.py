@@ -1,4 +1,7 @@
-"""Options of a drive: the front of remaining plans, and how each differs from the present plan."""
+"""Options of a drive: the front of remaining plans, and how each differs from the present plan.
+
+Times of the drive are on the clock of the caller, s. Times of a trajectory begin at 0 at its beginning.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""A plan that is driven: cutting and joining trajectories, places where the plan may change, stops before obstacles."""
+"""A plan that is driven: cutting and joining trajectories, places where the plan may change, stops before obstacles.
+
+Times of a plan begin at 0 at its beginning, s.
+"""
 
 from __future__ import annotations
 

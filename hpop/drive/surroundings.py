@@ -1,4 +1,7 @@
-"""The changing world of a drive: doors that close and open, and people who come, go and stop."""
+"""The changing world of a drive: doors that close and open, and people who come, go and stop.
+
+Times of the drive are on the clock of the caller, s.
+"""
 
 from __future__ import annotations
 

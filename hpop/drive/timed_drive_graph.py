@@ -2,7 +2,8 @@
 
 On a clock, time is discrete: it is counted in ticks. Most of the time of a query goes into tables of costs near people,
 and into bounds on the remaining cost. Neither depends on the position of the robot, and a later query begins at a later
-tick of the same clock. When people change, only tables that depend on them are computed again.
+tick of the same clock. When people change, only tables that depend on them are computed again. Times of the drive are
+on the clock of the caller, s.
 """
 
 from __future__ import annotations

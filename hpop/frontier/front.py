@@ -55,7 +55,8 @@ class Front(Choices[T], Generic[T]):
     reported        (n, r)    further values of each point, which were not optimised
     reported_names  r         their names
     reported_units  r         their units
-    status                    how the search ended, a value of hpop.Status; "complete" if it ran to its end
+    status                    how the search ended, a value of hpop.Status; "complete" if it ran to its end. In a union
+                              of fronts, the different values are joined by " | "
     certificate               sentence that says what is proved about the points, and for which search space
     provenance      n         how each point was found, as JSON
     problem                   description of the problem, as JSON, or None

@@ -212,7 +212,10 @@ class Limited(Protocol):
 
 
 def common_spending(planners: Iterable[object]) -> Spending:
-    """Return the limits for work that several planners share, such as reading a map: the largest of their limits."""
+    """Return the limits for work that several planners share, such as reading a map: the largest of their limits.
+
+    There is no limit of time (memory) if one of the planners has none.
+    """
     budgets = [planner.budget() if isinstance(planner, Limited) else Budget() for planner in planners]
     seconds, memory = [budget.time_limit for budget in budgets], [budget.max_memory for budget in budgets]
     return Spending(Budget(time_limit=_largest_limit(seconds), max_memory=_largest_limit(memory)))

@@ -131,8 +131,9 @@ def retime(
 ) -> Front:
     """Return the front of speed profiles along the path of a trajectory: duration against a discomfort.
 
-    The path and its holds stay. Each point is the gentlest profile for its duration, by a convex program. The first one
-    is the fastest. The other criteria of the problem are evaluated and reported.
+    The path and its holds stay. Each point is the gentlest profile for its duration, by a convex program; with a limit
+    of ``jerk``, gentler ones may exist. The first one is the fastest. The other criteria of the problem are evaluated
+    and reported.
 
     Parameters
     ----------

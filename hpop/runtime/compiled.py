@@ -257,7 +257,7 @@ def can_be_cached(dispatcher: Any) -> bool:
 
 
 def is_cached(dispatcher: Any) -> bool:
-    """Return whether a compiled variant of a kernel, for any types of arguments, is in memory or on disk."""
+    """Return whether at least one compiled variant of a kernel, of whichever types, is in memory or on disk."""
     if dispatcher.overloads:
         return True
     try:

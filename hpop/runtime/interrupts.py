@@ -21,7 +21,7 @@ SIGNALS = (signal.SIGINT, *ENDING)  # on the command line, the signals ENDING ac
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Delay Ctrl-C until the end of the block.
+    """Delay Ctrl-C, and SIGTERM and SIGHUP where they act like it, until the end of the block.
 
     Only the main thread gets signals, so in other threads nothing changes. A signal that is ignored, as in workers,
     stays ignored.
@@ -66,7 +66,7 @@ def interrupts_held() -> Iterator[None]:
 
 @contextmanager
 def endings_interrupt() -> Iterator[None]:
-    """Let SIGTERM (kill, timeout) and SIGHUP (a closed terminal) act like Ctrl-C.
+    """Let SIGTERM (kill, timeout) and SIGHUP (a closed terminal) act like Ctrl-C in the block.
 
     A signal that is ignored, as under nohup, stays ignored.
     """
@@ -84,7 +84,7 @@ def endings_interrupt() -> Iterator[None]:
 
 @contextmanager
 def stopping_announced() -> Iterator[None]:
-    """Print a reply to the first Ctrl-C at once, because saving the results of a long search may take seconds."""
+    """Print a reply at once to the first Ctrl-C in the block, because saving the results may take some seconds."""
     answered: list[int] = []
 
     def stop(number: int, frame: FrameType | None) -> None:

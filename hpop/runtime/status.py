@@ -126,7 +126,8 @@ def progress_bar() -> Iterator[ProgressCallback]:
 def progress_callback(progress: ProgressCallback | bool | None) -> Iterator[ProgressCallback | None]:
     """Yield the progress callback to use: ``progress`` itself or, for True, one that shows a line on the terminal.
 
-    The callback also logs each stage of the search.
+    If the logger "hpop" has the level DEBUG, the callback also logs each stage. Without logging, it is None if
+    ``progress`` is None or False.
     """
     with progress_bar() if progress is True else nullcontext(progress or None) as callback:
         yield _with_log(callback) if log.isEnabledFor(logging.DEBUG) else callback

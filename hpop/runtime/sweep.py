@@ -358,7 +358,7 @@ def _prepare_worker() -> None:
     Thread(target=_end_with, args=(multiprocessing.parent_process(),), daemon=True).start()
 
 
-def _end_with(planning: Any) -> None:
-    """End this worker when the main process ends, even if that is killed; otherwise it would wait for ever."""
-    planning.join()
+def _end_with(main: Any) -> None:
+    """End this worker when the process ``main`` ends, even if that is killed; otherwise it would wait for ever."""
+    main.join()
     os._exit(1)

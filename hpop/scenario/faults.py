@@ -173,9 +173,11 @@ class Faults:
         return None
 
     def state(self, given: Any, place: Place, space: StateSpace | None) -> dict[str, Any] | None:
-        """Return a start or goal as values by name, with angles in rad and free angles None; None after adding a fault.
+        """Return a start or goal as values by name, with angles in rad and free angles None.
 
-        Without a space (``space`` is None because the model is faulty), only angles are checked.
+        After adding a fault of one value, this value is 0; after a fault of the whole state, the result is None.
+        Without a space (``space`` is None because the model is faulty), only angles are checked, and the result is
+        None.
         """
         what = str(place[0])
         if space is None:

@@ -92,7 +92,7 @@ class Draft(NamedTuple):
 
 
 def is_scenario(path: Path) -> bool:
-    """Return whether a file is a scenario rather than a map, judged by its keys."""
+    """Return whether a file is a scenario rather than a map, judged by its keys; a missing YAML file counts as one."""
     if path.suffix.lower() not in (".yaml", ".yml"):
         return False
     try:

@@ -89,10 +89,11 @@ def in_frame(x: Any, y: Any) -> tuple[Any, Any]:
 
 @checked_arguments
 def random_motions(rng: np.random.Generator, world: World, model: Model, kind: str, size: int) -> Motions:
-    """Return random motions (size,) of one kind (short moves, turns, holds or curves), 0.5 m or more from obstacles.
+    """Return random motions (size,) of one kind: "move", "turn", "hold" or "drive" (curves).
 
-    The distance holds at their starts. Turns are up to half a turn, and some cross yaw = pi. Every third curve begins
-    or ends at rest; every fourth one turns first to one side and then to the other.
+    They begin at positions over 0.5 m from obstacles. Moves are at most 0.4 m long, and turns at most half a turn; some
+    turns cross yaw = pi. Every third curve begins or ends at rest; every fourth one turns first to one side and then to
+    the other.
     """
     size = whole("size", size, 1, MOST_DRAWN, "a number of motions")
     x, y = rng.uniform((0.5, 0.5), (11.5, 8.5), size=(50 * size + 1000, 2)).T
