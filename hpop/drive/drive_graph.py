@@ -227,7 +227,7 @@ class DriveGraph:
         return np.where(same, nearest, -1)
 
     def arcs_of(self, trajectories: Sequence[Trajectory]) -> list[IntArray]:
-        """Return for each trajectory the arcs of its last part on the graph, up to a goal; none if it ends elsewhere."""
+        """Return for each trajectory the arcs of its last part on the graph, up to a goal; [] if it ends elsewhere."""
         return [arcs for arcs, _ in self.arcs_and_places(trajectories)]
 
     def arcs_and_places(self, trajectories: Sequence[Trajectory]) -> list[tuple[IntArray, IntArray]]:
