@@ -120,7 +120,7 @@ class Bridge:
         )
 
     def _serve(self, connection: Any) -> str:
-        """Receive messages until the connection is closed, and return why it was closed."""
+        """Pass messages to the server until the connection is closed or `stop` is called; return why it ended."""
         # With a time-out, sending to a bridge that reads nothing fails instead of blocking for ever.
         seconds, rest = divmod(SENDING, 1.0)
         connection.socket.setsockopt(SOL_SOCKET, SO_SNDTIMEO, struct.pack("ll", int(seconds), int(1e6 * rest)))

@@ -103,7 +103,7 @@ class PathServer:
             self._next = None
 
     def close(self) -> None:
-        """Stop planning, and end the thread."""
+        """Stop planning and end the thread; wait for it for at most `FAREWELL` s."""
         with self._changed:
             self._closed = True
         self.disconnected()
@@ -129,7 +129,7 @@ class PathServer:
         self._tell(protocol.feedback(self.known, goal.id))
 
     def _cancel(self, message: Mapping[str, Any]) -> None:
-        """Cancel a goal that is planned or waits."""
+        """Cancel a goal that is planned or waits; RosError if there is none with its id."""
         self._check_action(message)
         asked = protocol.goal_id(message)
         with self._changed:

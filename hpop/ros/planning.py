@@ -135,7 +135,10 @@ class GoalPlanner:
         return pose
 
     def _solved(self, start: PlanarPose, end: PlanarPose, progress: ProgressCallback | None) -> Front:
-        """Solve the problem between two poses and return the front; Failure if it has no points."""
+        """Solve the problem between two poses and return its front, which has points.
+
+        Raises Failure if a pose is blocked or off the map, if planning fails, and if no path is found.
+        """
         own = self.problem
         whole = own.goal if isinstance(own.goal, tuple) else own.start
         begin, finish = self._state(own.start, start), self._state(whole, end)

@@ -189,9 +189,10 @@ def build(description: Mapping[str, Any]) -> World:
 
 
 def seen_from(folder: str, description: Any) -> Any:
-    """Return a world's description with file paths also relative to a folder, under the key "relative".
+    """Return a world's description with absolute file paths replaced by paths relative to a folder.
 
-    Thus a saved front and its map can be moved together.
+    The key "relative" lists these paths by "path" and the names of reader options, for :func:`found_from`. Thus a saved
+    front and its map can be moved together.
     """
     relative = {key: place_seen_from(folder, path) for key, path in _paths(description).items() if os.path.isabs(path)}
     return {**_at(description, relative), "relative": relative} if relative else description

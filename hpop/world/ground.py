@@ -251,7 +251,7 @@ class Ground:
         """Return all obstacles as convex solids: the given solids, convex pieces of prisms, and boxes of cells.
 
         Prisms and cells of unlimited height are cut 10 m below or above the floor (z = 0), or 10 m from their other
-        end. Raises MapError for more than 5,000 bodies.
+        end if that is farther. Raises MapError for more than 5,000 bodies of prisms and solids, or of cells.
         """
         return self.derived(("bodies",), lambda: solid_bodies(self.obstacles, self.raster))
 

@@ -105,7 +105,8 @@ class FromCells:
         """Return the world with new occupancy in a rectangle of its cells.
 
         Values derived from the cells, such as distances, are computed again only near changed cells, and equal those
-        of a new world. People, landmarks and zones stay.
+        of a new world. People, landmarks and zones stay. Unknown cells are obstacles if the area beyond the cells is
+        one (`World.outside_is_obstacle`), else free. The description of files, ``source``, becomes None.
 
         Parameters
         ----------

@@ -192,7 +192,9 @@ class Person:
     def way(self) -> FloatArray:
         """Return the predicted path as corners (N, 4): time, s; x, y, m; heading, rad, up to the next corner.
 
-        The person moves straight and at constant speed between corners, and stands or is gone after the last one.
+        The person moves straight and at constant speed between corners, and stands or is gone after the last one. The
+        first corner is at time 0, also if the person appears only later (:attr:`begin`).
+
         Raises MapError for several futures or a prediction without end. In a :class:`hpop.Problem` every prediction
         ends.
         """

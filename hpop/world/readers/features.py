@@ -93,7 +93,7 @@ class FeatureNotes:
         self._found: dict[tuple[str, str], list[Feature]] = {}
 
     def add(self, feature: Feature, what: str) -> None:
-        """Add a note on a feature; repeating it, such as for another part of the geometry, has no effect."""
+        """Add a note on a feature; repeating the last one, such as for another part of its geometry, has no effect."""
         features = self._found.setdefault((str(feature.path), what), [])
         if not features or features[-1].number != feature.number:
             features.append(feature)

@@ -234,8 +234,9 @@ def placed(
     *,
     rooms: bool = False,
 ) -> Iterator[tuple[Feature, list[Any]]]:
-    """Yield each feature with the polygons, lines or points of its geometry, m; repaired geometries get a note.
+    """Yield each feature of ``of`` with the polygons, lines or points of its geometry in ``shapes``, m.
 
+    Repaired geometries get a note.
     Polygons are valid: a self-crossing outline is repaired, or refused with `MapError` if that would take too long.
     With ``rooms`` the polygons of a MultiPolygon are not merged where they touch or overlap. Time and memory limits are
     checked between blocks of features.

@@ -245,7 +245,10 @@ class Placement:
         return "m"
 
     def refuse_degrees(self, of: Sequence[Feature], shapes: NDArray[np.object_]) -> None:
-        """Raise `MapError` if a file looks like degrees although its plan is in metres."""
+        """Raise `MapError` if all geometries of a file look like degrees although its plan is in metres.
+
+        A plan with a scale is not checked.
+        """
         small = _as_degrees(shapes)
         if self.units == "m" and self.scale == 1.0 and len(small) and small.all():
             raise MapError(f"{_spanned(of, shapes, small)}, but the plan is in metres. Give both in one of them.")

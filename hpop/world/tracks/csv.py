@@ -123,7 +123,7 @@ def _named(name: str) -> str | None:
 
 
 class Comments(NamedTuple):
-    """Comments (lines that begin with #) above the first row of a track file.
+    """Statements in comments (lines that begin with #) among the first `HEAD` characters of a track file.
 
     rate    frames a second, or None
     unit    of positions, in a comment such as ``# unit: cm``, or None
