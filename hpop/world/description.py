@@ -355,9 +355,7 @@ def unpack_cells(text: str, rows: int, columns: int) -> BoolArray:
     """
     check_size(rows, columns, "the described raster")
     size = -(-rows * columns // 8)
-    wrong = MapError(
-        f"the described raster must hold {columns} x {rows} cells, but has more or fewer; describe it anew."
-    )
+    wrong = MapError(f"the described raster must hold exactly {columns} x {rows} cells; describe the world anew.")
     try:
         inflate = zlib.decompressobj()
         data = inflate.decompress(base64.b64decode(text, validate=True), size + 1)
