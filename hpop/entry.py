@@ -78,7 +78,10 @@ def _open_closed_streams() -> None:
 
 
 class _TolerantStream(io.FileIO):
-    """Stream that discards output after its reader has ended; the first other error raises OutputError."""
+    """Output stream that discards what is written after its reader has ended.
+
+    The first other error of writing raises OutputError; output after it is discarded, too.
+    """
 
     failed = False
 
@@ -96,7 +99,10 @@ class _TolerantStream(io.FileIO):
 
 
 def _tolerant_stream(stream: Any) -> IO[str]:
-    """Return a stream as a :class:`_TolerantStream` that escapes characters missing in its encoding."""
+    """Return a text stream to the file of ``stream`` that is a :class:`_TolerantStream` below.
+
+    Characters missing in its encoding are escaped. A stream that is closed or has no file is returned unchanged.
+    """
     try:
         raw = _TolerantStream(stream.fileno(), "w", closefd=False)
     except (AttributeError, OSError):  # the stream is closed, or is no file

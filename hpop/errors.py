@@ -52,7 +52,7 @@ class QueryError(HpopError, ValueError):
 
 
 class UnknownName(HpopError, LookupError):
-    """Error for the name of a criterion, planner or model that is not registered."""
+    """Error for a name that is not registered, such as the name of a criterion, planner, model or export format."""
 
     exit_code = 7
 
@@ -108,7 +108,7 @@ class RosError(HpopError, ValueError):
 
 
 class OwnCodeError(HpopError, ImportError):
-    """Error in Python code named on the command line: it cannot be imported, registers nothing, or fails."""
+    """Error in Python code of the user: it cannot be imported, registers nothing, or returns an invalid value."""
 
     exit_code = 14
 
@@ -124,7 +124,7 @@ class CoversRobot(DriveError):
 
 
 class StudyError(HpopError, ValueError):
-    """Error in a study: its design, answers or questionnaire are invalid or contradict one another."""
+    """Error in a study or a preference: its design, answers or questionnaire are invalid or contradict one another."""
 
     exit_code = 17
 
@@ -149,7 +149,7 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownName:
 
 
 def did_you_mean(name: object, known: Iterable[str]) -> str:
-    """Return a question that suggests the most similar known name; "" if none is similar.
+    """Return a question, with a space in front, that suggests the most similar known name; "" if none is similar.
 
     >>> did_you_mean("lenght", ["turns", "length"]), did_you_mean("mood", ["turns", "length"])
     (" Did you mean 'length'?", '')

@@ -80,6 +80,10 @@ class Specification:
           planner: [lattice, {roadmap: {samples: 500}}]
           world.geojson.path: maps/*.geojson   # a pattern of files, relative to the folder of this file
           model.differential_drive.radius: [0.2, 0.3]
+
+    document   content of the file without ``vary`` and ``table``
+    axes       for each varied key its values, each as a mapping {dotted key: value}; the rows of a table come first
+    has_table  whether the first axis has the rows of a table
     """
 
     document: Document
@@ -131,7 +135,8 @@ class Specification:
     def check(self) -> None:
         """Build the scenario once for each varied value, so that errors are reported before planning begins.
 
-        An invalid start or goal is not reported here, but in the results of its case.
+        Of a table, only the first row is built. If a key of the start or goal varies, an invalid start or goal is not
+        reported here, but in the results of its case.
         """
         first = {key: value for axis in self.axes for key, value in axis[0].items()}
         for place, axis in enumerate(self.axes):
@@ -149,7 +154,10 @@ class Specification:
         return read_scenario(self.document.with_values(self._scenario_values(values), sources), self._worlds)
 
     def _scenario_values(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the content of the scenario file, with values set at their dotted keys."""
+        """Return the content of the scenario file, with values set at their dotted keys.
+
+        A start or goal with varied keys has these keys only; the file's other keys of it are dropped.
+        """
         scenario: dict[str, Any] = json.loads(self._text)
         for key in ENDS:
             if any(name.startswith(f"{key}.") for name in values):
@@ -170,7 +178,7 @@ def _key_path(key: str) -> Place:
 
 
 def _set_value(document: Document, into: Any, keys: Sequence[str], value: Any) -> None:
-    """Set a value in a scenario under a path of keys.
+    """Set a value in the scenario ``into``, in place, under a path of keys.
 
     A bare name on the way, such as ``lattice``, becomes a mapping, ``{lattice: {}}``.
     """

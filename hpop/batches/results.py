@@ -235,7 +235,10 @@ class Results:
         return f"<Results of a batch in {shown(str(self.folder))}>"
 
     def tables(self, columns: Sequence[str] | None = None) -> Iterator[pyarrow.Table]:
-        """Yield the table of each Parquet file in turn, which needs little memory, then that of the journal."""
+        """Yield the table of each Parquet file in turn, which needs little memory, then that of the journal.
+
+        ``columns`` limits each table to these columns, as far as it has them.
+        """
         for part in parts_of(self.folder):
             file = _parquet().ParquetFile(part)
             names = None if columns is None else [name for name in columns if name in file.schema_arrow.names]

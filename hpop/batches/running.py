@@ -50,7 +50,10 @@ VERSIONS = f"hpop {__version__}; numpy {np.__version__}; python {platform.python
 
 @dataclass(frozen=True)
 class Setting:
-    """World, robot and criteria that several cases share; sent to each worker only once."""
+    """World, robot and criteria that several cases share; sent to each worker only once.
+
+    The fields are the arguments of :class:`hpop.Problem`.
+    """
 
     world: World
     model: Model
@@ -165,9 +168,9 @@ def batch(
     Parameters
     ----------
     problems : a list, or by name; or the path of a specification, a scenario with ``vary`` or ``table``
-    planners : each solves each problem by itself; a list, or by label. A specification names its own
+    planners : each solves each problem by itself; a list, or by label. Ignored for a specification, which names its own
     out : folder of the results; created if missing
-    workers : processes on this machine
+    workers : number of processes on this machine; None or 1 solves in this process
     executor : workers elsewhere, such as :func:`hpop.runtime.sweep.dask` gives
     progress : called after each case
 
@@ -315,9 +318,9 @@ class Workers:
             yield from self._ended_cases()
 
     def _ended_cases(self) -> Iterator[tuple[Case, Rows]]:
-        """Yield the cases that have ended since the last call.
+        """Wait up to ``POLL`` s for a case to end, and yield it with its rows; yield nothing if none has rows by then.
 
-        After the death of a worker process, all open cases are solved again, one at a time.
+        After the death of a worker process, all open cases are solved again, one at a time, and yielded.
         """
         try:
             future = self._ended.get(timeout=POLL)

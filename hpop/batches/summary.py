@@ -19,7 +19,7 @@ from hpop.runtime.status import Status
 
 @dataclass(frozen=True, eq=False)
 class PlannerSummary:
-    """Statistics of one planner over the cases that it solved.
+    """Statistics of one planner over the cases that it was given.
 
     planner  label
     counts   number of cases by status: "complete", "no path", "error", a limit, ...

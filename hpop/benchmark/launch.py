@@ -19,7 +19,7 @@ KIB = 1024  # bytes; the unit of ru_maxrss
 
 
 def main(file: str, limit: float, command: list[str]) -> None:
-    """Run a command, kill it and its children after a time limit, s, and write its times and memory to a file."""
+    """Run a command, kill it and its children after ``limit`` s, and write its times, s, and memory, bytes, as JSON."""
     is_late = False
     began = time.perf_counter()
     try:

@@ -22,7 +22,10 @@ REFERENCE = "reference.json"
 
 @dataclass(frozen=True)
 class BenchmarkQuery:
-    """Query on a benchmark graph, with the size and the hash of its exact front; nodes are numbered from 1."""
+    """Query on a benchmark graph, with the size and the hash of its exact front; nodes are numbered from 1.
+
+    ``costs`` is the number of costs of each arc, and ``vectors`` the number of cost vectors on the front.
+    """
 
     instance: str
     graph: Path

@@ -77,7 +77,9 @@ class ForeignProgram:
 class RunResult:
     """Result of a program for one query.
 
+    vectors  number of cost vectors on the exact front
     front    "equal", "equal size", "differs", "time limit" or "failed"
+    found    number of cost vectors that the program found; None if it is not known
     seconds, processor_seconds, memory  of the whole process with the reading of the graph: s, s and MB
     clock    seconds by the program's own clock, or None
     """
@@ -149,7 +151,7 @@ def read_vectors(text: str, costs: int) -> list[tuple[int, ...]]:
 
 
 def _last(pattern: str, text: str) -> float | None:
-    """Return the last number in a text that matches a regular expression; None if there is none."""
+    """Return the number in the last match of a regular expression; None if there is no match or it is no number."""
     try:
         return float(re.findall(pattern, text)[-1]) if pattern else None
     except (IndexError, ValueError):

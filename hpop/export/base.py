@@ -109,7 +109,7 @@ class Exported:
     row         row in the front, or None
     name        name of the row, such as "knee", or ""
     costs       values of criteria and reported values, by name; ``units`` by name
-    claim       certificate of the front
+    claim       status and certificate of the front, as text, or ""
     problem     problem with the world to write, or None
     visits      of a tour's stops, at the times of the exported motion
     """
@@ -163,13 +163,14 @@ class Exported:
 
     @property
     def told_visits(self) -> list[dict[str, Any]]:
-        """Return the visits as JSON: name of the stop, and when the robot arrives and leaves, s from the start."""
+        """Return a dict for each visit: name of the stop, and when the robot arrives and leaves, s from the start."""
         return [{"stop": visit.name, "arrival": visit.begin, "leaving": visit.end} for visit in self.visits]
 
     def statement(self, axes: str, what: str = "") -> list[str]:
-        """Return lines for comments at the top of a file: title and content, axes, and costs.
+        """Return lines for comments at the top of a file: title and content, the text ``axes``, and any costs.
 
-        ``what`` describes the content; by default it says which body's poses are written, and at which rate.
+        ``what`` describes the content; by default it says which body's poses are written, and at which rate. The lines
+        do not begin with a comment sign.
         """
         how = "as planned" if self.planned else "as executed"
         what = what or f"the {self.body} {how}, {self.rate:g} poses a second and the end"
@@ -180,7 +181,10 @@ class Exported:
 
 
 def rows_of_text(table: FloatArray, separator: str) -> str:
-    """Return a table (N, k) as lines of text. Each number has the shortest form that reads back as an equal float."""
+    """Return a table (N, k) as N lines of text, with ``separator`` between numbers.
+
+    Each number has the shortest form that reads back as an equal float.
+    """
     return "".join(separator.join(map(repr, row)) + "\n" for row in table.tolist())
 
 

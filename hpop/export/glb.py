@@ -36,7 +36,7 @@ class TriangleMesh(NamedTuple):
     corners  (T, 3, 3)  m
     normals  (T, 3)     unit vectors
     colour              red, green, blue in sRGB, 0 to 255
-    person              person that the mesh shows, one hypothesis; corners are at the person's position at time 0
+    person              one hypothesis of the person that the mesh shows, at its position at time 0; or None
     """
 
     name: str
@@ -91,7 +91,10 @@ def _flat(rings: Sequence[FloatArray], z: float) -> FloatArray:
 
 
 def _walls(rings: FloatArray, low: float, high: float) -> FloatArray:
-    """Return the triangles (2 B K, 3, 3) of vertical walls above rings (B, K, 2), facing to the right of each edge."""
+    """Return the triangles (2 B K, 3, 3) of vertical walls along the edges of rings (B, K, 2), between two heights.
+
+    A wall faces to the right of its edge.
+    """
     a = rings.reshape(-1, 2)
     b = np.roll(rings, -1, axis=1).reshape(-1, 2)
     corners = [np.column_stack([place, np.full(len(a), z)]) for place, z in ((a, low), (b, low), (b, high), (a, high))]
@@ -304,7 +307,12 @@ class _File:
         self._buffer = bytearray()
 
     def accessor(self, values: NDArray[Any], kind: str, *, target: int | None = None, bounds: bool = False) -> int:
-        """Add rows (N, k) to the buffer as float32, and return the index of their glTF accessor."""
+        """Add rows (N, k) to the buffer as float32, and return the index of their glTF accessor.
+
+        kind    glTF type of a row, such as "VEC3"
+        target  glTF number of the use as vertices or indices; None for keyframes
+        bounds  whether the accessor states the smallest and the largest value of each column
+        """
         numbers = np.ascontiguousarray(values, dtype="<f4")
         view: dict[str, Any] = {"buffer": 0, "byteOffset": len(self._buffer), "byteLength": numbers.nbytes}
         if target is not None:

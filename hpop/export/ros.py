@@ -59,7 +59,7 @@ LATCHED = ("/plan", "/tf_static", "/costs")
 
 
 def topics(given: Exported) -> list[tuple[str, str]]:
-    """Return the topics of a bag, each with the type of its messages; all trajectories have the same topics."""
+    """Return the topics of a bag, each with the type of its messages; only the last depends on the exported body."""
     return [
         ("/costs", DIAGNOSTICS),
         ("/plan", PATH),

@@ -41,7 +41,9 @@ def write(
     planned: bool = False,
     frames: Frames | None = None,
 ) -> Path:
-    """Write a trajectory to a file, completely or not at all, replacing an existing file.
+    """Write a trajectory to a file, completely or not at all, replacing an existing file, and return its path.
+
+    The format ``bag`` writes a folder; it replaces an existing folder only if that is a bag.
 
     Parameters
     ----------

@@ -31,7 +31,10 @@ LAPSE = 0.02
 BLOCK = 2**14
 """Number of probabilities in a block: they fit the processor's cache, which is three times as fast."""
 MOST_GAIN = 700.0
-"""Largest extra cost in exponentials: beyond it an answer can only be a lapse, and exponentials would overflow."""
+"""Largest extra cost of a chosen point that is put in an exponential, which would overflow beyond it.
+
+An answer with a larger one can only be a lapse.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +43,8 @@ class Evidence:
 
     The order in which two points were shown does not matter.
 
-    gains    (n, f)  extra cost of the point that was not chosen, by cost, as a share of its range; for a tie the sign
-             does not matter
+    gains    (n, f)  value of each cost at the point that was not chosen, minus its value at the chosen point, as a
+             share of the cost's range; for a tie the sign does not matter
     tied     (n,)    True where the answer was "no difference"
     offered  (n,)    True where "no difference" was a possible answer
     weight   (n,)    number of answers that each row counts for
@@ -140,7 +143,7 @@ def answer_of(first: Any, second: Any, chosen: Any, costs: FloatArray, weight: f
 
 
 def checked_question(question: Any) -> str:
-    """Return the question, a word such as "prefer"; raise StudyError for anything else."""
+    """Return a question's name, such as "prefer"; raise StudyError unless it is text of 1 to 100 characters."""
     if not isinstance(question, str) or not question.strip() or len(question) > 100 or HARMFUL.search(question):
         raise StudyError(f"a question must be a word such as 'prefer' or 'comfort', got {shown(question)}")
     return question
@@ -191,7 +194,7 @@ def evidence(answers: Sequence[PairAnswer], scale: CostScale, *, ties: bool) -> 
 
     ties  True if "no difference" was a possible answer
 
-    Raises StudyError for more answers than a file holds.
+    Raises StudyError for more than :data:`MOST_ANSWERS` answers.
     """
     n = len(answers)
     if n > MOST_ANSWERS:

@@ -93,12 +93,13 @@ class People:
 
     @property
     def uses_profile(self) -> bool:
-        """True if there are enough people for a prior that depends on the profile."""
+        """True if profiles are given and there are enough people for a prior that depends on the profile."""
         return bool(self.names) and len(self) >= LEAST_PEOPLE
 
     def prior(self, profile: Profile | None = None) -> Prior:
-        """Return the prior of the next person, for :meth:`Preference.fit`; with a profile, the prior depends on it.
+        """Return the prior of the next person, for :meth:`Preference.fit`.
 
+        It depends on the next person's profile only if :attr:`uses_profile`; with fewer people the profile is ignored.
         A number of the profile is clipped to the range of these people's numbers. Raises StudyError for a number that
         none of these people's profiles has.
         """
@@ -176,7 +177,11 @@ class People:
         return np.hstack([one, np.where(np.isnan(scaled), 0.0, scaled)])
 
     def _log_concentrations(self, design: FloatArray) -> FloatArray:
-        """Return the log concentrations (1 + profile, f) that make the answers of all people most probable."""
+        """Return coefficients (d, f) of the log concentrations for a design matrix (people, d), shrunk towards 0.
+
+        ``design @ coefficients`` are the log concentrations that make the answers of all people most probable. Row 0
+        has those of an average person; each further row has the effect of a number of the profile.
+        """
         from scipy.optimize import minimize
         from scipy.special import logsumexp
 

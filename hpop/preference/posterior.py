@@ -31,7 +31,7 @@ COUNT = 20_000
 LEAST_EFFECTIVE = 500
 """Least effective sample size; below it, draws are resampled."""
 RENEWED = 5_000
-"""Number of resampled draws: ten times the effective sample size."""
+"""Number of resampled draws: ten times ``LEAST_EFFECTIVE``."""
 LEAST_ALIKE = 40
 """Least effective sample size at which the covariance of draws that care for the same costs is used."""
 STEPS = 12
@@ -77,7 +77,7 @@ class Draws:
         return float(1.0 / (self.probability() ** 2).sum())
 
     def with_answers(self, new: Evidence, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
-        """Update the draws by further answers: reweight them, and resample them if too few carry the weight.
+        """Return the draws after further answers: reweighted, and resampled if too few of them carry the weight.
 
         new    the further answers
         known  all answers, including the further ones
@@ -86,9 +86,10 @@ class Draws:
         return draws.resampled(known, prior, rng) if draws.effective < LEAST_EFFECTIVE else draws
 
     def resampled(self, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
-        """Return fewer draws, of equal weight, each moved by the random walk.
+        """Return at most ``RENEWED`` draws of equal weight, each moved by the random walk.
 
-        Where the sharpness is 0, answers carry no information on shares, so these shares are drawn from the prior.
+        ``known`` are all answers. Where the sharpness is 0, answers carry no information on shares, so these shares are
+        drawn from the prior.
         """
         draws = self.equally_weighted(min(len(self), RENEWED), rng)
         sharp = draws.sharpness > 0
@@ -142,8 +143,9 @@ class Draws:
 def _covariance_groups(before: Draws, cared_for: BoolArray) -> list[tuple[IntArray, FloatArray]]:
     """Group the draws that care for the same costs, and return how a random step is scaled in each group.
 
-    A group is the rows of its draws, and a root of its weighted covariance. If a group is too small for a covariance,
-    the root is the diagonal of standard deviations of all draws.
+    A group is the rows of its draws in ``cared_for``, and a matrix that turns a standard normal step into a step of the
+    random walk: a root of the group's weighted covariance, times the best length of a step. Draws of groups that are
+    too small for a covariance are the last group; its root is the diagonal of the standard deviations of all draws.
 
     before     weighted draws, from which covariances are computed
     cared_for  (N, f)  True where a draw to be moved cares for a cost
@@ -205,7 +207,7 @@ def _log_density(draws: Draws, known: Evidence, prior: Prior) -> FloatArray:
 
 
 NEAR = 0.02
-"""Expected regret below which a point counts as good as the best: a share of the range of the person's costs."""
+"""Expected regret below which a point counts as good as the best: a share of the range of total costs."""
 CELLS = 4_000_000
 """Largest number of costs (points times draws) that are computed in one block."""
 
@@ -218,8 +220,9 @@ class Best:
     row          row of the point in the front
     point        the point itself
     probability  (n,)  probability of each row to be the best
-    regrets      (n,)  expected extra cost of each row over the best row, as a share of the range of the person's costs
-    near         rows whose expected regret is within 2 % of the best row's, in ascending order of regret
+    regrets      (n,)  expected extra total cost of each row over the row that is best for the true weights, as a share
+                 of the range of total costs over the front
+    near         ``row``, then the rows whose expected regret is at most 0.02 above that of ``row``, in ascending order
     """
 
     row: int
@@ -249,7 +252,9 @@ def least_cost_row(rows: FloatArray, shares: FloatArray) -> int:
 
 
 def best_probability_and_regret(rows: FloatArray, draws: Draws) -> tuple[FloatArray, FloatArray]:
-    """Return each row's probability to be the best, and its expected regret, over equally weighted draws.
+    """Return each row's probability (n,) to be the best, and its expected regret (n,), over equally weighted draws.
+
+    The regret of a row for a draw is its total cost minus the least one, as a share of the range of total costs.
 
     A draw that cares for some costs only may give rows (n, f) an equal cost. Then the row with the least sum of all
     costs is the best.

@@ -43,7 +43,7 @@ QUESTIONS = 12
 SURE = 0.8
 """Probability of the best row above which no more questions are needed."""
 NOT_RANDOM = 0.1
-"""Probability of random answers above which asking goes on, whatever the two stopping rules above say."""
+"""Probability of random answers from which on asking stops only at the number of questions, not by ``SURE``."""
 ASKING = 1_000
 """Number of draws for choosing the next question, and for deciding whether to ask one."""
 JUDGING = 2_000
@@ -54,7 +54,7 @@ PREFER, COMFORT = "prefer", "comfort"
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Preference:
-    """Preference of one person in one question: weights of a front's costs, as a posterior; :meth:`fit` makes one.
+    """Preference of one person about one question: weights of a front's costs, as a posterior; :meth:`fit` makes one.
 
     The preferred trajectory need not be the most comfortable one (Becerra et al. 2020), so ask about preference and
     comfort in two questions.
@@ -220,6 +220,7 @@ class Preference:
     def expected(self, front: Front[Any], costs: FloatArray) -> FloatArray:
         """Return the expected total cost (m,) for this person of costs (m, k), relative to a point with costs of 0.
 
+        The k costs are in the order of ``front.names``. Totals are shares of the range of the preference's own front.
         Raises StudyError if the front lacks a cost of the preference.
         """
         of = np.asarray(costs)[:, self.scale.column_indices(front)]
@@ -236,7 +237,10 @@ class Preference:
         return most_informative_pair(self.scale.scaled(costs), self._equal_draws(ASKING), asked, rng, ties=self.ties)
 
     def why_stop(self, most: int = QUESTIONS) -> str:
-        """Return the reason why no more questions are needed, as text; "" if another question is worth asking."""
+        """Return the reason why no more questions are needed, as text; "" if another question is worth asking.
+
+        ``most`` is the number of answers after which asking stops in any case.
+        """
         if len(self.answers) >= most:
             return f"{counted(most, 'question')} asked"
         if not self.answers or self.random >= NOT_RANDOM:

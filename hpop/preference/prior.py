@@ -213,7 +213,10 @@ def rescale_shares(shares: FloatArray, sharpness: FloatArray, factors: FloatArra
 
 
 def range_ratio(known: Measure, other: Measure) -> float:
-    """Return the ratio of a cost's range ``other`` to ``known``; 1 if one of them is 0. StudyError if units differ."""
+    """Return the ratio of a cost's range ``other`` to ``known``; 1 if one of them is 0.
+
+    Raises StudyError if the units differ, or if the ratio is too far from 1 to rescale shares.
+    """
     if known.unit != other.unit:
         raise StudyError(
             f"people were asked about {shown(known.name)} in {shown(known.unit)}, but here it is in "

@@ -51,7 +51,8 @@ _DRAWS: Kinds = {"shares": dict, "sharpness": list, "ties": list}
 class Stored(NamedTuple):
     """Content of a preference file.
 
-    Its D draws of shares (D, f), sharpness (D,) and Davidson's nu (D,) have equal weight.
+    Its D draws of shares (D, f), sharpness (D,) and Davidson's nu (D,) have equal weight. ``ties`` is True if "no
+    difference" was a possible answer; ``front`` is the SHA-256 of the front's costs.
     """
 
     scale: CostScale
@@ -178,8 +179,8 @@ def _parse_scale(criteria: list[Any], features: dict[str, Any]) -> CostScale:
 
 
 def _parse_prior(given: dict[str, Any], scale: CostScale) -> Prior:
+    """Check the prior of a file, and return it for the ranges of the scale."""
     # Earlier files had neither key; then all people cared for all costs.
-    """Check and return the prior."""
     concentration, about, *rest = parts({"about": [], "selective": 0.0, **given}, "the prior", _PRIOR)
     values = tuple(numbers(concentration, "concentration", len(concentration)).tolist())
     measures = [parts(one, "what the prior is about", _MEASURE) for one in about]

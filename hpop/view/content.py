@@ -1,4 +1,7 @@
-"""Drawing of people, conversations, landmarks and zones on a map."""
+"""Drawing of people, conversations, landmarks and zones on a map.
+
+Sizes of symbols are shares of ``side``: the longer side of the map, m, which is multiplied by 1.5 on a small map.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +61,10 @@ def draw_content(axes: Axes, world: World, view: View, *, small: bool = False) -
 
 
 def _draw_predicted_paths(axes: Axes, people: Sequence[Person]) -> list[Handle]:
-    """Draw a dotted line along the predicted path of each hypothesis of a person; draw none if many people walk."""
+    """Draw a dotted line along the predicted path of each hypothesis of a person whose prediction ends.
+
+    Draw no lines if there are more than twelve such people.
+    """
     walking = [person for person in people if person.moves and math.isfinite(person.settled)]
     if not walking or len(walking) > MOST_NAMES:
         return []
@@ -186,7 +192,7 @@ def write(axes: Axes, text: str, x: float, y: float, off: tuple[float, float], c
 
 
 def _disc(person: Person, side: float) -> float:
-    """Return the radius, m, of a person's disc: the true radius, or a larger one if that is too small to see."""
+    """Return the radius, m, of a person's disc: the true radius, or a greater one if this is too small to see."""
     return max(person.radius, LEAST_RADIUS * side)
 
 

@@ -174,7 +174,10 @@ def _staircase(axes: Axes, x: Quantity, y: Quantity) -> None:
 def _parallel(
     columns: Sequence[Quantity], named: Sequence[Mark], rows: IntArray, drawn: str, ax: Axes | None
 ) -> FigureBase:
-    """Draw parallel coordinates: a vertical axis for each criterion, least at the bottom, and a line per trajectory."""
+    """Draw parallel coordinates: a vertical axis for each criterion, least at the bottom, and a line per trajectory.
+
+    Only the trajectories in ``rows`` and the named ones are drawn; ``drawn`` says so in the title.
+    """
     count = rows.size
     bounds = np.array([limits(column.values) for column in columns])  # (k, 2)
     table = np.stack([column.values for column in columns], axis=1)  # (n, k)

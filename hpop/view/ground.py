@@ -82,8 +82,9 @@ class Ball:
 def view_of(problem: Problem, paths: Sequence[FloatArray] = ()) -> View:
     """Return the rectangle that a map shows: free space, start and goal, with a margin.
 
-    Unknown surroundings of a map file are cut off. If paths (N, 2), m, are given and stay in a small part of this
-    rectangle, only the surroundings of start, goal and paths are shown.
+    Unknown surroundings of a map file are cut off. If paths (N, 2), m, are given, and start, goal and paths with some
+    margin have less than 0.4 of the longer side of this rectangle, only they are shown. For a fixed robot they are
+    shown whenever that rectangle is smaller.
     """
     start, goals = end_poses(problem)
     ends = shapely.MultiPoint([pose[:2] for pose in (start, *goals)])
@@ -105,10 +106,10 @@ def view_of(problem: Problem, paths: Sequence[FloatArray] = ()) -> View:
 
 
 def ball_of(problem: Problem) -> Ball | None:
-    """Return the ball in which the map measures obstruction: that of the problem's criterion, at the camera's height.
+    """Return the ball in which the map measures obstruction, at the camera's height at the start.
 
-    Without such a criterion the radius is 2 m; but a fixed robot then has no ball (None), because its whole
-    reach would be inside.
+    Its radius is that of the problem's first obstruction or exposure criterion. Without such a criterion it is the
+    default of obstruction, 2 m; but a fixed robot then has no ball (None), because its whole reach would be inside.
     """
     measured = [c for c in problem.criteria if isinstance(c, Obstruction | Exposure)]
     if not measured and "base" not in problem.model.provides:
@@ -236,7 +237,7 @@ def outline(geometry: BaseGeometry) -> Path:
 
 
 def _rings(geometry: BaseGeometry) -> Iterator[FloatArray]:
-    """Yield the corners (N, 2), m, of each ring of a geometry's polygons: outlines first, then holes."""
+    """Yield the corners (N, 2), m, of each ring of a geometry: for each polygon its outline, then its holes."""
     for part in shapely.get_parts(shapely.orient_polygons(geometry)):
         if part.geom_type == "Polygon":
             yield from (shapely.get_coordinates(ring) for ring in (part.exterior, *part.interiors))

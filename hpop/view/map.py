@@ -140,7 +140,7 @@ def draw_named(axes: Axes, front: Front, named: Sequence[Mark], line: Line) -> l
 
 
 def planner_entries(front: Front) -> list[Handle]:
-    """Return legend entries for the planners of a front; each planner's trajectories have their own dashes."""
+    """Return a legend entry for each planner of a front, with the dashes of its trajectories; none for one planner."""
     counts = _counts(front)
     return [
         Line2D([], [], color=QUIET, linestyle=dashes, linewidth=1.2, label=printable(f"found by {name}: {count}"))

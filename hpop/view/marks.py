@@ -31,9 +31,9 @@ Place = Sequence[float]
 
 
 class EndPose(NamedTuple):
-    """Pose at the start or a goal of the body that the map shows: m, m, rad.
+    """Pose, at the start or at a goal, of the body that the map shows (or of the camera): m, m, rad.
 
-    yaw is None if the heading is free, or if the robot has no base
+    ``yaw`` is None if the heading is free. For the body that a map shows, it is also None if the robot has no base.
     """
 
     x: float
@@ -87,14 +87,17 @@ def camera_ends(problem: Problem, found: Sequence[Trajectory] = ()) -> Ends:
 
 
 def goal_words(problem: Problem, count: int) -> str:
-    """Return the words that follow "goal" in the legend, such as ", any of 3"."""
+    """Return the words that follow "goal" in the legend, such as ", any of 3"; "" for a single listed goal."""
     if not problem.target.listed:
         return ", where trajectories end"
     return f", any of {count}" * (count > 1)
 
 
 def _end_states(problem: Problem, found: Sequence[Trajectory]) -> list[States]:
-    """Return the state of the start, then the states of the goals; free values are NaN."""
+    """Return the state of the start, then the states of the listed goals, in which free values are NaN.
+
+    For a goal that is not a list of states, the last states of the ``found`` trajectories follow instead.
+    """
     space = problem.model.space
     states = [space.state(problem.start)]
     if problem.target.listed:
@@ -210,7 +213,7 @@ class Held(NamedTuple):
 
 
 def is_held(trajectory: Trajectory) -> BoolArray:
-    """Return a mask (n,) of the motions in which the robot stands still."""
+    """Return a mask (n,) of the motions that are holds, in which the robot waits without driving or turning."""
     return np.array([kind == HOLD.kind for kind in trajectory.kinds], dtype=bool)
 
 
@@ -267,7 +270,11 @@ def draw_holds(
 
 
 def _free_height(held: Held, right: float, view: View, taken: Sequence[tuple[float, float]]) -> float:
-    """Return the least height in points above a position, or below it, at which a clock covers nothing."""
+    """Return the height, typographical points, of a clock above its position; negative below it.
+
+    It is the smallest height at which the clock, ``right`` points to the right, is in view and covers none of the
+    ``taken`` positions, m. If there is none, it is :data:`BESIDE`.
+    """
     point = view.point
     for row in range(len(taken) + 1):
         for up in (BESIDE + ROW * row, -BESIDE - ROW * row):

@@ -166,8 +166,10 @@ ROBOT = COLOURS[2]
 def draw_encounters(
     problem: Problem, trajectory: Trajectory, *, name: str = "the trajectory", ax: Axes | None = None
 ) -> Figure:
-    """Draw a trajectory over time among moving people, with maps at the moments when people are nearest.
+    """Draw a trajectory over time among moving people, with maps at the start and when people are nearest.
 
+    The chart below the maps has time, s, across, and the position on the robot's path, m from its start, upwards. Its
+    line is the robot. Its background colour shows how near the nearest person is to that position at that time.
     Distances are between surfaces, with a round robot. Each hypothesis of a person is drawn; people of uncertain
     position are drawn at the predicted position.
 
@@ -252,9 +254,12 @@ def _gap(problem: Problem, person: Person, driven: _Driven) -> FloatArray:
 
 
 def _moments(walkers: Sequence[Person], driven: _Driven, gaps: FloatArray) -> FloatArray:
-    """Return the times (MOMENTS,), s, of the maps: the start, and times when a person is near.
+    """Return the times, s, of the maps, at most ``MOMENTS``: the start, and times when a person is near.
 
-    The time in which people move is divided into equal parts; each part contributes the time when a person is nearest.
+    The time in which people move is divided into equal parts; each part contributes the time when a person is nearest
+    to the robot.
+
+    gaps  (PLACES, TIMES)  m  gap between robot and nearest person, for each position on the path and each time
     """
     t = np.linspace(0.0, driven.times[-1], TIMES)
     changing = np.flatnonzero(t <= max(person.settled for person in walkers))
@@ -308,7 +313,10 @@ def _draw_person(axes: Axes, person: Person, moment: float, weight: float) -> No
 
 
 def _draw_progress(axes: Axes, driven: _Driven, gaps: FloatArray, moments: FloatArray) -> None:
-    """Draw the distance driven over time; the background shows how near people are to each position on the path."""
+    """Draw the distance driven over time, and dashed lines at ``moments``, s.
+
+    The background shows how near people are to each position on the path at each time (``gaps``, m).
+    """
     levels = [-1e9, 0.0, *HALL.values(), 1e9]
     axes.imshow(
         gaps,
@@ -334,7 +342,8 @@ def _draw_progress(axes: Axes, driven: _Driven, gaps: FloatArray, moments: Float
 def _write_person_name(axes: Axes, person: Person, driven: _Driven, gaps: FloatArray) -> None:
     """Write a person's name in the chart of the position on the robot's path over time.
 
-    The name is where the person would be nearest to the robot, if the robot were at that position at that time.
+    The name is where the person would be nearest to the robot, if the robot were at that position at that time. It is
+    left out if that distance is beyond Hall's social zone.
 
     gaps  (PLACES, TIMES)  m  gap between person and robot, for each position on the path and each time
     """

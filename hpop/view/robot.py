@@ -172,7 +172,10 @@ def _width(model: Model) -> float:
 
 
 def _moments(trajectory: Trajectory, apart: float) -> FloatArray:
-    """Return times (N,), s, at which the camera has moved equal distances ``apart``, m; the end is included."""
+    """Return times (N,), s, that divide the camera's path into equal lengths of about ``apart`` m, with both ends.
+
+    Where the camera stands still, the last such time is taken.
+    """
     times = np.linspace(0.0, trajectory.duration, SAMPLES)
     steps = np.diff(positions(trajectory.model.pose("camera", trajectory.at(times))), axis=0)
     gone = np.append(0.0, np.cumsum(np.sqrt((steps**2).sum(axis=1))))

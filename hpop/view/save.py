@@ -69,10 +69,10 @@ def save_pictures(
 ) -> list[Path]:
     """Write pictures of a problem and its front to a folder, and return the paths of the files.
 
-    For an empty front this is only ``map.png``. Otherwise also ``front.png``, and for the knee ``trace.png`` and
-    ``where.png``, unless it has no motion. If people move, ``encounters.png`` shows the knee over time among them. If
-    the camera rises or sinks, ``side.png`` is a view from the side. If states change that maps do not show, such as
-    joints, ``states.png`` shows them.
+    For an empty front, or with ``map_alone``, this is only ``map.png``. Otherwise also ``front.png``, and for the knee
+    ``trace.png`` and ``where.png``, unless it has no motion. If people move, ``encounters.png`` shows the knee over
+    time among them. If the camera rises or sinks, ``side.png`` is a view from the side. If states change that maps do
+    not show, such as joints, ``states.png`` shows them.
 
     With a person's ``preference`` the best trajectory for that person is marked too. If the shading of the map by
     obstruction takes more than ``max_memory`` bytes (by default 500 MB), it is left out, and the map says so. The

@@ -127,7 +127,11 @@ def draw_side(
 
 
 def _view(points: FloatArray, solid: Heights, drives: bool) -> View:
-    """Return the rectangle of a side view: points (N, 2), m, obstacles just above, floor or obstacles just below."""
+    """Return the rectangle of a side view: along the plane and height, m.
+
+    It holds the points (N, 2) with a border. It reaches up to obstacles (``solid``) that end close above them, and down
+    to the floor; for a fixed robot (not ``drives``) only to obstacles that end close below them.
+    """
     (a, low), (b, high) = points.min(axis=0), points.max(axis=0)
     border = max(BORDER * max(b - a, high - low), LEAST_BORDER)
     near = max(2.0 * border, NEAR)

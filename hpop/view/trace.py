@@ -261,7 +261,11 @@ class StateColumn(NamedTuple):
 
 
 def changing(model: Model, trajectories: Sequence[Trajectory]) -> list[str]:
-    """Return the names of states that change along some trajectories but are not shown on maps, such as joints."""
+    """Return the names of the states that change along some trajectories, to be drawn by :func:`draw_states`.
+
+    For a robot in the plane, x and y are left out, because maps show them; if only x, y and yaw change, the list is
+    empty.
+    """
     names = [
         name
         for name in model.space.names

@@ -63,9 +63,10 @@ def draw_where(
 ) -> Figure:
     """Draw a small map for each criterion, with the trajectory coloured by the cost that arises there; dark is high.
 
-    Colours show the cost per second of a sum, the local value of a time-mean or a maximum, the growth of a criterion
-    with memory, and the number of turns at each position of a count. Turns in place are dots, or rings round the
-    letters S and G at start and goal. A wait is a clock in the colour of its cost.
+    Colours show the cost per second of a sum, the local value of a time-mean or a maximum, and the change per second of
+    a criterion of the whole trajectory. For a count, such as turns, they show the number counted in each motion; turns
+    in place at one position are added up. Turns in place are dots, or rings round the letters S and G at start and
+    goal. A wait is a clock in the colour of its cost.
 
     Parameters
     ----------
@@ -124,10 +125,10 @@ def draw_where(
 
 
 def shown_along(trace: Trace, column: int) -> FloatArray:
-    """Return the value that colours each piece (n,) of the trajectory: a rate, or a count.
+    """Return the value that colours each piece (n,) of a trace: the rate there, or for a count its number.
 
-    Pieces at one position are drawn over each other. So pieces of a motion in place show its mean or its maximum, and
-    counts show the total of turns at that position.
+    Pieces at one position are drawn over each other. So pieces of a motion in place show the motion's mean rate, or its
+    maximum. A count is that of the piece's whole motion; turns in place at one position are added up.
     """
     criterion, trajectory, owner = trace.criteria[column], trace.pieces.trajectory, trace.pieces.owner
     points = mapped_points(trajectory.model, trace.states)

@@ -1,7 +1,8 @@
 """Charts of the explorer page: the rate at which each criterion grows along some trajectories of a front.
 
-Named rows (such as the knee) come first, then others evenly over the front, up to a limit. Neighbouring pieces of a
-long trajectory are merged so that sums, means and worst moments are kept.
+Named rows (such as the knee) come first, then others evenly over the front, up to a limit. Pieces are the short
+stretches of motions for which :class:`hpop.problems.evaluation.Trace` has rates. Neighbouring pieces of a long
+trajectory are merged so that sums, means and worst moments are kept.
 """
 
 from __future__ import annotations
@@ -49,7 +50,10 @@ def traces(
     packer: Packer,
     origin: tuple[float, float],
 ) -> Iterator[dict[str, Any]]:
-    """Yield the packed times, camera positions and criterion rates of each row; skip rows without motion."""
+    """Yield a dict for JSON for each of the front's ``rows``: times, camera poses, and rates of the criteria.
+
+    Its columns of numbers are added to ``packer``; positions count from ``origin``, m. Rows without motion are skipped.
+    """
     criteria = [criterion for criterion in columns if criterion is not None]
     for row in rows:
         if len(front.trajectories[row]):
@@ -57,7 +61,7 @@ def traces(
 
 
 def _packed_trace(found: Trace, packer: Packer, origin: tuple[float, float]) -> dict[str, Any]:
-    """Pack the times, camera positions and headings, and values of the criteria along one trajectory, as JSON."""
+    """Return the times, camera positions and headings, and values of the criteria along one trajectory, for JSON."""
     ends = piece_ends(len(found.pieces), MOST_PIECES)
     pose = found.pieces.trajectory.model.pose("camera", found.states)
     x, y, yaw = (np.broadcast_to(column, found.times.shape)[ends] for column in (pose.x, pose.y, pose.yaw))
@@ -95,8 +99,8 @@ def merged_rates(found: Trace, column: int, ends: IntArray) -> FloatArray:
 def _quantised_values(found: Trace, column: int, ends: IntArray) -> tuple[float, FloatArray]:
     """Round a criterion's values in merged pieces to multiples of a step; return the step and the multiples (m,).
 
-    The pieces lie between indices ``ends`` (m+1,). Sums, and criteria with memory, are given as their growth in each
-    piece; means and maxima as their value there.
+    The merged pieces lie between the indices ``ends`` (m+1,) of the trace's times. Sums, and criteria of the whole
+    trajectory, are given as their growth in each merged piece; means and maxima as their value there.
     """
     if found.criteria[column].aggregate not in ADDS:
         reached = np.concatenate([[0.0], found.running[:, column]])[ends]

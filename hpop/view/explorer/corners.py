@@ -142,7 +142,10 @@ def _off(line: FloatArray, pieces: int) -> FloatArray:
 def _pieces(line: FloatArray) -> Iterator[tuple[int, IntArray, FloatArray]]:
     """Yield numbers of straight pieces, each with the indices of the lines that it suffices for and their inner points.
 
-    line  (M, PIECES + 1, 3) m, curved lines; each gets the smallest number of pieces within tolerance
+    The inner points of m lines are (m, pieces - 1, 3). Each line appears once, at the smallest number of pieces that
+    is within tolerance; numbers that suit no line are yielded with empty arrays.
+
+    line  (M, PIECES + 1, 3) m, curved lines
     """
     left = np.arange(len(line))
     for pieces in (*FEWER, PIECES):
@@ -158,7 +161,10 @@ def _selected(through: IntArray, owner: IntArray, kept: BoolArray) -> tuple[IntA
 
 
 def _moves(grid: IntArray, owner: IntArray) -> BoolArray:
-    """Return a mask (T,) of path points that differ from the previous point, or are the first of their path."""
+    """Return a mask (T,) of path points ``grid`` (T, 2) that differ from the point before, or begin their path.
+
+    owner  (T,) number of the path of each point
+    """
     kept = np.ones(owner.size, dtype=bool)
     kept[1:] = (owner[1:] != owner[:-1]) | (grid[1:] != grid[:-1]).any(axis=1)
     return kept

@@ -243,7 +243,7 @@ def payload(
 def _tour(problem: Problem, front: Front, packer: Packer) -> dict[str, Any] | None:
     """Return the stops of a tour and the order in which each trajectory visits them; None without a tour.
 
-    Orders are texts such as "2 1 3", each listed once; rows name their order by its index.
+    Orders are texts such as "2 1 3", each listed once; each trajectory refers to its order by the index in this list.
     """
     if problem.tour is None:
         return None

@@ -48,7 +48,10 @@ class Panorama:
         return self._render(position, yaw, t, per_column=RAYS, hard=False)[0]
 
     def numbers(self, position: FloatArray, yaw: float, t: float) -> NDArray[np.int32]:
-        """Return the number of the thing visible at the middle of each pixel (H, W); 0 for floor and sky."""
+        """Return the number of the thing visible at the middle of each pixel (H, W); 0 for floor and sky.
+
+        Numbers are those of the scene's prisms, cells, figures (people) and plates (landmarks).
+        """
         return self._render(position, yaw, t, per_column=1, hard=True)[1]
 
     def draw_turned(self, position: FloatArray, axes: FloatArray, t: float) -> Picture:
@@ -99,7 +102,7 @@ class Panorama:
     def _static_edges(self) -> tuple[FloatArray, IntArray, FloatArray]:
         """Everything that does not move: edges (E, 4), the item to which each belongs, and items (I, 7).
 
-        Items are prisms, boxes of raster cells, the floor and its zones.
+        Items are prisms, boxes of raster cells, the floor and its zones; columns are those of :class:`tiles.Things`.
         """
         edges: list[FloatArray] = []
         counts: list[int] = []

@@ -294,7 +294,10 @@ def _border(world: World, storey: float) -> Iterator[Prism]:
 
 
 def _ends(heights: tuple[float, float], storey: float) -> tuple[float, float]:
-    """Return finite heights, m, of an obstacle: an unlimited one stands on the floor and is a storey high."""
+    """Return finite heights, m, of an obstacle.
+
+    An unlimited end is put where the obstacle is a storey high; if both ends are unlimited, it stands on the floor.
+    """
     low = heights[0] if math.isfinite(heights[0]) else min(0.0, heights[1] - storey)
     high = heights[1] if math.isfinite(heights[1]) else max(low, 0.0) + storey
     return low, high

@@ -172,8 +172,8 @@ def save_video(
     workers : threads that draw; one for each core by default. The frames are the same with any
     progress : True shows a line on the terminal; a function is called with each frame
 
-    Raises OutputError if PyAV, the extra ``hpop[video]``, is missing, or the disk has too little room. After an error
-    or interruption no file remains.
+    Raises OptionError for a name that does not end in .mp4, OutputError if PyAV, the extra ``hpop[video]``, is missing,
+    or the disk has too little room. After an error or interruption no file remains.
     """
     clip = Clip.of(problem, of, row=row, fps=fps, width=width, workers=workers)
     av = _encoder()
