@@ -188,7 +188,9 @@ def _set_value(document: Document, into: Any, keys: Sequence[str], value: Any) -
         try:
             inner = here.get(index) if isinstance(here, dict) else here[index]
         except (LookupError, TypeError):
-            raise ScenarioError(f"{document.where((VARY,))}: {place}: the scenario has no {key!r} to vary") from None
+            raise ScenarioError(
+                f"{document.where((VARY,))}: {place}: the scenario has no {key!r} to vary; correct the key"
+            ) from None
         if inner is None or inner == following:
             inner = {} if inner is None else {following: {}}
         if not isinstance(inner, dict | list):
@@ -202,7 +204,9 @@ def _set_value(document: Document, into: Any, keys: Sequence[str], value: Any) -
     try:
         here[last] = value
     except (LookupError, TypeError):
-        raise ScenarioError(f"{document.where((VARY,))}: {place}: the scenario has no {keys[-1]!r} to vary") from None
+        raise ScenarioError(
+            f"{document.where((VARY,))}: {place}: the scenario has no {keys[-1]!r} to vary; correct the key"
+        ) from None
 
 
 def _varied_values(document: Document, key: str, given: Any, folder: Path) -> Sequence[Any]:
@@ -233,12 +237,14 @@ def _table_rows(document: Document, given: Any, folder: Path) -> tuple[Mapping[s
         else:
             rows = library("pyarrow.parquet", "a Parquet table").read_table(folder / given).to_pylist()
     except OSError as error:
-        raise ScenarioError(f"{where}: cannot read {given}: {error.strerror or error}") from None
+        raise ScenarioError(
+            f"{where}: cannot read {given}: {error.strerror or error}; its path counts from the folder of this file"
+        ) from None
     except (ValueError, yaml.YAMLError) as error:
         raise ScenarioError(f"{where}: cannot read the table {given}: {error}") from None
     cells = tuple({key: value for key, value in row.items() if value is not None} for row in rows)
     if not cells:
-        raise ScenarioError(f"{where}: {given} has no rows")
+        raise ScenarioError(f"{where}: {given} has no rows; write a row for each combination of values to plan")
     return cells
 
 

@@ -55,7 +55,9 @@ def read_graph(path: Path, *, first_node: int = 1) -> Graph:
         nodes, arcs = _sizes(file, path)
         table = _table(file, path, skipped=1)
     if len(table) != arcs:
-        raise GraphError(f"{path} announces {arcs} arcs, but has {len(table)}")
+        raise GraphError(
+            f"{path} announces {arcs} arcs, but has {len(table)}; correct its line `p sp`, or the lines of its arcs"
+        )
     return _graph(nodes, table, first_node)
 
 

@@ -100,7 +100,10 @@ def exact_front(graph: Graph, source: int, target: int) -> tuple[IntArray, list[
     except OptionError:
         return front, ["general"]
     if not np.array_equal(front, other):
-        raise DifferentFronts(f"general found {len(front)} vectors from {source} to {target}, staircase {len(other)}")
+        raise DifferentFronts(
+            f"general found {len(front)} vectors from {source} to {target} (nodes from 0), staircase {len(other)}; one "
+            "of the methods is wrong: report it with this graph"
+        )
     return front, ["general", "staircase"]
 
 

@@ -56,7 +56,16 @@ LABELS = {"a": "I prefer a", "b": "I prefer b", "tie": "No difference", "stop": 
 
 
 class Questionnaire(Protocol):
-    """Interface between the page and a series of questions: the current question with its picture, or the result."""
+    """Interface between the page and a series of questions: the current question with its picture, or the result.
+
+    number       of the current question, from 1
+    words        text of the current question
+    is_over      whether no question is left
+    differences  costs of the two trajectories of the current question, compared
+    picture      PNG file: a map of both trajectories
+    result       lines of text for the end
+    answer       saves "a", "b" or "tie" and goes on to the next question; "stop" ends the questions
+    """
 
     @property
     def number(self) -> int: ...

@@ -136,7 +136,7 @@ class PicturesBeside:
         self.stop()
 
     def stage(self) -> None:
-        """Draw only the map, in 2 s (`STANDS`); a call for a newer front before then cancels it."""
+        """Begin to draw the map alone after 2 s (`STANDS`), unless a newer front is saved or drawn before then."""
         self.stop()
         self._timer = Timer(STANDS, self._begin, ["map"])
         self._timer.daemon = True

@@ -64,7 +64,7 @@ def print_front(
     saved : file with the whole front, named in the output
     verbose : whether to print statistics of the search
     preference : a person's preference; the best trajectory for that person is marked "for you"
-    most_rows : number of rows of the table, in addition to the marked ones
+    most : number of rows of the table, and how they are chosen; by default 20 rows that differ most
     """
     console = console or Console()
 
@@ -288,8 +288,8 @@ class MostRows(NamedTuple):
     """Number of rows of a table.
 
     number     number of rows; marked rows are printed even if they are more
-    represent  whether rows are chosen for their joint hypervolume, and the marked ones added; else the rows that differ
-               most are chosen
+    represent  whether ``number`` rows are chosen for their joint hypervolume, and the marked ones added; else the
+               marked rows and those that differ most from them, ``number`` in all
     """
 
     number: int
@@ -297,7 +297,7 @@ class MostRows(NamedTuple):
 
 
 def shown_rows(front: Front, most: MostRows, marked: Iterable[int] = ()) -> list[int]:
-    """Return the rows to print: all rows of a short front, else the marked rows and others."""
+    """Return the rows to print, rising: all rows of a front of at most ``most.number``, else as in MostRows."""
     if len(front) <= most.number:
         return list(range(len(front)))
     always = {*marks(front), *marked}

@@ -91,7 +91,8 @@ def _score(text: str) -> tuple[str, str]:
 @click.option(
     "--effect",
     metavar="SD,SD",
-    help="Shift of each stimulus, in standard deviations. A single number shifts only the last stimulus.",
+    help="Shift of each stimulus, in standard deviations. A single number is that of the last; that of the first is "
+    "then 0, and the others lie evenly between.",
 )
 @click.option("--people", type=int, metavar="N", help="Number of people; by default the least number is computed.")
 @click.option("--stimuli", type=int, metavar="K", help="Number of stimuli. [3]")
@@ -168,7 +169,7 @@ def _shifts(text: str) -> Any:
 
 
 def _print_scores(answers: Answers) -> None:
-    """Print the median of each score before and after each stimulus, with the number of people."""
+    """Print the median of each score before the first stimulus and after each, with the number of people."""
     import numpy as np
     from rich.console import Console
 

@@ -153,7 +153,7 @@ class Analysis:
 
     @property
     def matrix(self) -> Matrix:
-        """Return the analysed scores, a row per person and a column per stimulus."""
+        """Return the analysed scores after each stimulus, a row per person and a column per stimulus."""
         return self.answers.matrix(self.form, self.score)
 
     @property
@@ -206,7 +206,8 @@ def analyse(
                 "paper": Kruskal and Wallis' test and Dunn's comparisons, and Wilcoxon's against the answers before by
                 its normal approximation, zeros left out
     score       form and name of a score, or of an item
-    correction  of the comparisons of one table: "holm" by default, "bonferroni" as the paper does
+    correction  of the comparisons of one table: "holm", "bonferroni" or "none"; by default "holm", or with the method
+                "paper" "bonferroni"
 
     Tables that need more answers are left out, with the reason in ``choices``. Raises StudyError for a form that is not
     asked after each stimulus, and without answers.
@@ -218,7 +219,10 @@ def analyse(
         raise StudyError(f"score must be a form and a name, such as ('ssq', 'total'), got {shown(score)}")
     form, name = score
     if "after_each" not in (when := design.form(form).when):
-        raise StudyError(f"form {form} is not asked after each stimulus, so there is nothing to compare")
+        fitting = ", ".join(one.id for one in design.questionnaires if "after_each" in one.when) or "none of the study"
+        raise StudyError(
+            f"form {form} is not asked after each stimulus, so there is nothing to compare; forms that are: {fitting}"
+        )
     matrix = answers.matrix(form, name)
     if np.isnan(matrix.values).all():
         raise StudyError(f"no participant has all answers for the score {name} of form {form}; see `hpop study check`")

@@ -35,9 +35,11 @@ SHORT = 1.0
 
 
 class Row(NamedTuple):
-    """Answer of one participant to one item at one place of the session (0 before the first stimulus).
+    """Answer of one participant to one item at one place of the session.
 
-    Only the last answer counts. ``seconds`` is the time since the previous event, ``t`` since the session's start.
+    The place is 0 before the first of K stimuli, 1 to K after each in the order of the session, and K + 1 after all.
+    ``condition`` is the letter of the stimulus, or None at places 0 and K + 1. Only the last answer to an item at a
+    place counts. ``seconds`` is the time since the previous event, ``t`` since the session's start.
     """
 
     participant: str
@@ -51,7 +53,7 @@ class Row(NamedTuple):
 
 
 class ScoreRow(NamedTuple):
-    """Score of a questionnaire at one place of a participant's session; NaN if an answer is missing."""
+    """Score of a questionnaire at one place of a session, as in :class:`Row`; NaN if an answer is missing."""
 
     participant: str
     place: int
@@ -112,7 +114,7 @@ class Answers:
 
     @property
     def people(self) -> tuple[str, ...]:
-        """Return the ids of the participants with answers."""
+        """Return the ids of the participants with answers, in ascending order."""
         return tuple(session.person.id for session in self.sessions)
 
     @cached_property
@@ -137,7 +139,10 @@ class Answers:
         return tuple(found)
 
     def matrix(self, form: str, score: str) -> Matrix:
-        """Return a score, or an item, of a questionnaire asked after each stimulus, for all people and stimuli."""
+        """Return a score, or an item, of a questionnaire asked after each stimulus, for all people and stimuli.
+
+        Values are NaN if the questionnaire is not asked then. Raises StudyError for an unknown form, score or item.
+        """
         asked = self._asked(form, score)
         letters = self.design.letters
         values = np.full((len(self.sessions), len(letters)), np.nan)
@@ -234,7 +239,7 @@ class Answers:
         return said
 
     def save_tables(self, folder: str | os.PathLike[str]) -> list[Path]:
-        """Write answers.csv, scores.csv, choices.csv and answers.sqlite, and remarks separately to remarks.csv.
+        """Write answers.csv, scores.csv, choices.csv, answers.sqlite, and separately remarks.csv; return their paths.
 
         The tables hold ids, letters, names of items and numbers, but no text written by participants.
         """
@@ -346,7 +351,10 @@ class Ledger:
 
     @property
     def events(self) -> list[dict[str, Any]]:
-        """Return all events so far; StudyError if the file is missing or invalid, or belongs to another design."""
+        """Return all events so far, none if there is no file yet.
+
+        Raises StudyError if the file is invalid, or belongs to another design or participant.
+        """
         return list(self._read()["events"])
 
     def add(self, event: Mapping[str, Any], device: Mapping[str, Any]) -> bool:

@@ -51,7 +51,7 @@ class Condition:
     name      name by which the row was chosen, such as "knee", or of a baseline; "" if it was chosen by its number
     kind      "ride", "video", or "view" for the still view
     costs     by criterion; empty for the still view
-    duration  s, executed
+    duration  s, of the executed motion; for the still view the mean of the others
     """
 
     id: str
@@ -125,7 +125,7 @@ def _check_different(rows: Sequence[NamedRow]) -> None:
 
 
 def unlike(conditions: Sequence[Condition]) -> str:
-    """Return a note if the durations of the stimuli differ much, else ""."""
+    """Return a note if the longest stimulus lasts more than 10 % longer than the shortest, else ""."""
     first, *_, last = sorted(conditions, key=lambda condition: condition.duration)
     if last.duration <= (1 + ALIKE) * first.duration:
         return ""
@@ -175,12 +175,19 @@ def pick(
     one_of("by", by, DIFFERENCES, error=StudyError)
     known = named_rows(front, always)
     if len(known) > count:
-        raise StudyError(f"count is {count}, but always names {len(known)} rows: {', '.join(map(str, known))}")
+        raise StudyError(
+            f"count is {count}, but always names {len(known)} rows: {', '.join(map(str, known))}; raise count, or name "
+            "fewer rows"
+        )
     runs = [trajectory.execution() for trajectory in front.trajectories] if by == "paths" or share is not None else []
     first = [row.number for row in known]
     fitting = np.arange(len(front)) if share is None else _alike(runs, first, share)
     if fitting.size < count:
-        alike = "" if share is None else f" of similar duration, within a share of {share:g}; allow a larger share"
+        alike = (
+            "; take a smaller count"
+            if share is None
+            else f" of similar duration, within a share of {share:g}; allow a larger share"
+        )
         raise StudyError(f"count is {count}, but the front has {counted(fitting.size, 'row')}{alike}")
     points = scaled(front.costs) if by == "costs" else np.array([_path_positions(run) for run in runs])
 

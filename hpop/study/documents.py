@@ -276,4 +276,6 @@ def remove_report(folder: Path) -> None:
             (folder / name).unlink(missing_ok=True)
         (folder / REPORT).unlink()
     except OSError as error:
-        raise StudyError(f"cannot remove the report in {folder}: {error.strerror or error}") from None
+        raise StudyError(
+            f"cannot remove the report in {folder}: {error.strerror or error}; allow writing to this folder"
+        ) from None

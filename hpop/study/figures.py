@@ -49,7 +49,7 @@ def figures(analysis: Analysis) -> list[str]:
 
 
 def _scores(analysis: Analysis) -> Figure:
-    """Draw the scores of each person before and after each stimulus, by stimulus."""
+    """Draw the scores of each person, before the first stimulus (if asked) and after each, by stimulus."""
     columns = list(analysis.matrix.values.T)
     names = [label(analysis.design, letter) for letter in analysis.matrix.conditions]
     if analysis.before is not None:
@@ -62,7 +62,7 @@ def _scores(analysis: Analysis) -> Figure:
 
 
 def _order(analysis: Analysis) -> Figure:
-    """Draw the scores of each person by place in the session, whatever the stimulus."""
+    """Draw the scores of each person, before the first stimulus (if asked) and after each, by place in the session."""
     columns = list(scores_by_position(analysis.matrix).T)
     names = [f"place {place}" for place in range(1, len(columns) + 1)]
     if analysis.before is not None:
@@ -105,7 +105,7 @@ def _columns(axes: Axes, columns: Sequence[FloatArray], names: Sequence[str]) ->
 
 
 def _aside(column: FloatArray) -> FloatArray:
-    """Return the sideways shift of each dot, so that equal scores are visible side by side."""
+    """Return the sideways shift (n,) of each dot of a column of scores, so that equal scores are side by side."""
     aside = np.zeros(len(column))
     for value in np.unique(column[~np.isnan(column)]):
         same = np.flatnonzero(column == value)
@@ -140,7 +140,7 @@ def _choices(analysis: Analysis) -> Figure:
     """Draw a bar for each pair of stimuli: how many people chose the left one, neither, or the right one."""
     rows = analysis.tables.get("choices")
     if not rows:
-        raise StudyError("no participant compared pairs, so there is no figure of choices")
+        raise StudyError("no participant compared pairs, so there is no figure of choices; draw scores or order")
     questions = list(dict.fromkeys(str(row["question"]) for row in rows))
     figure = new_figure(8.2, 1.3 + 0.62 * len(rows) + 0.55 * len(questions))
     panels = figure.subplots(len(questions), 1, squeeze=False)[:, 0]

@@ -68,7 +68,7 @@ class AnswerScale(_Part):
 
     @property
     def values(self) -> tuple[float, ...]:
-        """Return all values that an answer on this scale may have, in rising order."""
+        """Return all values low, low + step, ..., high in rising order; the value of ``absent`` is not among them."""
         return tuple(self.low + i * self.step for i in range(round((self.high - self.low) / self.step) + 1))
 
     def __contains__(self, value: object) -> bool:

@@ -55,7 +55,13 @@ class Ride(NamedTuple):
 
 
 class Rides(NamedTuple):
-    """Stimulus pages of a study by letter, shared by the session pages of all participants."""
+    """Stimulus pages of a study, shared by the session pages of all participants.
+
+    bundle   script of all stimulus pages, deflated, in base64
+    scripts  hashes that their policies allow
+    texts    pages without the bundle by letter, deflated, in base64
+    plan     extent, walls and paths for the small maps; None if no stimulus is a page
+    """
 
     bundle: str
     scripts: tuple[str, ...]

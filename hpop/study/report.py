@@ -87,7 +87,9 @@ def save(analysis: Analysis, folder: str | os.PathLike[str]) -> Path:
     try:
         target.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise StudyError(f"cannot make the folder {target}: {error.strerror or error}") from None
+        raise StudyError(
+            f"cannot make the folder {target}: {error.strerror or error}; choose another folder for the report"
+        ) from None
     pictures = {name: png_of(draw(analysis, name), DPI) for name in figures(analysis)}
     files = {
         f"{name.replace(' ', '_')}.csv": csv_bytes(_contents(rows, analysis.mark))

@@ -256,7 +256,10 @@ def _balance(labels: Sequence[str], matrix: Matrix, design: Design) -> list[Row]
 
 
 def _choice_counts(design: Design, question: str, asked: Asked) -> list[Row]:
-    """Return the number of choices for each pair, with p of an exact binomial test that leaves out "neither"."""
+    """Return the number of choices for each pair, with p of an exact binomial test that leaves out "neither".
+
+    A pair for which all people answered "neither" has no row.
+    """
     rows: list[Row] = []
     for pair in combinations(sorted({letter for _, one in asked for letter in (one.first, one.second)}), 2):
         chosen = [one.chosen for _, one in asked if {one.first, one.second} == set(pair)]
@@ -280,7 +283,10 @@ def _choice_counts(design: Design, question: str, asked: Asked) -> list[Row]:
 
 
 def _favourites(design: Design, question: str, asked: Asked, compared: Sequence[str]) -> list[Row]:
-    """Return how many people preferred each stimulus to all others, with tests whether all are equally popular."""
+    """Return how many people preferred each stimulus to all others, with tests whether all are equally popular.
+
+    Only people who compared all pairs count; there are no rows if there are none, or if none has a favourite.
+    """
     pairs = Counter(person for person, _ in asked)
     every = len(compared) * (len(compared) - 1) // 2
     people = sorted(person for person, several in pairs.items() if several == every)

@@ -187,7 +187,10 @@ class StudyServer(PageServer):
         try:
             answers.mkdir(exist_ok=True)
         except OSError as error:
-            raise StudyError(f"cannot create {answers}, the folder for answers: {error.strerror or error}") from None
+            raise StudyError(
+                f"cannot create {answers}, the folder for answers: {error.strerror or error}; allow writing to the "
+                "study's folder"
+            ) from None
         self._held = serve_alone(answers)
         try:
             routes = [

@@ -157,7 +157,7 @@ def view_page(problem: Problem, trajectory: Trajectory, name: str, seconds: floa
 
 
 def _held(packed: dict[str, Any]) -> dict[str, Any]:
-    """Change packed values so that they decode to the first value twice, for a still view.
+    """Return packed values that decode to the first of the given values twice, for a still view.
 
     Packing stores second differences, so the two samples (v, v) are stored as (v, -v).
     """
@@ -194,6 +194,6 @@ def _page(
 
 
 def _without_names(scene: dict[str, Any]) -> dict[str, Any]:
-    """Remove names from a scene, except those that landmarks show on their plates."""
+    """Return a scene without names and notes, except the names that landmarks show on their plates."""
     bare = {kind: [{**thing, "name": ""} for thing in scene[kind]] for kind in ("prisms", "people", "zones")}
     return {**scene, **bare, "notes": []}

@@ -115,7 +115,7 @@ def save_pictures(
             (target / name).unlink(missing_ok=True)
         return [_write(target / name, data.result()) for name, data in pictures.items()]
     except OSError as error:
-        raise OutputError(f"the pictures cannot be written to {target}: {error}") from error
+        raise OutputError(f"the pictures cannot be written to {target}: {error}; choose another folder") from error
 
 
 def save_figure(figure: Figure, path: Path, dpi: float = DPI) -> None:

@@ -98,7 +98,7 @@ def power(
     """Compute the power of a study of n people, or the least n that reaches the power ``target``, by simulation.
 
     effect       shift of each of the k stimuli, in standard deviations of an answer; a single number is the shift of
-                 the last, with the others evenly between
+                 the last, that of the first is then 0, and the others are evenly between
     n            number of people; None computes the least number
     correlation  of two answers of one person: with .5 the effect of a pair is its difference in standard deviations of
                  differences, "dz"

@@ -168,7 +168,7 @@ class Comparison:
     """Result of Dunn's comparison of two groups.
 
     first, second  numbers of the groups
-    z              mean rank of the second less that of the first, by its standard deviation
+    z              mean rank of the second less that of the first, divided by the standard error of this difference
     p              two-sided, for this comparison alone
     """
 
