@@ -50,10 +50,7 @@ VERSIONS = f"hpop {__version__}; numpy {np.__version__}; python {platform.python
 
 @dataclass(frozen=True)
 class Setting:
-    """World, robot and criteria that several cases share; sent to each worker only once.
-
-    The fields are the arguments of :class:`hpop.Problem`.
-    """
+    """Arguments of :class:`hpop.Problem` that several cases share; sent to each worker only once."""
 
     world: World
     model: Model

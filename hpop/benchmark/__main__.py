@@ -57,7 +57,7 @@ def run(
 
     The program prints one cost vector per line on standard output. In the command, {graph} is a file,
     {graphs} one file for each cost, {source} and {target} are nodes, {costs} is the number of costs. The exit
-    code is 1 if a front differs.
+    code is 1 if a front differs or a run fails.
     """
     program = running.ForeignProgram(binary, first_node, count, clock)
     results = []

@@ -28,8 +28,8 @@ class ForeignProgram:
 
     command     words with placeholders: {graph}, {graphs} (one file per cost), {source}, {target}, {costs} (number)
     first_node  number of the first node in graphs, sources and targets: 1 or 0
-    count       regular expression for the number of vectors, for a program that prints no vectors; or ""
-    clock       regular expression for the program's own seconds in the output, or ""
+    count       regular expression, its one group the number of vectors, for a program that prints no vectors; or ""
+    clock       regular expression, its one group the program's own seconds in the output; or ""
     """
 
     command: str

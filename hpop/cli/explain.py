@@ -33,7 +33,10 @@ def print_criteria(console: Console | None = None) -> None:
 
 
 def declared(item: Any) -> str:
-    """Describe a registered class in one line: its fields; for a criterion also unit, aggregate and requirements."""
+    """Describe a registered item in one line: its fields; for a criterion also unit, aggregate and requirements.
+
+    Of an export format, which has no fields, it is the ending of its files.
+    """
     parts = [_fields(item)] if dataclasses.is_dataclass(item) else [getattr(item, "suffix", "")]
     if hasattr(item, "aggregate"):
         requires = f"requires {', '.join(item.requires)}" if item.requires else ""

@@ -168,8 +168,8 @@ class StageLines:
 
     The line has the time, the number of trajectories and the hypervolume. Costs are scaled so that the first front with
     points has ideal 0 and nadir 1; the reference point is 1.1. So the hypervolume of an improved front is never
-    smaller. No hypervolume is printed for a front that leaves this box, as may happen after a first front of a few
-    close points.
+    smaller. If it exceeds that of a box with this side, as may happen after a first front of a few close points, words
+    are printed instead.
     """
 
     def __init__(self) -> None:

@@ -102,7 +102,7 @@ class Exported:
     """Trajectory to export, with everything else that a format may write.
 
     trajectory  as planned
-    rate        Hz
+    rate        Hz, poses per second
     body        body with the exported poses
     planned     True to export poses of the planned motion, False for those of the executed motion
     frames      names of frames

@@ -136,7 +136,8 @@ class People:
     def _common_measures(self) -> tuple[Measure, ...]:
         """Return the ranges to which pooled shares refer: for each cost, the geometric mean of the people's ranges.
 
-        Raises StudyError for differing units, and for logarithmic costs with differing ranges, which no unit relates.
+        Raises StudyError for differing units, and for ranges that differ too much to rescale: those of a logarithmic
+        cost by more than a tenth, because no unit relates them.
         """
         first, *others = (person.scale.measures for person in self.preferences)
         for other in others:

@@ -60,7 +60,7 @@ class Preference:
     comfort in two questions.
 
     scale     names and units of the costs, and the values that are 0 and 1 on the scale
-    question  "prefer", "comfort", or other words
+    question  "prefer", "comfort", or another name of 1 to 100 characters
     answers   answers of the person
     draws     weighted draws of the posterior
     prior     the belief before any answer
@@ -107,7 +107,7 @@ class Preference:
         front : front of at least two points
         choices : pairs of rows, (chosen, other), or choices from a study's answers, which may be ties
         ratings : by row, more is better; they count as pairs within the person, see :func:`~answers.answers_of_ratings`
-        question : "prefer" or "comfort"
+        question : name of the question, such as "prefer" or "comfort"
         features : by cost: "log", or a number above which the cost counts once more; see :class:`CostScale`
         ties : whether "no difference" was a possible answer; by default whether it occurs
         prior : by default that of an unknown person; see :meth:`People.prior`, which is rescaled by units where ranges
@@ -163,7 +163,7 @@ class Preference:
 
     @property
     def weights(self) -> dict[str, float]:
-        """Expected share of each cost, scaled to its range over the front; the shares add up to 1.
+        """Expected share of each cost, scaled to its range over the front of the questions; the shares add up to 1.
 
         The shares assume that there is a preference at all. :attr:`random` says how probable it is that there is none,
         and intervals include that.
@@ -173,8 +173,8 @@ class Preference:
     def interval(self, level: float = 0.9) -> dict[str, tuple[float, float]]:
         """Return, for each cost, an interval that contains its share with probability ``level``, with equal tails.
 
-        The lower end is 0 if the person may well not care for this cost; the upper end is 1 if
-        perhaps for no other cost.
+        The lower end is 0 if the person may well not care for this cost; the upper end is 1 if the person may well care
+        for no other cost.
         """
         level = real("level", level, 0.01, 0.999, "a probability", error=StudyError)
         probability, found = self.draws.probability(), {}
@@ -199,7 +199,7 @@ class Preference:
     def best(self, front: Front[Any] | None = None) -> Best:
         """Return the point with the least expected total cost for the person, with the probability that it is the best.
 
-        front  by default the front from which the questions were taken
+        front  by default the front of the preference, :attr:`points`
 
         Raises StudyError for a front without one of the costs.
         """

@@ -85,7 +85,7 @@ class Prior:
         """Return the prior for a front with other ranges of costs; a unit of each cost keeps its weight.
 
         A cost that is constant on one of the two fronts keeps its share. StudyError if costs or units differ, or if a
-        logarithmic cost has another range.
+        range differs too much to rescale: that of a logarithmic cost by more than a tenth.
         """
         if not self.about:
             return self

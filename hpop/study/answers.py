@@ -102,8 +102,8 @@ class Answers:
     def load(cls, folder: str | os.PathLike[str], design: Design | None = None) -> Answers:
         """Read all answers in a study's folder.
 
-        Raises StudyError if a file belongs to no participant of this design, or has answers that the
-        design does not ask for.
+        Raises StudyError if a file is invalid, belongs to no participant of this design or to one who withdrew, or has
+        answers that the design does not ask for.
         """
         known = Design.load(folder) if design is None else design
         sessions, refused = read_sessions(Path(folder), known)
@@ -160,7 +160,11 @@ class Answers:
         return np.array([self._value(session, 0, asked, score) for session in self.sessions], dtype=np.float64)
 
     def choices(self, participant: str | None = None, question: str = "prefer") -> list[Choice]:
-        """Return the choices of one participant, or of all, as rows of the front, without pairs with a baseline."""
+        """Return the choices of one participant, or of all, as rows of the front, without pairs with a baseline.
+
+        ``question`` is the id of the question about pairs, such as "prefer" or "comfort". Raises StudyError for an
+        unknown question, or a participant without answers.
+        """
         one_of("question", question, questions_of(self.design), error=StudyError)
         if participant is not None and participant not in self.people:
             raise StudyError(
@@ -360,6 +364,7 @@ class Ledger:
     def add(self, event: Mapping[str, Any], device: Mapping[str, Any]) -> bool:
         """Append an event; return False if it equals the last event, which a page sends again without a confirmation.
 
+        ``device`` describes the participant's device, and replaces the earlier description in the file.
         Raises StudyError for an event that the design does not ask for or that is not later than the last one, and if
         it cannot be written; the file is then unchanged.
         """

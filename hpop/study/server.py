@@ -233,7 +233,10 @@ class StudyServer(PageServer):
         return f"/{token}/{participant}" if token else f"/{participant}"
 
     def is_open(self, token: str) -> bool:
-        """Return whether a token in a request is valid: the experimenter's or a participant's."""
+        """Return whether a token in a request is valid: the experimenter's or a participant's.
+
+        It is True for any token if the design cannot be read, so that the page can say why.
+        """
         try:
             return same(token, self.token) or self._owner(token) is not None
         except HpopError:

@@ -106,7 +106,10 @@ class ItemAnswer(NamedTuple):
 
 
 class PairChoice(NamedTuple):
-    """Last choice of a participant about a pair of stimuli; ``chosen`` is None for neither."""
+    """Last choice of a participant about a pair of stimuli, given by their letters; ``chosen`` is None for neither.
+
+    ``first`` was shown on the left. ``seconds`` is the time since the previous event, ``t`` since the session's start.
+    """
 
     question: str
     first: str

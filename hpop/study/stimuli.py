@@ -77,7 +77,8 @@ def save_stimuli(
     study : a study's folder, with texts in further languages
     progress : for videos: True shows a line in the terminal; a function is called with each frame
 
-    Raises StudyError for invalid or repeated letters, OutputError if a file cannot be written.
+    Raises StudyError for invalid or repeated letters and for a missing baseline, OutputError if a file cannot be
+    written.
     """
     target, written = Path(folder), dict[str, Path]()
     said = words(language, study)

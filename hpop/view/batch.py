@@ -26,7 +26,10 @@ PANELS = (
 
 @checked_arguments
 def draw_batch(found: Sequence[PlannerSummary], path: Path) -> None:
-    """Write box plots of planning time, front size and hypervolume for each planner to a PNG, PDF or SVG file."""
+    """Write box plots of planning time, front size and hypervolume for each planner to a PNG, PDF or SVG file.
+
+    ``found`` is the result of :func:`hpop.batches.summaries`. Raises OptionError for another ending of ``path``.
+    """
     if path.suffix.lower() not in (".png", ".pdf", ".svg"):
         raise OptionError(f"expected a file name that ends in .png, .pdf or .svg, got {path.name!r}")
     figure = _figure(found)

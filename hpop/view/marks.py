@@ -204,7 +204,7 @@ CLOCK = Path.make_compound_path(Path.unit_circle(), HANDS)
 
 
 class Held(NamedTuple):
-    """Position, m, where a robot waits, the total waiting time there, s, and the indices of these waits."""
+    """Position, m, where a robot waits, the total waiting time there, s, and the indices of these motions (holds)."""
 
     x: float
     y: float
@@ -250,7 +250,7 @@ def draw_holds(
     """Draw a clock with the waiting time beside each position where the robot stands still.
 
     view   rectangle of the map: clocks of close positions are drawn side by side
-    taken  positions (x, y), m, that clocks do not cover, such as those of other clocks; the new clocks are added
+    taken  positions (x, y), m, that clocks do not cover, such as those of other clocks; the new clocks are appended
     face   function that returns the colour of a clock's face
     """
     figure, point = axes.get_figure(root=True), view.point
@@ -272,8 +272,8 @@ def draw_holds(
 def _free_height(held: Held, right: float, view: View, taken: Sequence[tuple[float, float]]) -> float:
     """Return the height, typographical points, of a clock above its position; negative below it.
 
-    It is the smallest height at which the clock, ``right`` points to the right, is in view and covers none of the
-    ``taken`` positions, m. If there is none, it is :data:`BESIDE`.
+    Of some heights in even steps, it is the nearest to the position at which the clock, ``right`` points to the right,
+    is in view and covers none of the ``taken`` positions, m. If there is none, it is :data:`BESIDE`.
     """
     point = view.point
     for row in range(len(taken) + 1):

@@ -100,11 +100,14 @@ def power(
     effect       shift of each of the k stimuli, in standard deviations of an answer; a single number is the shift of
                  the last, that of the first is then 0, and the others are evenly between
     n            number of people; None computes the least number
+    k            number of stimuli, if ``effect`` is a single number
     correlation  of two answers of one person: with .5 the effect of a pair is its difference in standard deviations of
                  differences, "dz"
     test         "friedman" for three stimuli or more, "wilcoxon" for two, or "kruskal", as the paper did
     like         scores of a pilot, of any shape, for the distribution of simulated scores without an effect
     pilot        scores (people, stimuli), instead of an effect: people are drawn from it, with replacement
+    target       power to reach, if ``n`` is None
+    alpha        significance level: a study finds a difference if p is below it
     simulations  simulated studies for each n
 
     Raises StudyError for "observed power": that of a pilot for its own n, or ``effect="observed"``.

@@ -99,7 +99,7 @@ def save_360(
 ) -> Path:
     """Write the panorama of `render_360` as a PNG with metadata for panorama viewers (GPano), and return its path.
 
-    Raises OutputError if it cannot be written; no partial file remains.
+    Raises the errors of `render_360`, and OutputError if it cannot be written; no partial file remains.
     """
     picture = render_360(problem, trajectory, t, width=width)
     target = Path(path)

@@ -49,7 +49,7 @@ class Prism:
 
     rings   (K, 2)  m  corners, not closed: the outer ring counter-clockwise, then holes clockwise
     low, high       m  heights of its bottom and top, finite
-    number          identifies the obstacle in ``Panorama.numbers``, from 1; shared by the prisms of one obstacle
+    number          identifies the prism in ``Panorama.numbers``: 1, 2, ... in the order of ``ViewScene.prisms``
     colour
     is_wall         whether it is drawn with a skirting (a dark strip at its foot)
     name
@@ -160,7 +160,10 @@ class Figure:
 
 @dataclass(frozen=True, eq=False)
 class Plate:
-    """Landmark as drawn: an upright plate with its name. A plate without a facing turns towards the camera."""
+    """Landmark as drawn: an upright plate with its name, or a picture if it has none.
+
+    A plate without a facing turns towards the camera.
+    """
 
     landmark: Landmark
     width: float
@@ -227,7 +230,11 @@ class ViewScene:
 
     @classmethod
     def of(cls, problem: Problem) -> ViewScene:
-        """Return the visible things of a problem's world, with storeys higher than the camera at its start."""
+        """Return the visible things of a problem's world.
+
+        Obstacles without an upper end are drawn 3 m high, or higher if needed to end half a metre above the camera at
+        its start.
+        """
         world = problem.world
         camera = problem.model.pose("camera", problem.model.space.state(problem.start))
         z = float(np.broadcast_to(camera.z, 1)[0])
