@@ -126,7 +126,8 @@ def graph_with_tie_break(graph: Graph, turned: NDArray[np.int8], spending: Spend
     """Return a copy of a graph on which searches prefer, among paths with equal costs, those with fewer turns.
 
     The turns are added as the least significant part of the first cost that is a sum. Returns None if this is not
-    needed, because some cost is positive for every turn, or not possible, because sums would overflow.
+    needed, because no arc turns or some cost that is a sum is positive for every turn. Returns None also if it is not
+    possible, because no cost is a sum or sums would overflow.
 
     turned  (m,)  number of turns in each arc
     spending  account to which the memory of the copy is charged

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hpop.search.timed.graph import TimedPaths
     from hpop.trajectories.trajectory import Trajectory
 
-COARSE = 0.01  # share of a cost's range: if rounding may change a cost by more, a note warns of it
+COARSE = 0.01  # share of a cost's largest value on a front: if rounding may change a cost by more, a note warns of it
 
 ROUNDED = "edge costs rounded to their quanta"
 OFF = "paths off this graph may be better"
@@ -32,7 +32,7 @@ SHARE = "this stage's share of the time"
 
 @dataclass(frozen=True, eq=False)
 class Plans:
-    """The n paths of a search as trajectories with costs, for graphs with and without a clock.
+    """The n paths of a search as trajectories with costs, for searches with and without time steps.
 
     planned       (n, k)  costs as the search added them up, in the units of the criteria
     tolerance     (n, k)  largest allowed differences between re-evaluated and planned costs
@@ -103,7 +103,8 @@ def static_plans(
 ) -> Plans:
     """Convert the paths of a search without moving people to trajectories with costs, tolerances and provenance.
 
-    The provenance of each path consists of the entries of ``common``, its number of edges, and its item in ``own``.
+    The provenance of each path consists of the entries of ``common``, its number of edges, and its item in ``own``, if
+    given.
     """
     space, edges = query.space, paths.lengths
 
@@ -145,7 +146,9 @@ def _path_provenance(
 
 
 def _rounding_notes(query: Query, paths: ParetoPaths, rounds: IntArray) -> list[str]:
-    """Return a warning for each cost whose total rounding error may exceed a hundredth of its range over the front.
+    """Return a warning for each cost whose rounding error on a path may exceed a hundredth of its largest value.
+
+    The largest value is that of the paths found. Costs with the quantum 1, such as counts, get no warning.
 
     rounds  (n, k)  how often each cost is rounded along each path
     """
@@ -164,7 +167,8 @@ def _rounding_notes(query: Query, paths: ParetoPaths, rounds: IntArray) -> list[
 def search_stats(paths: ParetoPaths | TimedPaths, gap: float) -> dict[str, Any]:
     """Return the statistics of a search by name: method, numbers of labels (partial paths), memory and gap.
 
-    gap  how much better missing points may be, as a relative factor; None in the statistics if it is infinite
+    gap  upper bound on how much better missing points may be, relative (0.1 for 10 %); None in the statistics if it is
+         infinite
     """
     stats = paths.stats
     return {
@@ -193,7 +197,10 @@ def checked_edges_text(query: Query, paths: ParetoPaths | TimedPaths) -> str:
 
 
 class SearchOutcome(Protocol):
-    """Result of any search: its status, its number of paths, and its gap (how much better missing paths may be)."""
+    """Result of any search: its status, its number of paths, and its gap.
+
+    The gap is an upper bound, relative (0.1 for 10 %), on how much better paths may be that are missing.
+    """
 
     @property
     def status(self) -> Status: ...
@@ -217,7 +224,8 @@ def search_claim(
 ) -> str:
     """Return, as text for a certificate, what an exact search guarantees for its paths.
 
-    The text depends on whether the search ended early, and on the errors ``eps`` and ``tolerance`` that were allowed.
+    The text depends on whether the search ended early, and on the errors that were allowed: ``eps``, relative, and
+    ``tolerance``, absolute, by name of a cost.
 
     Parameters
     ----------

@@ -46,8 +46,8 @@ class CornersGraph(GraphFamily):
     max_positions  largest number of corners that are used, first those shared by most paths of the lattice; None: all
 
     First the lattice is searched exactly, within half of the time limit; among moving people with a clock of 1/20 s and
-    no margin. The corners of its paths are the positions at which a path turns or holds, and those at which it still
-    bends when it is shortened like a taut string.
+    no margin. The corners of its paths are the positions at which a path turns, holds, changes its speed or visits a
+    stop, and those at which it still bends when it is shortened like a taut string.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid"})
@@ -179,9 +179,10 @@ def _few_paths_note(some: int, all_: int) -> str:
 
 
 def _with_lattice_headings(problem: Problem, trajectories: Sequence[Trajectory]) -> Problem:
-    """Return the problem with the yaws of its start and goals replaced by the headings of the lattice.
+    """Return the problem with the yaws of its start and goals replaced by those of the lattice's paths.
 
-    A yaw written with few decimals may differ slightly from the heading of the lattice that it stands for.
+    A yaw written with few decimals may differ slightly from the heading of the lattice that it stands for. A free yaw
+    of a goal stays free, and one of several goals stays as it is if no path ends there.
     """
     (x, y, _), goals = start_of(problem), list(goals_of(problem))
     for i, (goal_x, goal_y, yaw) in enumerate(goals):

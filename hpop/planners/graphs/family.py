@@ -116,7 +116,8 @@ class GraphFamily:
     is_remade         whether the options stored with a front suffice to build the same graph again, as replanning on a
                       driving robot requires
     is_judged         whether every candidate is checked on the exact geometry before it is returned
-    answers_by_parts  whether :meth:`graphs` yields parts of the graph first even if only the final result is requested
+    answers_by_parts  whether parts of the graph are searched first even if only the final result is requested
+    graph_options     names of the options from which a driving robot builds the same graph again; set on registration
     """
 
     name: ClassVar[str]
@@ -162,7 +163,7 @@ class GraphFamily:
     ) -> Iterator[BuiltGraph]:
         """Yield the graphs of :meth:`graphs`, extended for the model's speeds and the problem's tour.
 
-        With several speeds, each graph has a copy (layer) for each of them.
+        With several speeds, each graph has a copy (layer) for each of them, and one at rest.
 
         With a tour, only the whole graph is yielded, with a copy (layer) for each set of visited stops. Parts of the
         graph are left out, since they need not contain the stops.

@@ -1,8 +1,9 @@
 """Add the exact start and goals to a graph of states, each connected to the states near it.
 
 Start and goals are called ends. An end that equals a state of the graph needs no new node. Otherwise it becomes one
-additional node, and new arcs, called joins, connect it to near states. A join is a chain of up to three motions: a
-turn, a straight move and a turn (:class:`.arcs.MotionChains`). No join leads back from a goal, or to the start.
+additional node, and new arcs, called joins, connect it to near states. A join is a chain of motions: a turn, a straight
+move and a turn, then motions of joints if the model has some (:class:`.arcs.MotionChains`). No join leads from a goal,
+or to the start.
 """
 
 from __future__ import annotations
@@ -101,7 +102,7 @@ def states_at(graph: StateGraph, end: States) -> list[int]:
 def matches(space: StateSpace, states: States, end: States) -> BoolArray:
     """Return which states (M,) equal a start or goal ``end`` (1,); a NaN in ``end`` matches any value.
 
-    Angles may differ by HEADING_TOLERANCE.
+    Angles may differ by HEADING_TOLERANCE, other coordinates by UNMOVED.
     """
     is_end = np.ones(states.size, dtype=np.bool_)
     for name, off in space.differences(end, states).items():
@@ -113,12 +114,12 @@ def matches(space: StateSpace, states: States, end: States) -> BoolArray:
 class JoinedEnds(TrajectoryGraph):
     """Graph of states with additional nodes for a start, goals or stops that do not equal any of its states.
 
-    Arcs that connect these nodes (ends) to states, or the start to a goal, are called joins.
+    Arcs that connect these nodes (ends) to states, or the start to another end, are called joins.
 
     inner  original graph; the additional nodes have the numbers after its states
     ends   state (1,) of each additional node, by name: "start" first, then goals, then stops; NaN in a coordinate that
            may have any value
-    reach  m, distance within which states are connected to an end, by a turn, a straight move and a turn
+    reach  m, distance within which states are connected to an end
     stops  names of the ends that are states of a tour's stops; these have joins in both directions
     """
 
@@ -160,19 +161,19 @@ class JoinedEnds(TrajectoryGraph):
 
     @cached_property
     def joins(self) -> MotionChains:
-        """All joins: arcs between ends and states, and from the start directly to a goal, sorted by tail."""
+        """All joins: arcs between ends and states, and from the start directly to other ends, sorted by tail."""
         parts = [self._joins_of(what, leaving=what == START) for what in self.ends]
         parts += [self._joins_of(what, leaving=True) for what in self.stops]
         parts += [self._direct_join(what) for what in self.ends if START in self.ends and what != START]
         joins = MotionChains.all_of(parts)
         return joins.take(np.argsort(joins.tails, kind="stable"))
 
-    def _direct_join(self, goal: str) -> MotionChains:
-        """Return the join from the start to a goal: one chain, or no chain if they are too far apart or it collides."""
-        ends = [self.ends[what] for what in (START, goal)]
+    def _direct_join(self, end: str) -> MotionChains:
+        """Return the join from the start to another end: one chain, or none if it is too long or collides."""
+        ends = [self.ends[what] for what in (START, end)]
         near = np.flatnonzero(_distance(*ends) <= self.reach)
-        tails, heads = (np.full(near.size, self.node(what)) for what in (START, goal))
-        return MotionChains.between(self.inner, tails, heads, *(end.take(near) for end in ends))
+        tails, heads = (np.full(near.size, self.node(what)) for what in (START, end))
+        return MotionChains.between(self.inner, tails, heads, *(states.take(near) for states in ends))
 
     def _joins_of(self, what: str, *, leaving: bool) -> MotionChains:
         """Return the collision-free joins between the named end and all states within ``reach``.
@@ -277,7 +278,7 @@ class JoinedEnds(TrajectoryGraph):
     def with_joins(self, inner: NDArray[N], joins: NDArray[N]) -> NDArray[N]:
         """Merge values of arcs into one array, in the order of the arcs of `graph`.
 
-        inner  values (m, ...) of the arcs of the inner graph
+        inner  values (a, ...) of the arcs of the inner graph
         joins  values (j, ...) of the joins
         """
         return inserted(inner, self._rows[self.joins.tails + 1], joins)
@@ -291,7 +292,7 @@ class JoinedEnds(TrajectoryGraph):
 
     @property
     def turned(self) -> NDArray[np.int8]:
-        """Number (m,) of turns in each arc of `graph`, including joins; searches break ties by the sum."""
+        """Number (m,) of motions in place in each arc of `graph`, including joins; searches break ties by the sum."""
         turns = self.joins.count(self.kinds[MOVE + 1 :]).astype(np.int8)
         return self.with_joins(self.inner.turned, turns)
 

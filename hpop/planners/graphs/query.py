@@ -96,7 +96,8 @@ class Query:
     build_seconds  s, time that building the graph took
     notes          remarks on start and goals, for the user
     max_turns      count  paths with more turns are left out; None for no limit
-    closed         (m,)  mask of arcs that paths may not use; None if all are open
+    closed         (m,)  mask of arcs that the paths of a drive may not use; None if all are open. Only certificates
+                   and reasons use it: searches among moving people get a graph that is built without these arcs
     timing         clock, moving people and departure time; None if no person moves
     """
 
@@ -129,7 +130,7 @@ class Query:
         return None if self.space.is_checked else self.space.arcs_free
 
     def at_most(self) -> list[int | None]:
-        """Return the upper bounds of the costs (k,) that follow from max_turns; see :meth:`Objectives.at_most`."""
+        """Return the upper bound of each cost, None for all but the turns; [] without max_turns."""
         return self.objectives.at_most(self.max_turns)
 
     @property
@@ -139,7 +140,7 @@ class Query:
 
     @property
     def part(self) -> str:
-        """Description of the graph for the certificate: "the lattice of ...", or only its collision-free part."""
+        """Description of the graph for the certificate: "the lattice of ..."; "the free part of ..." if unchecked."""
         return f"{'' if self.space.is_checked else 'the free part of '}{self.space.words}"
 
     @property
@@ -243,8 +244,8 @@ class Query:
         """Return the paths that can be found within ``limits``, as an early result of the planner ``name``.
 
         These are supported paths, which minimise weighted sums of the costs. If a cost is a maximum, or arcs are still
-        unchecked, they are the first paths of the exact search instead. If ``quickly``, only a few weights are tried,
-        by code that needs no compilation.
+        unchecked, they are the first paths of the exact search instead. If ``quickly`` and no arc is unchecked, only a
+        few weights are tried, by code that needs no compilation.
         """
         exactly = "max" in self.graph.aggregates or self.free is not None
         quickly &= self.free is None
@@ -278,7 +279,8 @@ class Query:
     ) -> Plans:
         """Convert the paths of a search to trajectories with costs and provenance.
 
-        The provenance of each path consists of the entries of ``common`` and of its item in ``own``.
+        The provenance of each path consists of the entries of ``common`` and of its item in ``own``, if given. Among
+        moving people, ``own`` is not used.
         """
         if self.timing is not None:
             return self.timing.plans(cast("TimedPaths", paths), common)
@@ -296,7 +298,7 @@ class Query:
         for j, bound in enumerate(self.at_most()):
             if bound is not None:
                 turns = replace(self.graph, costs=self.graph.costs[:, [j]], aggregates=("sum",))
-                least = pareto_paths(turns, self.start, self.goals).costs
+                least = pareto_paths(turns, self.start, self.goals, free=self.free).costs
                 if len(least):
                     return f"no path has at most {bound} turns; the fewest turns are {least[0, 0]}. Raise max_turns"
         space = self.space if self.space.is_checked else self.space.without(cast(ParetoPaths, paths).blocked)
@@ -308,7 +310,7 @@ class Query:
     def graph_with_tie_break(self) -> Graph | None:
         """Copy of ``graph`` whose costs also prefer paths with fewer turns among paths with equal costs.
 
-        None if no such copy is needed, because a cost charges for every turn.
+        None if no such copy is needed or possible (:func:`.arcs.graph_with_tie_break`).
         """
         return graph_with_tie_break(self.graph, self.space.turned, self.space.spending)
 
@@ -326,8 +328,8 @@ class Query:
         """Run a search such that, of paths with equal costs, one with the fewest turns is returned.
 
         The search runs on the graph copy that breaks ties. Of paths that differ only in turns, one is kept afterwards,
-        so a complete search loses nothing. A stopped search may return a path that another one dominates, if both have
-        equal values of the first cost that is a sum.
+        so a complete search loses nothing. A stopped search may return a path that a path not found yet dominates, if
+        both have equal values of the first cost that is a sum.
         """
         if self.graph_with_tie_break is None:
             return self._within_turn_bound(search(self.graph))

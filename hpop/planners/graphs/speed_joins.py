@@ -29,7 +29,7 @@ class ChainStep(NamedTuple):
     """One motion that several copies of joins make at the same place in their chains.
 
     rows   (r,)  indices of these copies
-    kind   index of its kind in ``kinds`` of the inner graph; the next index is a change of speed
+    kind   index of its kind in ``kinds`` of the inner graph; ``len(kinds)`` is a change of speed
     start  states (r,) in which it begins, with speeds
     end    states (r,) in which it ends, with speeds
     """
@@ -45,7 +45,7 @@ class Waypoints(NamedTuple):
 
     pointers  (c + 1,)  the states of copy i are pointers[i] : pointers[i + 1]
     states    (w,)  with speeds
-    kinds     (w,)  kind of the motion that ends there
+    kinds     (w,)  kind of the motion that ends there, as in :class:`ChainStep`
     turns     (w,)  rad  by which each turning column changes in that motion
     """
 
@@ -92,12 +92,12 @@ class JoinCopies:
 
     @property
     def tails(self) -> IntArray:
-        """State (c,) of the inner graph in which each copy begins."""
+        """Node (c,) of the inner graph at which each copy begins."""
         return self._copies[0] if self.inner.joins is None else self.inner.joins.tails[self._copies[0]]
 
     @property
     def heads(self) -> IntArray:
-        """State (c,) of the inner graph in which each copy ends."""
+        """Node (c,) of the inner graph at which each copy ends."""
         return self._copies[0] if self.inner.joins is None else self.inner.joins.heads[self._copies[0]]
 
     @property
@@ -157,7 +157,7 @@ class JoinCopies:
         return turned
 
     def costs(self, criteria: Sequence[Criterion]) -> IntArray:
-        """Return the costs (c, k) of the copies in quanta of the criteria, rounded once for each copy."""
+        """Return the costs (c, k) of the copies in quanta of the criteria, rounded up once for each copy."""
         costs, laws = np.zeros((len(self), len(criteria))), laws_of(self.model)
         for step in self._chains[2]:
             motions = Motions(self.inner.world, self.model, laws[self._kind(step)], step.start, step.end)

@@ -41,7 +41,7 @@ SAME = 1e-9  # relative difference of equal costs: rounding
 
 
 def with_speeds(ends: Ends, model: Model, criteria: Sequence[Criterion]) -> Ends:
-    """Extend a graph with start and goal to the graph of the model's speeds; return it unchanged for one speed.
+    """Extend a graph with start and goal by the model's speed classes; if the model has none, return it unchanged.
 
     ends      the graph with its start and goal
     criteria  costs that the search minimises
@@ -115,7 +115,7 @@ class SpeedGraph(TrajectoryGraph):
 
     @property
     def options(self) -> dict[str, Any]:
-        """Options that identify the inner graph, as JSON."""
+        """Options that identify the inner graph, JSON-able."""
         return self.inner.options
 
     @property
@@ -144,7 +144,7 @@ class SpeedGraph(TrajectoryGraph):
         return self.inner.states(self._states_of(ids))
 
     def inside(self, nodes: list[int]) -> list[int]:
-        """Return the inner nodes of some nodes, where an added start or goal is replaced by its neighbours."""
+        """Return the inner nodes of some nodes; an added start or goal is replaced by the states joined to it."""
         return self.inner.inside(list(dict.fromkeys(self._states_of(np.array(nodes, np.int64)).tolist())))
 
     def at_rest(self, ids: IntArray) -> BoolArray:
@@ -275,11 +275,9 @@ class SpeedGraph(TrajectoryGraph):
 
             def of_moves(part: slice, speed: float = speed) -> IntArray:
                 costs = np.empty((part.stop - part.start, len(criteria)), np.int64)
-                for places, motions in alone.motions_of(moves[part]):
+                for arcs, motions in alone.motions_of(moves[part]):
                     start, end = (at_speed(states, speed) for states in (motions.start, motions.end))
-                    costs[np.searchsorted(moves[part], places)] = _costs(
-                        replace(motions, start=start, end=end), criteria
-                    )
+                    costs[np.searchsorted(moves[part], arcs)] = _costs(replace(motions, start=start, end=end), criteria)
                 return costs
 
             yield np.concatenate([np.zeros((0, len(criteria)), np.int64), *self._each(of_moves, moves.size)])
@@ -373,15 +371,15 @@ class SpeedGraph(TrajectoryGraph):
             result[own] &= np.isclose(motion_costs(criterion, whole), by_way, rtol=SAME, atol=SAME * criterion.quantum)
         return result
 
-    def _kinds_into(self, ids: IntArray, places: IntArray) -> IntArray:
+    def _kinds_into(self, ids: IntArray, rows: IntArray) -> IntArray:
         """Return the kind (p,) of the motion that leads to each of p nodes of paths; any kind for first nodes.
 
-        ids     (N,)  nodes of all paths, one path after another
-        places  (p,)  indices of the nodes in ``ids``
+        ids   (N,)  nodes of all paths, one path after another
+        rows  (p,)  indices of the p nodes in ``ids``
         """
         state = self._states_of(ids)
-        before, now = state[np.maximum(places - 1, 0)], state[places]
-        kinds = np.full(places.size, len(self.inner.kinds))
+        before, now = state[np.maximum(rows - 1, 0)], state[rows]
+        kinds = np.full(rows.size, len(self.inner.kinds))
         moved = (before != now) & (before < self._alone.size) & (now < self._alone.size)
         kinds[moved] = self._alone.kinds_between(before[moved], now[moved])
         return kinds

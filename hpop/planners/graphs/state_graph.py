@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 A = TypeVar("A")
 UNMOVED = 1e-6  # m: a start or goal within this distance of a state has its position
-NEAREST = 12  # a start or goal off the graph is connected to states as far as the twelfth nearest place
+NEAREST = 12  # a start or goal off the graph is connected to states up to the twelfth smallest distance of a place
 BATCH = 500_000  # motions evaluated at once: few enough to limit memory, enough for fast array operations
 ARC = 16  # bytes of memory for an arc, without its costs
 
@@ -87,7 +87,7 @@ class StateGraph(TrajectoryGraph):
     def reach(self, problem: Problem) -> float:
         """Return the distance, m, within which a start or goal off the graph is connected to states.
 
-        By default, this is the distance of the start from its twelfth nearest place.
+        By default, this is the twelfth smallest of the distances between start and places; equal distances count once.
         """
         start, states = problem.model.space.state(problem.start), self.states(np.arange(self.size))
         distances = np.unique(np.hypot(states.x - start.x, states.y - start.y))
@@ -96,7 +96,7 @@ class StateGraph(TrajectoryGraph):
     def cut_corners(self, tails: IntArray, kinds: IntArray, blocked: IntArray) -> BoolArray:
         """Return which arcs (N,) may not be used because states next to them are blocked; by default none.
 
-        A lattice uses this for diagonal moves between two blocked positions.
+        A lattice uses this for diagonal moves that pass a blocked position.
 
         Parameters
         ----------
@@ -183,7 +183,7 @@ class StateGraph(TrajectoryGraph):
     def shared(self, name: Hashable, make: Callable[[], A]) -> A:
         """Return an array or table of the graph from the world's cache, by name; if it is missing, make and cache it.
 
-        make  function that computes it
+        make  function that computes it; it runs in each call if the graph has no key
         """
         part = self.cached_part(name)
         if part is None:  # the cache is not locked meanwhile, so several threads may compute it
@@ -215,20 +215,18 @@ class StateGraph(TrajectoryGraph):
         except TypeError:
             return None
 
-    def motions_of(self, places: IntArray) -> Iterator[tuple[IntArray, Motions]]:
-        """Yield the motions of some arcs, in batches of one kind of motion.
-
-        places  (N,)  indices of the arcs in ``arcs``
+    def motions_of(self, arcs: IntArray) -> Iterator[tuple[IntArray, Motions]]:
+        """Yield the motions of some arcs (N,), given by their indices, in batches of one kind of motion.
 
         Each batch is a pair: the indices of its arcs, and their motions.
         """
-        tails = np.searchsorted(self.arcs.start, places, side="right") - 1
+        tails = np.searchsorted(self.arcs.start, arcs, side="right") - 1
         for number, kind in enumerate(self.kinds):
-            own = np.flatnonzero(self.arcs.kinds[places] == number)
+            own = np.flatnonzero(self.arcs.kinds[arcs] == number)
             for begin in range(0, own.size, BATCH):
                 rows = own[begin : begin + BATCH]
-                motions = self.motions(kind, tails[rows], self.arcs.heads[places[rows]].astype(np.int64))
-                yield places[rows], motions
+                motions = self.motions(kind, tails[rows], self.arcs.heads[arcs[rows]].astype(np.int64))
+                yield arcs[rows], motions
 
     @property
     def is_reused(self) -> bool:
@@ -327,7 +325,7 @@ class StateGraph(TrajectoryGraph):
 def identity(value: Any) -> Hashable:
     """Return a hashable key that is equal for equal immutable values; for a dataclass, its type and all its fields.
 
-    Raises TypeError for a mutable value.
+    Raises TypeError for a value that cannot be hashed, and for a dataclass that is not frozen.
     """
     if not is_dataclass(value):
         hash(value)

@@ -1,6 +1,6 @@
-"""Graph of a tour: one copy of the inner graph for each set of stops that may have been visited so far.
+"""Graph of a tour: one copy of the inner graph for each set of stops that may have been visited or skipped so far.
 
-These copies are called layers. Each layer stands for a set of decided stops, those visited or skipped
+These copies are called layers. The stops of a layer's set are decided, the others still open
 (:attr:`hpop.goals.Tour.layers`). A node is a state of the inner graph together with a layer.
 
 Motions stay within a layer. Where a state belongs to a stop, an additional arc leads to the same state in a later
@@ -183,20 +183,21 @@ class TourGraph(TrajectoryGraph):
             values[part][is_inner[part]] = inner
         return values
 
-    def _origins(self, places: IntArray) -> IntArray:
+    def _origins(self, arcs: IntArray) -> IntArray:
         """Return the index of the inner graph's arc for each arc of the tour graph; NONE for arcs between layers.
 
-        places  (N,)  indices of arcs of the tour graph
+        arcs  (N,)  indices of arcs of the tour graph
         """
         climbs = self._before + np.arange(self._before.size)
-        passed = np.searchsorted(climbs, places, side="right")
-        is_climb = (passed > 0) & (climbs[np.maximum(passed - 1, 0)] == places) if climbs.size else places < 0
-        return np.where(is_climb, NONE, (places - passed) % max(1, int(self.inner.rows[-1])))
+        passed = np.searchsorted(climbs, arcs, side="right")
+        is_climb = (passed > 0) & (climbs[np.maximum(passed - 1, 0)] == arcs) if climbs.size else arcs < 0
+        return np.where(is_climb, NONE, (arcs - passed) % max(1, int(self.inner.rows[-1])))
 
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
         """Return the search graph: the inner arcs and their costs in every layer, and the arcs between layers.
 
-        Arcs between layers cost what standing at a stop costs, and the weights of the stops that they skip.
+        Arcs between layers cost what standing at a stop costs and, in the criterion stops_missed, the weights of the
+        stops that they skip.
         """
         inner = self.inner.graph(criteria)
         layers, count = len(self.tour.layers), self.inner.size
@@ -251,7 +252,7 @@ class TourGraph(TrajectoryGraph):
 
     @property
     def turned(self) -> NDArray[np.int8]:
-        """Number (m,) of turns in each arc, by which searches break ties; 0 for arcs between layers."""
+        """Count (m,) of each arc by which searches break ties: that of the inner graph, 0 for arcs between layers."""
         return cast(NDArray[np.int8], self.in_layers(self.inner.turned, np.zeros(self._before.size, np.int8)))
 
     # Checks
@@ -262,23 +263,23 @@ class TourGraph(TrajectoryGraph):
         return self.inner.is_checked
 
     def with_checked_arcs(self) -> TourGraph:
-        """Return a tour graph of which every arc was checked for collision."""
+        """Return a tour graph without arcs that collide, of which every arc was checked."""
         return self if self.is_checked else replace(self, inner=self.inner.with_checked_arcs())
 
-    def arcs_free(self, places: IntArray) -> BoolArray:
-        """Return which arcs are free of collision, given by index, ``places`` (N,).
+    def arcs_free(self, arcs: IntArray) -> BoolArray:
+        """Return a mask of arcs (N,), given by index: True for those that are free of collision.
 
-        An arc within a layer is checked once for all layers.
+        An arc within a layer is checked once for all layers. Arcs between layers are always free.
         """
-        origins = self._origins(places)
+        origins = self._origins(arcs)
         own, which = np.unique(origins[origins != NONE], return_inverse=True)
-        free = np.ones(places.size, dtype=np.bool_)
+        free = np.ones(arcs.size, dtype=np.bool_)
         free[origins != NONE] = self.inner.arcs_free(own)[which]
         return free
 
-    def without(self, places: IntArray) -> TrajectoryGraph:
-        """Return the tour graph without some blocked arcs, given by index, ``places`` (N,); every layer loses them."""
-        origins = self._origins(places)
+    def without(self, arcs: IntArray) -> TrajectoryGraph:
+        """Return the tour graph without some blocked arcs (N,), given by index; every layer loses them."""
+        origins = self._origins(arcs)
         return replace(self, inner=self.inner.without(np.unique(origins[origins != NONE])))
 
     def costed(self, criteria: Sequence[Criterion]) -> bool:
@@ -390,5 +391,5 @@ class TourGraph(TrajectoryGraph):
             return self.inner.what_separates(begin, ends)
         return (
             "each stop that is not optional can be reached from the start, but no path visits them in an order that "
-            "the tour allows; change the order, or make a stop optional"
+            "the tour allows and then reaches a goal; change the order, or make a stop optional"
         )

@@ -60,8 +60,8 @@ def tour_members(space: TrajectoryGraph, tour: Tour, world: World) -> tuple[IntA
 def _members(space: TrajectoryGraph, stop: TourStop, world: World) -> IntArray:
     """Return the nodes of a graph at which the robot visits a stop, free of collision.
 
-    A node with an undetermined angle (NaN), such as a goal with any heading, counts only if the stop has no dwell
-    time: the cost of standing there may depend on the angle.
+    If the stop has a dwell time, only nodes at rest count, and no node with an undetermined angle (NaN), such as a goal
+    with any heading: the cost of standing there may depend on the angle.
     """
     found = [np.zeros(0, np.int64)]
     for begin in range(0, space.size, BLOCK):
@@ -96,7 +96,8 @@ def with_stop_states(space: TrajectoryGraph, problem: Problem, like: TrajectoryG
 def with_drawn_states(space: TrajectoryGraph, problem: Problem, stops: Sequence[TourStop]) -> TrajectoryGraph:
     """Return the graph with random states of the given stops added, connected to and from states nearby.
 
-    Raises QueryError for a stop without a free state, or whose states cannot be connected.
+    Raises QueryError if this is no graph in the plane, or for a stop without a free state, or whose states cannot be
+    connected.
     """
     alone = space.states_alone
     if alone is None:
@@ -161,9 +162,10 @@ def _about(problem: Problem, stop: TourStop, rng: np.random.Generator) -> States
 
 
 def _looking(problem: Problem, stop: TourStop, rng: np.random.Generator) -> States:
-    """Return random states within a stop's distance of its landmark, not yet checked for collision or visibility.
+    """Return random states for a stop at a landmark, not yet checked for distance, collision or visibility.
 
-    A base with a heading faces the landmark.
+    A base with a heading is within the stop's distance of the landmark, and faces it. States of other models are drawn
+    from the whole space.
     """
     mark = next(mark for mark in problem.world.content.landmarks if mark.name == stop.landmark)
     assert stop.within is not None

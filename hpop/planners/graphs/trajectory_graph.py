@@ -64,8 +64,8 @@ class Stretches(NamedTuple):
         laws   law (the rule by which states change during a motion) of each kind of motion
         kinds  (N,)  index into ``laws`` of the motion that ends in each state
         sizes  (n,)  number of states of each stretch
-        turns  (N,)  change, rad, of each turning column in the motion that ends in each state; NaN where the shorter
-                     direction is taken, None for NaN everywhere
+        turns  by name of each turning column: its change (N,), rad, in the motion that ends in each state; NaN where
+               the rule above applies, None for NaN everywhere
         """
         columns = dict(states.__dict__)
         begins = (np.cumsum(sizes) - sizes)[sizes > 0]
@@ -88,7 +88,8 @@ class Stretches(NamedTuple):
     def joined(cls, space: StateSpace, parts: Sequence[Stretches]) -> Stretches:
         """Join several parts of n trajectories: trajectory i is stretch i of the first part, then of the second, etc.
 
-        Each stretch must begin in the state in which the previous one ends; angles may differ by whole turns.
+        Each stretch that is not empty must begin in the state in which the previous one ends. Angles may differ by
+        whole turns there; these are then added, so that the joined angles have no jumps.
         """
         lengths = np.array([part.sizes for part in parts])  # (p, n)
         present = lengths > 0
@@ -124,7 +125,8 @@ class Stretches(NamedTuple):
     def trajectories(self, model: Model, kinds: tuple[str, ...]) -> tuple[Trajectory, ...]:
         """Return the n stretches as trajectories of a robot model.
 
-        Raises ModelError if the model cannot execute one of the motions.
+        The trajectories share the arrays of ``states``, which become read-only. Raises ModelError if the model cannot
+        execute one of the motions.
 
         kinds  names of the kinds of motion, to which the field ``kinds`` refers by index
         """
@@ -214,7 +216,7 @@ class TrajectoryGraph(ABC):
         """Names of the kinds of motions in this graph, such as "move" and "turn"."""
 
     def at_rest(self, ids: IntArray) -> BoolArray:
-        """Return in which states (N,) the robot may stand; in all, unless the graph has speeds."""
+        """Return a mask (N,): True for states in which the robot may stand; in a graph of speeds, those at rest."""
         return np.ones(ids.size, dtype=np.bool_)
 
     @abstractmethod
@@ -237,7 +239,7 @@ class TrajectoryGraph(ABC):
 
     @property
     def is_checked(self) -> bool:
-        """True if all arcs of `graph` are known to be free of collisions; otherwise, :meth:`arcs_free` checks some."""
+        """True if all arcs of `graph` are known to be free of collisions; else a search checks its own: `arcs_free`."""
         return True
 
     def with_checked_arcs(self) -> Self:
@@ -260,7 +262,8 @@ class TrajectoryGraph(ABC):
     def states_alone(self) -> StateGraph | None:
         """The graph without the nodes that were added for start, goals and stops.
 
-        None if it is no graph in the plane (:class:`.state_graph.StateGraph`).
+        None if there is no such graph in the plane (:class:`.state_graph.StateGraph`), as for a roadmap of
+        configurations, or if this graph has layers, for speeds or a tour.
         """
         return None
 
@@ -291,12 +294,12 @@ class TrajectoryGraph(ABC):
         """Return a graph with the same arcs, whose costs are computed in another world; arcs are not checked again."""
         raise NotImplementedError
 
-    def arcs_free(self, places: IntArray) -> BoolArray:
-        """Check arcs, given by their indices ``places`` (N,) in `graph`; return which of them do not collide."""
-        return np.ones(places.size, dtype=np.bool_)
+    def arcs_free(self, arcs: IntArray) -> BoolArray:
+        """Check arcs (N,), given by their indices in `graph`; return a mask, True for those that do not collide."""
+        return np.ones(arcs.size, dtype=np.bool_)
 
-    def without(self, places: IntArray) -> TrajectoryGraph:
-        """Return the graph without some blocked arcs, given by their indices ``places`` (N,) in `graph`.
+    def without(self, arcs: IntArray) -> TrajectoryGraph:
+        """Return the graph without some blocked arcs (N,), given by their indices in `graph`.
 
         Used only for graphs whose arcs are checked on demand.
         """

@@ -39,7 +39,10 @@ class FreeMap:
 
     @classmethod
     def of(cls, model: Model, world: World) -> FreeMap | None:
-        """Return the map of a robot model in a world, or None if the model does not drive in the plane."""
+        """Return the map of a robot model in a world, or None if the model does not drive in the plane.
+
+        Joints are at 0.
+        """
         if "plane" not in model.provides or set(model.space.names) < {"x", "y", "yaw"}:
             return None
         x0, y0, x1, y1 = world.bounds

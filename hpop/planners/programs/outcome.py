@@ -56,7 +56,7 @@ class Deadline:
         return self.left <= 0.0
 
     def check(self, doing: str, memory: int = 0, *, ahead: float = 0.0) -> None:
-        """Raise LimitPassed if the deadline is less than ``ahead`` seconds away, the time of the next, unbroken work.
+        """Raise LimitPassed if the deadline is at most ``ahead`` seconds away: the duration of the next piece of work.
 
         doing   what was going on, a clause in the past tense for the message
         memory  not used; limits of :mod:`hpop.runtime.limits` take it
@@ -158,13 +158,19 @@ class Tally:
             self.failures[outcome.reason] += 1
 
     def notes(self, job: str) -> list[str]:
-        """Return one note (a line for the user) for each reason of failure; ``job`` is the word for one job."""
+        """Return one note (a line for the user) for each reason of failure; ``job`` is the word for one job.
+
+        Jobs that the deadline cut short get no note.
+        """
         failures = sorted((why, count) for why, count in self.failures.items() if why != CUT_SHORT)
         return [f"{counted(count, job)} without a candidate: {why}" for why, count in failures]
 
     @property
     def stats(self) -> dict[str, Any]:
-        """Statistics of a result: failures by reason, and seconds of building and of solving programs."""
+        """Statistics of a result: failures by reason, and seconds of building and of solving programs.
+
+        Jobs that the deadline cut short are not among the failures.
+        """
         return {
             "failed": {why: count for why, count in self.failures.items() if why != CUT_SHORT},
             "build_seconds": self.seconds["build"],

@@ -113,7 +113,7 @@ class Polyline:
         return Polyline(np.delete(self.vertices, corner, axis=0), self.start_yaw, self.goal_yaw)
 
     def moved(self, rng: np.random.Generator, by: float) -> Polyline:
-        """Return the polyline with its inner vertices displaced at random, by about ``by`` metres in x and in y."""
+        """Return the polyline with its inner vertices displaced at random: standard deviation ``by``, m, in x and y."""
         vertices = self.vertices.copy()
         vertices[1:-1] += rng.normal(0.0, by, vertices[1:-1].shape)
         return Polyline(vertices, self.start_yaw, self.goal_yaw)
@@ -224,7 +224,10 @@ def straightened(trajectories: Sequence[Trajectory], problem: Problem) -> tuple[
 
 
 def _points(trajectory: Trajectory, speed: float) -> FloatArray:
-    """Return points (N, 2), m, about SPACING apart along a trajectory, without repeated points."""
+    """Return points (N, 2), m, along a trajectory, without repeated points.
+
+    They are at most about SPACING apart if the robot is nowhere faster than ``speed``, m/s.
+    """
     states = trajectory.at(np.linspace(0.0, trajectory.duration, 2 + int(trajectory.duration * speed / SPACING)))
     points = np.stack([states.x, states.y], axis=1)
     new = np.append(True, (np.diff(points, axis=0) != 0).any(axis=1))
@@ -263,7 +266,7 @@ def holes(loop: FloatArray, space: FreeSpace) -> FloatArray:
 
 
 def crossing_word(loop: FloatArray, points: FloatArray) -> list[int]:
-    """Return the sequence in which a loop (L, 2) crosses the upward rays from points (H, 2).
+    """Return the sequence in which a loop (L, 2), which ends where it begins, crosses rays up from points (H, 2).
 
     A crossing of ray i to the right is written i + 1, to the left -i - 1. A crossing is removed together with an
     immediately following crossing back over the same ray, until no such pair is left.

@@ -51,7 +51,8 @@ class WarmStarts(NamedTuple):
     status       status of the planner that found them
     notes        lines for the user, such as how many curves were replaced
     interrupted  candidates of the planner that found them, if Ctrl-C interrupted it; they are then the final result
-    candidates   candidates of the planner that found them; None if it was interrupted, or the user passed them
+    candidates   candidates of the planner that found them; None if it found none, if it was interrupted, or if the user
+                 passed the trajectories
     """
 
     trajectories: Sequence[Trajectory]

@@ -48,7 +48,7 @@ class ExactSearch:
     tolerance   absolute errors that are allowed as well, by the name of a cost: ``{"length": 0.1}``
     time_limit  s  for reading the map, building the graph and searching, without compiling. When it ends, the paths
                 found are returned, and the status says that more may exist
-    max_labels  largest number of partial paths that the search keeps
+    max_labels  largest number of partial paths that the search generates
     max_memory  bytes  for the map, the fields computed on it (such as distances to obstacles), the graph and the search
     checkpoint  file in which the search saves its state, and from which it continues if the file exists
     clock       s  time step of a search among moving people; None: 0.05

@@ -202,7 +202,7 @@ def _capped_column(query: Query, detour: Detour) -> int:
         names = [criterion.name for criterion in query.objectives.optimised]
         raise OptionError(
             f"max_detour with {detour.cost!r} needs the criterion {detour.cost!r}, but the criteria beside the mean "
-            f"are only {', '.join(names[OTHERS:])}; add {detour.cost!r}, or limit the duration instead: "
+            f"are only {', '.join(names[OTHERS:]) or 'none'}; add {detour.cost!r}, or limit the duration instead: "
             f"max_detour={detour.factor:g}"
         )
     return column

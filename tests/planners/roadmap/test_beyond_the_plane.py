@@ -161,6 +161,24 @@ def test_where_no_path_leads_that_is_told_of_the_edges_that_are_not_blocked(monk
     )
 
 
+@criterion("joint_moves", group="R", unit="1", aggregate="sum", quantum=1.0, role="turns")
+@dataclass(frozen=True)
+class JointMoves:
+    """Number of motions, which a planner may bound as turns."""
+
+    def cost(self, m: Motions) -> np.ndarray:
+        return np.ones(len(m))
+
+
+def test_edges_that_collide_do_not_count_as_a_path_with_few_turns(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a path at all, no bound on turns is the reason, although unchecked edges would lead to the goal."""
+    monkeypatch.setattr(seeking, "STEPS", 20)
+    found = Roadmap(samples=60, max_turns=1).solve(problem(Walled(2), criteria=[JointMoves(), "duration"]))
+    assert found.status is Status.NO_PATH
+    assert not any("the fewest turns are" in note for note in found.notes)
+    assert any("can be reached from the start without a collision, but no goal" in note for note in found.notes)
+
+
 @pytest.mark.parametrize(("end", "place"), [("start", 0), ("goal", 1)])
 def test_an_end_that_is_blocked_is_refused_by_what_blocks_it(end: str, place: int) -> None:
     robot = Joints(3, 60, 1.0)

@@ -1,8 +1,8 @@
 """Compute the arcs of a lattice: motions in place and steps along headings that are free of collisions.
 
 Array shapes: P positions, H headings, S stations (a heading with values of the robot's other coordinates, such as the
-pan of a camera), Z stances (stations that need separate collision checks: all S, or only the H headings), and W motions
-in place from a station at most.
+pan of a camera), Z stances (stations that need separate collision checks: all S, or only the H headings), and at most W
+motions in place from a station.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ class LatticeGraph(GraphFamily):
 
     step            m  distance between neighbouring positions
     headings        number of headings: 4, 8 or 16
-    corner_cutting  whether a diagonal move may pass between two blocked positions
+    corner_cutting  whether a diagonal move may pass blocked positions beside it
     anchor          a position of the grid: the start ("start"), or the corner of the map with the least x and y
                     ("world"), so that queries with other starts reuse the lattice
 

@@ -44,7 +44,7 @@ class StateLattice(StateGraph):
     anchor          (x, y) of one position of the grid, m
     step            m  distance between neighbouring positions
     headings        directions in which the robot stands and moves
-    corner_cutting  whether a diagonal step may pass between two blocked positions
+    corner_cutting  whether a diagonal step may pass blocked positions beside it
     kept            (rows, columns)  mask of the positions, if this is only a part of a lattice; None for all positions
     anchored_at     whether the anchor is the start ("start"), or the corner of the map ("world")
     """
@@ -253,7 +253,7 @@ class StateLattice(StateGraph):
 
     @property
     def size(self) -> int:
-        """Number of states: positions times stations, P * S."""
+        """Number of states: P * S for all stations at the P positions, with those in which the robot collides."""
         return int(self.cells[0].size) * self.width
 
     def state(self, row: int, column: int, station: int) -> int:

@@ -134,21 +134,21 @@ class ConfigurationRoadmap(TrajectoryGraph):
         """Node (m,) to which each arc leads."""
         return self.arcs.heads
 
-    def arcs_free(self, places: IntArray) -> BoolArray:
-        """Check some arcs, given by index, ``places`` (N,), and return which of them are free of collisions."""
-        tails = np.searchsorted(self.arcs.start, places, side="right") - 1
-        heads = self.arcs.heads[places].astype(np.int64)
+    def arcs_free(self, arcs: IntArray) -> BoolArray:
+        """Check some arcs (N,), given by index; return a mask, True for those that are free of collisions."""
+        tails = np.searchsorted(self.arcs.start, arcs, side="right") - 1
+        heads = self.arcs.heads[arcs].astype(np.int64)
 
         def are_free(part: slice) -> BoolArray:
             return self._chains(tails[part], heads[part]).free()
 
-        parts = Spending().each(are_free, blocks(places.size, PIECES), "chains of motions were checked")
+        parts = Spending().each(are_free, blocks(arcs.size, PIECES), "chains of motions were checked")
         return np.concatenate([np.zeros(0, np.bool_), *parts])
 
-    def without(self, places: IntArray) -> ConfigurationRoadmap:
-        """Return the roadmap without some arcs, given by index, ``places`` (N,)."""
+    def without(self, arcs: IntArray) -> ConfigurationRoadmap:
+        """Return the roadmap without some arcs (N,), given by index."""
         links = np.stack(self.arcs.ends(slice(0, self.arcs.heads.size)), axis=1)
-        return replace(self, links=np.delete(links, places, axis=0))
+        return replace(self, links=np.delete(links, arcs, axis=0))
 
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
         """Compute the costs of all chains and return the graph for a search, with one integer cost for each criterion.
@@ -163,14 +163,14 @@ class ConfigurationRoadmap(TrajectoryGraph):
         there_and_back = np.lexsort((np.maximum(tails, heads), np.minimum(tails, heads)))
 
         def paid(part: slice) -> tuple[IntArray, IntArray]:
-            places = there_and_back[part]
-            return places, self._chains(tails[places], heads[places]).costs(criteria)
+            rows = there_and_back[part]
+            return rows, self._chains(tails[rows], heads[rows]).costs(criteria)
 
         each = int(np.clip(SHARED * BLOCK // max(1, size), *COSTED))
         if (most := self.spending.limits.max_memory) is not None:  # smaller blocks: all cores share the memory
             each = max(each, int(WORKED * BLOCK * self.spending.cores // max(1, most)))
-        for places, counts in self.spending.each(paid, blocks(size, each), doing):
-            costs[places] = counts
+        for rows, counts in self.spending.each(paid, blocks(size, each), doing):
+            costs[rows] = counts
         costs.setflags(write=False)
         return Graph.from_csr(arcs.start, arcs.heads, costs, aggregates=aggregates(criteria))
 
@@ -197,7 +197,7 @@ class ConfigurationRoadmap(TrajectoryGraph):
         """Return the reason, as text, why no path leads from the start to the goals.
 
         It gives the sizes of the unconnected parts of the roadmap or, if arcs are checked on demand, the number of
-        configurations that can be reached from the start.
+        configurations that can be reached from the start by arcs that are not known to collide.
         """
         from scipy.sparse import csr_array  # on first use: the import takes its time
         from scipy.sparse.csgraph import breadth_first_order, connected_components
@@ -207,8 +207,8 @@ class ConfigurationRoadmap(TrajectoryGraph):
         if self.lazy:  # arcs near the goal have not been checked, so only the part of the start is known
             reached = breadth_first_order(links, start, return_predecessors=False).size
             return (
-                f"no path: on {self.words}, {reached} of {self.size} configurations can be reached from the start "
-                "without a collision, but no goal; take more samples"
+                f"no path: on {self.words}, at most {reached} of {self.size} configurations can be reached from the "
+                "start without a collision, but no goal; take more samples"
             )
         components, component = connected_components(links, directed=False)
         begin, *ends = component[[start, *goals]].tolist()

@@ -113,9 +113,9 @@ class Tree:
     def grow(self, pairs: IntArray, targets: FloatArray) -> tuple[IntArray, BoolArray]:
         """Add one state to the trees of some pairs (p,), each as far towards a target (p, k) as the way is free.
 
-        The branch begins at the state of the tree that is nearest to the target. Its length is the largest of SHARES
-        that has no collision. Returns two arrays (p,): the index of each new state, -1 if there is none, and whether
-        the new state is the target.
+        The branch begins at the state of the tree that is nearest to the target. Of the way to the target, it covers
+        the largest of SHARES that has no collision. Returns two arrays (p,): the index of each new state, -1 if there
+        is none, and whether the new state is the target.
         """
         distances = self.connections.distances(self.rows[None], targets[:, None])
         near = np.where(self.pair == pairs[:, None], distances, np.inf).argmin(axis=1)

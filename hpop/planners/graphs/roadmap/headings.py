@@ -328,7 +328,10 @@ class PositionedEnds(NamedTuple):
 
 
 def checked_ends(problem: Problem) -> PositionedEnds:
-    """Return the start and the goals without a collision; raise QueryError if the start or every goal is blocked."""
+    """Return the start and the goals without a collision; raise QueryError if the start or every goal is blocked.
+
+    A goal that accepts any heading is not checked if collisions depend on the heading.
+    """
     collision = in_plane(problem.model).collision(problem.world)
 
     def refusal(what: str, end: End) -> str:
@@ -360,8 +363,8 @@ def pairs(count: int) -> IntArray:
 def drawn_positions(problem: Problem, samples: int, seed: int, spending: Spending) -> FloatArray:
     """Draw ``samples`` random positions (n, 2), m, uniformly over the map, at which the robot does not collide.
 
-    The robot is checked at a random heading. Fewer positions are returned if nearly all that are drawn collide. The
-    result depends on ``seed`` only.
+    The robot is checked at a random heading. Fewer positions are returned if nearly all that are drawn collide. Equal
+    seeds give equal positions.
     """
     rng = np.random.default_rng(seed)
     collision = problem.model.collision(problem.world)

@@ -206,14 +206,15 @@ def guided_samples(
         for name, *bounds in zip(space.names, space.low, space.high, strict=True)
     ]
 
-    def half_at_rest(rows: FloatArray, places: FloatArray) -> FloatArray:
-        """Put the coordinates with a rest position at rest in half of the rows (n, k); return all rows.
+    def half_at_rest(rows: FloatArray, sources: FloatArray) -> FloatArray:
+        """Return rows (n, k) with the coordinates that have a rest position at rest in about half of them.
 
-        In the other half, the coordinates without a rest position are copied from ``places`` (n, k).
+        In the other rows, the coordinates without a rest position are copied from ``sources`` (n, k). If the space has
+        no rest positions, the rows are returned unchanged.
         """
         if not space.rest:
             return rows
-        moved = np.where([name in space.rest for name in space.names], rows, places)
+        moved = np.where([name in space.rest for name in space.names], rows, sources)
         return np.where(rng.random((len(rows), 1)) < 0.5, with_rest_positions(space, rows), moved)
 
     def near_guides(count: int) -> FloatArray:

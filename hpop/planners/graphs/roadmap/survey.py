@@ -32,7 +32,8 @@ class Survey:
 
     connections  distances between states, and collision checks of motions between them
     start        (1,)  state
-    goals        (G,)  goal states without a collision; NaN in coordinates that may have any value
+    goals        (G,)  goal states without a collision; NaN in an angle that may have any value, of which one that was
+                 tried is free
     goal_count   number of all goal states, including blocked ones
     pairs        number of pairs of random trees that searched for guides
     guides       collision-free paths that the trees found, shortest first

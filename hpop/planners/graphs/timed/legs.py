@@ -33,7 +33,7 @@ class LegMotions(NamedTuple):
     """Motions (L,) of one kind, each the n-th leg (motion) of an arc that is a chain of motions; n is the same for all.
 
     kind        kind of the motions, such as "move"
-    of          (rows,)  for each listed arc, the index of its n-th motion; -1 if it has none of this kind
+    of          (rows,)  for each listed arc, the index (below L) of its n-th motion; -1 if it has none of this kind
     start, end  states (L,) at the beginning and end of the motions
     after       (L,)  s, from the departure on the arc to the beginning of the motion
     lasts       (L,)  s, duration
@@ -245,7 +245,7 @@ def _numbered_places(places: IntArray) -> IntArray:
 
 
 def motions_of(space: StateGraph, arcs: IntArray) -> Iterator[tuple[int, IntArray, Motions]]:
-    """Yield the motions of some arcs (N,), in ascending order, by kind: index of the kind, arcs, and motions."""
+    """Yield the motions of some arcs (N,), given in ascending order: for each kind its index, its arcs, the motions."""
     kinds = space.arcs.kinds[arcs]
     tails = np.searchsorted(space.arcs.start, arcs, side="right") - 1
     heads = space.arcs.heads[arcs].astype(np.int64)
