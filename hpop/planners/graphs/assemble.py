@@ -249,7 +249,10 @@ def search_claim(
 
 
 def claim_with_known_paths(paths: SearchOutcome, where: str, rounded: str = ROUNDED) -> str:
-    """Return, as text for a certificate, what a search guarantees that began with paths known from before."""
+    """Return, as text for a certificate, what a search guarantees that began with paths known from before.
+
+    where, rounded  graph and criteria, and how costs were rounded, as text
+    """
     if paths.status.is_final:
         return f"exact on {where}; {OFF}; {rounded}"
     return (

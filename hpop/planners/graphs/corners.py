@@ -161,7 +161,7 @@ def _without_roadmap(lattice_paths: Candidates) -> Candidates:
 
 
 def _affordable_paths(problem: Problem, lattice_paths: Candidates, spending: Spending) -> Candidates:
-    """Return as many of the lattice paths as a fifth of the remaining time suffices to compute corners for."""
+    """Return only so many of the lattice paths that computing their corners takes a fifth of the remaining time."""
 
     def left() -> float | None:
         return None if (until := spending.until_limit()) is None else until / 5

@@ -150,8 +150,12 @@ class JoinedEnds(TrajectoryGraph):
         counts = self.options["joined"]
         joined = [f"the {what} joined to {count} positions" for what, count in counts.items() if what not in self.stops]
         joined += [f"{len(self.stops)} states of stops joined to positions"] if self.stops else []
-        by = f"at most a {', a '.join(self.joins.kinds[:-1])} and a {self.joins.kinds[-1]}"
-        return f"{self.inner.words}, {' and '.join(joined)} within {self.reach:g} m by {by}"
+        return f"{self.inner.words}, {' and '.join(joined)} within {self.reach:g} m by {self.join_words}"
+
+    @property
+    def join_words(self) -> str:
+        """Motions of which a join consists, for messages: "at most a turn, a move and a turn"."""
+        return f"at most a {', a '.join(self.joins.kinds[:-1])} and a {self.joins.kinds[-1]}"
 
     @property
     def options(self) -> dict[str, Any]:
@@ -222,9 +226,8 @@ class JoinedEnds(TrajectoryGraph):
         whole = States(**{name: np.nan_to_num(column) for name, column in end.__dict__.items()})
         blocked = self.collision.why_blocked(whole)
         reason = blocked or (
-            f"the robot cannot drive {'from it' if what == START else 'to it'} by a turn, a straight move and a turn "
-            f"without a collision, for any position of {self.inner.words} within {self.reach:.3f} m; take a smaller "
-            "step"
+            f"the robot cannot drive {'from it' if what == START else 'to it'} by {self.join_words} without a "
+            f"collision, for any position of {self.inner.words} within {self.reach:.3f} m; take a smaller step"
         )
         hint = elsewhere(self.model, self.world, end) if blocked else ""
         return f"the {what} ({end.x[0]:.3f}, {end.y[0]:.3f}) is not usable: {reason}.{hint}"

@@ -118,8 +118,8 @@ def with_drawn_states(space: TrajectoryGraph, problem: Problem, stops: Sequence[
         if not nodes & entered & left:
             raise QueryError(
                 f"stop {stop.name!r} cannot be visited: {len(nodes)} free robot states at this stop were tried, but "
-                f"none can be connected to {space.words} within {reach:.3g} m by a turn, a straight move and a turn "
-                "without a collision; take a smaller step or more samples, or a stop with more room"
+                f"none can be connected to {space.words} within {reach:.3g} m by {joined.join_words} without a "
+                "collision; take a smaller step or more samples, or a stop with more room"
             )
     return joined
 
@@ -186,8 +186,8 @@ def _reason(space: TrajectoryGraph, problem: Problem, stop: TourStop) -> str:
         blocked = model.collision(world).why_blocked(centre)
         why = f": at ({x:g}, {y:g}) {blocked}.{elsewhere(model, world, centre)}" if blocked else "."
         return (
-            f"{said}: no robot state within {stop.within:g} m of its position is free{why} Move the stop, or give a "
-            "larger within."
+            f"{said}: no free robot state was found within {stop.within:g} m of its position{why} Move the stop, or "
+            "give a larger within."
         )
     if stop.landmark is not None:
         return (

@@ -33,8 +33,7 @@ def smooth_indices(criteria: Sequence[Criterion], problem: Problem, planner: str
         if not criterion.smooth and not is_counted(criterion, problem):
             raise UnsupportedCriterion(
                 f"{planner} accepts smooth criteria, and criteria that only count moves and turns; "
-                f"{criterion.name!r} has no gradient and depends on where the motions are. Leave it out, or use "
-                "planner 'lattice'."
+                f"{criterion.name!r} has no gradient and is no such count. Leave it out, or use planner 'lattice'."
             )
     if not indices:
         raise UnsupportedCriterion(

@@ -138,7 +138,7 @@ class PolylineStructure:
         return len(self.pieces)
 
     def grown(self, other: PolylineStructure) -> PolylineStructure:
-        """Return a structure that has in each segment the larger number of pieces of both structures."""
+        """Return this structure with, in each segment, the larger number of pieces of both; both have n segments."""
         return replace(self, pieces=tuple(map(max, self.pieces, other.pieces)))
 
     @property

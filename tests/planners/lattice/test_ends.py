@@ -55,7 +55,9 @@ def test_a_goal_is_never_joined_through_a_wall():
     walls = [shapely.box(4.99, 0, 5.01, 8), shapely.box(5.3, 0, 5.5, 8)]
     world = World.from_polygons(walls, extent=shapely.box(0, 0, 10, 10))
     problem = Problem(world, DifferentialDrive(radius=0.1), (1.35, 1.0, 0.0), (5.12, 1.0, 0.0), ["length"])
-    with pytest.raises(QueryError, match=r"cannot drive to it by a turn, .* any position of .* within 0\.750 m"):
+    with pytest.raises(
+        QueryError, match=r"cannot drive to it by at most a turn, .* any position of .* within 0\.750 m"
+    ):
         solve(problem, step=0.5)
     found = solve(problem, step=0.1)
     assert found.trajectories[0].states.x[-1] == 5.12

@@ -281,7 +281,7 @@ def test_a_wrong_tour_says_what_was_expected_and_what_to_do(stops: Any, order: A
     [
         (
             {"at": (3.5, 1.5), "within": 0.4, "name": "in the wall"},
-            "no robot state within 0.4 m of its position is free",
+            "no free robot state was found within 0.4 m of its position",
         ),
         ({"landmark": "walled in", "within": 0.2, "name": "too near"}, "or give a larger within"),
         ({"landmark": "in a niche", "name": "unseen"}, "The landmark may be behind obstacles"),
@@ -321,7 +321,9 @@ def test_an_optional_stop_out_of_reach_is_skipped_and_a_blocked_one_refused() ->
     cell = {"at": (6.5, 1.2), "within": 0.5, "name": "cell", "optional": True}
     front = problem([cell], "any", ["length", "stops_missed"], world=world).solve(LATTICE)
     assert front.costs[:, 1].tolist() == [1.0]
-    with pytest.raises(QueryError, match=r"stop 'cell' cannot be visited: no robot state within 0.5 m .* inside an"):
+    with pytest.raises(
+        QueryError, match=r"stop 'cell' cannot be visited: no free robot state was found within 0.5 m .* inside an"
+    ):
         problem([{**cell, "at": (3.5, 1.5), "within": 0.5}], "any", ["length", "stops_missed"]).solve(LATTICE)
 
 

@@ -130,9 +130,9 @@ def what_separates(lattice: StateLattice, start: int, goals: list[int]) -> str:
     if end < 0:
         x, y = lattice.position(*np.divmod(reached.astype(np.int64), columns))
         return (
-            f"no path: obstacles separate start and goal, even for a robot of no size; the part of the map that can be "
-            f"reached spans x {x.min():.2f} to {x.max():.2f} m, y {y.min():.2f} to {y.max():.2f} m; move the start or "
-            "the goal, or change the map"
+            f"no path: obstacles separate start and goal, even for a robot of no size that moves in steps of "
+            f"{lattice.step:g} m; the part of the map that can be reached spans x {x.min():.2f} to {x.max():.2f} m, "
+            f"y {y.min():.2f} to {y.max():.2f} m; move the start or the goal, change the map, or take a smaller step"
         )
     if widest >= 0:
         return (

@@ -220,7 +220,7 @@ class StateRoadmap(StateGraph):
         return _concatenated(self.spending.each(free_turns, blocks(at.size, each), self._work_text))
 
     def _free_turns(self, tails: IntArray, heads: IntArray) -> tuple[IntArray, IntArray]:
-        """Return the collision-free turns, of some turns, that are large enough, as first and last states."""
+        """Return those of some turns that are large enough and free of collisions, as first and last states."""
         at, yaw = self._positions_and_yaws
         large = (np.abs(wrap(yaw[heads] - yaw[tails])) > LEAST_TURN) | (tails == self.start)
         for goal in self._exact_goals:

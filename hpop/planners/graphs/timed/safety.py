@@ -286,7 +286,7 @@ class Safety:
     def _outline_gaps(
         self, pieces: MotionPieces, rows: IntArray, corners: tuple[Place, ...], person: Person, walk: PersonMotion
     ) -> FloatArray:
-        """Return the gaps (N,), m, from a person anywhere in the hull of ``corners``, in some pieces without turns."""
+        """Return the gaps (N,), m, in the pieces ``rows`` without turns, from a person anywhere in a hull of points."""
         return to_parts(self.parts, pieces.yaw[rows], corners) - person.radius - walk.stray[rows]
 
     def _leaves(self, pieces: MotionPieces, tick: IntArray, person: Person) -> BoolArray:

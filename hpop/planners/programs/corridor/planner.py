@@ -120,7 +120,7 @@ class WeightedSumCorridor:
         if status is Status.COMPLETE and (cut_short or run.left):
             status = Status.TIME_LIMIT
         for number, omission in (
-            (run.left, "warm starts have no corridor yet"),
+            (run.left, "warm starts got no corridor"),
             (count - len(run.points), f"of {count} corridors were not tried"),
             (cut_short, f"of {count} corridors were not solved for all weights"),
         ):

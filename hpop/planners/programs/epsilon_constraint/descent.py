@@ -105,7 +105,7 @@ class Descent:
         return result
 
     def _better(self, polyline: Polyline, costs: FloatArray) -> Iterator[DescentResult]:
-        """Run the descent; yield its result after each step, each with lower merit, and finally the last one."""
+        """Run the descent; yield the result so far before each step, and finally the last one."""
         distance, left, multipliers = FIRST, np.nan, self.weights
         polyline, costs = self._shortened(polyline, costs)
         if len(polyline.vertices) < 3:
@@ -223,7 +223,7 @@ class Descent:
         return polyline, costs
 
     def _tidied(self, polyline: Polyline, costs: FloatArray) -> tuple[Polyline, FloatArray]:
-        """Remove the first corner whose turn is negligible, if the merit does not rise; return polyline and costs.
+        """Remove the first corner whose turn is negligible, if the merit hardly rises; return polyline and costs.
 
         The duration of a turn has no gradient at zero, so steps cannot remove the turn. If the path would touch an
         obstacle without the corner, its neighbours move by some millimetres.

@@ -301,7 +301,7 @@ class LocalModel:
         """Return the best step (d,) by the model, with coordinates of at most ``distance``, m; None if solving fails.
 
         This is a quadratic program. Its variables are the step, divided by the distance, the value of each maximum, and
-        the excess of each cost over its bound, both divided by the scale of the cost.
+        the excess of each cost over its bound, both divided by the cost's scale. Sets ``multipliers``, of the costs.
         """
         d, k = self.freedom, len(self.criteria)
         rows = _joined([*self._rows, *self._more], d).within(distance)

@@ -297,7 +297,7 @@ class SmoothingJob:
     ) -> _Solved | str:
         """Solve the first program, with tighter bounds after each collision or excess of a bound by exact geometry.
 
-        Returns the solution that passes, or the reason of the failure.
+        Returns the solution that passes, or the reason of the failure. ``epsilon`` (k,) are bounds of the exact costs.
         """
         smooth, worst, model = self.smooth, self._worst, on_wheels(self.problem.model)
         weights = np.where(worst, SPREAD, 1.0) / len(smooth)
@@ -346,7 +346,7 @@ class SmoothingJob:
     ) -> tuple[ImprovedTrajectory | str, FloatArray]:
         """Return the candidate of a solution, or the reason why it fails an exact check, and its exact costs (k,).
 
-        The checks are collisions and bounds, number of turns, homotopy class, and planned against exact costs.
+        The checks are collisions, bounds (``epsilon``), turns, homotopy class, and planned against exact costs.
         """
         curve = solution.curve
         judged = judge(self.problem, self.criteria, [curve], epsilon=epsilon[None])

@@ -134,7 +134,11 @@ class SplineJob:
         return tuple(run.splines) or reason
 
     def _from(self, knots: Knots, pieces: PieceCosts, bounds: FloatArray, run: _PathRun) -> str:
-        """Search for a spline for each set of weights, and record it; return the reason if there is none, else ""."""
+        """Search for a spline for each set of weights, and record it; return the reason if there is none, else "".
+
+        knots   spline at the beginning
+        bounds  (k,)  costs of the path, which splines must not exceed
+        """
         scale, reason = np.where(bounds > 1e-3, bounds, 1.0), ""
         for weights in self._weights():
             if self._is_late(run.counts):
@@ -152,7 +156,7 @@ class SplineJob:
     def _record(self, run: _PathRun, pieces: PieceCosts, bounds: FloatArray) -> tuple[Knots, str]:
         """Record the last step of a search that costs no more than the path.
 
-        Returns the last step, and the reason why it is not recorded, or "".
+        Returns the last step, and the reason why it is not recorded, or "". ``bounds`` (k,) are the costs of the path.
         """
         last = run.steps[-1]
         if len(run.steps) == 1:  # the start is the path, or was recorded already
@@ -168,7 +172,11 @@ class SplineJob:
     def _candidate(
         self, knots: Knots, pieces: PieceCosts, bounds: FloatArray, settled: bool
     ) -> tuple[ImprovedTrajectory, str]:
-        """Return a spline as a candidate, and a text that names the costs in which it is worse than its path, or ""."""
+        """Return a spline as a candidate, and a text that names the costs in which it is worse than its path, or "".
+
+        bounds   (k,)  costs of the path
+        settled  whether one more step is predicted to gain almost nothing
+        """
         trajectory = knots.trajectory(self.problem.model, pieces.law)
         (costs,) = trajectory_costs(self.criteria, [trajectory], self.problem.world)
         quanta = np.array([criterion.quantum for criterion in self.criteria])
