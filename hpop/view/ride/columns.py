@@ -4,6 +4,10 @@ Everything in the scene is upright, so one ray in the ground plane suffices for 
 obstacles at distances t. Going outwards, each stretch of floor, each top and each front face covers an interval of
 rows, given by its height and distance. Nearer things are drawn first and hide farther ones. A row that is partly
 covered takes a share of the colour, so that edges are smooth without further rays.
+
+In all functions (dx, dy) is the unit vector of a ray, and t, m, a distance along it. What a ray may meet has one
+sequence of numbers: edges of items first, then body parts, then plates. Arguments are described in `tiles`: ``things``
+(`Things`), ``view`` (`CameraView`), ``sheet`` (`ColumnBuffer`), ``room`` (`DrawingBuffers`), ``tile`` (`Tile`).
 """
 
 from __future__ import annotations
@@ -56,7 +60,10 @@ def _meets_plate(plate, dx, dy, view):
 
 @lean
 def _insert(what, t, order, away, count):
-    """Insert thing ``what``, met at distance t, into the list ``order``, sorted by distance, then by number."""
+    """Insert the number ``what`` and its distance t into the first ``count`` entries of ``order`` and ``away``.
+
+    They stay sorted by distance, then by number.
+    """
     k = count
     while k > 0 and (away[k - 1] > t or (away[k - 1] == t and order[k - 1] > what)):
         away[k], order[k] = away[k - 1], order[k - 1]
@@ -66,7 +73,10 @@ def _insert(what, t, order, away, count):
 
 @lean
 def _stretch(t0, t1, opened, count, things, dx, dy, sheet, view, tile):
-    """Draw all horizontal surfaces between the distances t0 and t1 along a ray: tops, undersides and the floor."""
+    """Draw all horizontal surfaces between the distances t0 and t1 along a ray: tops, undersides and the floor.
+
+    The first ``count`` entries of ``opened`` are the items that contain this stretch of the ray.
+    """
     look = view.look
     items, wall = things.items, look.wall_contrast
     upward, downward = look.ambient + look.diffuse * look.light[2], look.ambient - look.diffuse * look.light[2]
@@ -118,7 +128,11 @@ def _stretch(t0, t1, opened, count, things, dx, dy, sheet, view, tile):
 
 @lean
 def _ray(count, open_count, dx, dy, room, things, view, tile):
-    """Draw everything that one ray meets, from near to far, into the rows of its column."""
+    """Draw everything that one ray meets, from near to far, into the rows of its column.
+
+    count       number of meetings in ``room.order`` and ``room.away``
+    open_count  number of items that contain the camera, in ``room.opened``
+    """
     sheet, is_in, opened, order, away = room.sheet, room.is_in, room.opened, room.order, room.away
     edges = len(things.edges)
     lowest = len(view.slopes) - 1  # row that is not drawn yet

@@ -2,6 +2,11 @@
 
 This module and `columns` use only sums, products, quotients and square roots, which all machines round equally. The
 only exception is the search for candidate rays, which does not affect results.
+
+Vertical positions in the picture count in rows from its top. (dx, dy) is the unit vector of a ray, and t, m, a distance
+along it. Arguments are described in `tiles`: ``view`` (`CameraView`), ``sheet`` (`ColumnBuffer`, which the functions
+change), ``look`` (`SurfaceLook`), ``tile`` (`Tile`), ``things`` (`Things`); ``item``, ``edge`` and ``part`` are each a
+row of an array of `Things`.
 """
 
 from __future__ import annotations
@@ -46,7 +51,7 @@ def arctangent(x):
 
 @lean
 def row_of(slope, view):
-    """Return the vertical position in the picture, in rows from its top, of a line of sight with a slope."""
+    """Return the vertical position in the picture of a line of sight whose elevation has the tangent ``slope``."""
     return 0.5 * len(view.slopes) - arctangent(slope) / view.pixel
 
 
@@ -83,7 +88,10 @@ def _texture(u, v, width, tile):
 
 @lean
 def _take(row, top, bottom, number, sheet, view):
-    """Return how much of a row, between two vertical positions, is still uncovered, and mark it as covered."""
+    """Mark a row as covered between two vertical positions, and return the share of the row that this newly covers.
+
+    If ``view.hard``, the share is 1 or 0: whether the row's middle lies between them and was uncovered.
+    """
     left = sheet.left[row]
     if view.hard:
         share = 1.0 if left > 0.0 and top <= row + 0.5 < bottom else 0.0
@@ -98,7 +106,7 @@ def _take(row, top, bottom, number, sheet, view):
 
 @lean
 def _add(row, share, red, green, blue, t, sheet, look):
-    """Add a colour to a row, with the haze for a distance t, m."""
+    """Add ``share`` times a colour, mixed with the haze for a distance t, to a row."""
     haze = t / (t + look.haze)
     sheet.summed[row, 0] += share * (red + haze * (look.haze_colour[0] - red))
     sheet.summed[row, 1] += share * (green + haze * (look.haze_colour[1] - green))
@@ -113,7 +121,12 @@ def _rows(top, bottom, view):
 
 @lean
 def draw_plane(rise, t0, t1, red, green, blue, number, grid, contrast, dx, dy, sheet, view, tile):
-    """Draw the part of a horizontal surface, ``rise`` m above the camera, that lies between two distances."""
+    """Draw the part of a horizontal surface, ``rise`` m above the camera, between the distances t0 and t1.
+
+    number    of the thing, for ``sheet.numbers``
+    grid      share by which the lines of the surface grid are darker; 0 for none
+    contrast  of the texture; 0 for none
+    """
     top, bottom = row_of(rise / t1, view), row_of(rise / t0, view)
     if rise > 0.0:
         top, bottom = bottom, top
