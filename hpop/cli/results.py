@@ -32,7 +32,10 @@ PICTURES = ("map.png", "front.png", "trace.png", "where.png", "side.png", "state
 
 @contextmanager
 def output_errors(what: str, way_out: str) -> Iterator[None]:
-    """Turn an error of reading or writing a file into an OutputError that ends with the advice ``way_out``."""
+    """Turn an error of reading or writing a file into an OutputError: ``what``, the reason, and the advice ``way_out``.
+
+    For a file of a front with invalid content, its own message is kept instead.
+    """
     try:
         yield
     except hpop.frontier.FrontFileError as error:

@@ -240,7 +240,10 @@ def linear(colour: tuple[int, int, int]) -> list[float]:
 
 
 def _camera(given: Exported) -> dict[str, Any]:
-    """Return the glTF description of the camera, with its field of view."""
+    """Return the glTF description of the camera, with its field of view, at most 170 degrees.
+
+    A camera that sees all round gets 90 by 60 degrees.
+    """
     across, upwards = given.trajectory.model.field_of_view or SEEN
     across, upwards = (min(angle, math.radians(170.0)) for angle in (across, upwards))
     ratio = math.tan(0.5 * across) / math.tan(0.5 * upwards)

@@ -195,7 +195,7 @@ def _unbounded_coordinates(draws: Draws) -> FloatArray:
 
 
 def _from_unbounded(place: FloatArray, cared_for: BoolArray) -> Draws:
-    """Convert unbounded coordinates (N, f + 2) back to draws; shares outside the mask ``cared_for`` are 0."""
+    """Convert unbounded coordinates (N, f + 2) back to equally weighted draws; shares outside ``cared_for`` are 0."""
     shares = shares_of(place[:, :-2], cared_for)
     return Draws(shares, np.exp(place[:, -2]), np.exp(place[:, -1]), np.zeros(len(place)))
 

@@ -128,7 +128,7 @@ class Answers:
 
     @cached_property
     def scores(self) -> tuple[ScoreRow, ...]:
-        """Return all scores of questionnaires that have at least one answer."""
+        """Return all scores of each questionnaire with scales, at each place of a session where it has an answer."""
         found = []
         for session in self.sessions:
             for form in self._rated():

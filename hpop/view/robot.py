@@ -88,7 +88,10 @@ def looks_aside(model: Model, trajectories: list[Trajectory]) -> bool:
 
 
 def turns_away(model: Model, trajectories: Sequence[Trajectory]) -> bool:
-    """Return whether the camera of a robot with a base anywhere looks up, down, or to the side of the base."""
+    """Return whether the camera looks up, down, or to the side of the base's heading anywhere on the trajectories.
+
+    The robot must have a base.
+    """
     poses = ((model.pose("camera", t.states), model.pose("base", t.states)) for t in trajectories)
     return any((np.abs(wrap(camera.yaw - base.yaw)) > ASIDE).any() or camera.pitch.any() for camera, base in poses)
 

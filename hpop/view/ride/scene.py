@@ -382,7 +382,8 @@ def _notes(world: World, storey: float) -> Iterator[str]:
     tilted = [o.name or "without a name" for o in world.obstacles if o.solid is not None and not o.solid.is_upright]
     if tilted:
         listed = ", ".join([*(printable(name)[:40] for name in tilted[:8]), *["..."] * (len(tilted) > 8)])
-        yield f"pictures show the upright prism round {counted(len(tilted), 'solid')} that are not upright: {listed}"
+        are = "is" if len(tilted) == 1 else "are"
+        yield f"pictures show upright prisms round {counted(len(tilted), 'solid')} that {are} not upright: {listed}"
     for mark in map(_landmark_on_plate, world.content.landmarks):
         inside = [
             o for o in world.obstacles if o.z_min < mark.z < o.z_max and o.polygon.covers(shapely.Point(mark.x, mark.y))
