@@ -124,7 +124,7 @@ def plan(
     runtime.garbage.collect_rarely()
     from hpop.motions import collision_of
     from hpop.planners.base import sweeps
-    from hpop.planners.searches.exact import kernels_beside
+    from hpop.planners.searches.kernels import kernels_beside
     from hpop.search.machinery.beside import Onset
 
     cli.user_code.register(imports)

@@ -174,8 +174,11 @@ def visits_of(tour: Tour, trajectory: Trajectory, inside: BoolArray, weights: We
                 reached.append((step.layer, later))
                 if step.layer not in best or missed < best[step.layer].missed:
                     best[step.layer] = later
-    endings = dict(tour.endings)
-    complete = bool(best.keys() & endings.keys())
+        if tour.has_many_layers:
+            best = _undominated(tour, best)
+    required = set(range(len(tour.stops))).difference(tour.optional)
+    endings = {layer for layer in best if required <= tour.layers[layer]}
+    complete = bool(endings)
     ends = []
     for layer, now in best.items():
         left = [j for j in tour.optional if j not in tour.layers[layer]]
@@ -183,6 +186,19 @@ def visits_of(tour: Tour, trajectory: Trajectory, inside: BoolArray, weights: We
             ends.append((now.missed + weight_of(tour, left, weights), -len(now.visits), now.visits))
     missed, _, visits = min(ends, key=lambda end: end[:2])
     return Visits(visits, missed, complete)
+
+
+def _undominated(tour: Tour, best: Mapping[int, _Progress]) -> dict[int, _Progress]:
+    """Return the progress in those layers that no other layer replaces, which has more stops and misses no more.
+
+    All visits that are possible in a layer are possible, or not needed any more, in a layer with more decided stops.
+    """
+    kept: dict[int, _Progress] = {}
+    for layer in sorted(best, reverse=True):  # larger sets first
+        done, missed = tour.layers[layer], best[layer].missed
+        if not any(done <= tour.layers[other] and now.missed <= missed for other, now in kept.items()):
+            kept[layer] = best[layer]
+    return kept
 
 
 def weight_of(tour: Tour, stops: Sequence[int], weights: Weights) -> float:

@@ -23,7 +23,7 @@ from hpop.goals import Tour
 from hpop.planners.graphs.query import Query
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.tour import TourGraph
-from hpop.planners.graphs.tour_stops import tour_members
+from hpop.planners.graphs.tour_stops import refuse_many_layers, tour_members
 from hpop.search.prepared import Prepared
 from hpop.trajectories.trajectory import Trajectory
 
@@ -162,7 +162,11 @@ class TourGraphs:
     """The layered graph of a drive, its preparation for searches, and the paths of earlier searches on it."""
 
     def __init__(self, tour: Tour, trajectories: Sequence[Trajectory]) -> None:
-        """Begin with the tour of a problem, of which no stop is done, and known trajectories."""
+        """Begin with the tour of a problem, of which no stop is done, and known trajectories.
+
+        Raises QueryError for a tour with too many layers.
+        """
+        refuse_many_layers(tour, "a drive", "drive two tours, one after the other")
         self.tour, self._trajectories = tour, trajectories
         self._graph: TourDriveGraph | None = None
         self._prepared: Prepared | None = None

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 MOST_STOPS = 60
-MOST_LAYERS = 2**6  # sets of decided stops, unless the order is given: six stops in any order
+MOST_LAYERS = 2**6  # sets of decided stops for which all states of stops are searched: six stops in any order
+MOST_SETS = 2**12  # sets of decided stops of any tour, unless the order is given: twelve stops in any order
 NEAR = 3.0  # m: default of the largest distance from which the camera sees a landmark
 FORMS = "at with within, a goal such as look_at, or landmark"
 Order = Literal["given", "any"] | Sequence[tuple[int | str, int | str]]
@@ -365,7 +366,7 @@ class Tour:
     def layers(self) -> tuple[frozenset[int], ...]:
         """Sets of decided stops that the order allows, sorted by size: the first is `done`, the last has all stops.
 
-        Raises QueryError if there are too many for an exact search.
+        Raises QueryError if there are too many.
         """
         row = [frozenset[int](map(self._index, self.done))]
         found = dict.fromkeys(row)
@@ -375,13 +376,18 @@ class Tour:
             )
             found |= more
             row = list(more)
-            if len(found) > max(MOST_LAYERS, len(self.stops) + 1):
+            if len(found) > max(MOST_SETS, len(self.stops) + 1):
                 raise QueryError(
-                    f"the exact search takes at most {MOST_LAYERS} sets of visited stops, which are six stops in any "
+                    f"a tour must have at most {MOST_SETS:,} sets of visited stops, which are twelve stops in any "
                     f"order; these {counted(len(self.stops), 'stop')} have more. Keep some of them in order (order: "
                     "given, or more pairs in some), or plan two tours"
                 )
         return tuple(found)
+
+    @property
+    def has_many_layers(self) -> bool:
+        """True if there are too many layers for a search over all states of each stop."""
+        return len(self.layers) > max(MOST_LAYERS, len(self.stops) + 1)
 
     @cached_property
     def steps(self) -> tuple[tuple[TourStep, ...], ...]:

@@ -218,25 +218,27 @@ class TourGraph(TrajectoryGraph):
     def _climb_costs(self, criteria: Sequence[Criterion]) -> IntArray:
         """Return the costs (c, k), in quanta, of the arcs between layers: standing at stops, and skipping stops."""
         tails, _, stops, rows = self._climbs
-        costs = np.zeros((tails.size, len(criteria)), np.int64)
+        costs = self.missed_costs([kind[2] for kind in self._skips], criteria)[rows]
         states = tails % self.inner.size
-        missed = index_of_role("stops_missed", criteria)
         for stop, members in enumerate(self.members):
             own = stops == stop
-            of_dwell = self._dwell_costs(self.tour.stops[stop].dwell, members, criteria)
-            costs[own] = of_dwell[np.searchsorted(members, states[own])]
+            costs[own] += self.dwell_costs(stop, criteria)[np.searchsorted(members, states[own])]
+        return costs
+
+    def missed_costs(self, skipped: Sequence[Sequence[int]], criteria: Sequence[Criterion]) -> IntArray:
+        """Return the costs (n, k), in quanta, of skipping each of n lists of stops: their weights in stops_missed."""
+        costs = np.zeros((len(skipped), len(criteria)), np.int64)
+        missed = index_of_role("stops_missed", criteria)
         if missed is not None:
             criterion = criteria[missed]
             weights = cast(StopsMissed, criterion).weights or {}
-            skipped = np.array([weight_of(self.tour, kind[2], weights) for kind in self._skips], float)
-            costs[:, missed] = quantised(skipped, criterion)[rows]
+            weighed = np.array([weight_of(self.tour, each, weights) for each in skipped], float)
+            costs[:, missed] = quantised(weighed, criterion)
         return costs
 
-    def _dwell_costs(self, dwell: float, members: IntArray, criteria: Sequence[Criterion]) -> IntArray:
-        """Return the costs (c, k), in quanta, of standing for ``dwell`` s in each member state; 0 if dwell is 0.
-
-        members  (c,)  nodes of the inner graph at which the stop can be visited
-        """
+    def dwell_costs(self, stop: int, criteria: Sequence[Criterion]) -> IntArray:
+        """Return the costs (c, k), in quanta, of standing for a stop's dwell time in each of its member states."""
+        members, dwell = self.members[stop], self.tour.stops[stop].dwell
         costs = np.zeros((members.size, len(criteria)), np.int64)
         if not dwell:
             return costs

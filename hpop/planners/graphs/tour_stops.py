@@ -10,7 +10,7 @@ import numpy as np
 from hpop.base.arrays import IntArray
 from hpop.criteria.visits import in_stop
 from hpop.errors import QueryError
-from hpop.goals.tour import Tour, TourStop
+from hpop.goals.tour import MOST_LAYERS, Tour, TourStop
 from hpop.motions import States
 from hpop.planners.graphs.arcs import BLOCK
 from hpop.planners.graphs.joined_ends import Ends, JoinedEnds
@@ -29,12 +29,39 @@ TRIED = 64  # random states among which these are chosen
 
 
 def with_tour(ends: Ends, problem: Problem, tour: Tour, criteria: Sequence[Criterion]) -> Ends:
-    """Extend a graph with start and goals, ``ends``, to the graph of a tour (:class:`.tour.TourGraph`).
+    """Extend a graph with start and goals to the graph of a tour, for a search over all states of each stop.
+
+    Raises QueryError for a stop that cannot be visited, and for a tour with too many layers. For the other parameters
+    see :func:`tour_graph`.
+    """
+    refuse_many_layers(
+        tour, "this planner", "use lattice, roadmap, any-angle or exact, which then fix each stop to one state"
+    )
+    layered, start = tour_graph(ends, problem, tour, criteria)
+    return Ends(layered, start, layered.targets)
+
+
+def refuse_many_layers(tour: Tour, what: str, remedy: str) -> None:
+    """Raise QueryError if a tour has too many layers for a search over all states of each stop.
+
+    what    planner that searches, for the error
+    remedy  advice, as a clause
+    """
+    if tour.has_many_layers:
+        raise QueryError(
+            f"{what} takes at most {MOST_LAYERS} sets of visited stops, which are six stops in any order; these "
+            f"{len(tour.stops)} stops have {len(tour.layers):,}. Keep some stops in order, or {remedy}"
+        )
+
+
+def tour_graph(ends: Ends, problem: Problem, tour: Tour, criteria: Sequence[Criterion]) -> tuple[TourGraph, int]:
+    """Return the graph of a tour, whose arcs are not computed yet, and the node of the start.
 
     If the robot can visit a stop at no state of the graph, random states of the stop are added first and connected to
     states nearby. Then come the layers of the model's speeds, if it has several. Raises QueryError for a stop that
     cannot be visited.
 
+    ends      plain graph with start and goals
     criteria  costs that the search minimises
     """
     space = ends.space
@@ -48,7 +75,7 @@ def with_tour(ends: Ends, problem: Problem, tour: Tour, criteria: Sequence[Crite
     layered = TourGraph(
         space.model, space.world, space, tour, members, tuple(dict.fromkeys(goals)), spending=space.spending
     )
-    return Ends(layered, start, layered.targets)
+    return layered, start
 
 
 def tour_members(space: TrajectoryGraph, tour: Tour, world: World) -> tuple[IntArray, ...]:

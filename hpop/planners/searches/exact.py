@@ -4,30 +4,28 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from hpop.base.options import MOST, amounts, set_wholes
 from hpop.base.scalars import set_python_values
-from hpop.criteria.base import index_of_role
 from hpop.errors import OptionError
-from hpop.planners.base import Candidates, Planner, joined, planner
+from hpop.planners.base import Candidates, joined, planner
 from hpop.planners.graphs.family import BuiltGraph, GraphFamily, NotBuilt, OnGraph
 from hpop.planners.graphs.query import Query, built_query, refuse_too_many, tolerance_counts
 from hpop.planners.graphs.timed.clock import HOLD, TimeOptions, needless
 from hpop.planners.judgement import evaluable_in_time, trusted
 from hpop.planners.needs import people_move, refuse_moving, refuse_speeds, refuse_tour
 from hpop.planners.objectives import Objectives, edge_objectives
+from hpop.planners.searches.many_stops import fixed_stop_answers, fixes_stops
 from hpop.planners.searches.mean import Detour, DetourSpec, exact_mean, mean_criteria, mean_objectives
 from hpop.planners.spending import Exhausted, Limits, Spending, stopped
 from hpop.runtime.status import Budget, ProgressCallback, Status
 from hpop.search.machinery.approximation import Precision
-from hpop.search.machinery.beside import Onset, compiling_beside, is_compiling, is_first_kernel_missing, start_compilers
+from hpop.search.machinery.beside import is_compiling, is_first_kernel_missing, start_compilers
 from hpop.search.machinery.checkpoint import Checkpoint, CheckpointSpec
-from hpop.search.pareto_paths import main_kernels
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
@@ -41,20 +39,23 @@ COARSE = 0.1  # relative error allowed in the last stage before the exact one
 class ExactSearch:
     """Base class of planners with exact search: the options of the search, and ``solve`` on the planner's graph family.
 
-    max_detour  minimise a mean over time itself, not its integral, among paths that last at most this multiple of the
-                least duration of any path; ``{"length": 1.3}`` limits the length instead, and also needs max_turns
-    max_turns   largest number of turns; paths with more are left out. Needs the criterion turns
-    eps         relative error: every optimal cost vector is met within a factor 1 + eps; 0 finds all optimal vectors
-    tolerance   absolute errors that are allowed as well, by the name of a cost: ``{"length": 0.1}``
-    time_limit  s  for reading the map, building the graph and searching, without compiling. When it ends, the paths
-                found are returned, and the status says that more may exist
-    max_labels  largest number of partial paths that the search generates
-    max_memory  bytes  for the map, the fields computed on it (such as distances to obstacles), the graph and the search
-    checkpoint  file in which the search saves its state, and from which it continues if the file exists
-    clock       s  time step of a search among moving people; None: 0.05
-    hold        s  shortest wait for moving people; None: the robot never waits
-    arrive_by   s  latest arrival, among moving people; None: no limit
-    margin      m  distance that the robot keeps from people, whether they move or stand
+    max_detour   minimise a mean over time itself, not its integral, among paths that last at most this multiple of the
+                 least duration of any path; ``{"length": 1.3}`` limits the length instead, and also needs max_turns
+    max_turns    largest number of turns; paths with more are left out. Needs the criterion turns
+    eps          relative error: every optimal cost vector is met within a factor 1 + eps; 0 finds all optimal vectors
+    tolerance    absolute errors that are allowed as well, by the name of a cost: ``{"length": 0.1}``
+    stop_states  largest number of states of each stop at which tours may visit it. None: all states for at most 64 sets
+                 of visited stops (six stops in any order), otherwise one state
+    time_limit   s  for reading the map, building the graph and searching, without compiling. When it ends, the paths
+                 found are returned, and the status says that more may exist
+    max_labels   largest number of partial paths that the search generates
+    max_memory   bytes  for the map, the fields computed on it (such as distances to obstacles), the graph and the
+                 search
+    checkpoint   file in which the search saves its state, and from which it continues if the file exists
+    clock        s  time step of a search among moving people; None: 0.05
+    hold         s  shortest wait for moving people; None: the robot never waits
+    arrive_by    s  latest arrival, among moving people; None: no limit
+    margin       m  distance that the robot keeps from people, whether they move or stand
     """
 
     name: ClassVar[str]
@@ -65,6 +66,7 @@ class ExactSearch:
     max_turns: int | None = None
     eps: float = 0.0
     tolerance: Mapping[str, float] | None = None
+    stop_states: int | None = None
     time_limit: float | None = None
     max_labels: int | None = None
     max_memory: int | None = None
@@ -82,6 +84,7 @@ class ExactSearch:
         if self.tolerance is not None:
             object.__setattr__(self, "tolerance", amounts("tolerance", self.tolerance, MOST))
         set_wholes(self, "max_turns", least=0, optional=True)
+        set_wholes(self, "stop_states", least=1, optional=True)
         if self.max_detour is not None and (self.eps or self.tolerance):
             raise OptionError("max_detour cannot be combined with eps or tolerance: leave these out, or max_detour")
         if self.checkpoint is not None:
@@ -181,9 +184,13 @@ class ExactSearch:
         if self.checkpoint is not None:
             Checkpoint.of(self.checkpoint).checked_path()
         spending = self.spending(problem, progress)
-        graphs = family.toured_graphs(problem.keeping(self.margin), objectives, spending, in_stages=in_stages)
+        kept = problem.keeping(self.margin)
+        graphs = family.toured_graphs(kept, objectives, spending, in_stages=in_stages)
         try:
-            if moving:
+            if fixes_stops(self, problem):
+                for candidates, built in fixed_stop_answers(self, kept, objectives, spending, in_stages=in_stages):
+                    yield self._judged(candidates, built)
+            elif moving:
                 yield from self._among_people(problem, objectives, graphs, spending, in_stages=in_stages)
             else:
                 yield from self._on_graphs(problem, objectives, graphs, spending, in_stages=in_stages)
@@ -380,20 +387,3 @@ class Exact(ExactSearch, OnGraph):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.take_needs()
-
-
-def kernels_beside(planners: Sequence[Planner], problem: Problem) -> AbstractContextManager[Onset | None]:
-    """Return a context in which background processes compile the code (kernels) that the planners' exact searches need.
-
-    Kernels that are cached are not compiled again. Compiling begins after the first early result if the first planner
-    yields one, else at once. The value of the context is the :class:`.Onset`, which says when, or None if no planner
-    needs kernels.
-    """
-    searching = [planner for planner in planners if planner.needs_kernels]
-    if not searching:
-        return nullcontext()
-    criteria = edge_objectives(problem.criteria, searching[0].name).optimised
-    turns = index_of_role("turns", criteria)
-    onset = Onset.AFTER_FIRST if planners[0].answers_in_stages else Onset.AT_ONCE
-    aggregates = ["max" if criterion.aggregate == "max" else "sum" for criterion in criteria]
-    return compiling_beside(aggregates, -1 if turns is None else turns, onset, main_kernels)

@@ -1,0 +1,255 @@
+"""Search for tours with many stops: each stop is fixed to one state of the graph, or to a few.
+
+Between these states, called sites, the exact search finds the fronts of paths. A tour is a sequence of such paths, and
+its costs are those of the paths and dwells together. So all tours are the paths of a small graph, as in the method of
+Held and Karp (1962, doi 10.1137/0110015): its nodes are pairs of a set of decided stops and the site that was visited
+last, and its arcs are the paths of the fronts. The exact search on this graph finds the front of tours.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from hpop.base.arrays import FloatArray, IntArray, copied
+from hpop.errors import OptionError
+from hpop.frontier import is_nondominated
+from hpop.planners.graphs.query import Query
+from hpop.planners.graphs.tour import TourGraph
+from hpop.planners.searches.stop_states import ENDS, Stage
+from hpop.planners.spending import Limits
+from hpop.search import Graph, ParetoPaths, pareto_paths
+
+MOST_PARTS = 1_000_000  # pairs of sites, for all sets of decided stops
+SHOWN = 3  # states of a stop that a certificate lists
+Fronts = Mapping[tuple[int, int], ParetoPaths]
+"""Paths from one site to another, by the indices of both; ENDS stands for the start, and for the goals."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TourPaths(ParetoPaths):
+    """Tours that were found, as paths of the graph of a tour.
+
+    tours  for each tour: its nodes in the graph of the tour
+    """
+
+    tours: tuple[IntArray, ...] = field(default=(), kw_only=True)
+
+    @property
+    def lengths(self) -> IntArray:
+        """Number (n,) of arcs of each tour."""
+        return np.array([nodes.size - 1 for nodes in self.tours], np.int64)
+
+    def through(self, rows: IntArray) -> tuple[IntArray, IntArray]:
+        """Return the nodes (N,) of some tours (r,), tour after tour, and how many nodes each of them has (r,)."""
+        tours = [self.tours[row] for row in rows]
+        sizes = np.array([nodes.size for nodes in tours], np.int64)
+        return np.concatenate([np.zeros(0, np.int64), *tours]), sizes
+
+    def with_tours_of(self, other: TourPaths) -> TourPaths:
+        """Return these tours and those of another result, without those that are dominated."""
+        costs, tours = np.concatenate([self.costs, other.costs]), (*self.tours, *other.tours)
+        order = np.lexsort(costs.T[::-1])
+        rows = order[is_nondominated(costs[order])] if order.size else order
+        return replace(self, costs=costs[rows], tours=tuple(tours[row] for row in rows))
+
+
+@dataclass(frozen=True, eq=False)
+class FixedStops:
+    """Tour whose stops are fixed to sites, on a graph.
+
+    query    the graph without the tour, with start and goals
+    layered  the graph of the tour, whose members of stops are the sites; its arcs are never computed
+    stages   parts of the tours that the order allows
+    """
+
+    query: Query
+    layered: TourGraph
+    stages: Sequence[Stage]
+
+    @cached_property
+    def sites(self) -> list[tuple[int, int]]:
+        """Stop and node of each site."""
+        return [(stop, node) for stop, nodes in enumerate(self.layered.members) for node in nodes.tolist()]
+
+    @cached_property
+    def parts(self) -> IntArray:
+        """Each stage (p, 3) between each two of its sites: index of the stage, and of both sites, or ENDS."""
+        of_stop: dict[int, list[int]] = {ENDS: [ENDS]}
+        for site, (stop, _) in enumerate(self.sites):
+            of_stop.setdefault(stop, []).append(site)
+        count = sum(len(of_stop[stage.origin]) * len(of_stop[stage.stop]) for stage in self.stages)
+        if count > MOST_PARTS:
+            raise OptionError(
+                f"stop_states must be smaller for a tour with {len(self.layered.tour.layers):,} sets of visited stops: "
+                f"{len(self.sites)} states of its stops make {count:,} parts of tours, and at most {MOST_PARTS:,} are "
+                "searched; give a smaller number, or leave stop_states out"
+            )
+        listed = [
+            (i, origin, target)
+            for i, stage in enumerate(self.stages)
+            for origin in of_stop[stage.origin]
+            for target in of_stop[stage.stop]
+        ]
+        return np.array(listed, np.int64)
+
+    # Paths between sites
+
+    def pairs(self, parts: IntArray) -> list[tuple[int, int]]:
+        """Return the different pairs of sites of some parts (p, 3)."""
+        return [(origin, target) for origin, target in np.unique(parts[:, 1:], axis=0).tolist()]
+
+    def front_between(self, origin: int, target: int, limits: Limits, eps: float) -> ParetoPaths:
+        """Return the front of the paths from one site to another, or of an approximation within ``eps``."""
+        start = self.query.start if origin == ENDS else self.sites[origin][1]
+        goals = self.query.goals if target == ENDS else [self.sites[target][1]]
+        found = copied(self.query, start=start, goals=goals).paths(limits, eps=eps)
+        assert isinstance(found, ParetoPaths)
+        return found
+
+    def shortest_tour(self) -> IntArray:
+        """Return the parts (q, 3) of the tour that is least in a sum of all costs and visits all stops, if it can.
+
+        Each cost counts in multiples of its least value from the start to the goals. Optional stops are skipped only if
+        no path leads to them. Empty if there is no tour.
+        """
+        from scipy.sparse import csr_array  # on first use: the import takes its time
+        from scipy.sparse.csgraph import dijkstra
+
+        graph, goals = self.query.graph, self.query.goals
+        shape = (graph.nodes, graph.nodes)
+
+        def distances(weights: FloatArray, node: int) -> FloatArray:
+            matrix = csr_array((weights, graph.heads, graph.indptr), shape=shape)
+            return np.asarray(dijkstra(matrix, indices=np.array([node]), min_only=True))
+
+        weights = np.zeros(graph.arcs)
+        for costs in graph.costs.T.astype(float):
+            least = distances(costs, self.query.start)[goals].min()
+            weights += costs / (least if 0.0 < least < math.inf else max(1.0, costs.max(initial=0.0)))
+        ends = np.array([node for _, node in self.sites], np.int64)
+        table = np.full((len(self.sites) + 1, len(self.sites) + 1), np.inf)  # the last row and column are for ENDS
+        for row, node in enumerate([*ends.tolist(), self.query.start]):
+            self.query.space.spending.check("the shortest tour was searched")
+            reached = distances(weights, node)
+            table[row] = np.append(reached[ends], reached[goals].min())
+        skipping = table[np.isfinite(table)].sum() + 1.0
+        best: dict[tuple[int, int], tuple[float, int]] = {(0, ENDS): (0.0, ENDS)}  # by layer and site: sum, last part
+        final = (math.inf, ENDS)
+        for row, (number, origin, target) in enumerate(self.parts.tolist()):  # layers come in ascending order
+            stage = self.stages[number]
+            before = best.get((stage.layer, origin), (math.inf, ENDS))[0]
+            total = before + table[origin, target] + skipping * len(stage.skipped)
+            if stage.stop == ENDS:
+                final = min(final, (total, row))
+            elif total < best.get((stage.after, target), (math.inf, ENDS))[0]:
+                best[stage.after, target] = total, row
+        rows, last = list[int](), final[1] if final[0] < math.inf else ENDS
+        while last != ENDS:
+            rows.append(last)
+            number, origin, _ = self.parts[last].tolist()
+            last = best[self.stages[number].layer, origin][1]
+        return self.parts[rows[::-1]]
+
+    # Tours
+
+    def tours(self, fronts: Fronts, parts: IntArray, limits: Limits, eps: float, slack: IntArray) -> TourPaths:
+        """Return the front of the tours that consist of some parts (p, 3), within ``eps`` and ``slack`` (k,).
+
+        fronts  paths of each pair of sites in the parts; the tours use no other paths
+        """
+        query, spending = self.query, self.query.space.spending
+        sizes = np.array([len(fronts[origin, target]) for _, origin, target in parts.tolist()], np.int64)
+        nodes, tails, heads = self._ends_of(parts)
+        order = np.argsort(tails, kind="stable")
+        order = order[sizes[order] > 0]
+        parts, sizes, tails, heads = parts[order], sizes[order], tails[order], heads[order]
+        memory = int(sizes.sum()) * (16 * query.graph.criteria + 16)
+        spending.hold(memory, "paths between stops were joined")
+        worst = np.array(query.graph.aggregates) == "max"
+        costs = np.repeat(self._costs_at_ends(parts), sizes, axis=0)
+        each = [fronts[origin, target].costs for _, origin, target in parts.tolist()]
+        of_paths = np.concatenate([np.zeros((0, worst.size), np.int64), *each])
+        for column, of_path, is_worst in zip(costs.T, of_paths.T, worst, strict=True):  # in place, to save memory
+            (np.maximum if is_worst else np.add)(column, of_path, out=column)
+        del each, of_paths
+        leaving = np.bincount(tails, weights=sizes, minlength=nodes).astype(np.int64)
+        rows, aggregates = np.append(0, np.cumsum(leaving)), query.graph.aggregates
+        graph = Graph.from_csr(rows, np.repeat(heads, sizes), costs, aggregates=aggregates)
+        found = pareto_paths(
+            graph,
+            0,
+            nodes - 1,
+            budget=limits,
+            progress=limits.progress,
+            eps=eps,
+            tolerance=slack.tolist(),
+            at_most=query.at_most(),
+            checkpoint=limits.checkpoint,
+        )
+        spending.release(memory)
+        first = np.cumsum(sizes) - sizes
+        tours = []
+        for arcs in found.places:
+            own = np.searchsorted(first, arcs, side="right") - 1
+            chosen = zip(parts[own].tolist(), (arcs - first[own]).tolist(), strict=True)
+            tours.append(self._nodes([(self.stages[i], fronts[o, t].nodes(row)) for (i, o, t), row in chosen]))
+        return TourPaths(found.costs, found.status, found.stats, query.graph, 0, (), gap=found.gap, tours=tuple(tours))
+
+    def _ends_of(self, parts: IntArray) -> tuple[int, IntArray, IntArray]:
+        """Return the number of nodes of the small graph, and the tail and head (p,) of each part (p, 3) in it.
+
+        Node 0 is the start. The last node is the end of all tours.
+        """
+        count, last = len(self.sites), 1 + len(self.layered.tour.layers) * len(self.sites)
+        layers = np.array([(stage.layer, stage.after) for stage in self.stages], np.int64)[parts[:, 0]]
+        tails = np.where(parts[:, 1] == ENDS, 0, 1 + layers[:, 0] * count + parts[:, 1])
+        heads = np.where(parts[:, 2] == ENDS, last, 1 + layers[:, 1] * count + parts[:, 2])
+        return last + 1, tails, heads
+
+    def _costs_at_ends(self, parts: IntArray) -> IntArray:
+        """Return the costs (p, k) of the dwell that ends each part, and of the stops that it skips."""
+        criteria, stops = self.query.objectives.optimised, range(len(self.layered.members))
+        nothing = np.zeros((1, len(criteria)), np.int64)  # for ENDS, which is the last row
+        dwells = np.concatenate([*(self.layered.dwell_costs(stop, criteria) for stop in stops), nothing])
+        missed = self.layered.missed_costs([stage.skipped for stage in self.stages], criteria)
+        return np.asarray(dwells[parts[:, 2]] + missed[parts[:, 0]])
+
+    def _nodes(self, path: Sequence[tuple[Stage, IntArray]]) -> IntArray:
+        """Return the nodes of a tour in the graph of the tour, from its stages and the nodes of the path in each."""
+        count = self.layered.inner.size
+        nodes = [stage.layer * count + driven for stage, driven in path]
+        stage, driven = path[-1]
+        if stage.skipped:  # it ends in the extra node of its goal
+            extra = len(self.layered.tour.layers) * count + self.layered.goals.index(int(driven[-1]))
+            nodes.append(np.array([extra]))
+        return np.concatenate(nodes)
+
+    @property
+    def words(self) -> str:
+        """States of the sites in words, for certificates: "east (6, 1, 90 deg), north (1, 5, 0 deg)"."""
+        space = self.layered.model.space
+        texts = []
+        for stop in self.layered.tour.remaining:
+            name, nodes = self.layered.tour.names[stop], self.layered.members[stop]
+            states = self.layered.inner.states(nodes[:SHOWN])
+            columns = [
+                (np.degrees if unit == "rad" else np.asarray)(getattr(states, column))
+                for column, unit in zip(space.names, space.units, strict=True)
+            ]
+            rows = zip(*(column.tolist() for column in columns), strict=True)
+            each = [
+                "(" + ", ".join(_value(v, unit) for v, unit in zip(row, space.units, strict=True)) + ")" for row in rows
+            ]
+            more = [f"{nodes.size - SHOWN} more"] if nodes.size > SHOWN else []
+            texts.append(f"{name} {' or '.join([*each, *more])}")
+        return ", ".join(texts)
+
+
+def _value(value: float, unit: str) -> str:
+    """Return a coordinate of a state as text; "any" if it is not determined."""
+    return "any" if math.isnan(value) else f"{value + 0.0:.4g}{' deg' if unit == 'rad' else ''}"
