@@ -41,9 +41,8 @@ def solved(world, criteria):
 def test_groups_without_a_criterion_are_named_once(world):
     front = solved(world, ["exposure", "turns"])
     (note,) = [note for note in front.notes if "group" in note]
-    assert "robot (R)" in note
-    assert "others (O)" in note
-    assert "(C)" not in note
+    assert "robot, others" in note
+    assert "comfort" not in note
 
 
 def test_costs_stand_under_their_groups(world):
