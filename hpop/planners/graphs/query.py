@@ -161,10 +161,10 @@ class Query:
     # Searches
 
     def paths(self, limits: Limits, *, eps: float = 0.0, slack: IntArray | None = None) -> ParetoPaths | TimedPaths:
-        """Run the exact search and return all non-dominated paths.
+        """Run the exact search and return all non-dominated paths, or those found before it reached a limit.
 
-        With ``eps`` or ``slack``, fewer paths may be returned. For each non-dominated cost vector p, the cost vector of
-        a returned path is then at most (1 + eps) p + slack.
+        With ``eps`` or ``slack``, fewer paths may be returned. If no limit ends the search: for each non-dominated cost
+        vector p, the cost vector of a returned path is at most (1 + eps) p + slack.
 
         slack  (k,)  in quanta
         """
@@ -203,8 +203,8 @@ class Query:
     ) -> Candidates:
         """Run the exact search and return its paths as the candidates of the planner ``name``.
 
-        For each non-dominated cost vector p, the cost vector of a returned path is at most (1 + eps) p + tolerance. The
-        tolerance is given by name, in the unit of the cost.
+        If no limit ends the search: for each non-dominated cost vector p, the cost vector of a returned path is at most
+        (1 + eps) p + tolerance. The tolerance is given by name, in the unit of the cost.
 
         Parameters
         ----------

@@ -40,7 +40,7 @@ ARC = 16  # bytes of memory for an arc, without its costs
 
 @dataclass(frozen=True, eq=False)
 class StateGraph(TrajectoryGraph):
-    """Graph of collision-free robot states in the plane, numbered from 0, each arc of which is one motion."""
+    """Graph of robot states in the plane, numbered from 0, each arc of which is one collision-free motion."""
 
     has_clock = True
 

@@ -47,7 +47,7 @@ class TourGraph(TrajectoryGraph):
 
     inner    graph of one layer, with start and goals among its nodes
     tour     stops and their order
-    members  for each stop: the nodes (c,) of the inner graph at which it can be visited, in ascending order
+    members  for each stop: the nodes (c,) of the inner graph at which it can be visited, in ascending order;
              none for a stop that is done, that is, was visited or skipped before (on a drive)
     goals    goal nodes of the inner graph; the extra nodes have the same order
     """

@@ -223,8 +223,8 @@ class TrajectoryGraph(ABC):
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
         """Compute the costs of all arcs and return the graph for a search, with one integer cost for each criterion.
 
-        A cost is a number of the criterion's quanta, rounded up. Raises CriterionError if a cost is negative, not a
-        number or of the wrong shape, and Exhausted if a limit of ``spending`` is passed.
+        A cost is a number of the criterion's quanta, rounded up. Raises CriterionError if a cost is negative, not
+        finite or of the wrong shape, and Exhausted if a limit of ``spending`` is passed.
         """
 
     @property
@@ -239,7 +239,7 @@ class TrajectoryGraph(ABC):
 
     @property
     def is_checked(self) -> bool:
-        """True if all arcs of `graph` are known to be free of collisions; else a search checks its own: `arcs_free`."""
+        """True if all arcs of `graph` are known to be free; if not, a search checks those it uses (`arcs_free`)."""
         return True
 
     def with_checked_arcs(self) -> Self:

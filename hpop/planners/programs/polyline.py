@@ -100,7 +100,7 @@ class Polyline:
         return Polyline(self.vertices[stays], self.start_yaw, self.goal_yaw)
 
     def farthest(self, other: Polyline) -> float:
-        """Return how far any vertex is from its counterpart in another polyline, m, in x or in y.
+        """Return the largest difference in x or y, m, between a vertex and its counterpart in another polyline.
 
         The result is inf if the polylines have different numbers of vertices.
         """

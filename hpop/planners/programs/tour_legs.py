@@ -102,10 +102,10 @@ def improved_tours(
 ) -> Candidates:
     """Improve each leg of known tours by a planner of nonlinear programs, and return the tours with the new legs.
 
-    A leg is the part of a tour between two stops or holds. Tours that do not complete their visits are left out. The
-    states at which stops are visited, their order and all
-    holds stay. A leg that several tours share is improved once. A leg without a result, also because of a time limit or
-    Ctrl-C, stays as it was, and a note says so. All costs are evaluated along whole tours.
+    A leg is the part of a tour between two stops or holds. The states at which stops are visited, their order and all
+    holds stay. Known tours that do not complete their visits are left out. A leg that several tours share is improved
+    once. A leg without a result, also because of a time limit or Ctrl-C, stays as it was, and a note says so. All costs
+    are evaluated along whole tours.
     """
     assert problem.tour is not None
     refuse_moving(problem, f"{name} on a tour")

@@ -178,7 +178,7 @@ def known_tours(
 
 
 def _contact(problem: Problem) -> list[str]:
-    """Return a note if the robot starts in contact with people.
+    """Return one note if the robot starts in contact with people, else [].
 
     Nonlinear programs ignore these people, but the final check drops trajectories that touch them again.
     """

@@ -101,7 +101,7 @@ def mean_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objecti
 
 
 def mean_criteria(criteria: Sequence[Criterion], objectives: Objectives) -> Objectives:
-    """Return the objectives as the user sees them: with the mean itself instead of its integral and the duration."""
+    """Return the objectives as the user sees them: with the mean itself, not its integral and an added duration."""
     return replace(objectives, optimised=tuple(c for c in criteria if c.aggregate != "trajectory"))
 
 

@@ -133,7 +133,7 @@ class LatticeGraph(GraphFamily):
         return with_ends(lattice, problem, lattice.reach(problem))
 
     def _part(self, lattice: StateLattice, problem: Problem, most: int) -> StateLattice | None:
-        """Return the part of a lattice with the ``most`` positions that lie on the shortest paths.
+        """Return the part of a lattice that has the ``most`` positions nearest to the shortest paths.
 
         None for a small lattice, or if there is no path.
         """

@@ -39,7 +39,9 @@ POSITION = 32  # bytes needed for each position while the lattice is built, with
 
 @dataclass(frozen=True, eq=False)
 class StateLattice(StateGraph):
-    """Lattice: positions on a grid parallel to the axes of the map, and the robot's collision-free states at them.
+    """Lattice: positions on a grid parallel to the axes of the map, and the robot's states at them.
+
+    A position is part of it if the robot is free of collisions there in some station; other states there have no arcs.
 
     anchor          (x, y) of one position of the grid, m
     step            m  distance between neighbouring positions

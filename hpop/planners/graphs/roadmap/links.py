@@ -85,8 +85,8 @@ def links_between(
 def nearest(space: StateSpace, states: States, of: States, count: int, spending: Spending) -> IntArray:
     """Find the ``count`` states nearest to each state of ``of`` (N,); return their indices (N, c) in ``states``.
 
-    There are c < ``count`` columns if there are fewer states. Distances are those of the space's metric, in which
-    angles are periodic. Coordinates that are NaN in the first state of ``of`` are ignored.
+    The number c of columns is ``count``, or that of the states if they are fewer. Distances are those of the space's
+    metric, in which angles are periodic. Coordinates that are NaN in the first state of ``of`` are ignored.
     """
     count = min(count, states.size)
     if not count or not of.size:

@@ -32,8 +32,8 @@ class Survey:
 
     connections  distances between states, and collision checks of motions between them
     start        (1,)  state
-    goals        (G,)  goal states without a collision; NaN in an angle that may have any value, of which one that was
-                 tried is free
+    goals        (G,)  goal states without a collision; NaN for an angle that may have any value, if the robot is free
+                 at one of the values that were tried
     goal_count   number of all goal states, including blocked ones
     pairs        number of pairs of random trees that searched for guides
     guides       collision-free paths that the trees found, shortest first

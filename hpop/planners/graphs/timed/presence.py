@@ -69,7 +69,7 @@ class Presence:
 
     @cached_property
     def _beyond(self) -> list[NDArray[np.float32]]:
-        """For each moving person: distance (P, H), m, by which each place is outside their range at each tick."""
+        """For each moving person: distance (P, H), m, by which each place is outside their range; negative inside."""
         times = self.clock.seconds(np.arange(self.horizon))
         distances = self.x.size * self.horizon * np.dtype(np.float32).itemsize
         limits.hold(NOTICED, len(self.notices.of) * distances, 2 * distances)

@@ -63,10 +63,10 @@ class Timing:
     # The search
 
     def paths(self, query: Query, limits: Limits, eps: float, slack: IntArray) -> TimedPaths:
-        """Run the exact search in time steps and return all non-dominated paths.
+        """Run the exact search in time steps and return all non-dominated paths, or those found before a limit.
 
-        With ``eps`` or ``slack`` (k,), in quanta of the criteria, fewer paths may be returned. For each non-dominated
-        cost vector p, the cost vector of a returned path is then at most (1 + eps) p + slack.
+        With ``eps`` or ``slack`` (k,), in quanta of the criteria, fewer paths may be returned. If no limit ends the
+        search: for each non-dominated cost vector p, the cost vector of a returned path is at most (1 + eps) p + slack.
         """
         quanta = np.array([criterion.quantum for criterion in query.objectives.optimised])
         counts = np.floor(slack * (quanta / self.timed.quanta) + 1e-9).astype(np.int64)

@@ -290,7 +290,7 @@ class Grid:
         """Return the cells that still have to be solved.
 
         A cell can be skipped if a candidate found for looser bounds also keeps the bounds of this cell, or if looser
-        bounds were infeasible.
+        bounds from the same warm start were infeasible.
         """
         bounded = self.roles.bounded
         left = [cell for cell in cells if not self._hopeless(cell)]

@@ -205,7 +205,7 @@ class LocalModel:
 
     @cached_property
     def _floors(self) -> list[tuple[Heights, float]]:
-        """Height ranges, each with the least allowed distance to obstacles: the robot's reach, or the present one."""
+        """Height ranges, each with the least allowed distance to obstacles, m: reach, or the present one if less."""
         vertices = self.polyline.vertices
         return [
             (z, min(reach + APART, float(self._near(vertices, z)[1].min(initial=np.inf))))

@@ -206,11 +206,11 @@ class PathStretch:
 
 
 def stretches_of(run: Trajectory, coordinates: Coordinates) -> list[PathStretch | float]:
-    """Return the stretches of an executed trajectory and, as floats, the seconds for which it stands between them.
+    """Return, in order of time, the stretches of an executed trajectory and, as floats, the seconds of its holds.
 
     coordinates  coordinates of the robot, by which standstills are found and lengths are measured
 
-    Reaches in one straight direction without a hold between them become one stretch.
+    Reaches of an arm in one straight direction, without a hold between them, become one stretch.
     """
     parts: list[PathStretch | float] = []
     motions: list[int] = []

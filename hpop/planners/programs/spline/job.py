@@ -53,7 +53,7 @@ class _PathRun:
     longest  s  duration of the path
     settled  whether one more step is predicted to gain almost nothing
     splines  finished splines
-    steps    splines after each step of the current search, all of them proved free
+    steps    spline at the beginning of the current search, then after each step, all of them proved free
     """
 
     counts: Counter[str]

@@ -43,7 +43,8 @@ HAND_OVER = 1.0  # s after the time limit in which workers may finish their step
 class Spline:
     """Planner that turns paths of a robot with joints into splines that cost no more; it returns both.
 
-    pieces      approximate number of cubic pieces of a spline; each motion of the path becomes at least two
+    pieces      approximate number of cubic pieces of a spline; each phase of a motion, such as speeding up, gets at
+                least one
     minimise    name of the cost to minimise; None: one spline for all costs with equal weights, relative to the path's
                 costs, and then one for each cost if that lowers it
     warm_start  source of the paths: a planner's name, ``{name: {option: value}}``, a front, or trajectories
@@ -62,9 +63,10 @@ class Spline:
     symbols; the others are not optimised, and a note says so. Guarantees that every spline is proved free, keeps the
     limits of joints, speeds and accelerations, and costs no more than its path in any criterion with a gradient. Every
     path stays among the candidates, as a spline may be worse in the other criteria; paths without a spline are counted.
-    A spline takes at most twice as long as its path. Each is a local improvement: steps end when they gain little.
-    ``settled`` in the provenance is true if the next step is predicted to gain at most 1e-3. A note counts the splines
-    for which it is false; often these minimise costs with kinks, such as rotations. Cost: 0.2 to 5 s per spline.
+    A spline takes at most twice as long as its path, or as long as the first cubics through it. Each is a local
+    improvement: steps end when they gain little. ``settled`` in the provenance is true if the next step is predicted to
+    gain at most a thousandth. A note counts the splines for which it is false; often these minimise costs with kinks,
+    such as rotations. Cost: 0.2 to 5 s per spline.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"spline"})
