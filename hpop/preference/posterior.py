@@ -276,7 +276,10 @@ def best_probability_and_regret(rows: FloatArray, draws: Draws) -> tuple[FloatAr
 
 
 def row_probability_and_regret(rows: FloatArray, draws: Draws, row: int) -> tuple[float, float]:
-    """Return the probability to be the best, and the expected regret, of one row; twice as fast as for all rows."""
+    """Return the probability to be the best, and the expected regret, of one row, over equally weighted draws.
+
+    It is twice as fast as :func:`best_probability_and_regret`, which does this for all rows.
+    """
     order = np.argsort(rows.sum(axis=1), kind="stable")
     rows, row = rows[order], int(np.flatnonzero(order == row)[0])
     costs = draws.shares @ rows.T  # (draws, n)
@@ -350,7 +353,8 @@ def expected_information(gains: FloatArray, ties: FloatArray | None) -> FloatArr
 def _candidate_pairs(rows: FloatArray, draws: Draws, rng: np.random.Generator) -> IntArray:
     """Return pairs of rows (m, 2) that differ noticeably, as candidates for the next question.
 
-    If there are few rows, these are all pairs; otherwise random pairs, and pairs of favourites.
+    These are all pairs if there are at most :data:`PAIRS`; otherwise so many random pairs, and all pairs of the
+    :data:`FAVOURITES` rows that are best for most draws.
     """
     n = len(rows)
     if n * (n - 1) // 2 <= PAIRS:

@@ -310,7 +310,7 @@ def read_sessions(folder: Path, design: Design) -> tuple[list[Session], list[str
 
 
 def _check_file(path: Path, participant: str, design: Design, known: dict[str, Session]) -> None:
-    """Raise StudyError if a file of answers belongs to a withdrawn participant, or has a wrong name."""
+    """Raise StudyError for a file of answers of a withdrawn participant, a second file of one, or a wrong file name."""
     if participant in design.withdrawn:
         raise StudyError(f"{path}: {participant} withdrew; `hpop study withdraw` removes these answers as well")
     own = path.with_name(f"{participant}.json")

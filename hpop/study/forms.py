@@ -387,7 +387,7 @@ def _applies(form: Form, item: Item, value: float) -> bool:
 
 
 def _sum_of(form: Form, one: Score, raw: Mapping[str, float], made: Mapping[str, float]) -> float:
-    """Return a score before it is multiplied by ``times`` and divided by ``out_of``."""
+    """Return a score before ``times`` and ``out_of``, from ``raw`` sums by subscale and the scores ``made`` so far."""
     if one.subscale is not None:
         return raw[one.subscale]
     if one.of:

@@ -97,7 +97,7 @@ class Study:
         return self._known[1]
 
     def page(self, participant: str) -> str:
-        """Return the HTML of a participant's session page; Refusal if there is no such participant."""
+        """Return the HTML of a participant's session page; Refusal if the participant is unknown or withdrew."""
         design = self._with(participant)
         public = design.public(participant)
         state = _state(*(self.folder / condition.stimulus for condition in design.conditions))

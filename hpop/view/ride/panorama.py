@@ -55,8 +55,9 @@ class Panorama:
         return self._render(position, yaw, t, per_column=1, hard=True)[1]
 
     def draw_turned(self, position: FloatArray, axes: FloatArray, t: float) -> Picture:
-        """Render the panorama of a tilted camera with axes (3, 3): unit vectors ahead, left and up, in the columns.
+        """Render the panorama of a tilted camera at a position (3,), m, at a time, s.
 
+        Its axes (3, 3) are unit vectors ahead, left and up, in the columns.
         It resamples a level picture of twice the size, so that little sharpness is lost.
         """
         fine = Panorama(self.scene, 2 * self.width)
@@ -70,7 +71,10 @@ class Panorama:
     def _render(
         self, position: FloatArray, yaw: float, t: float, *, per_column: int, hard: bool
     ) -> tuple[Picture, NDArray[np.int32]]:
-        """Render a panorama: its colours, and if ``hard`` the number of the thing at the middle of each pixel."""
+        """Render a panorama with ``per_column`` rays in each column.
+
+        Return its colours, and if ``hard`` the number of the thing at the middle of each pixel, else an empty array.
+        """
         rays, rows = per_column * self.width, self.width // 2
         x, y, z = (float(value) for value in position)
         whole, part = divmod(round(yaw / (2.0 * math.pi) * self.width * FINE), FINE)
