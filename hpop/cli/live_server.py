@@ -116,7 +116,7 @@ class LiveFront:
                 self.changed.notify_all()
 
     def end(self) -> None:
-        """Notify all open pages that the search has ended, and wait until they have received it."""
+        """Notify all open pages that the search has ended, and wait up to `FAREWELL` s until they have received it."""
         with self.changed:
             self.ended = True
             self.changed.notify_all()

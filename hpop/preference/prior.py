@@ -120,7 +120,7 @@ class Prior:
         return np.array(self.concentration)
 
     def draw(self, f: int, count: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Draw ``count`` random people with f costs: shares (N, f), sharpness (N,) and ties (N,).
+        """Draw ``count`` random people with f costs: shares (count, f), sharpness (count,) and ties (count,).
 
         People who answer at random come first. The share of a cost that a person does not care for is 0; other shares
         are above 0.
