@@ -279,7 +279,7 @@ def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence
 
 
 def driven_speeds(trajectory: Trajectory) -> str:
-    """Return the speeds, m/s, at which a plan with speed classes drives, as text such as "0.5 1"; "-" if it has none."""
+    """Return the speeds, m/s, at which a plan with speed classes drives, as text such as "0.5 1"; "-" without any."""
     speeds = distinct(getattr(trajectory.states, SPEED, np.zeros(1)))
     return " ".join(f"{speed:g}" for speed in speeds.tolist() if speed > 0.0) or "-"
 
