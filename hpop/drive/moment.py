@@ -134,7 +134,7 @@ class DriveProgress:
     lag        s, time of the drive at which the plan began, corrected by measured states
     stretches  parts of the drive by surroundings; the last one has the present surroundings
     margin     m, distance to keep from moving people
-    tour       stops that are done since the last event; None without a tour
+    tour       progress along the tour at the last event; None without a tour
     """
 
     def __init__(self, plan: Plan, surroundings: DriveSurroundings, begin: float, margin: float) -> None:
@@ -260,7 +260,7 @@ class Moment:
 
     @cached_property
     def stops(self) -> TourProgress | None:
-        """Stops of the tour that are done; None without a tour."""
+        """Progress along the tour at this time: the stops that are done, and those that remain; None without a tour."""
         if self._tour is None:
             return None
         plan, t, world = self._plan, self.planned, self._stretches[-1].surroundings.problem.world

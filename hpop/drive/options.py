@@ -165,7 +165,7 @@ class Option(Point):
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Options(Sequence[Option]):
-    """The front of the remaining plans of a drive, which includes the present plan.
+    """The front of the remaining plans of a drive, with the present plan if that is open.
 
     front     costs from the commit on; worst moments and means cover the whole drive
     now       s, time of the drive at which options were computed

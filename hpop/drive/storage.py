@@ -64,7 +64,7 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise DriveError(f"{source}: expected the JSON of a drive, found {error!s:.200}; save it again") from None
     if not isinstance(stored, dict) or stored.get("schema") != SCHEMA or set(stored) != KEYS:
-        raise DriveError(f"{source}: expected a drive, as drive.save writes it, found something else")
+        raise DriveError(f"{source}: expected a drive, found something else; name a file that drive.save wrote")
     if stored["version"] != VERSION:
         raise DriveError(
             f"{source}: expected version {VERSION} of a drive, found {shown(stored['version'])}; load it with the hpop "
@@ -114,7 +114,7 @@ class EventLog:
         return self._last
 
     def _now(self) -> float:
-        """Return the time of the last event, s."""
+        """Return the time of the last event, s; before the first one, the time at which the robot leaves."""
         return max(self._last, self.begin)
 
     def _note(self, event: str, now: float, **values: Any) -> None:

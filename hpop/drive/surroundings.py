@@ -157,7 +157,7 @@ class DriveSurroundings:
         return replace(self._changed(self.since, people), stopping=(taken_to_stop(self.people, stopped),))
 
     def _place_of(self, person: Any) -> int:
-        """Return the index of a person, given by index, by name, or as a `Person`; DriveError if there is none."""
+        """Return the index of a person, given by index, by name, or as a `Person`; DriveError if no or several fit."""
         names = [known.name for known in self.people]
         if is_whole(person) and 0 <= person < len(names):
             return int(person)

@@ -1,7 +1,8 @@
-"""The graph of a drive along a tour: a copy of the drive's graph for each set of stops that may be done.
+"""The graph of a drive along a tour: a copy of the drive's graph (a layer) for each set of stops that may be done.
 
-It is built when the drive begins, and again after a stop was skipped that the tour's order does not allow to skip.
-While stops are visited, searches only begin in another copy. So all that is known of the graph is kept.
+A stop is done if it was visited or skipped. The graph is built when the drive begins, and again after a stop was
+skipped that the tour's order does not allow to skip. After a visit, searches only begin in another layer, so all that
+is known of the graph is kept.
 """
 
 from __future__ import annotations
@@ -35,8 +36,8 @@ if TYPE_CHECKING:
 class TourDriveGraph(DriveGraph):
     """A drive's graph in layers (:class:`hpop.planners.graphs.tour.TourGraph`), with the present closed arcs.
 
-    base   the drive's graph, which is one layer
-    space  the layered graph of its states
+    base   the drive's graph, of which each layer is a copy
+    space  the states and arcs of all layers
     """
 
     base: DriveGraph = field(kw_only=True)
@@ -44,7 +45,7 @@ class TourDriveGraph(DriveGraph):
 
     @classmethod
     def over(cls, base: DriveGraph, tour: Tour, before: TourDriveGraph | None = None) -> TourDriveGraph:
-        """Build the graph for a tour, whose first layer has the stops that are done.
+        """Build the graph for a tour; its first layer is that of the stops that are done in the tour.
 
         Parameters
         ----------
@@ -77,11 +78,11 @@ class TourDriveGraph(DriveGraph):
         return closed
 
     def allows(self, tour: Tour) -> bool:
-        """Return whether a layer has the stops that are done in a tour."""
+        """Return whether one of the layers is that of the stops that are done in a tour."""
         return tour.layers[0] in self.space.tour.layers
 
     def node(self, inner: int, tour: Tour) -> int:
-        """Return the node for a node of one layer, in the layer of the stops that are done in a tour."""
+        """Return the node that node ``inner`` of the base graph has in the layer of the stops done in a tour."""
         return self.space.tour.layers.index(tour.layers[0]) * self.base.graph.nodes + inner
 
     def where(self, query: Query) -> str:
@@ -93,7 +94,10 @@ class TourDriveGraph(DriveGraph):
     # Known paths
 
     def arcs_of(self, trajectories: Sequence[Trajectory]) -> list[IntArray]:
-        """Return for each trajectory the arcs of its last part, as on the base graph, with its visits of stops."""
+        """Return for each trajectory the arcs of its last part on the graph, up to a goal; its visits change the layer.
+
+        The arcs are [] if the trajectory ends elsewhere, or if its visits do not lead through the layers.
+        """
         of_base = self.base.arcs_and_places(trajectories)
         visits = all_visits(self.space.tour, self.world, trajectories)
         return [
@@ -102,8 +106,9 @@ class TourDriveGraph(DriveGraph):
         ]
 
     def _in_layers(self, arcs: IntArray, leaves: FloatArray, visits: Sequence[Visit]) -> IntArray:
-        """Return the arcs of a path of the base graph with visits; none if it does not lead through the layers.
+        """Return the arcs in this graph of a path of the base graph with visits; [] if it does not lead to a goal.
 
+        arcs    (n,)  arcs of the path in the base graph
         leaves  (n,)  s, time at which the robot leaves the tail of each of the n arcs
         """
         none, (tour, base), count = np.zeros(0, np.int64), (self.space.tour, self.base.graph), self.base.graph.nodes
@@ -175,7 +180,10 @@ class TourGraphs:
         self._routes: KnownRoutes | None = None
 
     def at(self, base: DriveGraph, tour: Tour | None = None) -> TourDriveGraph:
-        """Return the graph over the drive's present graph, for searches with the stops that are done in a tour."""
+        """Return the layered graph over the drive's graph ``base``, for searches after the stops done in a tour.
+
+        It is kept, and changed or built again only if ``base`` has changed or no layer fits the tour.
+        """
         tour, before = tour or self.tour, self._graph
         if before is not None and not before.allows(tour):
             self.tour, self._last_paths = tour, []
@@ -194,7 +202,7 @@ class TourGraphs:
         return self._graph
 
     def known(self, graph: TourDriveGraph, node: int) -> list[IntArray]:
-        """Return the remaining parts, from a node on, of known paths, as arcs."""
+        """Return the arcs of the remaining parts, from a node of ``graph`` on, of known paths; [] for another graph."""
         if graph is not self._graph or self._routes is None:
             return []
         last = graph.known_routes(self._last_paths)
@@ -206,7 +214,7 @@ class TourGraphs:
             self._last_paths = list(paths)
 
     def prepared(self, graph: TourDriveGraph) -> Prepared:
-        """Return a graph prepared for searches."""
+        """Return ``graph`` prepared for searches; the preparation is kept only for the graph of :meth:`at`."""
         if graph is self._graph and self._prepared is not None:
             return self._prepared
         return graph.prepared()

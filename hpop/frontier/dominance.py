@@ -177,7 +177,7 @@ def quantised(Y: ArrayLike, quanta: ArrayLike) -> IntArray:
         row, column = np.argwhere(beyond)[0]
         cost = matrix[row, column]
         raise ValueError(
-            f"costs must be below 2**53 quanta, which float64 resolves, but row {row}, column {column} has a cost of "
+            f"costs must be at most 2**53 quanta, which float64 resolves, but row {row}, column {column} has a cost of "
             f"{cost:.6g} with a quantum of {steps[column]:.3g}; use a quantum above {abs(cost) / MAX_QUANTA:.3g}"
         )
     return np.rint(quotients).astype(np.int64)

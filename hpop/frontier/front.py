@@ -301,7 +301,10 @@ class Front(Choices[T], Generic[T]):
         return self._selected(kept, f"greedy hypervolume (at least {SHARE} of that of the best {len(rows):,} points)")
 
     def _selected(self, kept: BoolArray, by: str) -> Self:
-        """Return the front of the points in a mask (n,); its certificate says that they were selected ``by`` a text."""
+        """Return the front of the points in a mask (n,).
+
+        by  text for the certificate, which becomes "selected from 9 points by TEXT: ..."
+        """
         rows = np.flatnonzero(kept)
         return replace(
             self,

@@ -183,6 +183,6 @@ def quantised(costs: FloatArray, criterion: Criterion) -> IntArray:
     if largest > 2**52:
         raise OptionError(
             f"an edge costs {costs.max()} {criterion.unit} in {criterion.name!r}, more than 2^52 times its quantum "
-            f"{criterion.quantum}; declare a larger quantum"
+            f"{criterion.quantum}; give the problem a larger quantum in quanta"
         )
     return np.ceil(costs / criterion.quantum - WHOLE).astype(np.int64)

@@ -162,7 +162,12 @@ def retime(
         raise ModelError(
             "the trajectory is of another robot than the problem; give a trajectory of the problem's model"
         )
-    if people_move(problem) or trajectory.punctual:
+    if trajectory.punctual:
+        raise QueryError(
+            "the trajectory was planned among people who move, so it must keep its times, which retime would change; "
+            "retime one that was planned without them"
+        )
+    if people_move(problem):
         raise QueryError(
             "retime does not know where people walk at what time, so it would not keep clear of them; take people who "
             "move out of the problem"

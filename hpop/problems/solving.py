@@ -190,7 +190,7 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
     for criterion, most in zip(objectives, costs.max(axis=0, initial=0.0).tolist(), strict=True):
         if most > MAX_QUANTA * criterion.quantum:
             raise CriterionError(
-                f"costs of {criterion.name} must be below 2**53 times its quantum {criterion.quantum:g}, got "
+                f"costs of {criterion.name} must be at most 2**53 times its quantum {criterion.quantum:g}, got "
                 f"{most:.3g} {criterion.unit} on a trajectory; set a coarser quantum, or plan shorter motions"
             )
     provenance, unvisited = candidates.provenance, False

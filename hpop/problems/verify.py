@@ -306,7 +306,10 @@ def _offset(provenance: Mapping[str, Any]) -> float:
 
 
 def _end_faults(problem: Problem, trajectory: Trajectory, offset: float) -> Iterator[str]:
-    """Yield a text if a trajectory does not begin at the start, or does not end within ``offset`` m of a goal."""
+    """Yield a text for each fault of a trajectory's first and last state: not at the start, or not at a goal.
+
+    The position may be off from a goal by ``offset`` m if the goal is given by states.
+    """
     first, last = (trajectory.states.take([row]) for row in (0, -1))
     if not _Miss.of(problem, problem.start, first).none.all():
         yield "does not begin at the start"

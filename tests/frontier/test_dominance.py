@@ -113,9 +113,9 @@ def test_whole_quanta_are_recovered(Z, exponent):
 
 def test_a_quantum_finer_than_float64_resolves_is_refused():
     assert quantised([[2.0**53]], [1.0]).tolist() == [[2**53]]
-    with pytest.raises(ValueError, match=r"below 2\*\*53 quanta.*row 1, column 0.*quantum above 2"):
+    with pytest.raises(ValueError, match=r"at most 2\*\*53 quanta.*row 1, column 0.*quantum above 2"):
         quantised([[1.0], [2.0**54]], [1.0])
-    with pytest.raises(ValueError, match="must be below"):
+    with pytest.raises(ValueError, match="must be at most"):
         quantised([[1e300]], [1e-300])
 
 
