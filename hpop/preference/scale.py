@@ -39,7 +39,7 @@ class Measure(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CostScale:
-    """Scale that maps the costs of a front to numbers from 0 to 1.
+    """Scale that maps the costs of a front to numbers from 0 to 1; costs of other fronts may lie outside.
 
     names     of the k costs
     units     of the k costs

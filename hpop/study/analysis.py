@@ -118,7 +118,7 @@ def _orders(design: Design) -> str:
 
 
 def _durations(design: Design) -> str:
-    """Describe how long the stimuli last, with a warning if the longest lasts 10 % longer than the shortest or more."""
+    """Describe how long the stimuli last, with a warning if the longest lasts over 10 % longer than the shortest."""
     if lasting := unlike(design.conditions):
         return f"{lasting}, so a part of the differences may come from the durations, not from the paths"
     lasts = [condition.duration for condition in design.conditions]

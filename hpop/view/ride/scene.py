@@ -303,7 +303,8 @@ def _border(world: World, storey: float) -> Iterator[Prism]:
 def _ends(heights: tuple[float, float], storey: float) -> tuple[float, float]:
     """Return finite heights, m, of an obstacle.
 
-    An unlimited end is put where the obstacle is a storey high; if both ends are unlimited, it stands on the floor.
+    An unlimited lower end becomes the floor, or a storey below the upper end if that is lower. An unlimited upper end
+    becomes a storey above the lower end or the floor, whichever is higher.
     """
     low = heights[0] if math.isfinite(heights[0]) else min(0.0, heights[1] - storey)
     high = heights[1] if math.isfinite(heights[1]) else max(low, 0.0) + storey
