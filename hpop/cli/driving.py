@@ -114,7 +114,7 @@ def _print(happening: Happening, driven: Execution) -> None:
 
 
 def _consequences(happening: Happening) -> list[str]:
-    """Describe how an event affects the present plan, for the output."""
+    """Return lines that say how an event affects the present plan; the event must have changed something."""
     change = happening.change
     assert change is not None
     if change.safe_until is None:

@@ -233,7 +233,7 @@ def y_up(vectors: FloatArray) -> FloatArray:
 
 
 def linear(colour: tuple[int, int, int]) -> list[float]:
-    """Convert an sRGB colour, 0 to 255, to linear light from 0 to 1, as glTF stores it."""
+    """Convert an sRGB colour, 0 to 255, to linear red, green and blue from 0 to 1, with an alpha of 1, as in glTF."""
     stored = np.array(colour) / 255.0
     light = np.where(stored <= 0.04045, stored / 12.92, ((stored + 0.055) / 1.055) ** 2.4)
     return [*np.round(light, 6).tolist(), 1.0]

@@ -209,7 +209,7 @@ def _slopes(rows: int) -> FloatArray:
 
 @cache
 def _sky(rows: int) -> FloatArray:
-    """Return the sky's colour (H, 3) in each row, from the horizon to overhead."""
+    """Return the sky's colour (H, 3) in each row, from overhead (row 0) to the horizon; below it the horizon's."""
     up = np.clip((rows / 2 - np.arange(rows) - 0.5) / (rows / 2), 0.0, 1.0)[:, None]
     horizon, zenith = np.array(surfaces.SKY_HORIZON, float), np.array(surfaces.SKY_ZENITH, float)
     sky: FloatArray = horizon + (zenith - horizon) * up * (2.0 - up)

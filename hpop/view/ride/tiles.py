@@ -66,10 +66,10 @@ class Things(NamedTuple):
 class RayMeetings(NamedTuple):
     """Result of `columns.crossings`: the edges that each ray meets, as linked lists.
 
-    last      (N,)  last meeting of each ray, or -1
+    last      (N,)  index of the last meeting in the list of each ray, or -1
     distance  (M,)  m, of each meeting
-    edge      (M,)  edge met
-    before    (M,)  previous meeting of the ray, or -1
+    edge      (M,)  index of the edge met
+    before    (M,)  index of the previous meeting in the list of that ray, or -1
     """
 
     last: IntArray
