@@ -21,7 +21,8 @@ from hpop.world.sight.bearings import in_view
 from hpop.world.sight.visibility import sees
 
 if TYPE_CHECKING:
-    from hpop.goals.tour import Tour, TourStop
+    from hpop.goals.tour import Tour
+    from hpop.goals.tour_stop import TourStop
     from hpop.motions import Model, Pose
     from hpop.trajectories.trajectory import Trajectory
     from hpop.world import World

@@ -240,9 +240,8 @@ class Execution(StopLog):
         present = remaining if plan.stops is None and not commit.stands else None
         problem = surroundings.at(commit.state, commit.time)
         if (tour := self._progress.tour) is not None:
-            plan_then = joined(commit.before, remaining)
-            tour = tour.after(plan_then, commit.before.duration, self._progress.lag, problem.world)
-            problem = replace(problem, tour=tour.tour)
+            then, t = joined(commit.before, remaining), commit.before.duration
+            problem = replace(problem, tour=tour.after(then, t, self._progress.lag, problem.world).tour)
         result = self._replanner.result(surroundings, problem, commit, present, deadline, answer)
         before = Plan(commit.before)
         costs_so_far = partial(past, before, before.end, self._progress.stretches, self.problem.criteria)
@@ -255,10 +254,8 @@ class Execution(StopLog):
             self._progress.planned(now),
             lambda trajectory: same_side(trajectory, remaining, surroundings.problem.world, closings),
         )
-        status = result.candidates.status
-        search = (status, result.gap, result.labels)
-        options = Options(front, now, commit, place, point, *search, result.unreachable, compared=compared)
-        self._latest = options
+        search = (result.candidates.status, result.gap, result.labels, result.unreachable)
+        self._latest = options = Options(front, now, commit, place, point, *search, compared=compared)
         return options, result
 
     # Changes
@@ -279,8 +276,7 @@ class Execution(StopLog):
         option has been closed since.
         """
         options = self._options_at_hand()
-        now = self._in_order(self._now() if now is None else now)
-        place = options.place_of(option)
+        now, place = self._in_order(self._now() if now is None else now), options.place_of(option)
         chosen, commit = options[place], options.commit
         if now > commit.time + SAME and not commit.arrives:
             began = f"{commit.time:.2f} s, but it is {now:.2f} s already"

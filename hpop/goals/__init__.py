@@ -3,7 +3,8 @@
 from hpop.goals.base import REACHED, AnyOf, Goal, GoalSet, GoalSpec, checked_goal, goal, is_named
 from hpop.goals.bodies import CameraAt, LookAt, ToolAt
 from hpop.goals.region import Region
-from hpop.goals.tour import Tour, TourStop
+from hpop.goals.tour import Tour
+from hpop.goals.tour_stop import TourStop
 
 __all__ = [
     "REACHED",

@@ -15,6 +15,7 @@ import pytest
 import hpop
 from hpop.errors import DriveError, QueryError
 from hpop.goals import Tour
+from hpop.planners.base import make_planner
 from hpop.runtime.status import Status
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person
@@ -257,7 +258,7 @@ def test_tours_among_people_who_move_are_refused() -> None:
     front = asked([WEST]).solve(LATTICE)
     moving = asked([WEST], people=(walker,))
     with pytest.raises(QueryError, match=words):
-        hpop.drive.Execution(moving, front.trajectories, front[0].item, hpop.planners.Lattice(step=0.5))
+        hpop.drive.Execution(moving, front.trajectories, front[0].item, make_planner(LATTICE))
     drive = hpop.follow(asked([WEST]), front, 0)
     with pytest.raises(QueryError, match=words):
         drive.world(1.0, people=[walker])

@@ -10,7 +10,8 @@ import numpy as np
 from hpop.base.arrays import IntArray
 from hpop.criteria.visits import in_stop
 from hpop.errors import QueryError
-from hpop.goals.tour import MOST_LAYERS, Tour, TourStop
+from hpop.goals.tour import MOST_LAYERS, Tour
+from hpop.goals.tour_stop import TourStop
 from hpop.motions import States
 from hpop.planners.graphs.arcs import BLOCK
 from hpop.planners.graphs.joined_ends import Ends, JoinedEnds
