@@ -108,7 +108,7 @@ class Execution(StopLog):
     def ready(self, now: float | None = None) -> None:
         """Wait until the graph is rebuilt after a change of the world, however long this takes.
 
-        Call it if time is simulated. Otherwise :meth:`options` returns known plans until the graph is ready.
+        Call it if time is simulated. Otherwise, among moving people, :meth:`options` returns known plans until then.
         """
         self._lay_out(now := self._now() if now is None else now)
         for deadline in (0.0, DEADLINE) if self.surroundings.moving else ():

@@ -47,7 +47,8 @@ def until(trajectory: Trajectory, t: float) -> Trajectory:
 def between(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
     """Return the part of a trajectory between two times, s; motions under way are cut.
 
-    A part of a turn becomes a turn of its own, from rest to rest, which takes longer than that part took.
+    A part of a turn becomes a turn of its own, from rest to rest, which takes longer than that part took. Between equal
+    times, the part is a single state.
     """
     times = trajectory.times
     first = int(np.searchsorted(times, begin + SAME, side="right")) - 1

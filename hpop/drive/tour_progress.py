@@ -44,7 +44,7 @@ class TourProgress:
         """Return the progress at time ``t``, s, of a plan; ``lag`` is the time of the drive at which the plan began.
 
         Visits are assigned along the whole plan, so that it misses as few stops as possible. The visits that end by
-        ``t`` are done. A visit may also skip optional stops that come before it.
+        ``t`` are done. Optional stops that the order has only before such a visit are passed over.
         """
         if not self.tour.remaining:
             return self

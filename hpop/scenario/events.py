@@ -82,8 +82,8 @@ class Script(NamedTuple):
 def load_events(path: str | Path, problem: Problem | None = None, names: Sequence[str] = ()) -> Script:
     """Read and check an events file; an error, mostly ScenarioError, lists all faults by line.
 
-    If ``problem`` and the names of its front's costs are given, doors, people and costs that the drive does not know
-    are faults too.
+    If ``problem`` and the names of its front's costs are given, doors, people, stops and costs that the drive does not
+    know are faults too.
     """
     document = Document(Path(path))
     faults = Faults(document)
@@ -106,7 +106,7 @@ def load_events(path: str | Path, problem: Problem | None = None, names: Sequenc
 
 
 def _know(faults: Faults, events: Sequence[Event], problem: Problem, names: Sequence[str]) -> None:
-    """Add a fault for each door, person or cost that is unknown at the time of its event."""
+    """Add a fault for each door, person, stop or cost that is unknown at the time of its event."""
     there = DriveSurroundings.of(problem, 0.0)
     for i, event in enumerate(events):
         place = ("events", i, event.kind)
