@@ -76,6 +76,11 @@ def test_less_curvature_than_least_is_straight(arcs):
     assert count(slalom, least=0.05) == 0
 
 
+def test_pieces_are_no_longer_than_the_spacing(arcs):
+    slalom = arcs([0.25] * 12, [0.2, -0.2] * 6)  # each bend is one piece
+    assert count(slalom, spacing=0.25) == 11
+
+
 def test_straight_parts_between_bends_to_one_side_are_no_change(arcs):
     assert count(arcs([1.0, 5.0, 1.0], [0.5, 0.0, 0.5])) == 0
     assert count(arcs([1.0, 5.0, 1.0], [0.5, 0.0, -0.5])) == 1

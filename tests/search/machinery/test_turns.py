@@ -98,7 +98,8 @@ def test_groups_that_do_not_fit_the_memory_are_refused_before_it_is_taken():
     tracemalloc.start()
     with pytest.raises(NoRoom):
         Groups.single_nodes(graph, tight)
-    _, _, status = lower_bounds(graph, 0, np.array([49_999]), tight)
+    h, samples, status = lower_bounds(graph, 0, np.array([49_999]), tight)
+    assert (h.size, samples.size) == (0, 0)
     taken = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert status is Status.MEMORY_LIMIT

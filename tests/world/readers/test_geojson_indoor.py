@@ -182,6 +182,7 @@ def test_rooms_of_one_multipolygon_keep_the_wall_they_share(tmp_path):
     [
         ({"height": "3"}, (0, 3)),
         ({"height": "12 ft"}, (0, 3.6576)),
+        ({"height": "2500 mm"}, (0, 2.5)),
         ({"height": "3 m"}, (0, 3)),
         ({"height": "250cm"}, (0, 2.5)),
         ({"height": "6'11\""}, (0, 2.1082)),
