@@ -78,7 +78,10 @@ class FixedStops:
 
     @cached_property
     def parts(self) -> IntArray:
-        """Each stage (p, 3) between each two of its sites: index of the stage, and of both sites, or ENDS."""
+        """All parts of tours, as rows (p, 3): the index of a stage, and of the sites where it begins and ends.
+
+        ENDS stands for the start, and for the goals. Raises OptionError if there are more than MOST_PARTS.
+        """
         of_stop: dict[int, list[int]] = {ENDS: [ENDS]}
         for site, (stop, _) in enumerate(self.sites):
             of_stop.setdefault(stop, []).append(site)
@@ -158,7 +161,9 @@ class FixedStops:
     # Tours
 
     def tours(self, fronts: Fronts, parts: IntArray, limits: Limits, eps: float, slack: IntArray) -> TourPaths:
-        """Return the front of the tours that consist of some parts (p, 3), within ``eps`` and ``slack`` (k,).
+        """Return the front of the tours that consist of some parts (p, 3).
+
+        Errors are allowed: ``eps``, relative, and ``slack`` (k,), absolute, in quanta.
 
         fronts  paths of each pair of sites in the parts; the tours use no other paths
         """

@@ -1,4 +1,7 @@
-"""Answers for tours with more stops than a search over all states of each stop takes: each stop is fixed to a site."""
+"""Answers for tours with more stops than a search over all states of each stop takes.
+
+Each stop is fixed to one state of the graph, or to a few. These states are called sites (:mod:`.fixed_stops`).
+"""
 
 from __future__ import annotations
 
@@ -83,6 +86,8 @@ def fixed_stop_answers(
 class _Answer:
     """One run: fronts between sites are added while they are found.
 
+    slack    (k,)  absolute errors that are allowed, in quanta
+    fronts   paths found so far, by the indices of the sites where they begin and end
     thinned  relative error that was accepted to make the fronts between sites smaller
     """
 
@@ -139,7 +144,7 @@ class _Answer:
         return Status.COMPLETE
 
     def in_one_order(self, order: IntArray) -> TourPaths:
-        """Return the front of the tours that consist of the parts (p, 3) of one; none if a limit ends the search."""
+        """Return the front of the tours with the parts ``order`` (p, 3) of one tour; none if a limit comes first."""
         status = self.add_fronts(order)
         if status is not Status.COMPLETE:
             return self.none(status)
@@ -186,7 +191,8 @@ class _Answer:
     def candidates(self, paths: TourPaths, gap: float = math.inf, *, stage: str = "") -> Candidates:
         """Return tours as candidates, with a certificate that names the states of the stops.
 
-        gap    how much better missing tours through these states may be, as a relative factor; infinite if not known
+        gap    upper bound on how much better missing tours through these states may be, relative (0.1 for 10 %);
+               infinite if not known
         stage  name of an early result; "" for the last one
         """
         query = self.fixed.query
@@ -261,7 +267,9 @@ class _Answer:
 
 
 def cover(costs: IntArray, eps: float) -> IntArray:
-    """Return rows of costs (n, k), in lexicographic order, that cover all of them within a factor 1 + eps.
+    """Return the indices of rows of ``costs`` (n, k) that cover all rows within a factor 1 + eps in each cost.
+
+    The rows must be in lexicographic order.
 
     >>> cover(np.array([[100, 9], [101, 8], [150, 7]]), 0.2).tolist()
     [0, 2]
