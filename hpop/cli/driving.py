@@ -114,7 +114,7 @@ def _print(happening: Happening, driven: Execution) -> None:
 
 
 def _consequences(happening: Happening) -> list[str]:
-    """Return lines that say how an event affects the present plan; the event must have changed something."""
+    """Return lines that say how a change of the world (``happening.change``, not None) affects the present plan."""
     change = happening.change
     assert change is not None
     if change.safe_until is None:
