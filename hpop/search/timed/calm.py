@@ -348,8 +348,8 @@ def _graph_of_least_costs(graph: TimedGraph) -> Graph:
     """Return a static graph in which each arc has its least cost at any tick, without arcs that are never open."""
     costs = graph.graph.costs.copy()
     for j, table in graph.costs.items():
-        costs[graph.timed, j] = table.min(axis=1)
+        costs[graph.timed, j] = table.min(axis=1)[graph.rows]
     never: NDArray[Any] = np.zeros(graph.graph.arcs, np.bool_)
-    never[graph.timed] = graph.blocked.all(axis=1)
+    never[graph.timed] = graph.blocked.all(axis=1)[graph.rows]
     part = Graph.from_csr(graph.graph.indptr, graph.graph.heads, costs, aggregates=graph.graph.aggregates)
     return part.without(never) if never.any() else part

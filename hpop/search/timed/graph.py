@@ -50,9 +50,10 @@ class TimedGraph:
     graph       n nodes, m arcs sorted by tail, static costs (m, k); indices of arcs below refer to its arrays
     durations   (m,) int32        duration of each arc, ticks, at least 1
     horizon     H                 tables have H + 1 columns, the last for H and later ticks
-    timed       (q,) int32        arcs with tables of their own, rising
-    costs       {j: (q, H + 1)}   int64 or int32, cost j of each timed arc by tick; costs left out are static
-    blocked     (q, H + 1) bool   ticks at which a timed arc is closed for departures
+    timed       (q,) int32        arcs whose costs or closures depend on the tick, rising
+    rows        (q,) int32        row of each timed arc in the tables below; arcs that are alike may share a row
+    costs       {j: (r, H + 1)}   int64 or int32, cost j of a timed arc by tick; costs left out are static
+    blocked     (r, H + 1) bool   ticks at which a timed arc is closed for departures
     place       (n,) int32        place of each node; nodes of one place share the costs of standing there
     stays       (m,) bool         arcs within a place, which cost their static cost and the cost of standing meanwhile
     standing    {j: (P, H + 1)}   int64: for a sum, Omega, rising from tick 0; for a maximum, the rate during [t, t + 1)
@@ -63,8 +64,8 @@ class TimedGraph:
     hold        least duration of a hold, ticks; None: no holds
     arrive_by   latest tick of an arrival; None: any
 
-    Read-only arrays of these types are used without a copy. By default there are no timed arcs and no cuts, each node
-    has its own place, and standing costs nothing.
+    Read-only arrays of these types are used without a copy. By default there are no timed arcs and no cuts, each timed
+    arc has its own row, each node has its own place, and standing costs nothing.
 
     Raises GraphError for tables that do not fit together.
 
@@ -86,6 +87,7 @@ class TimedGraph:
     cut: BoolArray = LEFT_OUT
     hold: int | None = None
     arrive_by: int | None = None
+    rows: NDArray[np.int32] = LEFT_OUT
 
     def __post_init__(self) -> None:
         if not isinstance(self.graph, Graph):
@@ -99,11 +101,17 @@ class TimedGraph:
         timed = kept["timed"] = _table(timed, "timed", np.int32, (None,), most=m - 1)
         if (np.diff(timed) <= 0).any():
             raise GraphError("timed must list indices of arcs in rising order, each once; sort it with np.unique")
-        q = len(timed)
+        q = rows = len(timed)
+        if self.rows is None:
+            kept["rows"] = _read_only(np.arange(q, dtype=np.int32))
+        else:
+            tables = [*self.costs.values(), *([] if self.blocked is None else [self.blocked])]
+            rows = len(tables[0]) if tables else q
+            kept["rows"] = _table(self.rows, "rows", np.int32, (q,), most=rows - 1)
         kept["costs"] = {
-            j: _table(table, f"costs[{j}]", None, (q, width), most=MAX_SUM) for j, table in _columns(self.costs, k)
+            j: _table(table, f"costs[{j}]", None, (rows, width), most=MAX_SUM) for j, table in _columns(self.costs, k)
         }
-        kept["blocked"] = _flags(self.blocked, "blocked", (q, width))
+        kept["blocked"] = _flags(self.blocked, "blocked", (rows, width))
         place = kept["place"] = (
             _read_only(np.arange(n, dtype=np.int32))
             if self.place is None

@@ -126,7 +126,8 @@ class StoredSolutions:
         if checkpoint is not None:
             tables = [table for pair in sorted(graph.costs.items()) for table in pair]
             standing = [table for pair in sorted(graph.standing.items()) for table in pair]
-            clock = (graph.durations, graph.horizon, graph.timed, *tables, graph.blocked, graph.place, graph.stays)
+            arcs = graph.durations, graph.horizon, graph.timed, graph.rows
+            clock = (*arcs, *tables, graph.blocked, graph.place, graph.stays)
             rest = (*standing, graph.rate, graph.cut, graph.hold, graph.arrive_by)
             self.keeper = Keeper.of(checkpoint, graph.graph, METHOD, *clock, *rest, *question)
 

@@ -27,9 +27,9 @@ class TimedTables(NamedTuple):
     start, heads, durations, costs   arcs of the graph: offsets, heads, ticks and static costs
     row       (m,) int32         row of the arc in the tables of timed arcs; PLAIN for an arc that never changes, STAYS
                                  for an arc within a place, which costs standing
-    timed     (c, q, H + 1)      c tables: a cost of each timed arc by tick
+    timed     (c, r, H + 1)      c tables: a cost of timed arcs by tick
     table_of  (k,)               index in `timed` of the table of each cost, -1 for a static cost
-    blocked   (q, H + 1)         ticks at which a timed arc is closed
+    blocked   (r, H + 1)         ticks at which timed arcs are closed
     place     (n,)               place of each node
     omega     (s, P, H + 1)      s tables: a cost of standing at each place up to a tick
     omega_of  (k,)               index in `omega` of the table of each cost, -1 for none
@@ -63,9 +63,9 @@ class TimedTables(NamedTuple):
         static, k, width = graph.graph, graph.graph.criteria, graph.horizon + 1
         row = np.full(static.arcs, PLAIN, np.int32)
         row[graph.stays] = STAYS
-        row[graph.timed] = np.arange(len(graph.timed), dtype=np.int32)
+        row[graph.timed] = graph.rows
         wide = any(table.max(initial=0) > NARROW for table in graph.costs.values())
-        timed, table_of = _stacked(graph.costs, k, (len(graph.timed), width), np.int64 if wide else np.int32)
+        timed, table_of = _stacked(graph.costs, k, (len(graph.blocked), width), np.int64 if wide else np.int32)
         omega, omega_of = _stacked(graph.standing, k, (graph.places, width), np.int64)
         last_cut = np.where(graph.cut, np.arange(1, width + 1, dtype=np.int32), np.int32(0))
         since = np.zeros((graph.places, width), np.int32)

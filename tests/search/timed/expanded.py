@@ -34,7 +34,7 @@ def _arcs(graph: TimedGraph, ticks: int) -> list[tuple[IntArray, IntArray, IntAr
     static, n, last = graph.graph, graph.graph.nodes, ticks * graph.graph.nodes
     tails = np.repeat(np.arange(n), np.diff(static.indptr))
     found = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, static.criteria), np.int64))]
-    rows = {int(arc): row for row, arc in enumerate(graph.timed)}
+    rows = dict(zip(graph.timed.tolist(), graph.rows.tolist(), strict=True))
     t = np.arange(ticks)
     at = np.minimum(t, graph.horizon)
     for arc, (tail, head) in enumerate(zip(tails, static.heads, strict=True)):

@@ -22,7 +22,7 @@ class Semantics:
         self.aggregates, self.heads = static.aggregates, static.heads.tolist()
         self.static, self.durations = static.costs.tolist(), graph.durations.tolist()
         self.arcs_of = [range(static.indptr[u], static.indptr[u + 1]) for u in range(self.nodes)]
-        self.row = {arc: row for row, arc in enumerate(graph.timed.tolist())}
+        self.row = dict(zip(graph.timed.tolist(), graph.rows.tolist(), strict=True))
         self.tables = {j: table.tolist() for j, table in graph.costs.items()}
         self.blocked, self.cut = graph.blocked.tolist(), graph.cut.tolist()
         self.place, self.stays = graph.place.tolist(), graph.stays.tolist()

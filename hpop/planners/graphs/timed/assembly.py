@@ -58,6 +58,7 @@ def timed_graph(
     attention: Attention | None = None,
     *,
     people_stop: bool = False,
+    passes_goals: bool = False,
 ) -> GraphOnClock:
     """Convert a graph of states to a graph for a search in time steps, with costs and blocked arcs for each tick.
 
@@ -71,10 +72,12 @@ def timed_graph(
     attention : distances within which criteria notice people, if they were measured for the same problem before
     people_stop : whether people who would walk into the robot at its start are predicted to stop before it; costs near
         them are computed as if they did not stop
+    passes_goals : whether paths may also pass a goal without ending there, as in a tour. Arcs to a goal then have a
+        second row in the tables, for paths that end with them (:attr:`.GraphOnClock.last_rows`)
     """
     began = time.perf_counter()
     query = space, tuple(criteria), start, tuple(goals), options, frozenset(quanta)
-    return _Assembly(*query, laid, attention, people_stop).assembled(began)
+    return _Assembly(*query, laid, attention, people_stop, passes_goals).assembled(began)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +93,7 @@ class _Assembly:
     laid: GraphParts | None
     known_attention: Attention | None
     people_stop: bool = False
+    passes_goals: bool = False
 
     @cached_property
     def clock(self) -> TickClock:
@@ -269,11 +273,11 @@ class _Assembly:
         legs, tails = arcs.legs(rows), arcs.tails[rows]
         first = int(np.searchsorted(rows, arcs.tails.size - arcs.copied.size))
         ends = np.isin(self.plain.heads[rows], self.goals)
-        blocked = self.safety.blocked(
-            [*legs, *arrivals(legs, ends, arcs.durations[rows], self.ramps.half)], first, self.horizon
-        )
+        ending = arrivals(legs, ends, arcs.durations[rows], self.ramps.half)
+        blocked = self.safety.blocked(legs if self.passes_goals else [*legs, *ending], first, self.horizon)
+        blocked_at_goals = self.safety.blocked(ending if self.passes_goals else [], first, self.horizon)
         wanted = self.closed[rows]
-        wanted[blocked.rows] = True
+        wanted[blocked.rows] = wanted[blocked_at_goals.rows] = True
         presence = replace(self.presence, x=states.x, y=states.y) if self.headed else self.presence
         tables = TimedCosts(
             arcs.inner, presence, self.criteria_of(self.timed), self.cost_quanta[self.timed], self.space.spending
@@ -284,6 +288,10 @@ class _Assembly:
         closed = np.zeros((made.rows.size, self.horizon + 1), dtype=bool)
         closed[np.searchsorted(made.rows, blocked.rows)] = blocked.table
         closed[self.closed[rows[made.rows]]] = True
+        last = np.searchsorted(made.rows, blocked_at_goals.rows)  # rows that are repeated for paths that end there
+        tables_of_arcs = {j: _with_rows(made.costs, at, last) for at, j in enumerate(self.timed)}
+        if last.size:
+            closed = np.concatenate([closed, closed[last] | blocked_at_goals.table])
         soonest = np.full(states.size, NEVER)
         np.minimum.at(soonest, place, self.earliest)
         stood = tables.standing(states, soonest)
@@ -306,7 +314,8 @@ class _Assembly:
             arcs.ticks.astype(np.int32),
             self.horizon,
             timed=rows[made.rows].astype(np.int32),
-            costs={j: _frozen(table) for j, table in zip(self.timed, made.costs, strict=True)},
+            rows=np.arange(made.rows.size, dtype=np.int32),
+            costs=tables_of_arcs,
             blocked=_frozen(closed),
             place=place.astype(np.int32),
             stays=_frozen(self.stays),
@@ -335,7 +344,9 @@ class _Assembly:
             seconds,
             self.safety,
             self.attention,
+            self.earliest,
             self.people_stop,
+            dict(zip(rows[blocked_at_goals.rows].tolist(), range(made.rows.size, len(closed)), strict=True)),
         )
 
     def _stand(self, costs: IntArray, rate: float, worst: bool) -> None:
@@ -350,6 +361,12 @@ class _Assembly:
             costs[stands] = np.maximum(costs[stands], math.ceil(rate - WHOLE))
         else:
             costs[stands] += round(rate * self.arcs.half / self.clock.tick)
+
+
+def _with_rows(tables: list[Any], at: int, rows: IntArray) -> Any:
+    """Return a table, read-only, with copies of some rows appended; it is taken from the list, to free its memory."""
+    table, tables[at] = tables[at], None
+    return _frozen(np.concatenate([table, table[rows]]) if rows.size else table)
 
 
 def _frozen(array: Any) -> Any:

@@ -6,10 +6,10 @@ clock. A hold lasts until the tick at which it ends in the search, which removes
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from hpop.search import Graph
 from hpop.search.timed.graph import HOLD as HELD
 from hpop.search.timed.graph import RATE_BITS, PathSteps, TimedGraph
 from hpop.trajectories.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.planners.graphs.timed.tour_layers import TimedTour, TourSteps
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +48,10 @@ class GraphOnClock:
     seconds          s, time to build this graph
     safety           distances that the robot must keep from moving people
     attention        distances within which criteria notice people
+    earliest         (n,)  earliest tick at which the robot can be at each node
     people_stop      whether people who would walk into the robot at its start are predicted to stop before it
+    last_rows        row in the tables, by arc to a goal, for paths that end with it, if another row is for paths that
+                     go on; in a tour
     """
 
     graph: TimedGraph
@@ -62,7 +68,9 @@ class GraphOnClock:
     seconds: float
     safety: Safety
     attention: Attention
+    earliest: IntArray
     people_stop: bool = False
+    last_rows: Mapping[int, int] = field(default_factory=dict)
 
     @property
     def counts(self) -> dict[str, Any]:
@@ -120,26 +128,44 @@ class TimedPlans:
     steps       steps of each path: arcs and holds, with departure ticks
     begins      s, time on the clock at which all plans begin
     late_start  s, delay of the robot's execution from the beginning on, since it starts from rest
+    tour        graph of the tour whose paths these are; None without a tour
+    visits      steps of each path in the tour; () without a tour
     """
 
     timed: GraphOnClock
     steps: Sequence[PathSteps]
     begins: float = 0.0
     late_start: float = 0.0
+    tour: TimedTour | None = None
+    visits: Sequence[TourSteps] = ()
+
+    @classmethod
+    def of_tour(cls, tour: TimedTour, paths: Sequence[PathSteps]) -> TimedPlans:
+        """Return the plans for paths of a tour."""
+        visits = [tour.steps(path) for path in paths]
+        return cls(tour.timed, [visit.steps for visit in visits], tour=tour, visits=visits)
+
+    def take(self, rows: IntArray) -> TimedPlans:
+        """Return the plans with the given indices."""
+        steps, visits = ([column[i] for i in rows.tolist()] if column else () for column in (self.steps, self.visits))
+        return replace(self, steps=steps, visits=visits)
 
     @cached_property
     def driven(self) -> tuple[StepTimes, ...]:
         """Real times and delays of the steps of each plan."""
-        return tuple(self._driven(steps) for steps in self.steps)
+        none = [np.zeros(steps.arcs.size) for steps in self.steps]
+        least = [visit.least for visit in self.visits] or none
+        return tuple(map(self._driven, self.steps, least))
 
-    def _driven(self, steps: PathSteps) -> StepTimes:
+    def _driven(self, steps: PathSteps, least: FloatArray) -> StepTimes:
+        """Return the real times of steps; ``least`` (s,), s, has the shortest durations of visits, 0 for others."""
         tick, durations = self.timed.clock.tick, self.timed.arcs.durations
         half = 0.0 if self.timed.ramps is None else self.timed.ramps.half
         times, late = np.full(steps.arcs.size + 1, self.begins), np.zeros(steps.arcs.size + 1)
         late[0] = self.late_start
         for i, arc in enumerate(steps.arcs.tolist()):
             if arc == HELD:
-                times[i + 1] = max(times[i], steps.departures[i + 1] * tick)
+                times[i + 1] = max(times[i] + least[i], steps.departures[i + 1] * tick)
                 # stopping before a hold and starting after it take their halves of it
                 late[i + 1] = max(0.0, late[i] + 2.0 * half - (times[i + 1] - times[i]))
             else:
@@ -169,8 +195,11 @@ class TimedPlans:
     def trajectories(self, rows: IntArray) -> tuple[Trajectory, ...]:
         """Return the trajectories of the plans with the given indices, including their holds."""
         space, states_of = self.timed.arcs.space, self.timed.arcs.states_of
-        moved = [states_of[self.steps[i].nodes[np.append(True, self.steps[i].arcs != HELD)]] for i in rows.tolist()]
-        plain = space.trajectories(moved)
+        if self.tour is not None:
+            plain = self.tour.moved([self.visits[i] for i in rows.tolist()])
+        else:
+            moved = [states_of[self.steps[i].nodes[np.append(True, self.steps[i].arcs != HELD)]] for i in rows.tolist()]
+            plain = space.trajectories(moved)
         return tuple(
             self._held(self.steps[i], self.driven[i], trajectory)
             for i, trajectory in zip(rows.tolist(), plain, strict=True)
@@ -184,7 +213,8 @@ class TimedPlans:
             lasts[0] += self.timed.arcs.half
         held = np.flatnonzero(lasts >= LEAST)
         motions = np.append(0, np.cumsum(self._motions(steps.arcs)))  # before each step
-        return trajectory.with_holds(motions[held], lasts[held], punctual=True)
+        at, first_of = np.unique(motions[held], return_index=True)  # a visit and waits about it are one hold
+        return trajectory.with_holds(at, np.add.reduceat(lasts[held], first_of) if at.size else at, punctual=True)
 
     def _motions(self, arcs: IntArray) -> IntArray:
         """Return the number (s,) of motions in each step of a plan; 0 for holds.

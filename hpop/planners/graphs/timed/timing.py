@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
 
@@ -21,6 +21,8 @@ from hpop.planners.graphs.timed.clock import SLACK, TimeOptions
 from hpop.planners.graphs.timed.notice import Attention
 from hpop.planners.graphs.timed.plans import GraphOnClock, TimedPlans
 from hpop.planners.graphs.timed.safety import Start
+from hpop.planners.graphs.timed.tour_layers import TimedTour, timed_tour
+from hpop.planners.graphs.tour import TourGraph
 from hpop.planners.objectives import Objectives
 from hpop.planners.spending import Limits
 from hpop.runtime.limits import within
@@ -51,6 +53,7 @@ class Timing:
     people      all people, as predicted from the departure on
     begins      s, time of the departure on the clock
     late_start  s, delay of the robot against its plan at the departure
+    tour        graph of the tour on the clock, of which ``timed`` is one layer; None without a tour
     """
 
     timed: GraphOnClock
@@ -59,6 +62,7 @@ class Timing:
     people: Sequence[Person]
     begins: float = 0.0
     late_start: float = 0.0
+    tour: TimedTour | None = None
 
     # The search
 
@@ -71,7 +75,7 @@ class Timing:
         quanta = np.array([criterion.quantum for criterion in query.objectives.optimised])
         counts = np.floor(slack * (quanta / self.timed.quanta) + 1e-9).astype(np.int64)
         return timed_paths(
-            self.timed.graph,
+            self.timed.graph if self.tour is None else self.tour.graph,
             self.start,
             [*query.goals, self.start] if query.start in query.goals else query.goals,
             budget=limits,
@@ -88,7 +92,9 @@ class Timing:
     def words(self) -> str:
         """Description of the clock, the predictions and the options for time, for certificates."""
         parts = [f"on a clock of {self.options.tick:g} s"]
-        hold = self.timed.hold
+        hold, ramps = self.timed.hold, self.timed.ramps
+        if self.tour is not None and ramps is not None and (self.tour.needed > 0.0).any():
+            parts.append(f"standing {2.0 * ramps.half:g} s longer than the dwell at each stop, to stop and start")
         parts.append("without holds" if hold is None else f"with holds of at least {hold:g} s")
         moving = self.timed.moving_people
         people = "1 person who moves" if len(moving.people) == 1 else f"{len(moving.people)} people who move"
@@ -121,10 +127,13 @@ class Timing:
         Paths on which the robot, when it executes them, would come too near to people are left out.
         """
         steps = [paths.steps(i) for i in range(len(paths))]
-        every = TimedPlans(self.timed, steps, self.begins, self.late_start)
+        if self.tour is not None:
+            every = TimedPlans.of_tour(self.tour, steps)
+        else:
+            every = TimedPlans(self.timed, steps, self.begins, self.late_start)
         contacts = self._contacts(every)
         kept = np.array([i for i, fault in enumerate(contacts) if not fault], dtype=np.int64)
-        plans, costs, claim = replace(every, steps=[steps[i] for i in kept.tolist()]), paths.costs[kept], ""
+        plans, costs, claim = every.take(kept), paths.costs[kept], ""
         if kept.size < len(paths):
             claim = f", without {len(paths) - kept.size} on which the robot comes too near to people"
         drift = float(plans.drift.max(initial=0.0))
@@ -228,6 +237,9 @@ class Timing:
         if not self.is_open_alone(query):
             return query.space.what_separates(query.start, query.goals)
         why, remedies = ["moving people block them, now or later"], list[str]()
+        if self.tour is not None and (stops := [*self.tour.blocked_stops()]):
+            why.append(f"people are too near to {some(stops)} whenever the robot could stand there")
+            remedies.append("another position or a shorter dwell for this stop")
         if near := [*self.timed.safety.coming(self.departure)]:
             names = some([*dict.fromkeys(person.name or "a person" for person, _ in near)])
             when = f"after {first:.2g} s" if (first := min(since for _, since in near)) else "from the beginning"
@@ -263,25 +275,33 @@ def timed_query(
     """
     began = time.perf_counter()
     space, start, goals = built.ends
-    if not space.has_clock:
+    layers = space if isinstance(space, TourGraph) else None
+    one_layer, ends = (space, goals) if layers is None else (layers.inner, [*layers.goals])
+    if not one_layer.has_clock:
         raise QueryError(
             f"among moving people, a graph needs positions at which the robot can wait, but {space.words} has none; "
             "use the lattice, or give people no velocity"
         )
+    tour = None
     with within(space.spending):
         timed = timed_graph(
-            cast("StateGraph | JoinedEnds", space),
+            cast("StateGraph | JoinedEnds", one_layer),
             objectives.optimised,
             start,
-            goals,
+            ends,
             options,
             problem.quanta,
             attention=attention,
             people_stop=people_stop,
+            passes_goals=layers is not None,
         )
-    timing = Timing(timed, timed.start, options, problem.world.content.people)
-    seconds = time.perf_counter() - began
-    return on_clock(timing, objectives, start, goals, build_seconds=seconds, notes=built.notes, max_turns=max_turns)
+        if layers is not None:
+            tour = timed_tour(timed, layers, ends, objectives.optimised)
+    timing = Timing(timed, timed.start, options, problem.world.content.people, tour=tour)
+    fields = {"notes": built.notes, "max_turns": max_turns, "build_seconds": time.perf_counter() - began}
+    if tour is None:
+        return on_clock(timing, objectives, start, goals, **fields)
+    return Query(space, objectives, tour.graph.graph, start, tour.goals, timing=timing, **fields)
 
 
 def on_clock(timing: Timing, objectives: Objectives, start: int, goals: list[int], **fields: Any) -> Query:
