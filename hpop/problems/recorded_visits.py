@@ -6,8 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hpop.base.arrays import FloatArray
+from hpop.base.options import LEAST
 from hpop.goals import Tour
+from hpop.motions import HOLD
 from hpop.problems.front import Front
+from hpop.trajectories.trajectory import Trajectory
 
 
 class StopVisit(NamedTuple):
@@ -53,8 +57,28 @@ def stop_visits(front: Front, row: int, *, executed: bool = False) -> list[StopV
     if not executed or not len(trajectory):
         return visits
     passed = trajectory.model.execution(trajectory)[1]  # s, at which the execution passes the planned states
-    times = np.interp([(visit.begin, visit.end) for visit in visits] or np.zeros((0, 2)), trajectory.times, passed)
-    return [visit._replace(begin=begin, end=end) for visit, (begin, end) in zip(visits, times.tolist(), strict=True)]
+    return [_executed(visit, trajectory, passed) for visit in visits]
+
+
+def _executed(visit: StopVisit, trajectory: Trajectory, passed: FloatArray) -> StopVisit:
+    """Return a visit at the times of the execution.
+
+    A planned standstill may be longer than the executed one, in which the robot also stops and starts. The visit begins
+    as long after the beginning of the one as of the other, and lasts as long.
+
+    passed  (n+1,)  s, times at which the execution passes the planned states
+    """
+    kinds, times = trajectory.kinds, trajectory.times
+    first = last = int(np.searchsorted(times, visit.begin + LEAST, side="right")) - 1
+    if visit.begin == visit.end or not 0 <= first < len(kinds) or kinds[first] != HOLD.kind:
+        begin, end = np.interp((visit.begin, visit.end), times, passed).tolist()
+        return visit._replace(begin=begin, end=end)
+    while first > 0 and kinds[first - 1] == HOLD.kind:
+        first -= 1
+    while last < len(kinds) and kinds[last] == HOLD.kind:
+        last += 1
+    begin = float(passed[first] + visit.begin - times[first])
+    return visit._replace(begin=begin, end=min(begin + visit.end - visit.begin, float(passed[last])))
 
 
 def visit_order(front: Front, row: int) -> str:

@@ -7,10 +7,11 @@ a label setting in plain Python on the tables of one layer, which knows nothing 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -23,11 +24,11 @@ from hpop.planners.objectives import edge_objectives
 from hpop.planners.spending import Limits, Spending
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
+from hpop.problems.recorded_visits import stop_visits
 from hpop.problems.verify import verify
-from hpop.runtime.status import Status
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person, World
-from tests.planners.timed.rooms_with_people import Motion, State
+from tests.planners.timed.rooms_with_people import Motion, State, through_the_doors
 from tests.planners.timed.test_enumerated import ROUND, Case, check, costs, person
 from tests.search.timed.enumeration import nondominated
 from tests.search.timed.semantics import Semantics, Vector
@@ -40,6 +41,7 @@ TIMED = (
     ["worst_intrusion", "duration"],
     ["clearance", "hall_zones"],
 )
+ORDERS: tuple[Literal["given", "any"], ...] = ("given", "any")
 RUN = 0.4  # s: v/a, to stop and start again
 Stop = tuple[tuple[int, int], float, bool]
 """Cell (column, row), dwell in s, and whether it is optional."""
@@ -51,7 +53,7 @@ class TourCase(Case):
 
     stops: tuple[Stop, ...] = (((1, 0), 0.4, False),)
     within: float = 0.05
-    order: str = "given"
+    order: Literal["given", "any"] = "given"
     size: tuple[int, int] = (3, 2)
     goal: tuple[int, int] = (2, 0)
     ticks: int = 34
@@ -59,7 +61,7 @@ class TourCase(Case):
     @property
     def problem(self) -> Problem:
         step = self.robot.step
-        stops = [
+        stops: list[Any] = [
             {"at": (step * x, step * y), "within": self.within, "dwell": dwell, "optional": optional}
             for (x, y), dwell, optional in self.stops
         ]
@@ -201,9 +203,9 @@ def some_case(seed: int) -> TourCase:
     )
     cells = [(int(x), int(y)) for x, y in rng.integers(0, (3, 2), (int(rng.integers(1, 3)), 2))]
     stops = tuple((cell, float(rng.choice([0.0, 0.4, 0.8])), bool(rng.random() < 0.3)) for cell in cells)
-    within, order = float(rng.choice([0.05, 0.41], p=[0.8, 0.2])), str(rng.choice(["given", "any"]))
+    within, order = float(rng.choice([0.05, 0.41], p=[0.8, 0.2])), ORDERS[int(rng.integers(2))]
     start = (int(rng.integers(0, 2)), int(rng.integers(0, 2)), int(rng.integers(0, 4)))
-    hold, margin = rng.choice([1.0, None], p=[0.7, 0.3]), float(rng.choice([0.0, 0.1]))
+    hold, margin = 1.0 if rng.random() < 0.7 else None, float(rng.choice([0.0, 0.1]))
     ticks = 30 if within > 0.1 or len(stops) > 1 else 34
     return TourCase((crowd,), ROUND, margin, hold, start, stops=stops, within=within, order=order, ticks=ticks)
 
@@ -275,12 +277,12 @@ def by_labels(case: TourCase, timing: Timing) -> set[Vector]:
     arrive(timing.start, frozenset(), 0, (0,) * number, may_end=True)
     for tick in range(of.last + 1):
         for (node, done), every in labels[tick].items():
-            for costs in nondominated(every):
-                leave(node, done, tick, costs)
+            for paid in nondominated(every):
+                leave(node, done, tick, paid)
                 for end in range(tick + of.hold, of.last) if of.hold is not None else ():
                     if not of.may_stand(of.place[node], tick, end):
                         break
-                    leave(node, done, end, of.add(costs, of.hold_costs(of.place[node], tick, end)))
+                    leave(node, done, end, of.add(paid, of.hold_costs(of.place[node], tick, end)))
     return {*nondominated(solutions)}
 
 
@@ -290,8 +292,10 @@ def test_costs_of_tours_by_time_are_those_of_a_label_setting_without_layers(seed
     case = replace(some_case(1000 + seed), ticks=60)
     (x, y), angle = rng.uniform(0.0, (0.8, 0.4)), rng.uniform(0, 2 * math.pi)  # where the person is after two seconds
     vx, vy = (float(rng.uniform(0.2, 0.5) * part) for part in (math.cos(angle), math.sin(angle)))
-    crowd = person(float(x) - 2.0 * vx, float(y) - 2.0 * vy, vx, vy, afterwards=case.people[0].afterwards)
-    stops = case.stops + (((int(rng.integers(0, 3)), int(rng.integers(0, 2))), 0.0, bool(rng.random() < 0.5)),)
+    crowd = person(
+        float(x) - 2.0 * vx, float(y) - 2.0 * vy, vx, vy, afterwards=str(rng.choice(["gone", "gone", "stays"]))
+    )
+    stops = (*case.stops, ((int(rng.integers(0, 3)), int(rng.integers(0, 2))), 0.0, bool(rng.random() < 0.5)))
     case = replace(case, people=(crowd,), stops=stops)
     whole = case.problem
     more = [c for c in whole.criteria if c.name == "stops_missed"]
@@ -304,6 +308,105 @@ def test_costs_of_tours_by_time_are_those_of_a_label_setting_without_layers(seed
     query = timed_query(built, objectives, problem, planner.time_options)
     assert query.timing is not None
     expected = by_labels(case, query.timing)
-    print("SIZE", seed, len(expected), len(case.stops), case.order, built.problem.tour.optional)
     assert {*map(tuple, query.paths(Limits()).costs.tolist())} == expected
     assert verify(problem, problem.solve(planner)) == []
+
+
+# Rooms
+
+
+HALL = {"at": (1.0, 5.0), "within": 0.5, "dwell": 2.0, "name": "hall"}
+CASE = {"at": (4.6, 1.4), "within": 0.15, "dwell": 3.0, "name": "case"}  # between the states of a lattice
+DOOR = {"at": (3.0, 2.0), "within": 0.6, "name": "door"}
+WALKER = Person(5.0, 1.2, velocity=(-0.8, 0.3), until=5.0, name="Bob")
+
+
+def toured(stops: Sequence[Any], order: Any = "any", *people: Person, **more: Any) -> Problem:
+    """Return a tour of two rooms with two doors."""
+    given = {"criteria": ("hall_zones", "turns", "duration"), **more}
+    return through_the_doors(*(people or (WALKER,)), tour=hpop.Tour([*stops], order), **given)
+
+
+def stands(front: Front, tour: hpop.Tour) -> None:
+    """Check each visit of the executions on samples, at the times that are exported."""
+    stops = dict(zip(tour.names, tour.stops, strict=True))
+    for row, trajectory in enumerate(front.trajectories):
+        execution = trajectory.execution()
+        made = stop_visits(front, row, executed=True)
+        assert {visit.name for visit in made} >= {name for name, stop in stops.items() if not stop.optional}
+        for visit in made:
+            stop = stops[visit.name]
+            states = execution.at(np.linspace(visit.begin, visit.end, 40))
+            assert visit.end - visit.begin >= stop.dwell - 1e-6
+            assert max(np.ptp(states.x), np.ptp(states.y), np.ptp(states.yaw)) < 1e-9
+            assert stop.at is not None
+            assert stop.within is not None
+            assert np.hypot(states.x - stop.at[0], states.y - stop.at[1]).max() <= stop.within + 1e-6
+
+
+@pytest.mark.parametrize("planner", ["lattice", {"roadmap": {"samples": 60}}, "any-angle"])
+def test_each_planner_that_waits_for_people_stands_at_the_stops(planner: Any) -> None:
+    is_sampled = isinstance(planner, dict)  # joins of further states to a roadmap would take long
+    problem = toured([{**HALL, "within": 1.0} if is_sampled else HALL, DOOR if is_sampled else CASE])
+    options = {} if is_sampled else {"step": 0.5}
+    front = problem.solve(planner, **options)
+    assert front.status == "complete"
+    assert len(front)
+    assert problem.tour is not None
+    stands(front, problem.tour)
+    assert verify(problem, front) == []
+    assert "in any order, on a clock of 0.05 s, standing 1 s longer" in front.certificate
+    assert f"visiting {' and '.join(problem.tour.names)} in any order" in front.certificate
+
+
+def test_a_person_who_stands_at_a_stop_delays_its_visit() -> None:
+    stop = {"at": (2.0, 2.0), "within": 0.3, "dwell": 2.0}
+    stays_until, elsewhere = (Person(x, 2.0, until=25.0, name="Ann") for x in (2.0, 5.5))
+    late, early = (toured([stop], "any", one).solve("lattice", step=0.5) for one in (stays_until, elsewhere))
+    assert min(origin["visits"][0]["begin"] for origin in late.provenance) > 25.0
+    assert min(origin["visits"][0]["begin"] for origin in early.provenance) < 5.0
+
+
+def test_a_stop_where_a_person_stays_is_named_or_missed() -> None:
+    stays = Person(1.4, 5.0, velocity=(-0.2, 0.0), until=2.0, afterwards="stays", name="Ann")
+    front = toured([CASE, HALL], "given", stays).solve("lattice", step=0.5)
+    assert front.status == "no path"
+    assert any("people are too near to hall whenever the robot could stand there" in note for note in front.notes)
+    optional = toured([{**HALL, "optional": True}], "given", stays, criteria=("turns", "duration", "stops_missed"))
+    assert set(optional.solve("lattice", step=0.5).costs[:, 2]) == {1.0}
+
+
+def test_a_stop_behind_walls_is_named_among_people_too() -> None:
+    walls = shapely.box(0.6, 4.6, 1.4, 5.4).boundary.buffer(0.05)
+    problem = toured([HALL])
+    world = World.from_polygons([walls], extent=shapely.box(0, 0, 6, 6)).with_content(people=(WALKER,))
+    start, goal, stop = (3.0, 1.0, 0.0), (5.0, 1.0, None), {"at": (1.0, 5.0), "within": 0.05, "name": "hall"}
+    closed = Problem(world, problem.model, start, goal, problem.criteria, tour=hpop.Tour([stop]))
+    front = closed.solve("lattice", step=0.5)
+    assert front.status == "no path"
+    assert any("stop 'hall' cannot be reached from the start" in note for note in front.notes)
+
+
+def test_limits_precision_and_checkpoints_work_as_without_a_tour(tmp_path: Path) -> None:
+    problem = toured([HALL, CASE])
+    exact = problem.solve("lattice", step=0.5)
+    rough = problem.solve("lattice", step=0.5, eps=0.2)
+    assert (exact.costs[:, None] * 1.21 + 0.1 >= rough.costs[None]).all(axis=2).any(axis=1).all()
+    assert len(rough) <= len(exact)
+    saved = {"checkpoint": str(tmp_path / "search"), "step": 0.5}
+    stopped = problem.solve("lattice", **saved, max_labels=5)
+    assert stopped.status == "label limit"
+    assert verify(problem, stopped) == []
+    assert problem.solve("lattice", **saved).costs == pytest.approx(exact.costs)
+
+
+@pytest.mark.parametrize("optional", [False, True])
+def test_a_tour_whose_stops_are_all_at_the_start_and_goal_needs_no_motion(optional: bool) -> None:
+    here = {"at": (1.0, 2.0), "within": 0.3, "name": "here"}
+    stops = [here, *[{**HALL, "optional": True}] * optional]
+    criteria = ("turns", "duration", *["stops_missed"] * optional)
+    problem = toured(stops, criteria=criteria)
+    front = replace(problem, goal=(1.0, 2.0, None)).solve("lattice", step=0.5)
+    assert any(not len(trajectory) for trajectory in front.trajectories)
+    assert len(front) == (1 if not optional else len(front)) > 0
+    assert verify(replace(problem, goal=(1.0, 2.0, None)), front) == []

@@ -331,9 +331,6 @@ def test_planners_without_tours_refuse_them() -> None:
     for planner in ("rrt", "weighted-sum-corridor"):
         with pytest.raises(QueryError, match="cannot plan a tour, so the stops east"):
             problem([EAST]).solve(planner)
-    walker = hpop.Person(5.0, 5.0, velocity=(-0.5, 0.0))
-    with pytest.raises(QueryError, match="among moving people cannot plan a tour"):
-        problem([EAST], world=WORLD.with_content(people=(walker,))).solve(LATTICE)
     with pytest.raises(OptionError, match="max_detour cannot be combined with optional stops"):
         problem([{**EAST, "optional": True}], "any", ["obstruction", "stops_missed"]).solve("lattice", max_detour=1.2)
 

@@ -298,7 +298,8 @@ def timed_query(
         if layers is not None:
             tour = timed_tour(timed, layers, ends, objectives.optimised)
     timing = Timing(timed, timed.start, options, problem.world.content.people, tour=tour)
-    fields = {"notes": built.notes, "max_turns": max_turns, "build_seconds": time.perf_counter() - began}
+    fields: dict[str, Any] = {"notes": built.notes, "max_turns": max_turns}
+    fields["build_seconds"] = time.perf_counter() - began
     if tour is None:
         return on_clock(timing, objectives, start, goals, **fields)
     return Query(space, objectives, tour.graph.graph, start, tour.goals, timing=timing, **fields)

@@ -336,8 +336,8 @@ class _Layering:
             hold=base.hold,
             arrive_by=base.arrive_by,
         )
-        numbers = (column.astype(np.int32) for column in (arcs.origins, arcs.stops))
-        return TimedTour(self.timed, self.tour_graph, graph, targets.tolist(), *numbers, self.needed)
+        of_arcs, of_stops = arcs.origins.astype(np.int32), arcs.stops.astype(np.int32)
+        return TimedTour(self.timed, self.tour_graph, graph, targets.tolist(), of_arcs, of_stops, self.needed)
 
     def _rows(self, origins: IntArray, ends: BoolArray) -> IntArray:
         """Return the row of the tables for each arc (c,), given by its arc in one layer; NONE for arcs without.
