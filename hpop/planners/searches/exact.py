@@ -180,13 +180,14 @@ class ExactSearch:
             refuse_moving(problem, self.name)
         refuse_too_many(objectives)
         tolerance_counts(objectives, self.tolerance or {})  # find errors now, not only in the last stage
+        is_fixed = fixes_stops(self, problem)
         if self.checkpoint is not None:
             Checkpoint.of(self.checkpoint).checked_path()
         spending = self.spending(problem, progress)
         kept = problem.keeping(self.margin)
         graphs = family.toured_graphs(kept, objectives, spending, in_stages=in_stages)
         try:
-            if fixes_stops(self, problem):
+            if is_fixed:
                 for candidates, built in fixed_stop_answers(self, kept, objectives, spending, in_stages=in_stages):
                     yield self._judged(candidates, built)
             elif moving:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hpop.base.arrays import IntArray
-from hpop.errors import OptionError
+from hpop.errors import OptionError, QueryError
 from hpop.goals.tour import MOST_LAYERS, Tour
 from hpop.planners.base import Candidates
 from hpop.planners.graphs.assemble import OFF, assemble, gap_text, memory_limit_notes, precision_text, search_stats
@@ -22,6 +22,7 @@ from hpop.planners.graphs.family import BuiltGraph
 from hpop.planners.graphs.joined_ends import Ends
 from hpop.planners.graphs.query import built_query, tolerance_counts
 from hpop.planners.graphs.tour_stops import tour_graph
+from hpop.planners.needs import people_move
 from hpop.planners.objectives import Objectives
 from hpop.planners.searches.fixed_stops import FixedStops, Fronts, TourPaths
 from hpop.planners.searches.stop_states import chosen_states, stages_of
@@ -42,7 +43,8 @@ OTHERS = "other states within a stop's region may be better"
 def fixes_stops(search: ExactSearch, problem: Problem) -> bool:
     """Return whether a planner must fix the stops of a problem's tour to few states each.
 
-    Raises OptionError if the problem, or another option of the planner, does not allow it.
+    Raises OptionError if another option of the planner does not allow it, or stop_states is given without a tour, and
+    QueryError if people move.
     """
     if problem.tour is None:
         if search.stop_states is not None:
@@ -55,6 +57,12 @@ def fixes_stops(search: ExactSearch, problem: Problem) -> bool:
             f"max_detour needs a tour with at most {MOST_LAYERS} sets of visited stops, which are six stops in any "
             "order, and no stop_states, since a mean does not add up over parts of a tour; leave max_detour out, and "
             "the integral is minimised, or keep more stops in order"
+        )
+    if people_move(problem):
+        raise QueryError(
+            f"among people who move, a tour must have at most {MOST_LAYERS} sets of visited stops, which are six stops "
+            "in any order, and no stop_states, since paths between two stops depend on the time; keep more stops in "
+            "order, leave stop_states out, or give people no velocity"
         )
     return True
 

@@ -350,6 +350,7 @@ def _graph_of_least_costs(graph: TimedGraph) -> Graph:
     for j, table in graph.costs.items():
         costs[graph.timed, j] = table.min(axis=1)[graph.rows]
     never: NDArray[Any] = np.zeros(graph.graph.arcs, np.bool_)
-    never[graph.timed] = graph.blocked.all(axis=1)[graph.rows]
+    closed: BoolArray = np.all(graph.blocked, axis=1)
+    never[graph.timed] = closed[graph.rows]
     part = Graph.from_csr(graph.graph.indptr, graph.graph.heads, costs, aggregates=graph.graph.aggregates)
     return part.without(never) if never.any() else part

@@ -18,6 +18,7 @@ import pytest
 import shapely
 
 import hpop
+from hpop.errors import QueryError
 from hpop.planners.graphs.timed.timing import Timing, timed_query
 from hpop.planners.lattice import Lattice
 from hpop.planners.objectives import edge_objectives
@@ -318,6 +319,7 @@ def test_costs_of_tours_by_time_are_those_of_a_label_setting_without_layers(seed
 HALL = {"at": (1.0, 5.0), "within": 0.5, "dwell": 2.0, "name": "hall"}
 CASE = {"at": (4.6, 1.4), "within": 0.15, "dwell": 3.0, "name": "case"}  # between the states of a lattice
 DOOR = {"at": (3.0, 2.0), "within": 0.6, "name": "door"}
+QUICK = ("turns", "duration")
 WALKER = Person(5.0, 1.2, velocity=(-0.8, 0.3), until=5.0, name="Bob")
 
 
@@ -361,9 +363,11 @@ def test_each_planner_that_waits_for_people_stands_at_the_stops(planner: Any) ->
 
 def test_a_person_who_stands_at_a_stop_delays_its_visit() -> None:
     stop = {"at": (2.0, 2.0), "within": 0.3, "dwell": 2.0}
-    stays_until, elsewhere = (Person(x, 2.0, until=25.0, name="Ann") for x in (2.0, 5.5))
-    late, early = (toured([stop], "any", one).solve("lattice", step=0.5) for one in (stays_until, elsewhere))
-    assert min(origin["visits"][0]["begin"] for origin in late.provenance) > 25.0
+    stays_until, elsewhere = (Person(x, 2.0, until=12.0, name="Ann") for x in (2.0, 5.5))
+    late, early = (
+        toured([stop], "any", one, criteria=QUICK).solve("lattice", step=0.5) for one in (stays_until, elsewhere)
+    )
+    assert min(origin["visits"][0]["begin"] for origin in late.provenance) > 12.0
     assert min(origin["visits"][0]["begin"] for origin in early.provenance) < 5.0
 
 
@@ -374,6 +378,14 @@ def test_a_stop_where_a_person_stays_is_named_or_missed() -> None:
     assert any("people are too near to hall whenever the robot could stand there" in note for note in front.notes)
     optional = toured([{**HALL, "optional": True}], "given", stays, criteria=("turns", "duration", "stops_missed"))
     assert set(optional.solve("lattice", step=0.5).costs[:, 2]) == {1.0}
+
+
+def test_more_than_64_sets_of_stops_are_refused_among_people_who_move() -> None:
+    stops = [{"at": (1.0, 3.0 + 0.3 * i), "within": 0.5} for i in range(7)]
+    with pytest.raises(QueryError, match="at most 64 sets of visited stops"):
+        toured(stops).solve("lattice", step=0.5)
+    with pytest.raises(QueryError, match="leave stop_states out"):
+        toured(stops[:2]).solve("lattice", step=0.5, stop_states=1)
 
 
 def test_a_stop_behind_walls_is_named_among_people_too() -> None:

@@ -53,6 +53,20 @@ def test_it_finds_it_where_first_solutions_are_looked_for_next_to_best_ways(monk
         agrees(query, front_by_enumeration(query))
 
 
+@pytest.mark.seeds(1, of=60)
+def test_arcs_that_share_rows_of_tables_are_as_if_each_had_its_own(seed):
+    for one in range(40_000 + TOGETHER * seed, 40_000 + TOGETHER * (seed + 1)):
+        query = timed_query(one)
+        graph, rng = query.graph, np.random.default_rng(one)
+        count = len(graph.timed)
+        rows = rng.integers(0, 1 + count // 2, count) if count else np.zeros(0, np.int64)
+        own = {j: table[rows] for j, table in graph.costs.items()}
+        shared = replace(graph, rows=rows)
+        agrees(query._replace(graph=shared), front_by_enumeration(query._replace(graph=shared)))
+        apart = replace(graph, costs=own, blocked=graph.blocked[rows])
+        agrees(query._replace(graph=apart), front_by_enumeration(query._replace(graph=shared)))
+
+
 @pytest.mark.parametrize("options", [{}, {"worst": True}, {"duration": True}], ids=["sums", "worst", "duration"])
 @pytest.mark.seeds(1, of=30)
 def test_it_finds_that_of_expanded_lattices(seed, options):

@@ -16,21 +16,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion, index_of_role
-from hpop.criteria.performance.stops_missed import StopsMissed
-from hpop.criteria.visits import weight_of
 from hpop.errors import OptionError
 from hpop.goals.tour import Tour
 from hpop.planners.graphs.state_graph import ARC
 from hpop.planners.graphs.timed.plans import GraphOnClock
 from hpop.planners.graphs.tour import NONE, TourGraph
-from hpop.planners.objectives import quantised
 from hpop.search import Graph
 from hpop.search.timed.graph import HOLD, MAX_TICKS, RATE_BITS, PathSteps, TimedGraph
 from hpop.trajectories.trajectory import Trajectory
@@ -109,7 +106,7 @@ class TimedTour:
             free = (since[places, ticks:] <= begins) & (begins >= earliest[members, None])
             free &= begins + ticks <= latest
             later = ~graph.cut[places, -1] & (np.maximum(earliest[members], graph.horizon) + ticks <= latest)
-            if not (stop.optional or free.any() or later.any()):
+            if members.size and not (stop.optional or free.any() or later.any()):
                 yield stop.name
 
 
@@ -209,11 +206,8 @@ class _Layering:
 
     def _weight(self, skipped: Sequence[int]) -> int:
         """Return the cost, in quanta, of skipping some stops."""
-        if self._missed is None or not skipped:
-            return 0
-        criterion = self.criteria[self._missed]
-        weight = weight_of(self.tour, skipped, cast(StopsMissed, criterion).weights or {})
-        return int(quantised(np.array([weight]), criterion)[0])
+        costs = self.tour_graph.missed_costs([skipped], self.criteria)
+        return 0 if self._missed is None else int(costs[0, self._missed])
 
     def _at_once(self, layer: int) -> dict[int, IntArray]:
         """Return, for each layer that some node of ``layer`` reaches in no time, the least weight (n,) to get there.
