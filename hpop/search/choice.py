@@ -26,7 +26,8 @@ def choose_method(graph: Graph, method: str, samples: IntArray, groups: Groups) 
     """Return the method of a search, and the column of its index cost, -1 if there is none.
 
     The index cost is the cost by whose values staircases are tabulated: a sum of small integers, such as the number of
-    turns. Of several such costs it is the one that is smallest along the paths of `samples`.
+    turns. Of several such costs it is the one with the smallest total on any path of `samples`. It is returned for the
+    method "general" as well.
 
     method   "auto", "staircase" or "general", as the caller of the search gave it
     samples  (k, k)  row j: all costs of the path that is least in cost j, of :func:`.lower_bounds`
@@ -84,7 +85,10 @@ def choose_order(
 
 
 def _is_raised(graph: Graph, j: int, index: int, groups: Groups) -> bool:
-    """Return whether any turn (an arc with a positive cost in column `index`) has a positive cost in column j."""
+    """Return whether any turn (an arc with a positive cost in column `index`) has a positive cost in column j.
+
+    If turns form groups, only turns within groups count.
+    """
     if groups.column == index:
         return bool(groups.dearest[:, j].any())
     turns = graph.costs[:, index] > 0
@@ -106,7 +110,7 @@ def _by_spread(samples: IntArray, least: IntArray) -> list[int]:
 
 
 def _with_turn_free_first(graph: Graph, by_spread: list[int], groups: Groups) -> tuple[int, ...]:
-    """Return an order of costs that begins with those that turns do not raise, as groups of turns need to be of use.
+    """Return an order of costs that begins with those that turns do not raise, as dominance tests within groups need.
 
     `by_spread` has the columns in the order of :func:`_by_spread`, which the other costs keep. Of several costs that
     turns do not raise, the sum with most distinct values comes first. The first cost need not be stored in the sets of

@@ -95,7 +95,7 @@ class ExtendedGraph(Graph):
 
     @property
     def rows_of_turns(self) -> tuple[IntArray, NDArray[np.int32], IntArray, IntArray]:
-        """Offsets, heads and costs of arcs that include all turns of groups, and the offsets of this graph's arcs.
+        """Offsets, heads, costs of arcs that include all turns within groups, and offsets of this graph's own arcs.
 
         The first three are the arrays of the base, as added arcs are no turns within groups; so nothing is copied.
         """
@@ -104,9 +104,9 @@ class ExtendedGraph(Graph):
         return self.base.indptr, self.base.heads, self.base.costs, self.indptr
 
     def costs_of_path(self, nodes: IntArray, column: int, remaining: IntArray) -> IntArray:
-        """Return all costs (k,) of the path through the given nodes (N,) that is least in the cost of ``column``.
+        """Return all costs (k,) of a path through the given nodes (N,), which is least in the cost of ``column``.
 
-        Only the choice among parallel arcs depends on ``column``.
+        Of parallel arcs, the first one that gives this least cost is taken.
 
         remaining  (n,)  least remaining cost of each node in this column
         """

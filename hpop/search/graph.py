@@ -46,7 +46,7 @@ class Graph:
     turns                 the column of the cost that counts turns in place, if known, or None
     base                  the graph to which this graph adds nodes and arcs (:meth:`extended`), if it is reused, or None
 
-    Read-only arrays of these types are used without a copy.
+    Read-only, contiguous arrays of these types are used without a copy.
 
     >>> graph = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 5], [1, 5], [9, 1]])
     >>> graph.nodes, graph.arcs, graph.criteria
@@ -76,7 +76,7 @@ class Graph:
         if n > MAX_INDEX or m > MAX_INDEX:
             raise GraphError(f"a graph must have at most {MAX_INDEX} nodes and arcs, got {n} nodes and {m} arcs")
         if indptr[0] != 0 or indptr[-1] != m or (np.diff(indptr) < 0).any():
-            raise GraphError(f"indptr must rise from 0 to the number of arcs, {m}")
+            raise GraphError(f"indptr must begin with 0, never fall, and end with the number of arcs, {m}")
         if heads.ndim != 1 or arc.shape != heads.shape:
             raise GraphError(f"heads and arc must be vectors of one length, got {heads.shape} and {arc.shape}")
         if costs.ndim != 2 or len(costs) != m or not 1 <= costs.shape[1] <= MAX_COSTS:
@@ -107,7 +107,7 @@ class Graph:
 
     @cached_property
     def largest(self) -> IntArray:
-        """Largest cost (k,) of any arc."""
+        """Largest value (k,) of each cost over all arcs, 0 without arcs."""
         columns = (self.costs[:, j] for j in range(self.criteria))  # much faster than max(axis=0)
         return np.array([column.max(initial=0) for column in columns], np.int64)
 
@@ -234,7 +234,7 @@ class Graph:
         return g
 
     def among(self, nodes: IntArray) -> Self:
-        """Return the subgraph of the given nodes, numbered in their order; `arc` has the arcs' indices in this graph.
+        """Return the subgraph of `nodes` (j,), renumbered 0, 1, ... in this order; its `arc` has indices in this graph.
 
         >>> part = Graph.from_arcs(4, [0, 0, 1, 3], [1, 3, 2, 0], [[5], [6], [7], [8]]).among(np.array([0, 3]))
         >>> part.heads.tolist(), part.costs.tolist(), part.arc.tolist()
@@ -250,7 +250,7 @@ class Graph:
         return replace(part, arc=cast(Any, arcs[part.arc]))
 
     def without(self, left_out: BoolArray) -> Self:
-        """Return the graph without the marked arcs; `arc` has the indices of the remaining arcs in this graph.
+        """Return the graph without the marked arcs, a mask (m,); its `arc` has indices of arcs in this graph.
 
         >>> part = Graph.from_arcs(3, [0, 0, 1], [1, 2, 2], [[5], [6], [7]]).without(np.array([True, False, False]))
         >>> part.indptr.tolist(), part.heads.tolist(), part.costs.tolist(), part.arc.tolist()
@@ -267,7 +267,7 @@ class Graph:
     ) -> Graph:
         """Return a larger graph: new nodes get the next numbers, and new arcs follow the old arcs of their tails.
 
-        If ``is_reused``, this graph becomes the :attr:`base` of the result, which then uses its cache and arcs.
+        If ``is_reused``, this graph becomes the :attr:`base` of the result, which shares its cache and arcs.
 
         Parameters
         ----------
@@ -293,7 +293,7 @@ class Graph:
 
     @property
     def rows_of_turns(self) -> tuple[IntArray, NDArray[np.int32], IntArray, IntArray]:
-        """Offsets, heads and costs of arcs that include all turns of groups, and the offsets of this graph's arcs."""
+        """Offsets, heads, costs of arcs that include all turns within groups, and offsets of this graph's own arcs."""
         return self.indptr, self.heads, self.costs, self.indptr
 
     @cached_property
@@ -335,7 +335,7 @@ class Graph:
 
 
 def _integers(values: ArrayLike, name: str, dtype: Any) -> NDArray[Any]:
-    """Return values as a contiguous integer array, copied unless it is read-only; GraphError for other values."""
+    """Return whole numbers as a contiguous array, copied unless read-only and of this dtype; else raise GraphError."""
     try:
         array = np.asarray(values)
     except ValueError as error:  # rows of different lengths
@@ -352,7 +352,8 @@ def _integers(values: ArrayLike, name: str, dtype: Any) -> NDArray[Any]:
     largest = MAX_INDEX if dtype is np.int32 else MAX_SUM
     wider = array.dtype.itemsize > np.dtype(dtype).itemsize or array.dtype.kind == "u"
     if wider and (array.max() > largest or array.min() < -largest):
-        raise GraphError(f"{name} must not exceed {largest}, got {array.max()}")
+        beyond = array.max() if array.max() > largest else array.min()
+        raise GraphError(f"{name} must not exceed {largest} in size, got {beyond}")
     if array.dtype == dtype and array.flags.c_contiguous and not array.flags.writeable:
         return array
     return np.array(array, dtype, order="C")
@@ -385,8 +386,7 @@ def _aggregates(aggregates: Sequence[str] | None, costs: IntArray) -> tuple[str,
 
 
 def _check_sums(graph: Graph) -> None:
-    """Raise GraphError if a sum of costs along a path without cycles could overflow 64-bit integers."""
-    # such a path leaves each node at most once
+    """Raise GraphError if a cost of a path that leaves each node at most once could exceed MAX_SUM."""
     leaving = graph.indptr[:-1][np.diff(graph.indptr) > 0]
     for j, aggregate in enumerate(graph.aggregates):
         worst = int(graph.largest[j])

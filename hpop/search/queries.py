@@ -28,7 +28,8 @@ UNLIMITED = Budget()
 class SearchStats:
     """Statistics of a search.
 
-    method            "staircase" or "general"; "auto" if a limit came before the choice
+    method            "staircase", "general", "capped mean", "weighted sum" or "timed"; "auto" if a limit came before
+                      the choice
     order             columns of the costs, in the order in which the search compares them
     labels_generated  count  labels (partial paths) put into the queue
     labels_expanded   count  labels taken out of the queue and extended
@@ -64,7 +65,7 @@ class ParetoPaths:
     costs   (n, k)  int64  columns as in the graph, rows in lexicographic order
     status  COMPLETE, NO_PATH, or the limit that stopped the search
     stats   statistics of the search
-    gap     relative: for every missing vector p there is a returned r <= (1 + gap) p + tolerance
+    gap     relative: for every missing vector p there is a returned r <= (1 + gap) p + tolerance; inf if unknown
     blocked (b,)  indices of the arcs that a lazy search found to be blocked
     asked   text for the certificate: tolerance and bounds of the query
     """
@@ -175,7 +176,7 @@ class ParetoPaths:
         return np.concatenate([np.zeros(0, np.int64), *self._paths])
 
     def through(self, rows: IntArray) -> tuple[IntArray, IntArray]:
-        """Return the nodes (N,) of the paths in r given rows, path after path, and the numbers (r,) of their nodes."""
+        """Return the nodes (N,) of the paths in r given rows, path after path, and the count (r,) of nodes per path."""
         paths = [self._paths[row] for row in rows]
         sizes = np.array([path.size for path in paths], dtype=np.int64) + 1
         nodes = np.full(sizes.sum(), self._source, dtype=np.int64)
@@ -184,7 +185,10 @@ class ParetoPaths:
         return nodes, sizes
 
     def suffixes(self, node: int) -> list[IntArray]:
-        """Return for each path through a node the remaining arcs from there on, as indices into the graph's arrays."""
+        """Return for each path through a node its arcs from there on, as indices into the graph's arrays.
+
+        Paths that do not pass the node have no entry.
+        """
         suffixes = []
         for i, path in enumerate(self._paths):
             at = np.flatnonzero(self.nodes(i) == node)
@@ -290,6 +294,8 @@ def query_text(graph: Graph, precision: Precision, at_most: tuple[int, ...]) -> 
 
 def _value_per_cost(graph: Graph, values: Any, name: str, kind: str, missing: int | None) -> tuple[Any, ...]:
     """Return one whole number of quanta for each cost, from a list of them, or from amounts by the name of the cost.
+
+    Amounts are rounded down to quanta. The entries of a list are not checked; an empty list gives ().
 
     name     name of the option, for messages
     kind     description of valid values, for messages

@@ -127,7 +127,8 @@ def advance(
 ) -> int:
     """Run the search for a slice of `work` steps: take labels (partial paths) from the heap, and extend them.
 
-    It ends early if the heap is empty or an array is full. Returns the code of the reason (:mod:`.machinery.slices`).
+    It ends early if the heap is empty, if all its labels exceed `bound`, or if an array is full. Returns the code of
+    the reason (:mod:`.machinery.slices`).
     All arrays belong to :class:`General`, and are changed in place.
 
     start, plain, arcs, nodes           tables of :func:`.general.tables.build_tables`

@@ -33,7 +33,8 @@ def build_tables(
 ) -> tuple[IntArray, IntArray]:
     """Fill the tables of nodes and arcs that a search reads, with costs in its order.
 
-    Arcs to nodes that reach no target are left out. The arcs of each node begin with its turns.
+    Arcs to nodes that reach no target and loops are left out. The arcs of each node begin with its turns, except turns
+    to targets, which come among the other arcs.
 
     indptr, heads, costs  arcs of the graph, see :class:`.Graph`
     order      (k,)       columns of the graph's costs, in the order of the search
@@ -301,7 +302,7 @@ def move(sets: IntArray, pool: NDArray[Any], s: int, width: int, used: int) -> i
 def enter_sorted(sets: IntArray, pool: NDArray[Any], s: int, f: NDArray[Any], used: int) -> int:
     """Add f (3,) like :func:`add_to_set`, but to a sorted set: the second cost of members rises, the third falls.
 
-    Arguments and result are those of :func:`add_to_set`.
+    Nothing changes if a member covers f. Arguments and result are those of :func:`add_to_set`.
     """
     start, size, room = sets[s, START], sets[s, SIZE], sets[s, ROOM]
     at = smaller(pool, start, size, np.int64(f[1]))

@@ -107,8 +107,9 @@ class _MissingKernels(NamedTuple):
 def compiling_beside(aggregates: Sequence[str], turns: int, onset: Onset, kernels: Kernels) -> Iterator[Onset | None]:
     """Compile the missing kernels of a search in background processes while a ``with`` block runs.
 
-    The ``with`` statement yields ``onset``, or None if all kernels are cached. With ``Onset.AFTER_FIRST``, compilation
-    starts only when :func:`start_compilers` is called, so that a first result and its map come sooner.
+    The ``with`` statement yields ``onset``, or None if the kernel that takes longest is cached or cannot be cached.
+    With ``Onset.AFTER_FIRST``, compilation starts only when :func:`start_compilers` is called, so that a first result
+    and its map come sooner.
 
     aggregates  "sum" or "max" for each cost
     turns       column of the cost that counts turns, or -1

@@ -118,18 +118,18 @@ def cost_to_go(
     """Search backward from the targets by one cost; write the least remaining cost of each node and its next node.
 
     The search stops before nodes that are farther than `until`, or than the source. Returns the distance of the nearest
-    open node, or UNREACHABLE if none is left. The next call continues from there.
+    open node, or UNREACHABLE if none is left. The next call with the same arrays continues from there.
 
     start, tails, weights   arcs sorted by head, of :func:`sort_arcs_by_head`, with this cost alone
     is_max                  True if the cost of a path is its largest arc cost, False if it is the sum
     group (n,), rows        index of each node's group, and the table of groups, see :class:`.Groups`
     dearest, uniform, turns this cost of the turns, see :class:`.Groups` (`uniform` is an entry of `alike`)
     targets                 nodes at which paths may end, in the numbering of the groups
-    out, parent (n,)        output: least cost, and next node on such a path or -1
-    turned (g,)             groups that have turned, 0 before the call
-    turning (n,)            nodes with a path that begins with a turn, 0 before the call
-    tops (PILES,)           -1 before the first call; above and below (n,) are scratch
-    last (1,)               cost of the last node taken, -1 before the first call
+    out, parent (n,)        output: least cost, and next node on such a path or -1, in the numbering of the groups
+    turned (g,)             state: 1 for groups whose turns were added, 0 before the first call
+    turning (n,)            state: 1 for nodes whose best path begins with a turn, 0 before the first call
+    tops (PILES,)           state of the radix heap, -1 before the first call; above and below (n,): its linked lists
+    last (1,)               state: cost of the last node taken, -1 before the first call
     source                  node in the numbering of the groups at which the search stops, or -1
     until                   largest cost at which the search goes on
 
@@ -220,6 +220,7 @@ def costs_of_least_path(
     is_max (k,)           1 for a cost of which a path has the maximum, 0 for a sum
     h (n,)                least remaining cost of each node, in that column
     parent (n,)           next node on the path; -1 at its end
+    total (k,)            output, 0 before the call
     """
     k = costs.shape[1]
     u = source
@@ -273,7 +274,8 @@ def costs_to_go(
 ) -> tuple[IntArray, NDArray[np.int32]]:
     """Return the least remaining cost (j, n) of each node in j columns, by default all, and its next node (j, n).
 
-    The next node is the successor on a path that is least in this cost; it is -1 at targets.
+    The next node is the successor on a path that is least in this cost; it is -1 at targets and at nodes that reach
+    none.
     """
     searches = BackwardSearches(graph, targets, clock, groups, columns)
     searches.settle(-1, np.full(len(searches.columns), UNREACHABLE))

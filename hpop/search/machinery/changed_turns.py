@@ -31,7 +31,8 @@ MOST_UNUSED = 2  # size of a table of turns relative to what its groups need, ab
 def take_over_groups(before: Graph, graph: Graph, nodes: IntArray) -> None:
     """Derive the groups of turns of a graph from those of the graph ``before`` a local change, and cache them.
 
-    The groups are the same as if they were computed from scratch. Nothing is cached if a change splits a group.
+    They are equal to groups computed from scratch. Nothing is cached if only a computation from scratch can find them,
+    for example because the change splits a group.
 
     nodes  (n,)  for each node of ``graph``, the node of ``before`` with the same arcs, or -1 if its arcs changed;
                  the heads of the arcs may have other numbers
@@ -115,7 +116,9 @@ def _whole_groups(groups: Groups, nodes: IntArray) -> IntArray | None:
 
 
 def _sizes_of_changed_groups(groups: Groups, graph: Graph, nodes: IntArray, clock: Clock) -> IntArray | None:
-    """Return the sizes of the groups that the changed nodes form, in order; None if their turns form no groups.
+    """Return the sizes of the groups that the changed nodes form, in order of their nodes.
+
+    The result is None if their turns form no groups, or groups whose nodes are not consecutive numbers.
 
     groups  groups before the change
     nodes   (n,)  for each node of ``graph``, the node before the change with the same arcs, or -1 if its arcs changed

@@ -150,7 +150,7 @@ class Keeper:
 
     @property
     def method(self) -> str | None:
-        """Name of the search method that the file was saved by; None if there is no file."""
+        """Name of the method that saved the file; None if there is no file, or after a search has resumed from it."""
         return None if self.saved is None else self.saved.method
 
     def run(self, search: Search, method: str, clock: Clock) -> Status:
@@ -195,7 +195,10 @@ class Keeper:
             self.due = perf_counter() + max(self.every, SHARE * (perf_counter() - began))
 
     def save(self) -> None:
-        """Write the checkpoint file. If that fails, warn and keep the last file, so that the search can go on."""
+        """Write the checkpoint file. If that fails, warn and keep the last file, so that the search can go on.
+
+        Nothing is written as long as the file has the state of a search that has not resumed yet.
+        """
         if self.saved is not None:  # not resumed yet
             return
         try:
@@ -211,7 +214,7 @@ class Keeper:
         except OSError as error:
             reason = error.strerror or error
             warnings.warn(
-                f"cannot write the checkpoint {self.path} ({reason}); the last one stays", HpopWarning, stacklevel=2
+                f"cannot write the checkpoint {self.path} ({reason}); the last one is kept", HpopWarning, stacklevel=2
             )
 
 

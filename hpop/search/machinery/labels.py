@@ -66,7 +66,7 @@ class Labels:
         if len(labels.counts) != COUNTS or len(labels.evidence) != EVIDENCE:
             raise Unsound("its arrays have other sizes")
         if not 0 <= labels.counts[EXPANDED] <= labels.counts[GENERATED] + 1 <= 2**62:
-            raise Unsound("its counts of labels are impossible")
+            raise Unsound("its counts of partial paths are impossible")
         return labels
 
     @property
@@ -89,7 +89,7 @@ def check_order(closed: NDArray[Any], opened: NDArray[Any], solved: NDArray[Any]
     Closed labels need to be in order only by the first cost, as some of them come from turns, which are not queued.
     """
     if not (_are_in_order(closed[:, :1]) and _are_in_order(solved)):
-        raise Unsound("its labels are not in the order of the search")
+        raise Unsound("its partial paths are not in the order of the search")
     if not len(opened):
         return
     for j in range(opened.shape[1]):
@@ -99,7 +99,7 @@ def check_order(closed: NDArray[Any], opened: NDArray[Any], solved: NDArray[Any]
         _are_in_order(np.concatenate([closed[-1:, :1], first[:, :1]]))
         and _are_in_order(np.concatenate([solved[-1:], first]))
     ):
-        raise Unsound("an open label should have come before closed ones")
+        raise Unsound("an open partial path should have come before closed ones")
 
 
 def check_solutions(is_target: NDArray[np.uint8], nodes: Nodes, ends: Nodes, first: NDArray[Any], most: int) -> None:
@@ -112,21 +112,21 @@ def check_solutions(is_target: NDArray[np.uint8], nodes: Nodes, ends: Nodes, fir
     most          upper bound on the first cost
     """
     if is_target[nodes].any() or not is_target[ends].all() or (first > most).any():
-        raise Unsound("a solution is not at a target, or a label at a target is not a solution")
+        raise Unsound("a solution is not at a target, or a partial path at a target is not a solution")
 
 
 def enter_in_batches(count: int, enter: Callable[[int], int], grow: Callable[[], None]) -> None:
     """Enter ``count`` saved labels (partial paths) into the sets of their nodes, and grow the sets when they are full.
 
     ``enter`` calls a kernel: it takes the index of the first label to enter, and returns the index of the first one for
-    which there was no room, or a negative number for a label that the search would not have closed. Then Unsound is
-    raised. ``grow`` enlarges the sets.
+    which there was no room, ``count`` if all are entered, or a negative number for a label that the search would not
+    have closed. Then Unsound is raised. ``grow`` enlarges the sets.
     """
     begin = 0
     while begin < count:
         begin = enter(begin)
         if begin < 0:
-            raise Unsound("a label is covered by one before it")
+            raise Unsound("a partial path is covered by one before it")
         if begin < count:
             grow()
 

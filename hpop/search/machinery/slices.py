@@ -220,7 +220,7 @@ class Search(ABC):
 
     @abstractmethod
     def estimates(self) -> IntArray:
-        """Return lower bounds (m, k) of the costs of all paths through each open label, as in :meth:`open_labels`."""
+        """Return a lower bound (m, k) of all paths by each open label, in the order of :meth:`open_labels`."""
 
     @abstractmethod
     def open_labels(self) -> tuple[IntArray, IntArray]:
@@ -252,7 +252,7 @@ class Search(ABC):
             raise Unsound("it compares the costs in another order")
         values, c, o = labels.all, len(labels.closed), len(labels.heap) + len(labels.waiting)
         if not len(values) or (np.diff(np.sort(values)) == 0).any() or (c > 0 and labels.closed[0] != 0):
-            raise Unsound("a label occurs twice, or the first is missing")
+            raise Unsound("a partial path occurs twice, or the first is missing")
         nodes, costs = self._nodes_and_estimates(values, c, clock)
         closed, open_labels, solution_labels = costs[:c], costs[c : c + o], costs[c + o :]
         check_order(closed, open_labels, solution_labels)
@@ -274,7 +274,7 @@ class Search(ABC):
                 self.counters[N_FRONT] = count
             self.counters[[N_OPEN, N_CLOSED, N_GENERATED, N_EXPANDED]] = o, c, *labels.counts
         if self._checksums(clock).tolist() != labels.evidence.tolist():
-            raise Unsound("its labels do not match their checksums")
+            raise Unsound("its partial paths do not match their checksums")
 
     def _checksums(self, clock: Clock) -> IntArray:
         n = int(self.counters[N_FRONT])
@@ -290,7 +290,7 @@ class Search(ABC):
             if reached == len(values):
                 return at, f
             if reached >= 0 or not self.widen():
-                raise Unsound("a label is no path of this graph")
+                raise Unsound("a partial path in it is no path of this graph")
 
     @abstractmethod
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
@@ -316,7 +316,7 @@ class Search(ABC):
 
     @abstractmethod
     def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
-        """Fill the queue with open labels ``heap`` and ``waiting`` of these estimates; raise Unsound if disordered."""
+        """Fill the queue with labels ``heap`` and ``waiting`` of estimates ``costs``; raise Unsound if disordered."""
 
     @abstractmethod
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
@@ -334,7 +334,7 @@ class DeadlineClock(Clock):
 
     Time is processor time of this thread. Compiling does not count.
 
-    share   share of each limit that the search may use for now, from 0 to 1
+    share   share of the limits of time and labels that the search may use for now, from 0 to 1
     labels  number of labels that other searches of this query generated
     memory  bytes that other searches of this query use
     """

@@ -84,7 +84,8 @@ def write_turn_costs(
     nodes, new_number, rows  numbers of nodes and groups, see :class:`.Groups`
     first                    group to begin with
     used                     number of columns in use already
-    slots                    (SLOTS, 3)  hash table of groups: checksum + 1, offset, size; 0 before the first call
+    slots                    (SLOTS, 3)  hash table of groups: checksum + 1, first column in `turns`, size; 0 before the
+                             first call
     """
     for g in range(first, len(rows)):
         offset, size = rows[g, OFFSET], rows[g, SIZE]

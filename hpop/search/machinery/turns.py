@@ -257,9 +257,10 @@ def number_groups(
     size: IntArray,
     last_tail: IntArray,
 ) -> tuple[int, Any, int]:
-    """Find the groups of nodes that turns join, and check that each pair of nodes has one turn of the same index cost.
+    """Find the groups of nodes that turns join, and check that turns join each node of a group to each other one once.
 
-    Returns the number of groups, the index cost of a turn, and the number of turns; all 0 if turns form no groups.
+    All turns must have the same index cost. Returns the number of groups, this index cost, and the number of turns; all
+    0 if turns form no groups. A graph without turns has a group for each node, and the index cost 0.
 
     indptr, heads, costs  arcs of the graph, see :class:`.Graph`
     index                 column of the cost that turns raise
@@ -312,13 +313,16 @@ def separate_turns(
     dearest: IntArray,
     alike: NDArray[np.bool_],
 ) -> int:
-    """Separate arcs into turns and plain arcs; return the number of plain arcs, without loops from a node to itself.
+    """Separate arcs into turns and plain arcs; return the number of plain arcs.
+
+    Loops from a node to itself are neither, and are left out.
 
     indptr, heads, costs     arcs of the graph, see :class:`.Graph`
     column                   column of the index, the cost that turns raise; -1: all arcs are plain
     nodes, new_number, rows  numbers of nodes and groups, see :class:`Groups`
 
-    Written are `start`, `plain` (heads of the plain arcs), `origin`, `dearest` and `alike`, see :class:`Groups`.
+    Written are `start`, `plain` (heads of the plain arcs), `origin`, `dearest` (0 before the call) and `alike` (True
+    before the call), see :class:`Groups`.
     """
     k = costs.shape[1]
     m = 0

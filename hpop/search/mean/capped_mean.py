@@ -37,8 +37,8 @@ class MeanPaths(ParetoPaths):
     """Result of a search with a mean: walks that are non-dominated in the mean S / T and the other costs.
 
     S is the integral and T the duration. Rows of ``costs`` are sorted by the mean. If a limit stopped the search, the
-    walks are within the limits and do not dominate each other, but the exact front may have better walks. Other fields
-    and methods are those of :class:`ParetoPaths`.
+    walks are within the limits and do not dominate each other, but the exact front may have better walks. How much
+    better is not computed: ``gap`` is always 0. Other fields and methods are those of :class:`ParetoPaths`.
 
     integral  column of S
     duration  column of T

@@ -117,7 +117,9 @@ def is_pruned(
 
 @kernel
 def enter_row(blocks: IntArray, vectors: IntArray, b: int, f: IntArray, used: int) -> int:
-    """Add the estimate f (k,) of a closed label to block b, and drop rows that f replaces; return the used rows.
+    """Add the estimate f (k,) of a closed label to block b, and drop rows that f replaces.
+
+    Returns the new number of rows of `vectors` in use, other blocks and gaps between blocks included.
 
     A label is a partial walk, and f has lower bounds of the costs of walks that begin with it. A block has the rows of
     `vectors` with the estimates of labels closed at one node (:func:`is_pruned`). `used` is the number of rows in use
@@ -152,7 +154,8 @@ def enter_row(blocks: IntArray, vectors: IntArray, b: int, f: IntArray, used: in
 def insert(front: IntArray, solutions: IntArray, size: int, f: IntArray, label: int) -> int:
     """Add a walk with costs f (k,) to the front unless it is dominated there, and drop walks that it dominates.
 
-    The mean, integral divided by duration, counts as one cost. Returns the new size of the front.
+    The mean, integral divided by duration, counts as one cost, and replaces these two in comparisons. Of walks with
+    equal means and other costs, the earlier one stays. Returns the new size of the front.
 
     front, solutions  (size, k), (size,)  costs and labels of the walks, sorted by the mean; changed in place
     label             number that `solutions` stores for the walk

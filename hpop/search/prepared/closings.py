@@ -163,11 +163,12 @@ def known_paths(
     ends = np.cumsum(sizes)
     arcs = np.concatenate([np.zeros(0, np.int64), *several]).astype(np.int64)
     row = np.repeat(np.arange(len(several)), sizes)
-    strange = row[(arcs < 0) | (arcs >= graph.arcs)]
+    is_strange = (arcs < 0) | (arcs >= graph.arcs)
+    strange = row[is_strange]
     if strange.size:
         raise QueryError(
-            f"known path {strange[0]} must list indices of arcs from 0 to {graph.arcs - 1}, got another one; use those "
-            "of this graph"
+            f"known path {strange[0]} must list indices of arcs from 0 to {graph.arcs - 1}, got {arcs[is_strange][0]}; "
+            "use those of this graph"
         )
     heads = graph.heads[arcs].astype(np.int64)
     tails = np.append(source, heads)[:-1] if arcs.size else arcs
@@ -240,7 +241,8 @@ class StaircaseBounds:
     """Lower bounds of the remaining costs for staircase searches, computed while all arcs are open.
 
     h       (k, n)       least remaining value of each cost
-    layers  (n, LAYERS)  least remaining rest cost, the third in the search's order, for each number of turns; or None
+    layers  (n, LAYERS)  least remaining rest cost, the third in the search's order, with at most 0, 1, ... turns; nodes
+                         in the order of the groups; or None
     hull                 joint bounds of the first and the rest cost (:mod:`.staircase.turn_hull`), or None
     """
 

@@ -118,16 +118,20 @@ class HullRepair:
         return [array for array in arrays if isinstance(array, np.ndarray) and array.base is None]
 
     def is_up_to_date(self, closed: BoolArray, turns_closed: BoolArray) -> bool:
-        """Return whether all layers are repaired for the closed arcs (m,) and groups with closed turns (g,)."""
+        """Return whether all layers are repaired for the closed arcs of the graph, a mask ``closed`` of all its arcs.
+
+        ``turns_closed`` (g,) marks groups with closed turns. A newly closed turn needs no repair; one that opens does.
+        """
         same = (self.closed == closed[self.arcs]).all() and not (self.turns_closed & ~turns_closed).any()
         return self.marks is None and bool(same)
 
     def close(self, closed: BoolArray, turns_closed: BoolArray, clock: DeadlineClock) -> bool:
-        """Repair the hull for the closed arcs (m,) of the graph, layer after layer; return False if time runs out.
+        """Repair the hull for closed arcs, layer after layer; return False if time runs out, else True.
 
-        ``turns_closed`` (g,) marks groups with closed turns. Repaired values may depend on these turns, so old values
-        are restored when the turns open. Layers that are not repaired yet are for a graph with fewer closed arcs, so
-        they are lower bounds too. The next call continues with them.
+        ``closed`` is a mask of all arcs of the graph, and ``turns_closed`` (g,) marks groups with closed turns.
+        Repaired values may depend on these turns, so old values are restored when the turns open. Layers that are not
+        repaired yet are for a graph with fewer closed arcs, so they are lower bounds too. The next call continues with
+        them.
         """
         now = closed[self.arcs]
         if (
@@ -243,7 +247,7 @@ def improve_by_turns(
 ) -> None:
     """Lower the weighted remaining costs `now` (n, LANES) of marked nodes by paths that begin with a turn.
 
-    Paths of the layer `steps` without another turn count as well.
+    The value of the node itself in the layer `steps`, without another turn, counts as well.
 
     steps    (n, LANES)  layer in which paths continue after the turn, encoded
     marks    (n,)  not 0 for nodes that are under repair
@@ -311,7 +315,7 @@ def improve_by_moves(
 
     steps, marks, rests  as in :func:`improve_by_turns`
     arcs           (a,)  arcs from marked nodes; those in `closed` (m,) are skipped
-    moved          (m,)  output: for each arc the lanes that it improved, as bits
+    moved          (m,)  output: bits of the lanes that each arc improved are added
     came, turned   (n,)  nodes that a plain arc or a turn improved; arcs to other nodes are skipped; `turned` is 0
                          afterwards, and the improved nodes are added to `came`
     """
@@ -358,8 +362,10 @@ def recompute_layer(
 ) -> None:
     """Recompute layer m at the marked nodes, from values that are valid; the last layer allows any number of turns.
 
+    Stored values only rise.
+
     layers       all layers of the hull, of which layer m is changed; `last` is True for the last one
-    moved, closed, marks         as in :func:`improve_by_moves`
+    moved, closed, marks         as in :func:`improve_by_moves`; `moved` of `arcs` is written anew
     nodes, arcs  (a,), (b,)      marked nodes, and the arcs that leave them
     now          (n, LANES)      scratch
     room         (1 + g, LANES)  scratch, g is the number of nodes of the largest group

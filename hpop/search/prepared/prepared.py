@@ -202,7 +202,7 @@ class Prepared:
     """A graph prepared for searches from any node to the same targets, in which arcs can be closed and opened.
 
     bounds  (k, n)  least value of each cost over the paths of open arcs from each node to a target
-    onward  (k, n)  next node on such a path, -1 if there is none
+    onward  (k, n)  next node on such a path, -1 at targets and at nodes without a path
 
     Accepts: any :class:`Graph`, 1 to 6 costs, each a sum or a maximum.
 

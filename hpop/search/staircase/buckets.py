@@ -125,7 +125,7 @@ def waiting_entries(tops: NDArray[np.int32], below: NDArray[np.int32], entries: 
 
 @lean
 def count_entries(tops: NDArray[np.int32], below: NDArray[np.int32], counts: IntArray) -> int:
-    """Count the entries of each bucket, write the numbers to `counts` (b,), and return their sum."""
+    """Count the entries of each bucket, write the numbers to `counts` (b,), which is 0 before, and return their sum."""
     total = np.int64(0)
     for bucket in range(len(tops)):
         chunk, filled = np.int64(tops[bucket, 0]), np.int64(tops[bucket, 1])
@@ -227,7 +227,7 @@ class BucketSearch(Search):
             or (n > 0 and open_labels in later[:1])
             or buckets.max(initial=0) > MOST_BUCKETS
         ):
-            raise Unsound("the open labels in the file are not sorted by their first cost")
+            raise Unsound("its open partial paths are not sorted by their first cost")
         while buckets.max(initial=0) >= len(self.tops):
             self._grow_buckets()
         while len(self.values) < n:
@@ -235,7 +235,7 @@ class BucketSearch(Search):
         keys = ((costs[:, 0] & ((1 << shift) - 1)) << top) | (costs[:, 1] << bits) | costs[:, 2]
         self.keys[:n], self.values[:n] = keys[:n], heap
         if not clock.call(is_heap, self.keys, n, 1):
-            raise Unsound("the open labels in the file are not in the order of a heap")
+            raise Unsound("its open partial paths are not in the order of a heap")
         used = -(-np.bincount(later) // CHUNK).sum()
         while len(self.below) < used:
             self._grow_chunks()
@@ -317,7 +317,7 @@ class JointSearch(BucketSearch):
         return True
 
     def front_near_hull(self, hull: TurnHull, clock: Clock) -> tuple[IntArray, list[IntArray]]:
-        """Return a first approximate front (n, 3), and the arcs of its paths.
+        """Return a first approximate front (n, 3), columns in the order of the search, and the arcs of its paths.
 
         It is the front of the paths that use only nodes on best paths of joint bounds.
         """

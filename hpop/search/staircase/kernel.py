@@ -83,7 +83,8 @@ def advance(
 ) -> int:
     """Run the search for a slice of `work` steps: take labels (partial paths) from the queue, and extend them.
 
-    It ends early if the queue is empty or an array is full. Returns the code of the reason (:mod:`.machinery.slices`).
+    It ends early if the queue is empty, if all its labels exceed `bound`, or if an array is full. Returns the code of
+    the reason (:mod:`.machinery.slices`).
     All arrays belong to :class:`.Staircase`, and are changed in place.
 
     counters, closed, front, solutions  labels and front, see :class:`.Search`

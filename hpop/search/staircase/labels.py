@@ -50,7 +50,8 @@ def retrace(
 ) -> int:
     """Compute the last nodes and the estimates of saved labels (partial paths); write them to `at` (n,) and f (n, 3).
 
-    values       (n,)  labels, closed labels first; `closed` is their number
+    values       (n,)  labels, closed labels first; `closed` is their number. The last arc of a label is an arc in the
+                       order of the search, or m + u for a turn to the target u
     root         (3,)  estimate of the label at the source
     graph, turn        arguments of the search's kernel, :func:`.staircase.kernel.advance`
     tails        (m,)  tails of the arcs
@@ -218,9 +219,9 @@ class UncoveredCorners:
 
     N is the largest number of turns of a solution, p the number of solutions.
 
-    values  (N + 1, p + 1, LANES)  weighted costs of the corners if solutions have at most 0, 1, ... N turns, sorted by
-                                   rising first cost
-    last    (N + 1,)               index of the last corner for each number of turns
+    values  (N + 1, p + 1, LANES)  row n: weighted costs of the corners that are left by solutions with at most n turns,
+                                   sorted by rising first cost
+    last    (N + 1,)               index of the last corner in each row
     """
 
     values: IntLanes
@@ -280,7 +281,7 @@ def may_improve(
     last: IntArray,
     scratch: IntLanes,
 ) -> bool:
-    """Return False if joint bounds prove that solutions cover every path that begins with a label (partial path).
+    """Return False if joint bounds prove that solutions cover every path that begins with a label, else True.
 
     v, n             last node of the label, and its number of turns so far
     first, rest      estimates of its first and its rest (third) cost

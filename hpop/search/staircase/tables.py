@@ -138,7 +138,10 @@ def enter_stairs(
 
 @kernel
 def copy_to_double_width(old: NDArray[Any], new: NDArray[Any], groups: NDArray[Any], width: int) -> int:
-    """Copy all staircases to `new` with twice as many steps, the last one repeated; return the used length of `new`."""
+    """Copy all staircases to `new` with 2 * `width` steps, the last one repeated; return the used length of `new`.
+
+    The new positions of the staircases are written to `groups`, the table of groups.
+    """
     used = np.int64(0)
     for g in range(len(groups)):
         row, slots = np.int64(groups[g, ROW]), np.int64(groups[g, SLOTS])
@@ -224,9 +227,9 @@ def costs_by_turns(
     is_target: NDArray[np.uint8],
     clock: Clock,
 ) -> NDArray[Any] | None:
-    """Return the least remaining rest cost (n, LAYERS) of each node: column m with at most m turns, the last any.
+    """Return lower bounds (n, LAYERS) of the remaining rest cost: column m with at most m turns, the last with any.
 
-    Returns None if the plain arcs form no chains.
+    Returns None if there is no rest cost, or if the plain arcs form no chains.
 
     column                          column of the rest cost in the graph
     nodes, start, arcs, is_target   tables of the staircase search
@@ -294,10 +297,10 @@ def ends_chain(start: IntArray, arcs: NDArray[Any], v: int, a: int) -> bool:
 def order_chains(start: IntArray, arcs: NDArray[Any], tails: IntArray, indices: IntArray) -> int:
     """Sort arcs (m,) along chains of nodes; return the number of arcs that only end chains, -1 if there are no chains.
 
-    Each node must have one arc at most, and node numbers must only rise or only fall along a chain. Arcs that only end
-    chains (to a goal) come first, then rising arcs from the last node on, then falling arcs. So a sweep goes through
-    memory twice; chain after chain took two to three times as long. A node that no arc enters (a start) may have
-    several arcs; they come last. `tails` and `indices` (m,) are the output.
+    Each node must have one other arc at most, and node numbers along a chain must not fall after they have risen. Arcs
+    that only end chains (to a goal) come first, then rising arcs from the last node on, then falling arcs. So a sweep
+    goes through memory twice; chain after chain took two to three times as long. A node that no arc enters (a start)
+    may have several arcs; they come last. `tails` and `indices` (m,) are the output.
     """
     n = len(start) - 1
     entered = np.zeros(n, np.bool_)
@@ -359,6 +362,7 @@ def fill_layers(
     begin           (LAYERS,)  index of the first arc that each layer (number of turns) may use
     groups, dearest, turns, alike  groups of nodes and rest costs of their turns, see :class:`.Groups`
     infinite        cost of a node without a path
+    nodes           (n, 4)  table of nodes; its bound of the rest cost becomes the last layer
     """
     count, n = layers.shape
     now = np.full(n, infinite, layers.dtype)

@@ -153,7 +153,8 @@ def turn_hull(
     weights             (LANES, 2), of :func:`directions`
     nodes, start, arcs  tables of the staircase search
     is_target           (n,)  mask of nodes
-    is_enough           takes the weighted remaining costs (n, LANES) of the last layer; True if no more are needed
+    is_enough           takes the weighted remaining costs (n, LANES) of the newest layer; returns True if no further
+                        layers are needed
     room                bytes for the layers
 
     Returns None if plain arcs form no chains, if there is room for too few layers, or if a limit is passed.
@@ -274,9 +275,11 @@ def sweep_moves(now: IntLanes, order: IntArray, onward: IntArray, move: IntLanes
 def sweep_turns(
     before: IntLanes, now: IntLanes, groups: IntArray, uniform: bool, turn: IntLanes, least: IntLanes
 ) -> bool:
-    """Lower weighted remaining costs `now` (n, LANES) by paths that begin with a turn; return whether any became lower.
+    """Write to `now` (n, LANES) the weighted remaining costs `before`, lowered by paths that begin with a turn.
 
-    before   (n, LANES)  remaining costs after the turn; may be `now` itself
+    Returns whether any became lower. Earlier values of `now` are ignored.
+
+    before   (n, LANES)  remaining costs of each node, also after the turn; may be `now` itself
     groups   (g, 3)      rows of groups, see :class:`.Groups`
     uniform  whether all turns of a group cost the same
     turn     (t, LANES)  weighted costs of turns: one per group if `uniform`, else one per pair of nodes
@@ -334,7 +337,7 @@ def mark_paths(
 
     Paths are best within the rounding of a layer's values.
 
-    layers, moved, step, weights  fields of :class:`TurnHull`
+    layers, moved, step, weights  fields of :class:`TurnHull`, layers without the last one
     nodes, start, arcs            tables of the staircase search
     groups                        (g, 3)  rows of groups, see :class:`.Groups`
     uniform                       whether all turns of a group cost the same

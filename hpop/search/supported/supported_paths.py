@@ -48,8 +48,8 @@ LARGEST_SUM = 2**61  # bound on sums of reduced costs along a path; see Graph
 class SupportedPaths(ParetoPaths):
     """Result of a weighted-sum search: the supported points of the front, each with a path.
 
-    A point is supported if it is optimal for some positive weights. Other fields and methods are those of
-    :class:`ParetoPaths`.
+    A point is supported if it is optimal for some positive weights. ``gap`` is always 0, and claims nothing about other
+    points. Other fields and methods are those of :class:`ParetoPaths`.
 
     weights  n      for each point, the weights (., k) of normalised costs for which it is optimal; rows sum to 1
     ideal    (k,)   least value of each cost, or a lower bound after a limit or Ctrl-C

@@ -135,6 +135,8 @@ def checked_divisions(value: Any, k: int = 1) -> int:
 def integer_weights(weights: Sequence[float], k: int | None = None) -> Vector:
     """Return the smallest integers in the same proportions as k given weights.
 
+    Weights are first rounded to fractions of the largest one with denominators up to FINEST.
+
     Raises OptionError for weights that are negative, not finite or all zero, and for another number than k.
 
     >>> integer_weights([0.1, 0.25, 0])
@@ -184,7 +186,7 @@ class Reduced:
     indptr, heads  arcs in compressed rows, see :class:`.Graph`
     costs          (m, k)  reduced costs, in int32 if they fit
     source         node
-    is_target      (n,)
+    is_target      (n,)    mask of nodes
     largest        (k,)    greatest reduced cost of an arc
     """
 

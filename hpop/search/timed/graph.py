@@ -140,13 +140,14 @@ class TimedGraph:
         kept["cut"] = _flags(self.cut, "cut", (places, width))
         stays = kept["stays"] = _flags(self.stays, "stays", (m,))
         if stays[timed].any():
-            raise GraphError("an arc must not be both in timed and in stays, got one that is; leave it out of either")
+            both = timed[stays[timed]][0]
+            raise GraphError(f"an arc must not be both in timed and in stays, got arc {both}; leave it out of either")
         heads = self.graph.heads
         tails = np.repeat(np.arange(n), np.diff(self.graph.indptr))
-        if (place[tails] != place[heads])[stays].any():
+        if (moving := np.flatnonzero(stays & (place[tails] != place[heads]))).size:
             raise GraphError(
-                "a stay (an arc marked in stays) must begin and end at nodes of one place, got one that does not; "
-                "correct place or stays"
+                f"a stay (an arc marked in stays) must begin and end at nodes of one place, but arc {moving[0]} does "
+                "not; correct place or stays"
             )
         for name, least in (("hold", 1), ("arrive_by", 0)):
             given = getattr(self, name)
@@ -162,7 +163,7 @@ class TimedGraph:
 
     @cached_property
     def largest(self) -> IntArray:
-        """Largest cost (k,) of any arc at any tick, including the cost of standing of an arc that stays."""
+        """Upper bound (k,) of each cost of any arc at any tick, including the cost of standing of an arc that stays."""
         most = self.graph.largest.copy()
         longest = int(self.durations.max(initial=0))
         for j, table in self.costs.items():

@@ -157,7 +157,8 @@ def send_along(
 ) -> None:
     """Extend a partial path with costs g (k,) by open arc a, from place p at tick t; queue it unless it is pruned.
 
-    At a target, it becomes a solution instead. `parent` is 1 + the index of the extended closed label (partial path).
+    At a target, it becomes a solution instead. It is dropped if it cannot arrive in time. `parent` is 1 + the index of
+    the extended closed label.
     """
     x = np.int64(tables.heads[a])
     end = t + np.int64(tables.durations[a])
@@ -324,9 +325,8 @@ def under_way(
 ) -> int:
     """List labels (partial paths) in the queue: write their rows and ticks of arrival, and return their number.
 
-    As many are written as fit.
-
-    position  (2,)  progress, -1 and -1 at first: number of ticks from now, and the next row of that tick
+    As many are written as fit; the next call continues. `position` (2,) is the progress, changed, -1 and -1 at first:
+    number of ticks from now, and the next row of that tick.
     """
     count = 0
     while count < len(rows):

@@ -47,6 +47,8 @@ class TimedPath(NamedTuple):
 class PreparedTimed:
     """A time-dependent graph prepared for searches from any node and tick that are reached from a first one.
 
+    The first node is ``source``, left at tick ``begin``.
+
     earliest  (n,)  earliest tick of a query from each node; UNREACHABLE for nodes that cannot be reached
 
     Accepts: any :class:`TimedGraph`, 1 to 6 costs, each a sum or a maximum.

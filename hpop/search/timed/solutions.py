@@ -138,7 +138,7 @@ class StoredSolutions:
         path, arrays = self.keeper.path, self.keeper.saved.arrays
         self.keeper.saved = None
         if sorted(arrays) != sorted((SIZES, ARCS, LEAVES)) or any(a.ndim != 1 for a in arrays.values()):
-            raise invalid_checkpoint(path, "its arrays have other names")
+            raise invalid_checkpoint(path, "its arrays have other names or shapes")
         sizes, arcs, leaves = arrays[SIZES], arrays[ARCS], arrays[LEAVES]
         count, most = len(arcs), self.graph.graph.nodes + self.graph.horizon  # arcs of a path, as costs allow for
         if len(leaves) != count or ((sizes < 1) | (sizes > min(count, most))).any() or int(sizes.sum()) != count:
