@@ -62,7 +62,7 @@ class SearchQuery:
         method   "staircase" or "general"
         order    columns of the costs in the order of the search, of :func:`choose_order`
         h        (k, n)  lower bounds of the remaining costs of each node
-        groups   groups of nodes joined by turns; for "staircase" by arcs with an index cost, or else single nodes
+        groups   groups of nodes joined by turns; for "staircase" turns must raise the index cost, or pass single nodes
         jointly  whether the search may use bounds of several costs together, which are tighter
         """
         ends = self.graph, self.source, self.targets

@@ -33,14 +33,14 @@ def build_tables(
 ) -> tuple[IntArray, IntArray]:
     """Fill the tables of nodes and arcs that a search reads, with costs in its order.
 
-    Arcs to nodes that reach no target and loops are left out. The arcs of each node begin with its turns, except turns
+    Loops and arcs to nodes that reach no target are left out. The arcs of each node begin with its turns, except turns
     to targets, which come among the other arcs.
 
     indptr, heads, costs  arcs of the graph, see :class:`.Graph`
     order      (k,)       columns of the graph's costs, in the order of the search
     h          (k, n)     lower bounds of the remaining costs, columns as in the graph
     is_target  (n,)       mask of nodes
-    turn                  column of the cost that turns raise; -1 if a label (partial path) is taken without its turns
+    turn                  column of the cost that turns raise; -1: no arc counts as a turn
     group      (n,)       group of each node; turns are arcs within a group
     arcs       (m, 1 + k) output: head and costs of each arc
     nodes      (n, k)     output: lower bounds of the remaining costs of each node

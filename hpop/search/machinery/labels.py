@@ -164,7 +164,8 @@ def retrace(
     start    (v + 1,)  offsets: the arcs that leave node u are start[u] : start[u + 1]
     heads    (m,)      heads of these arcs
     arcs     (m, k)    costs of these arcs
-    h        (v, k)    lower bounds of the remaining costs of nodes; an estimate is the cost so far with this bound
+    h        (v, k)    lower bounds of the remaining costs of nodes; an estimate is the cost so far plus this bound, for
+                       a maximum the larger of both
     is_last  (v,)      nodes at which a path ends: targets
     is_max   (k,)      True for a cost that is a maximum over the arcs
     source             node at which paths begin

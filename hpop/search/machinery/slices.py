@@ -156,7 +156,7 @@ class Search(ABC):
 
     @abstractmethod
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Return the bytes that the full array of a code (HEAP, ...) needs to grow, and a function that grows it."""
+        """Return how many more bytes the full array of a code (HEAP, ...) needs, and a function that grows it."""
 
     def run(self, clock: Clock, keep: Callable[[], None] | None = None) -> Status:
         """Run slices until the search is complete or a limit is passed; return the status.
@@ -220,7 +220,7 @@ class Search(ABC):
 
     @abstractmethod
     def estimates(self) -> IntArray:
-        """Return a lower bound (m, k) of all paths by each open label, in the order of :meth:`open_labels`."""
+        """Return lower bounds (m, k) of the costs of all paths by open labels, ordered as by :meth:`open_labels`."""
 
     @abstractmethod
     def open_labels(self) -> tuple[IntArray, IntArray]:

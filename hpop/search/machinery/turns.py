@@ -58,15 +58,16 @@ class Groups:
     Nodes are renumbered so that each group is a range of numbers. A node without turns is a group of its own.
 
     column      column of the index, the cost that turns raise; -1 if there are no turns
-    step        amount by which every turn raises this cost
+    step        amount by which every turn raises this cost; 0 if there are no turns
     nodes       (n,)      node of the graph at each new number
     new_number  (n,)      new number of each node of the graph
-    rows        (g, 3)    for each group: first node, number of nodes, offset in ``turns``; groups may share an offset
+    rows        (g, 3)    for each group: new number of its first node, number of nodes, first column in ``turns``;
+                          groups with equal costs may share columns
     dearest     (g, k)    for each group and cost: the largest cost of a turn
     alike       (k,)      for each cost: True if within every group all turns cost the same
     turns       (k, t)    costs of turns, one for each ordered pair of nodes of a group, then a column of 0; empty if
                           all costs are alike
-    start       (n + 1,)  the plain arcs of node v are start[v] : start[v + 1]
+    start       (n + 1,)  the plain arcs of the node with the new number v are start[v] : start[v + 1]
     heads       (m,)      heads of the plain arcs, in new numbers
     origin      (m,)      indices of the plain arcs in the graph
     plain       (m, k)    costs of the plain arcs of a graph whose arcs are not copied from its base, or None

@@ -34,7 +34,8 @@ class ClosedArcs:
     """The closed arcs of a graph, with the groups of nodes joined by turns that remain valid without them.
 
     closed  (m,)  True for a closed arc
-    whole         groups of turns of the graph with all arcs open; each has its own costs, as closed turns change them
+    whole         groups of turns of the graph with all arcs open; in its table of turn costs, which no other graph
+                  shares, closed turns cost UNREACHABLE
     turns   (g,)  number of closed turns of each group
     """
 

@@ -179,7 +179,7 @@ class BucketSearch(Search):
     """Search with three costs whose open labels (partial paths) wait in buckets by first cost; the lowest is a heap.
 
     packing  (5,)  how estimates are packed into keys: bits of the first cost within a bucket, bits of the last cost,
-                   bit position of the first cost, least bucket, largest last cost
+                   bit position of the first cost, first cost of bucket 0 without its bits within, largest last cost
     rise     (3,)  largest growth of an estimate in one expansion
     """
 

@@ -257,7 +257,7 @@ class ArcChains(NamedTuple):
 
     tails    (m,)  tails of the arcs
     indices  (m,)  indices of the arcs in the table of arcs
-    late     (l,)  the first l arcs lead to nodes that no arc leaves, such as a goal: their numbers of turns, falling
+    late     (l,)  numbers of turns, falling, of the first l arcs; these only end chains (:func:`ends_chain`)
     """
 
     tails: IntArray
