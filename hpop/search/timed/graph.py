@@ -64,8 +64,8 @@ class TimedGraph:
     hold        least duration of a hold, ticks; None: no holds
     arrive_by   latest tick of an arrival; None: any
 
-    Read-only arrays of these types are used without a copy. By default there are no timed arcs and no cuts, each timed
-    arc has its own row, each node has its own place, and standing costs nothing.
+    Read-only, contiguous arrays of these types are used without a copy. By default there are no timed arcs and no cuts,
+    each timed arc has its own row, each node has its own place, and standing costs nothing.
 
     Raises GraphError for tables that do not fit together.
 
@@ -291,7 +291,7 @@ class TimedPaths:
     costs   (n, k)  int64  rows in lexicographic order
     status  COMPLETE, NO_PATH, or the limit that stopped the search
     stats   statistics of the search
-    gap     relative: for every missing vector p there is a returned r <= (1 + gap) p + tolerance
+    gap     relative: for every missing vector p there is a returned r <= (1 + gap) p + tolerance; inf if unknown
     asked   text for the certificate: tolerance and bounds of the query
     begin   tick at which paths leave the source, or begin to hold there
     """

@@ -78,7 +78,7 @@ def insert_solution(goal: SolutionSet, counters: IntArray, g: IntArray, value: i
 
     goal      solutions so far, changed in place; `counters` at N_FRONT has their number
     g         (k,)  costs of the new solution
-    value     its path, as a label: parent and last arc
+    value     its path, as a label: parent and last arc; negative for a solution known before the search
     leaves    tick of departure by its last arc
     """
     k = len(g)

@@ -31,9 +31,10 @@ class TimedTables(NamedTuple):
     table_of  (k,)               index in `timed` of the table of each cost, -1 for a static cost
     blocked   (r, H + 1)         ticks at which timed arcs are closed
     place     (n,)               place of each node
-    omega     (s, P, H + 1)      s tables: a cost of standing at each place up to a tick
+    omega     (s, P, H + 1)      s tables, the `standing` of the graph: for a sum, the cost of standing at each place
+                                 from tick 0 to t; for a maximum, its rate during [t, t + 1)
     omega_of  (k,)               index in `omega` of the table of each cost, -1 for none
-    rate      (P, k)             cost of standing per tick
+    rate      (P, k)             cost of standing per tick, for a sum in units of 2^-20 quanta
     since     (P, H + 1) int32   earliest tick such that the robot may stand at the place from then until t
     cut_on    (P,)               whether the robot must not stand at the place from H on
     is_max    (k,)               True for a cost that is a maximum
