@@ -265,7 +265,7 @@ class Graph:
     def extended(
         self, nodes: int, tails: IntArray, heads: IntArray, costs: IntArray, *, is_reused: bool = False
     ) -> Graph:
-        """Return a larger graph, without labels: new nodes get the next numbers, new arcs follow old arcs of their tails.
+        """Return a larger graph without labels. New nodes get the next numbers; new arcs follow the old arcs of a node.
 
         If ``is_reused``, this graph becomes the :attr:`base` of the result, which shares its cache and arcs.
 

@@ -345,7 +345,7 @@ class TimedSearch:
             yield self.closed[first + rows], np.full(len(rows), self.state[NOW]), self.fresh[rows]
 
     def _waiting_labels(self) -> Iterator[Labels]:
-        """Yield the labels (partial paths) that wait at nodes, with lower bounds of their costs, of :func:`.waiting`."""
+        """Yield labels (partial paths) that wait at nodes, with the lower bounds of costs of :func:`.sets.waiting`."""
         nodes = self.nodes[: int(self.state[WAITING])]
         sizes = self.heads[nodes, SIZE]
         block = np.cumsum(sizes) // BLOCK
