@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
@@ -55,8 +56,10 @@ def main() -> None:
     lattice = Lattice(step=museums.CELL).lattice(problem)
     rows: list[dict[str, Any]] = []
     for name in ["length", *(n for n in registry.criteria if n != "length")]:
-        targeted = "target" in registry.criteria[name].__dataclass_fields__
-        criterion = make_criterion({name: {"target": (*problem.goal[:2], 1.0)}} if targeted else name)
+        needed = [f.name for f in fields(registry.criteria[name]) if f.default is f.default_factory is MISSING]
+        if set(needed) - {"target"}:
+            continue  # such as a file of learnt weights
+        criterion = make_criterion({name: {"target": (*problem.goal[:2], 1.0)}} if needed else name)
         if criterion.aggregate == "trajectory" or lacking(criterion.requires, problem.model, problem.world):
             continue
         seconds = []

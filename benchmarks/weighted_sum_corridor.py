@@ -82,7 +82,7 @@ def rebuilt(problem: hpop.Problem, lattice: hpop.Front, weights: int) -> float:
     """Seconds a weight where the program is built and compiled anew for each, in the first few corridors."""
     polylines = [Polyline.of(trajectory, problem) for trajectory in lattice.trajectories]
     free = [corridor for corridor in corridors(polylines, problem)[0] if not corridor.is_fixed][:REBUILT]
-    criteria = tuple(c for c in problem.criteria if hasattr(c, "convex"))
+    criteria = tuple(c for c in problem.criteria if c.convex is not None)
     began = time.perf_counter()
     for corridor in free:
         for i in range(0, weights, 10):
