@@ -57,11 +57,12 @@ def stop_visits(front: Front, row: int, *, executed: bool = False) -> list[StopV
     if not executed or not len(trajectory):
         return visits
     passed = trajectory.model.execution(trajectory)[1]  # s, at which the execution passes the planned states
-    return [_executed(visit, trajectory, passed) for visit in visits]
+    times = (executed_times(visit.begin, visit.end, trajectory, passed) for visit in visits)
+    return [visit._replace(begin=begin, end=end) for visit, (begin, end) in zip(visits, times, strict=True)]
 
 
-def _executed(visit: StopVisit, trajectory: Trajectory, passed: FloatArray) -> StopVisit:
-    """Return a visit at the times of the execution.
+def executed_times(begin: float, end: float, trajectory: Trajectory, passed: FloatArray) -> tuple[float, float]:
+    """Return begin and end, s, of a visit in the execution of a trajectory, given those in its plan.
 
     A planned standstill may be longer than the executed one, in which the robot also stops and starts. The visit begins
     as long after the beginning of the one as of the other, and lasts as long.
@@ -69,16 +70,15 @@ def _executed(visit: StopVisit, trajectory: Trajectory, passed: FloatArray) -> S
     passed  (n+1,)  s, times at which the execution passes the planned states
     """
     kinds, times = trajectory.kinds, trajectory.times
-    first = last = int(np.searchsorted(times, visit.begin + LEAST, side="right")) - 1
-    if visit.begin == visit.end or not 0 <= first < len(kinds) or kinds[first] != HOLD.kind:
-        begin, end = np.interp((visit.begin, visit.end), times, passed).tolist()
-        return visit._replace(begin=begin, end=end)
+    first = last = int(np.searchsorted(times, begin + LEAST, side="right")) - 1
+    if begin == end or not 0 <= first < len(kinds) or kinds[first] != HOLD.kind:
+        return float(np.interp(begin, times, passed)), float(np.interp(end, times, passed))
     while first > 0 and kinds[first - 1] == HOLD.kind:
         first -= 1
     while last < len(kinds) and kinds[last] == HOLD.kind:
         last += 1
-    begin = float(passed[first] + visit.begin - times[first])
-    return visit._replace(begin=begin, end=min(begin + visit.end - visit.begin, float(passed[last])))
+    executed = float(passed[first] + begin - times[first])
+    return executed, min(executed + end - begin, float(passed[last]))
 
 
 def visit_order(front: Front, row: int) -> str:

@@ -22,6 +22,7 @@ from hpop.planners.judgement import on_map
 from hpop.problems.evaluation import claimable, criteria_of
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
+from hpop.problems.recorded_visits import executed_times
 from hpop.trajectories.contacts import contact
 from hpop.trajectories.motion_table import MotionTable
 from hpop.trajectories.trajectory import Trajectory
@@ -34,6 +35,7 @@ PROGRESS_EVERY = 100  # number of trajectories between two progress reports
 TOGETHER = 2**10  # number of motions that are checked between two progress reports
 NUMBER = re.compile(r"^trajectory (\d+)")
 SAMPLED, MOST_SAMPLED = 0.1, 3600.0  # s between samples of a visit; s, longest part of a visit that is sampled
+DRIVEN = ", as it is executed,"
 MOST_TURNED = 1e4  # rad: larger yaws are invalid, and would take too long to check
 
 
@@ -44,10 +46,10 @@ def verify(
 
     The check is independent of the planner. Costs are computed again by the criteria. Collisions are tested by
     python-fcl at states at most 5 cm or 3 degrees apart. Start and goal are compared with those of the problem, and
-    visits of stops with samples of the trajectory. Contacts with moving people are tested every hundredth of a second
-    (:mod:`.contacts`), for the plan and for its execution. A motion that several trajectories share is checked once. In
-    fronts of earlier versions the lattice ended at the grid position nearest to the goal, with a "goal_offset" in the
-    provenance; an offset of up to half the diagonal of a grid cell is accepted.
+    visits of stops with samples of the trajectory and, if it is punctual, of its execution. Contacts with moving people
+    are tested every hundredth of a second (:mod:`.contacts`), for the plan and for its execution. A motion that several
+    trajectories share is checked once. In fronts of earlier versions the lattice ended at the grid position nearest to
+    the goal, with a "goal_offset" in the provenance; an offset of up to half the diagonal of a grid cell is accepted.
 
     Parameters
     ----------
@@ -98,19 +100,21 @@ def _contacts(problem: Problem, front: Front, say: Callable[[str], None] | None)
             yield f"trajectory {i} {fault}"
         done = trajectory.execution()
         if done is not trajectory and (fault := contact(parts, people, done, kept, left)):
-            yield f"trajectory {i}, as it is executed, {fault}"
+            yield f"trajectory {i}{DRIVEN} {fault}"
 
 
 def _visit_faults(problem: Problem, front: Front) -> Iterator[str]:
     """Yield a text for each fault of the visits of a tour's stops that a front records.
 
-    Each visit is checked on samples of its trajectory.
+    Each visit is checked on samples of its trajectory. If the execution keeps the times of the plan, it may stand for
+    less time than the plan, so visits with a dwell time are checked on samples of the execution as well.
     """
     tour = problem.tour
     if tour is None:
         return
     sampled: list[list[States]] = [[] for _ in tour.stops]
     owners: list[list[IntArray]] = [[] for _ in tour.stops]
+    executed: list[int] = []  # trajectories whose executions are checked, numbered after all trajectories
     for i, (trajectory, origin) in enumerate(zip(front.trajectories, front.provenance, strict=True)):
         visits = _recorded_visits(tour, origin.get("visits"))
         if visits is None:
@@ -118,15 +122,26 @@ def _visit_faults(problem: Problem, front: Front) -> Iterator[str]:
             continue
         for fault in _order_faults(tour, visits, trajectory.duration):
             yield f"trajectory {i} {fault}"
-        for visit in visits:
+        made = [(i, "", trajectory, visit) for visit in visits]
+        if trajectory.punctual and any(tour.stops[visit.stop].dwell for visit in visits):
+            number, (done, passed) = len(front) + len(executed), problem.model.execution(trajectory)
+            executed.append(i)
+            for visit in visits:
+                if dwell := tour.stops[visit.stop].dwell:
+                    begin, end = executed_times(visit.begin, visit.end, trajectory, passed)
+                    lasts, name = end - begin, tour.names[visit.stop]
+                    if lasts < dwell - CLOSE:
+                        yield f"trajectory {i}{DRIVEN} stands at stop {name!r} for {lasts:.6g} s"
+                    made.append((number, DRIVEN, done, Visit(visit.stop, begin, end)))
+        for number, words, way, visit in made:
             lasts = visit.end - visit.begin
             times = np.linspace(visit.begin, visit.end, 2 + int(min(max(lasts, 0.0), MOST_SAMPLED) / SAMPLED))
-            states = trajectory.at(times)
+            states = way.at(times)
             moved = problem.model.space.differences(states.take(np.zeros(times.size, np.int64)), states)
             if any((np.abs(off) > CLOSE).any() for off in moved.values()):
-                yield f"trajectory {i} moves while it visits stop {tour.names[visit.stop]!r}"
+                yield f"trajectory {i}{words} moves while it visits stop {tour.names[visit.stop]!r}"
             sampled[visit.stop].append(states)
-            owners[visit.stop].append(np.full(times.size, i))
+            owners[visit.stop].append(np.full(times.size, number))
     for stop, parts, own in zip(tour.stops, sampled, owners, strict=True):
         if not parts:
             continue
@@ -135,7 +150,8 @@ def _visit_faults(problem: Problem, front: Front) -> Iterator[str]:
         distinct, which = np.unique(rows, axis=0, return_inverse=True)
         inside = in_stop(stop, problem.world, problem.model, States(**dict(zip(names, distinct.T, strict=True))))
         for i in np.unique(np.concatenate(own)[~inside[which.ravel()]]).tolist():
-            yield f"trajectory {i} is not at stop {stop.name!r} at the time of the recorded visit"
+            which_one = f"{i}" if i < len(front) else f"{executed[i - len(front)]}{DRIVEN}"
+            yield f"trajectory {which_one} is not at stop {stop.name!r} at the time of the recorded visit"
 
 
 def _recorded_visits(tour: Tour, recorded: Any) -> list[Visit] | None:

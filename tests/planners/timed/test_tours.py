@@ -346,6 +346,18 @@ def stands(front: Front, tour: hpop.Tour) -> None:
             assert np.hypot(states.x - stop.at[0], states.y - stop.at[1]).max() <= stop.within + 1e-6
 
 
+def test_verification_finds_an_execution_that_stands_too_briefly() -> None:
+    problem = toured([{**DOOR, "dwell": 3.0}], criteria=("turns", "length"))
+    front = problem.solve("lattice", step=0.5)
+    straight = front[(front.costs[:, 0] == 0)]
+    assert verify(problem, straight) == []
+    longer = replace(problem, tour=hpop.Tour([{**DOOR, "dwell": 4.0}]))
+    ((visit,),) = (origin["visits"] for origin in straight.provenance)
+    claimed = {**visit, "end": visit["begin"] + 4.0}
+    changed = replace(straight, provenance=tuple({**o, "visits": [claimed]} for o in straight.provenance))
+    assert verify(longer, changed) == ["trajectory 0, as it is executed, stands at stop 'door' for 3 s"]
+
+
 @pytest.mark.parametrize("planner", ["lattice", {"roadmap": {"samples": 60}}, "any-angle"])
 def test_each_planner_that_waits_for_people_stands_at_the_stops(planner: Any) -> None:
     is_sampled = isinstance(planner, dict)  # joins of further states to a roadmap would take long
