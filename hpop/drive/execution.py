@@ -317,14 +317,15 @@ class Execution(StopLog):
     def adapt(self, options: Options) -> Option | None:
         """Let the robot change its plan by itself; return the option that it takes, None if it keeps its plan.
 
-        If the plan is closed, it takes the knee of the front (the best compromise). Otherwise it compares the costs of
-        each option with those of the remaining plan, on average over the criteria. It takes the best option in which no
-        unannounced turn begins within ``notice``, if this is better than the plan by ``patience``. A known preference
-        of the person aboard replaces the average.
+        If the remaining plan cannot be driven to its end (a closed area or a person is in its way), the robot takes the
+        knee of the front (the best compromise). Otherwise it compares each option with the remaining plan by the ratio
+        of their costs, averaged over the criteria. It takes the option with the least ratio in which no unannounced
+        turn begins within ``notice``, if this ratio is at most 1 - ``patience``. With the ``preference`` of a person,
+        it takes the preferred option instead of the knee, and compares the costs that the person is expected to feel.
         """
         if options is not self._options_at_hand():
             raise DriveError("adapt takes only the options of the last call; call options(now) again")
-        chosen = adapted(options, self.patience, self.notice)
+        chosen = adapted(options, self.patience, self.notice, self.preference)
         if chosen is not None:
             self.take(chosen)
         return chosen

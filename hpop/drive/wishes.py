@@ -15,6 +15,7 @@ from hpop.base.text import shown
 from hpop.drive.options import Option, Options, next_turn
 from hpop.drive.plan import SAME
 from hpop.errors import DriveError, did_you_mean
+from hpop.frontier.choices import Preferring
 
 SHARE = 0.2
 """Default share by which other costs may grow in a hurry."""
@@ -48,7 +49,10 @@ def wished(options: Options, wish: str | None, shares: Mapping[str, Any]) -> Wis
     """
     checked = checked_wish(wish, shares, options.front.names)
     if options.keep_on is None:
-        return Wish(None, "a wish refers to the remaining plan, but that is closed; take one of the options")
+        return Wish(
+            None,
+            "a wish refers to the remaining plan, but a closed area or a person is in its way; take one of the options",
+        )
     if checked.name is not None:
         return _less(options, checked.name)
     return _within(options, checked.shares) if wish is None else _hurry(options, checked.shares)
@@ -189,19 +193,23 @@ NOTICE = 2.0
 """Default time, s, between a change by the robot itself and the first turn that was not announced."""
 
 
-def adapted(options: Options, patience: float, notice: float) -> Option | None:
+def adapted(options: Options, patience: float, notice: float, preference: Preferring | None = None) -> Option | None:
     """Return the option that a robot takes by itself; None if it keeps its plan or has no option.
 
-    If the plan is closed, this is the knee of the front (the best compromise). Otherwise the costs of each option are
-    compared with those of the remaining plan, on average over the criteria. The robot takes the best option in which no
-    unannounced turn begins within ``notice``, s, if this is better than the plan by the share ``patience``.
+    If the remaining plan cannot be driven to its end (a closed area or a person is in its way), this is the option that
+    ``preference`` prefers; without a preference, the knee of the front (the best compromise). Otherwise each option is
+    compared with the remaining plan: by the ratio of their expected costs for the preference; without one, by the ratio
+    of their costs, averaged over the criteria. The robot takes the option with the least ratio in which no unannounced
+    turn begins within ``notice``, s, if this ratio is at most 1 - ``patience``.
     """
     if not len(options.front):
         return None
     if options.keep_on is None:
-        return options.knee()
+        return options.knee() if preference is None else options.select(preference=preference)
     plan = np.array([options[options.keep_on].costs[name] for name in options.front.names])
     costs = options.front.costs
+    if preference is not None:
+        plan, costs = (preference.expected(options.front, of)[:, None] for of in (plan[None], costs))
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.where(plan > 0, costs / plan, np.where(costs > 0, np.inf, 1.0)).mean(axis=1)
     for row in np.argsort(shares, kind="stable").tolist():

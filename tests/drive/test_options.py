@@ -238,25 +238,27 @@ def test_a_robot_changes_its_plan_by_itself_for_a_tenth_and_with_notice_alone() 
 
 def test_a_person_decides_what_is_driven_and_what_is_better_on_the_way() -> None:
     problem, front = planned()
-    turns = Preference.fit(front, [(front.best("turns").index, front.best("length").index)] * 6)
-    drive = hpop.follow(problem, front, turns)
-    assert drive.choice is front.select(preference=turns).trajectory
+    longest = int(front.costs[:, front.names.index("length")].argmax())
+    short = Preference.fit(front, [(front.best("length").index, longest)] * 6)
+    drive = hpop.follow(problem, front, short)
+    assert drive.choice is front.select(preference=short).trajectory
     assert drive.adapt(drive.options(0.5)) is None  # it is the best one already
     changed = 0
     for row in range(0, len(front), 4):
         planner, ways = drive.planner, front.trajectories
-        aboard = hpop.drive.Execution(problem, ways, ways[row], planner, preference=turns)
+        aboard = hpop.drive.Execution(problem, ways, ways[row], planner, preference=short)
         options = aboard.options(0.5)
-        costs = turns.expected(options.front, np.array([list(option.costs.values()) for option in options]))
+        costs = short.expected(options.front, np.array([list(option.costs.values()) for option in options]))
         taken = aboard.adapt(options)
         if taken is not None:
             changed += 1
             assert costs[taken.index] <= 0.9 * costs[options.keep_on or 0]
     assert changed > 0
-    closed = hpop.follow(problem, front, turns)
+    closed = hpop.follow(problem, front, short)
     closed.world(0.5, close=NORTH if through(closed.plan) == "north" else SOUTH)
     options = closed.options(0.5)
-    best = options.select(preference=turns).index
+    best = options.select(preference=short).index
+    assert best != options.knee().index  # what a robot without a preference would take
     taken = closed.adapt(options)
     assert taken is not None
     assert taken.index == best
