@@ -87,7 +87,7 @@ def look(
     if reader is None and hpop.scenario.new.is_scenario(path):
         if options or resolution is not None or radius is not None:
             raise click.UsageError(
-                "--set, --resolution and --radius describe a map, but this file is a scenario, which has its own "
+                f"--set, --resolution and --radius describe a map, but {path} is a scenario, which has its own "
                 "values: leave the options out, or change the scenario"
             )
         problem = hpop.scenario.load_scenario(path).problem

@@ -182,7 +182,7 @@ class DriveProgress:
         return self.cut(now)
 
     def _stand(self, now: float) -> None:
-        """Insert a hold into the plan for the time that the robot has stood because the remaining plan is closed."""
+        """Insert a hold into the plan for the time that the robot has stood before what is in the way."""
         plan = self.plan
         stood = now - self.lag - plan.end
         if plan.stops is not None and stood > SAME:
@@ -219,7 +219,7 @@ class Moment:
     now      s, time of the drive
     planned  s, time on the plan that the robot has reached
     state    (1,) state of the robot
-    stands   whether the robot stands because the remaining plan is closed
+    stands   whether the robot stands because a closed area or a person is in the way of the remaining plan
     arrived  whether it is at the goal
     plan     the trajectory from the beginning on, as the robot follows it if nothing changes
     """
@@ -248,7 +248,7 @@ class Moment:
     def past(self) -> dict[str, float]:
         """The costs so far by criterion; each part of the drive is evaluated in the surroundings at that time.
 
-        They include the time for which the robot has stood because the remaining plan is closed.
+        They include the time for which the robot has stood before a closed area or a person in its way.
         """
         criteria = self._stretches[-1].surroundings.problem.criteria
         plan, end = self._plan, self.planned

@@ -141,7 +141,7 @@ class Commit:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Option(Point):
-    """A remaining plan from the commit on; see :class:`hpop.problems.front.Point`.
+    """A remaining plan from the commit on, the next place where the plan may change; see :class:`.Point`.
 
     leaves_at   s, time of the drive at which it departs from the announced plan; None: never
     next_turn   s from now until the next turn in place begins; None: there is none
@@ -170,7 +170,7 @@ class Options(Sequence[Option]):
     front     costs from the commit on; worst moments and means cover the whole drive
     now       s, time of the drive at which options were computed
     commit    the place where the remaining plans begin
-    keep_on   index of the present plan among the options, None if it is closed
+    keep_on   index of the present plan among the options; None if an area or a person is in the plan's way
     kept      the present plan if it is dominated; it is listed after the points of the front
     status    COMPLETE, NO_PATH, or the limit that stopped the search
     gap       for every missing cost vector, a vector of the front is at most a factor 1 + gap worse

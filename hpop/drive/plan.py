@@ -123,7 +123,7 @@ class Plan:
     """A trajectory that is being driven, and the time up to which it is open. Times are planned times, s.
 
     announced  the trajectory from the beginning of the drive to the goal
-    stops      s, time at which the robot stops because the plan is closed beyond; None if it arrives
+    stops      s, time at which the robot stops because an area or a person is in the way beyond; None if it arrives
     chosen     s, time at which the last chosen part begins; as at a start, the robot may then leave people near it
     """
 

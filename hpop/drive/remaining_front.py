@@ -32,13 +32,13 @@ def front_of_rest(
     """Return the front of remaining plans, a point for the present plan if it is dominated, and the latter's index.
 
     A dominated present plan has the index after the last point of the front. The point is None if the present plan is
-    in the front; point and index are None if it is closed.
+    in the front; point and index are None if there is no present plan.
 
     Costs that are sums cover only the remaining plan, because the past adds the same to all plans. Worst moments and
     means cover the whole drive, so plans with the same values become one point.
 
     problem  its start and time are those at which the remaining plans begin
-    present  the present plan from there, None if it is closed
+    present  the present plan from there, None if an area or a person is in its way
     past     function that returns the costs of the drive up to there
     """
     front = solving.front(problem, candidates)

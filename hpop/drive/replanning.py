@@ -1,7 +1,7 @@
 """Replanning during a drive: graphs, and paths found on them, are reused from query to query.
 
 While people move, the search uses a graph on a clock: the graph of states with discrete time. A commit is the next
-place where the plan may change.
+place where the plan of the drive may change; up to there it is fixed.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class ReplanResult(NamedTuple):
 
 
 class _PendingGraph(NamedTuple):
-    """A graph on a clock that another thread is building, with the surroundings and the commit that it is for."""
+    """A graph on a clock that another thread is building, for these surroundings and queries that start at `commit`."""
 
     surroundings: DriveSurroundings
     commit: Commit
@@ -103,7 +103,7 @@ class Replanner:
         """Search for remaining plans in the present world, from the next place where the plan may change (`Commit`).
 
         problem   the problem from there, with the stops of a tour that are done
-        present   the present plan from there, None if it is closed
+        present   the present plan from there, None if an area or a person is in its way
         deadline  s of processor time of this thread, None for no deadline
         answer    the logged result of the same search, if its deadline ended it
         """
@@ -179,7 +179,7 @@ class Replanner:
     # The graph on the clock, built in another thread
 
     def begin(self, now: DriveSurroundings, commit: Commit) -> None:
-        """Begin to build, in another thread, the graph on a clock for queries from a commit on.
+        """Begin to build, in another thread, the graph on a clock for queries that start at a commit.
 
         Do nothing if the graph is built or being built.
         """
@@ -190,7 +190,7 @@ class Replanner:
     def timed_graph(
         self, now: DriveSurroundings, commit: Commit, seconds: float | None = None
     ) -> TimedDriveGraph | None:
-        """Return the graph on a clock for queries from a commit on; None if it is not built within ``seconds``."""
+        """Return the graph on a clock for queries that start at a commit; None if not built within ``seconds``."""
         until = None if seconds is None else time.perf_counter() + seconds
         while (serving := self._serving(now, commit)) is None:
             self.begin(now, commit)
@@ -220,7 +220,10 @@ class Replanner:
         return serving
 
     def _serving(self, now: DriveSurroundings, commit: Commit) -> TimedDriveGraph | None:
-        """Return a graph on a clock, already built, that can answer queries from the commit; None if there is none."""
+        """Return a graph on a clock, already built, for queries that start at a commit; None if there is none.
+
+        This may be a graph with people who stop before the robot, built because no other path leads on.
+        """
         untimed = self._untimed
         if untimed is None:
             return None
@@ -241,14 +244,14 @@ class Replanner:
         return now.with_people_who_stop(commit.places.states, commit.places.times)
 
     def ready(self, now: DriveSurroundings, commit: Commit) -> None:
-        """Wait until the graph on a clock for queries from a commit on is built, however long this takes."""
+        """Wait until the graph on a clock for queries that start at a commit is built, however long this takes."""
         built = self.timed_graph(now, commit)
         assert built is not None
         if built.instead_of is not now:
             self._timed = self._passable(now, commit, built)
 
     def _built(self, now: DriveSurroundings, commit: Commit, *, is_far: bool = False) -> TimedDriveGraph:
-        """Build the graph on a clock for queries from a commit on.
+        """Build the graph on a clock for queries that start at a commit.
 
         With ``is_far`` it is only for later queries, when no person is near the robot any more.
         """

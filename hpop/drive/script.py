@@ -93,7 +93,7 @@ class Happening:
 
     change   effect of a change of the world; None for other events, and for a change that was refused
     options  the options after the event
-    taken    the option that the robot follows from the commit on; None if it keeps its plan
+    taken    the option that the robot follows from the next place where the plan may change; None if it keeps its plan
     asked    whether the person aboard chose the option, rather than the robot
     words    description of the choice, or the reason why there is none
     driven   the trajectory up to the event

@@ -2,8 +2,8 @@
 
 On a clock, time is discrete: it is counted in ticks. Most of the time of a query goes into tables of costs near people,
 and into bounds on the remaining cost. Neither depends on the position of the robot, and a later query begins at a later
-tick of the same clock. When people change, only tables that depend on them are computed again. Times of the drive are
-on the clock of the caller, s.
+tick of the same clock. A query starts at a commit, the next place where the plan of the drive may change. When people
+change, only tables that depend on them are computed again. Times of the drive are on the clock of the caller, s.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ class TimedDriveGraph:
         return self.instead_of is now and self.base is untimed and self.node(commit.state) in self.places
 
     def serves(self, now: DriveSurroundings, commit: Commit, untimed: DriveGraph) -> bool:
-        """Return whether this graph can answer a query from the commit: same people, and a node that it covers."""
+        """Return whether this graph can answer a query at the commit: same people, and a node that it covers."""
         node = self.node(commit.state)
         if self.base is not untimed or self.people != now.people or self.since != now.since or node < 0:
             return False

@@ -139,10 +139,11 @@ class Spending:
     def check(self, doing: str, memory: int = 0) -> None:
         """Raise Exhausted if a limit is passed, or would be passed with ``memory`` more bytes.
 
-        A part of the time limit is reserved for evaluating the candidates. On Linux, which reports the size of the
-        process, the process may not grow much beyond the memory limit either.
+        A part of the time limit is reserved for evaluating the candidates. With a memory limit on Linux, which reports
+        the size of the process, Exhausted is also raised if the process has grown by much more than this limit since
+        the run began.
 
-        doing  current activity, for the error, as a clause for "while ..."
+        doing  current activity, for the error, as a clause for "while ...": "the search was to begin"
         """
         limit, most = self.limits.time_limit, self.limits.max_memory
         if most is not None and self.memory + memory > most:

@@ -72,7 +72,7 @@ class WeightedSum:
     step            m  distance between neighbouring positions
     headings        number of headings: 4, 8 or 16
     corner_cutting  whether a diagonal move may pass blocked positions beside it
-    divisions       makes the weights: all multiples of 1 / divisions that add up to 1
+    divisions       makes the vectors of weights: all those of multiples of 1 / divisions that add up to 1
     weights         vectors of weights, each with one number for each cost, in the order of the criteria (none for
                     criteria with memory). Without divisions and weights, weights are chosen adaptively
     time_limit      s  for reading the map, building the graph and searching, without compiling. When it ends, the paths

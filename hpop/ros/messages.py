@@ -201,11 +201,17 @@ def _plain(value: Any) -> Any:
 
 
 def _value(value: Any, declared: Any, where: str, store: Any) -> Any:
-    """Convert the value of a message's field to the type that rosbags declares: (kind of node, type)."""
-    node, of = declared
-    if node.name == "NAME":
+    """Convert the value of a message's field to the type that rosbags declares for it.
+
+    declared  pair of rosbags: the kind of type ("BASE", "NAME" of a message, "ARRAY" or "SEQUENCE"), and its details
+    where     name of the field for the error, "nav_msgs/msg/Path.poses"
+
+    Raises RosError for a value of another type.
+    """
+    kind_of_type, of = declared
+    if kind_of_type.name == "NAME":
         return typed(value, of, store)
-    if node.name in ("ARRAY", "SEQUENCE"):
+    if kind_of_type.name in ("ARRAY", "SEQUENCE"):
         inner = of[0]
         if not isinstance(value, list | tuple | np.ndarray):
             raise RosError(f"{where} must be a list, got {shown(value)}")

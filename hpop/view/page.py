@@ -92,12 +92,12 @@ CLAIM_LINE = 0.155  # height of a line of the certificate
 
 @dataclass(frozen=True)
 class PageLayout:
-    """Layout of a page with a map: sizes in inches, positions as shares of the figure.
+    """Layout of a page with a map. Fields are in inches; methods and properties return shares of the figure.
 
     width, height          of the figure
     map_width, map_height  of the map, with its true proportions unless these are extreme
-    left, bottom           of the map
-    bars                   left edges of the colour bars
+    left, bottom           of the map, from the left and the lower edge of the figure
+    bars                   left edges of the colour bars, from the left edge of the figure
     """
 
     width: float

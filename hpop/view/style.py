@@ -217,7 +217,10 @@ def mapped_points(model: Model, states: States) -> FloatArray:
 
 
 def whole_ticks(axis: Axis, counts: bool, most: int = 5) -> None:
-    """Set at most ``most`` ticks, on whole numbers for counts, each with its full value, such as 2e-05."""
+    """Set ticks with at most ``most`` intervals between them, each labelled with its full value, such as 2e-05.
+
+    With ``counts``, ticks are on whole numbers only.
+    """
     axis.set_major_locator(MaxNLocator(nbins=most, integer=counts, min_n_ticks=1, steps=[1, 2, 5, 10]))
     axis.set_major_formatter(_WholeValue(useOffset=False))
 

@@ -31,7 +31,7 @@ class _RoundTurns:
         set_reals(self, "multiple", least=LEAST, most=np.pi, kind=kind, error=CriterionError)
 
     def _angle_to_multiple(self, turn: Column) -> Column:
-        """Return the signed difference (M,), rad, between a turn and the nearest multiple: at most half a multiple."""
+        """Return the signed difference (M,), rad, from the nearest multiple of ``multiple`` to a turn."""
         count = np.ceil(np.abs(turn) / self.multiple - 0.5 - TIE)
         return np.sign(turn) * (np.abs(turn) - self.multiple * count)
 
@@ -59,7 +59,7 @@ class OrientationRetention(_RoundTurns):
     """
 
     def cost(self, m: Motions) -> Column:
-        """Return the errors (M,), rad, of the turns that end in each motion: their distance to the nearest multiple."""
+        """Return, for each motion (M,), how far the turns that end in it are from multiples of ``multiple``, rad."""
         return sum(np.abs(self._angle_to_multiple(turn)) for turn in m.camera.turns)
 
 

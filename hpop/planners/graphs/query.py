@@ -245,7 +245,7 @@ class Query:
 
         These are supported paths, which minimise weighted sums of the costs. If a cost is a maximum, or arcs are still
         unchecked, they are the first paths of the exact search instead. If ``quickly`` and no arc is unchecked, only a
-        few weights are tried, by code that needs no compilation.
+        few weight vectors are tried, by code that needs no compilation.
         """
         exactly = "max" in self.graph.aggregates or self.free is not None
         quickly &= self.free is None

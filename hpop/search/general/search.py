@@ -40,7 +40,7 @@ from hpop.search.general.tables import (
     build_tables,
     checksum_of_sets,
     is_covered,
-    rows_needed,
+    numbers_needed,
     trace_paths,
 )
 from hpop.search.graph import Graph
@@ -177,9 +177,9 @@ def advance(
         if counters[N_FRONT] == len(solutions):
             code = FRONT
             break
-        room = rows_needed(sets, goal if is_target[v] else v, k)
+        room = numbers_needed(sets, goal if is_target[v] else v, k)
         for a in range(start[v], plain[v]):
-            room += rows_needed(sets, np.int64(arcs[a, 0]), k)
+            room += numbers_needed(sets, np.int64(arcs[a, 0]), k)
         if counters[N_ROWS] + room > len(pool):
             code = ROWS
             break

@@ -1,8 +1,8 @@
 """Tables of the search "general": nodes and arcs, paths of labels, and the sets of vectors for dominance tests.
 
 A label is a partial path. Each node has a set: the cost vectors, called members, of labels closed there. All members
-are in one array, the pool; a row of the table of sets says where those of a set begin (START), how many there are
-(SIZE), and for how many there is room (ROOM).
+are in one array of numbers, the pool; a row of the table of sets says where those of a set begin (START), how many
+there are (SIZE), and for how many there is room (ROOM).
 """
 
 from __future__ import annotations
@@ -219,7 +219,8 @@ def add_all_to_sets(
     sets, pool        table of the sets, and numbers of their members
     where     (n,)    set of each vector
     tested    (n, k)  vectors that no member of the set may cover yet; (0, k) for no test
-    counters, used    counters of the search; `used` is the index of the one that holds the used size of the pool
+    counters, used    counters of the search; `used` is the index of the one that holds how many numbers of the pool are
+                      used
 
     Returns n, or i if the pool has too little room for vector i, or -1 - i if vector i of `tested` is covered.
     """
@@ -227,7 +228,7 @@ def add_all_to_sets(
         s = np.int64(where[i])
         if len(tested) > 0 and is_covered(sets, pool, s, tested[i]):
             return -1 - i
-        if counters[used] + rows_needed(sets, s, vectors.shape[1]) > len(pool):
+        if counters[used] + numbers_needed(sets, s, vectors.shape[1]) > len(pool):
             return i
         counters[used] = add_to_set(sets, pool, s, vectors[i], counters[used])
     return len(where)
@@ -250,8 +251,11 @@ def checksum_of_sets(sets: IntArray, pool: NDArray[Any], width: int) -> int:
 
 
 @lean
-def rows_needed(sets: IntArray, s: int, k: int) -> int:
-    """Return how many numbers of the pool :func:`add_to_set` may need at most, to add a vector of k costs to set s."""
+def numbers_needed(sets: IntArray, s: int, k: int) -> int:
+    """Return how many more numbers of the pool are used at most when :func:`add_to_set` adds a vector to set s.
+
+    k  number of costs of the vector, of which a member stores k - 1
+    """
     return int(max(1, 2 * sets[s, ROOM]) * (k - 1))
 
 
@@ -259,8 +263,8 @@ def rows_needed(sets: IntArray, s: int, k: int) -> int:
 def add_to_set(sets: IntArray, pool: NDArray[Any], s: int, f: NDArray[Any], used: int) -> int:
     """Add an uncovered vector f (k,), without its first cost, to set s; remove the members that f covers.
 
-    `sets` is the table of sets, and `pool` has their members. A full set moves to the end of the pool. `used` is the
-    used size of the pool; the new one is returned.
+    `sets` is the table of sets, and `pool` has their members. A full set moves to the end of the pool. `used` is how
+    many numbers of the pool are used; the new count is returned.
     """
     width = len(f) - 1
     if width == 2:
@@ -287,7 +291,7 @@ def add_to_set(sets: IntArray, pool: NDArray[Any], s: int, f: NDArray[Any], used
 def move(sets: IntArray, pool: NDArray[Any], s: int, width: int, used: int) -> int:
     """Move the full set s, with members of `width` costs, to the end of the used part of the pool, with twice the room.
 
-    `used` is the used size of the pool; the new one is returned. The row of `sets` is updated.
+    `used` is how many numbers of the pool are used; the new count is returned. The row of `sets` is updated.
     """
     start, size = sets[s, START], sets[s, SIZE]
     twice = max(1, 2 * size)

@@ -31,7 +31,7 @@ def first_paths(
     """Return a few good paths quickly: the best path for each cost and, while time lasts, for mixtures of costs.
 
     Dominated paths are left out. For a cost that is a maximum, the search weights its sum along the path instead; the
-    returned cost is the maximum. The gap is inf; the status COMPLETE says only that all weights were tried.
+    returned cost is the maximum. The gap is inf; the status COMPLETE says only that all weight vectors were tried.
 
     >>> graph = Graph.from_arcs(2, [0, 0, 0], [1, 1, 1], [[0, 4], [1, 1], [4, 0]])
     >>> first_paths(graph, 0, [1], Budget()).costs.tolist()

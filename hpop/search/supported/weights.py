@@ -118,9 +118,9 @@ def simplex_lattice(divisions: int, k: int) -> Iterator[Vector]:
 
 
 def checked_divisions(value: Any, k: int = 1) -> int:
-    """Return the option ``divisions`` if it is valid for k weights; raise OptionError if not, or if too many weights.
+    """Return the option ``divisions`` if it is valid; raise OptionError if not, or if it gives too many weight vectors.
 
-    With d divisions, the weights are all multiples of 1/d that sum to 1.
+    With d divisions, the vectors are all those of k weights that are multiples of 1/d and sum to 1.
     """
     divisions = whole("divisions", value, 1, kind="a whole number of steps from weight 0 to weight 1,")
     count = math.comb(divisions + k - 1, k - 1)

@@ -69,7 +69,7 @@ def crs_of(name: Any) -> str:
     if found is None or found.end() != len(text):
         raise MapError(
             f"a crs must be named by its code, such as EPSG:3857 or urn:ogc:def:crs:OGC:1.3:CRS84; got {shown(name)}. "
-            "Save the file again in CRS84, or give crs; give units: m if its coordinates are metres."
+            "Save the map again in CRS84, or give crs; give units: m if its coordinates are metres."
         )
     code = f"{found[1].upper()}:{int(found[2])}"
     code = OLD.get(code, code)
@@ -262,7 +262,7 @@ class Placement:
         if not (np.hypot(metres[:, 0], metres[:, 1]) < math.radians(NEAR) * RADIUS).all():
             raise MapError(
                 f"origin ({origin[0]:g}, {origin[1]:g}), longitude and latitude, is more than {NEAR:g} degree from a "
-                "point of the file; give a point of the building, or leave origin out."
+                "point of the map; give a point of the building, or leave origin out."
             )
         return metres
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hpop.search.general.tables import PIECE, ROOM, SET_COLUMNS, SIZE, START, add_to_set, is_covered, rows_needed
+from hpop.search.general.tables import PIECE, ROOM, SET_COLUMNS, SIZE, START, add_to_set, is_covered, numbers_needed
 
 
 def members(sets, pool, s, k):
@@ -45,7 +45,7 @@ def test_sets_answer_as_vectors_one_by_one(k, number, large):
         assert is_covered(sets, pool, s, f) == covered
         if covered:
             continue
-        before, room = used, rows_needed(sets, s, k)
+        before, room = used, numbers_needed(sets, s, k)
         used = add_to_set(sets, pool, s, f, used)
         assert used - before <= room
         expected[s] = {m for m in expected[s] if not all(b <= a for a, b in zip(m, rest, strict=True))} | {rest}

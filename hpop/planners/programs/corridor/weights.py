@@ -61,7 +61,7 @@ class CorridorPoints:
     solved         number of programs that each solver solved
     failed         number of failed solves, by solver and reason
     unsolved       number of programs that no solver solved
-    is_cut_short   whether the time ran out before the programs of all weights were solved
+    is_cut_short   whether the time ran out before the programs of all weight vectors were solved
     build_seconds  s, for building and compiling
     solve_seconds  s, for everything else
     """
@@ -81,7 +81,7 @@ class CorridorPoints:
 
 
 def solve_corridor(shared: Shared, corridor: Corridor) -> CorridorPoints:
-    """Compile the convex program of one corridor, and return its optima for all weights; this is one job."""
+    """Compile the convex program of one corridor, and return its optima for all weight vectors; this is one job."""
     began = time.perf_counter()
     program = CorridorProgram(corridor, shared.criteria, shared.world, shared.model, shared.solvers)
     program.compile()

@@ -134,7 +134,7 @@ class SplineJob:
         return tuple(run.splines) or reason
 
     def _from(self, knots: Knots, pieces: PieceCosts, bounds: FloatArray, run: _PathRun) -> str:
-        """Search for a spline for each set of weights, and record it; return the reason if there is none, else "".
+        """Search for a spline for each weight vector, and record it; return the reason if there is none, else "".
 
         knots   spline at the beginning
         bounds  (k,)  costs of the path, which splines must not exceed
