@@ -242,7 +242,7 @@ class DriveGraph:
         return [self._arcs_along(own) for own in np.split(nodes, ends[:-1])]
 
     def all_arcs(self, trajectory: Trajectory) -> IntArray | None:
-        """Return the arcs of a trajectory along the graph from its start on; None if not, or if one is closed."""
+        """Return the arcs of a trajectory from its start on; None if it leaves the graph, or if an arc is closed."""
         (arcs,) = self.arcs_of([trajectory])
         first = int(self.nodes(trajectory.states.take([0]))[0])
         begins = self.tails[arcs[0]] == first if arcs.size else first in self.query.goals
