@@ -99,7 +99,7 @@ class Closing:
 def named_areas(world: World) -> dict[str, BaseGeometry]:
     """Return the areas, m, of all named zones of a world by name, also of zones that are not closed to the robot.
 
-    Zones with one name are joined to one area.
+    Zones with the same name are joined to one area.
     """
     areas: dict[str, list[BaseGeometry]] = {}
     for zone in world.content.zones:

@@ -62,8 +62,9 @@ class Execution(StopLog):
     planners if such a planner is given as well; any criteria that the planner takes.
 
     Guarantees: options are the result of an exact search from the same node in the world as it is now. If a deadline
-    ends the search, they are at most a factor 1 + gap worse. The present plan is among them while it is open. The
-    driven trajectory has no jump in position, heading or (as planned) speed. The same events give the same drive.
+    ends the search, they are at most a factor 1 + gap worse. The present plan is among them while nothing is in its
+    way. The driven trajectory has no jump in position, heading or (as planned) speed. The same events give the same
+    drive.
 
     Cost: the graph is built once; a query then takes some milliseconds in rooms and offices.
     """

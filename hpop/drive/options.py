@@ -100,7 +100,7 @@ def same_side(trajectory: Trajectory, other: Trajectory, world: World, closings:
 
 
 class LeavePoints(NamedTuple):
-    """Places of a plan at which the robot may change it.
+    """Places at which a drive may change its plan.
 
     times   (L,)  s, times of the drive
     states  (L,)  states of the robot
@@ -165,7 +165,7 @@ class Option(Point):
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Options(Sequence[Option]):
-    """The front of the remaining plans of a drive, with the present plan if that is open.
+    """The front of the remaining plans of a drive, with the present plan if nothing is in its way.
 
     front     costs from the commit on; worst moments and means cover the whole drive
     now       s, time of the drive at which options were computed

@@ -120,7 +120,7 @@ def _columns(states: States, names: tuple[str, ...]) -> States:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A trajectory that is being driven, and the time up to which it is open. Times are planned times, s.
+    """A trajectory that is being driven, and the time at which the robot must stop. Times are planned times, s.
 
     announced  the trajectory from the beginning of the drive to the goal
     stops      s, time at which the robot stops because an area or a person is in the way beyond; None if it arrives
@@ -141,12 +141,12 @@ class Plan:
 
     @property
     def end(self) -> float:
-        """The time, s, at which the robot stands: at the goal, or before a closed area."""
+        """The time, s, at which the robot stands: at the goal, or before a closed area or a person."""
         return self.announced.duration if self.stops is None else self.stops
 
     @cached_property
     def driven(self) -> Trajectory:
-        """The trajectory that the robot follows: up to the goal, or up to the stop before a closed area."""
+        """The trajectory that the robot follows: up to the goal, or up to the stop before a closed area or a person."""
         return self.announced if self.stops is None else until(self.announced, self.stops)
 
     @cached_property
@@ -242,10 +242,10 @@ HALVINGS = 20  # bisection steps to find the moment of contact in a motion that 
 
 
 class Cut(NamedTuple):
-    """The open part of a plan, in times of the plan, s.
+    """The part of a plan that is free of closed areas and people, in times of the plan, s.
 
     safe   time up to which the plan is free, None if it is free to its end
-    stops  time at which the robot comes to rest before the closed part, None if it arrives
+    stops  time at which the robot comes to rest before a closed area or a person, None if it arrives
     """
 
     safe: float | None

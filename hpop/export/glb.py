@@ -31,7 +31,7 @@ ABOVE = 0.004  # m: height at which zones are drawn above the floor, so that the
 
 
 class TriangleMesh(NamedTuple):
-    """Mesh of triangles that have one colour.
+    """Mesh of triangles that have the same colour.
 
     corners  (T, 3, 3)  m
     normals  (T, 3)     unit vectors

@@ -23,7 +23,7 @@ class JointLimits:
     """
 
     def cost(self, m: Motions) -> Column:
-        """Return the time integral (M,), s, of the nearness to stops, which is 0 to 1."""
+        """Return the time integral (M,), s, of the nearness to stops, 0 to 1, averaged over the joints with stops."""
         space = m.model.space
         stops = [(name, space.low[i], space.high[i]) for i, name in enumerate(space.names) if name not in space.turning]
         ranges = [

@@ -148,7 +148,7 @@ def scene_of(chain: Chain, parts: Sequence[ArmPart], solids: Sequence[Solid]) ->
 def paired(scene: ArmScene, pairs: Sequence[tuple[int, int]]) -> ArmScene:
     """Return the scene with these pairs of bodies to be tested, first those with most joints between their bodies.
 
-    Pairs whose bodies are in one frame are left out, because they never move relative to each other.
+    Pairs whose bodies are in the same frame are left out, because they never move relative to each other.
     """
     rows = [sorted(pair, key=lambda b: int(scene.frames[b])) for pair in pairs]
     rows = [row for row in rows if scene.frames[row[0]] != scene.frames[row[1]]]

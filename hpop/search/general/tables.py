@@ -120,7 +120,8 @@ _0, _1, _PIECE = np.uint64(0), np.uint64(1), np.uint64(PIECE)
 def covers(pool: NDArray[Any], start: int, room: int, size: int, f: tuple[Any, ...]) -> bool:
     """Return whether some member of a set is at most f in every cost; f has the integer type of the pool.
 
-    start, room, size  place of the set in the pool: first number, numbers reserved for each cost, number of members
+    start, room, size  place of the set in the pool: index of its first number, numbers reserved for each cost, and
+                       number of members
     """
     begin, stride, end = np.uint64(start), np.uint64(room), np.uint64(size)
     while end > _0:
@@ -261,7 +262,7 @@ def numbers_needed(sets: IntArray, s: int, k: int) -> int:
 
 @lean
 def add_to_set(sets: IntArray, pool: NDArray[Any], s: int, f: NDArray[Any], used: int) -> int:
-    """Add an uncovered vector f (k,), without its first cost, to set s; remove the members that f covers.
+    """Add an uncovered vector f (k,) to set s, which stores it without its first cost; remove the members it covers.
 
     `sets` is the table of sets, and `pool` has their members. A full set moves to the end of the pool. `used` is how
     many numbers of the pool are used; the new count is returned.

@@ -54,7 +54,7 @@ class SupportedPaths(ParetoPaths):
     weights  n      for each point, the weights (., k) of normalised costs for which it is optimal; rows sum to 1
     ideal    (k,)   least value of each cost, or a lower bound after a limit or Ctrl-C
     nadir    (k,)   greatest value of each cost among the lexicographic optima (an estimate for more than two costs)
-    solved   count  weights for which a shortest path was computed
+    solved   count  vectors of weights for which a shortest path was computed
     notes           lines for the user, such as failures of the executor
     """
 
@@ -85,10 +85,10 @@ def supported_paths(
     Weights apply to normalised costs, (c_j - ideal_j) / (nadir_j - ideal_j). Without ``divisions`` or ``weights`` they
     are adaptive: the lexicographic optima first, then normals of the facets of the hull of all points found so far,
     until every facet is tested (for two costs this is the dichotomy). With ``divisions`` d they are the simplex lattice
-    (Scheffe 1958; Das and Dennis 1998): all multiples of 1/d that sum to 1. ``weights`` are non-negative vectors with
-    any positive sum, taken as fractions of their largest with denominators up to a million. The lexicographic optima,
-    which normalisation needs, are returned as well. Ties under zero weights are broken by these costs in their order,
-    so every point is efficient, not only weakly efficient.
+    (Scheffe 1958; Das and Dennis 1998): all vectors of multiples of 1/d that sum to 1. ``weights`` are non-negative
+    vectors with any positive sum, taken as fractions of their largest with denominators up to a million. The
+    lexicographic optima, which normalisation needs, are returned as well. Ties under zero weights are broken by these
+    costs in their order, so every point is efficient, not only weakly efficient.
 
     Accepts: any :class:`Graph` with costs that are sums.
 
@@ -133,14 +133,14 @@ def supported_paths(
 
 @dataclass(eq=False)
 class SupportedRun:
-    """One run of a query: it computes lower bounds and lexicographic optima, then solves weights in rounds.
+    """One run of a query: it computes lower bounds and lexicographic optima, then solves vectors of weights in rounds.
 
     states  which arcs are known to be free or blocked; None if all are free
     paths   paths found: reduced costs -> arcs of the path, and the weights for which it is optimal
     least   (k,)  lower bounds of the ideal, by which reduced costs are less than costs
     ideal   (k,)  least value of each cost
     nadir   (k,)  greatest value of each cost among the lexicographic optima
-    solved  number of weights for which a shortest path was computed
+    solved  number of vectors of weights for which a shortest path was computed
     rounds  number of rounds, also those repeated because of blocked arcs
     """
 
