@@ -180,7 +180,7 @@ def draw_map(
         The criterion or reported value that colours the trajectories; by default the length, else the first.
     view : View, optional
         The rectangle to show, m; by default all free space, or only the area of the trajectories if its longer side is
-        less than two fifths of that.
+        less than two fifths of that (for a fixed robot: if it is smaller).
     ax : Axes, optional
         Axes to draw in, with a colour bar and only the named trajectories in the legend; their figure is returned. By
         default a new figure with all legends and the certificate.

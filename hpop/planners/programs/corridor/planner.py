@@ -60,15 +60,15 @@ class WeightedSumCorridor:
     sequence of regions is a corridor; warm starts through the same regions share it. A polyline in the corridor has a
     vertex in each overlap of neighbouring regions, so all of it is free of collisions. A convex program finds the
     polyline with the least weighted sum. Costs are normalised with the corridor's optima of single costs: the least of
-    each cost is 0, the greatest 1. Without ``divisions`` or ``weights``, weights of two convex costs are added where
-    the front has a gap, until no gap exceeds 1 %; more costs get six divisions. 1e-4 is added to every weight, so that
-    a zero weight still breaks ties.
+    each cost is 0, the greatest 1. Without ``divisions`` or ``weights``, vectors of weights of two convex costs are
+    added where the front has a gap, until no gap exceeds 1 %; more costs get six divisions. 1e-4 is added to every
+    weight, so that a zero weight still breaks ties.
 
     Accepts criteria that declare a convex form (:mod:`hpop.criteria.convex`), and counts of moves and turns; others are
     refused by name. Guarantees that each candidate is the optimum for its weights in its corridor, to the solver's
     tolerance: a supported point of the corridor's convex problem. If the convex form is an upper bound of the cost
     (distances to obstacles), the bound is optimised; reported costs are exact. Other corridors may have better points.
-    Cost: one compilation per corridor, 20 to 100 ms, and 3 to 10 ms per weight.
+    Cost: one compilation per corridor, 20 to 100 ms, and 3 to 10 ms per vector of weights.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid"})

@@ -111,9 +111,9 @@ class _Weighted:
     vertices: list[FloatArray] = field(default_factory=list)
 
     def run(self, weights: tuple[tuple[float, ...], ...] | None) -> CorridorPoints:
-        """Solve for each cost alone, normalise the costs by these optima, then solve for all other weights.
+        """Solve for each cost alone, normalise the costs by these optima, then solve for all other vectors of weights.
 
-        If ``weights`` is None, the weights of two costs are chosen by dichotomy.
+        If ``weights`` is None, the vectors for two costs are chosen by dichotomy.
         """
         k = len(self.program.criteria)
         warm = self.program.evaluate(self.program.base)
