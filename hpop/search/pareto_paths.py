@@ -172,6 +172,7 @@ class _ParetoRun:
     """One run of a query: it computes lower bounds, chooses the method and the order of costs, and searches.
 
     search        the search, None before it is set up
+    samples       (m, k) costs of the path that is best for each cost
     after_bounds  s   time at which the lower bounds were complete
     """
 
@@ -191,6 +192,7 @@ class _ParetoRun:
         self.method = method if keeper is None else keeper.method or method
         self.search: Search | None = None
         self.order: tuple[int, ...] = ()
+        self.samples = np.zeros((0, graph.criteria), np.int64)
         self.after_bounds = 0.0
 
     def go(self, clock: Clock) -> Status:
@@ -215,6 +217,7 @@ class _ParetoRun:
         self.after_bounds = clock.seconds()
         if status is not None:
             return status
+        self.samples = samples
         self.method, index = choose_method(self.graph, self.method, samples, groups)
         if h[0, self.source] >= machinery.bounds.UNREACHABLE:
             return Status.NO_PATH
@@ -255,7 +258,10 @@ class _ParetoRun:
             gap = math.inf
             awaited = status is not Status.INTERRUPTED or counts.get("labels_open", 0) * k <= MOST_COMPARED
             if proven and awaited and self.search is not None:
-                gap = max(self.precision.eps, proven_gap(vectors[:, :k], self.search.estimates()[:, :k]))
+                gap = proven_gap(vectors[:, :k], self.search.estimates()[:, :k])
+                if gap > self.precision.eps and isinstance(self.search, staircase.search.Staircase):
+                    gap = self.search.closer_gap(vectors, gap, self.samples[:, list(self.order)], clock)
+                gap = max(self.precision.eps, gap)
         stats = SearchStats(
             self.method,
             self.order,

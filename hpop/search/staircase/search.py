@@ -16,7 +16,8 @@ in BOA*, Hernandez et al. 2023).
 If the arcs that raise the index form groups of nodes (turns in place, see :mod:`.machinery.turns`), labels are
 generated only where other arcs arrive, and one shared staircase for each group represents turns from any of its nodes.
 The staircases of a group are stored side by side, in one cache line. After many expansions, the search adds bounds for
-each number of remaining turns (:mod:`.staircase.tables`).
+each number of remaining turns (:mod:`.staircase.tables`). If a limit stops the search, these bounds also prove its gap
+(:mod:`.staircase.gap`).
 
 A search within a precision uses joint bounds of the first and the rest cost instead (:mod:`.turn_hull`). The best paths
 of these bounds pass few nodes. The front of the paths through these nodes alone is found soon, and is near the whole
@@ -35,7 +36,7 @@ from numpy.typing import NDArray
 from hpop.base.arrays import BoolArray, IntArray
 from hpop.frontier import is_nondominated
 from hpop.search.graph import Graph
-from hpop.search.machinery.approximation import ANYTHING, EXACT, Precision
+from hpop.search.machinery.approximation import ANYTHING, EXACT, Precision, proven_gap
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.labels import Nodes, Unsound, check_solutions, enter_in_batches
 from hpop.search.machinery.slices import (
@@ -52,6 +53,7 @@ from hpop.search.machinery.slices import (
 )
 from hpop.search.machinery.turns import OFFSET, SIZE, Groups
 from hpop.search.staircase.buckets import JointSearch
+from hpop.search.staircase.gap import gap_by_turns
 from hpop.search.staircase.kernel import advance
 from hpop.search.staircase.labels import checksum_of_stairs, enter_all, enter_goal, retrace
 from hpop.search.staircase.tables import (
@@ -232,19 +234,42 @@ class Staircase(JointSearch):
     def _add_bounds(self, clock: Clock) -> None:
         """Compute joint bounds or else bounds for each number of remaining turns, if graph and memory allow them."""
         self.has_tried_bounds = True
-        if self.jointly and self._compute_joint_bounds(clock):
-            return
-        limit, size = clock.budget.max_memory, LAYERS * len(self.nodes) * self.nodes.itemsize
+        if not (self.jointly and self._compute_joint_bounds(clock)):
+            self._compute_turn_bounds(clock)
+
+    def _compute_turn_bounds(self, clock: Clock, count: int = LAYERS) -> None:
+        """Compute ``count`` bounds, for 0, 1, ... and any remaining turns; use them if graph and memory allow them."""
+        limit, size = clock.budget.max_memory, count * len(self.nodes) * self.nodes.itemsize
         if limit is not None and self.memory() + 2 * size > limit:
             return
         if self.turn[0] != 1 or self.turn[4]:  # a turn must raise the index by 1, and the rest cost must be a sum
             return
-        layers = costs_by_turns(self.groups, self.order[2], self.nodes, self.start, self.arcs, self.is_target, clock)
+        tables = (self.nodes, self.start, self.arcs, self.is_target)
+        layers = costs_by_turns(self.groups, self.order[2], *tables, clock, count)
         if layers is not None:
             self.take_turn_bounds(layers)
 
+    def closer_gap(self, front: IntArray, gap: float, least: IntArray, clock: Clock) -> float:
+        """Return the gap of a front (n, 3) to missing vectors that bounds by turns prove, or ``gap`` if that is less.
+
+        It ends the search: bounds that it did not need yet are computed, unless known paths show that the gap is true.
+
+        least  (m, 3)  costs of known paths that the front need not have; columns in the order of the search, as all
+        """
+        if not len(front) or self.order[2] < 0 or proven_gap(front, least) >= gap:
+            return gap
+        if not self.layers.size and (self.hull or not self.has_tried_bounds):
+            self._compute_turn_bounds(clock, min(LAYERS, int(front[:, 1].max()) + 2))  # more turns differ little
+            clock.peak = max(clock.peak, self.memory())
+        if not self.layers.size:
+            return gap
+        labels, scratch = np.concatenate(self.open_labels()), np.empty(3)
+        tables = (self.heads, self.source, self.nodes, self.layers, self.goal, self.most)
+        found = (front.astype(np.float64), labels, self.estimates())
+        return float(clock.call(gap_by_turns, *found, *tables, gap, scratch))
+
     def take_turn_bounds(self, layers: NDArray[Any]) -> None:
-        """Use bounds (n, LAYERS) for each number of remaining turns from now on, see :func:`.costs_by_turns`."""
+        """Use bounds (n, m) for each number of remaining turns from now on, see :func:`.costs_by_turns`."""
         self.has_tried_bounds = True
         self.layers = layers
         self._lengthen_goal()

@@ -226,8 +226,9 @@ def costs_by_turns(
     arcs: NDArray[Any],
     is_target: NDArray[np.uint8],
     clock: Clock,
+    count: int = LAYERS,
 ) -> NDArray[Any] | None:
-    """Return lower bounds (n, LAYERS) of the remaining rest cost: column m with at most m turns, the last with any.
+    """Return lower bounds (n, count) of the remaining rest cost: column m with at most m turns, the last with any.
 
     Returns None if there is no rest cost, or if the plain arcs form no chains.
 
@@ -238,14 +239,14 @@ def costs_by_turns(
     if chains is None:
         return None
     infinite = min(np.iinfo(nodes.dtype).max, int(UNREACHABLE))  # the height of an empty staircase
-    layers = np.empty((LAYERS, len(nodes)), nodes.dtype)
+    layers = np.empty((count, len(nodes)), nodes.dtype)
     turns = (
         groups.rows,
         groups.dearest[:, column],
         groups.turns[column],
         bool(groups.alike[column]),
     )
-    begin = np.array([chains.begin(m) for m in range(LAYERS)])
+    begin = np.array([chains.begin(m) for m in range(count)])
     clock.call(fill_layers, nodes, chains.tails, chains.indices, begin, arcs, *turns, is_target, infinite, layers)
     return np.ascontiguousarray(layers.T)
 
@@ -356,10 +357,10 @@ def fill_layers(
     infinite: int,
     layers: NDArray[Any],
 ) -> None:
-    """Compute the bounds of :func:`costs_by_turns` for 0, 1, ... turns, and write them to `layers` (LAYERS, n).
+    """Compute the bounds of :func:`costs_by_turns` for 0, 1, ... turns, and write them to `layers` (count, n).
 
     tails, indices  arcs in the order of :class:`ArcChains`
-    begin           (LAYERS,)  index of the first arc that each layer (number of turns) may use
+    begin           (count,)  index of the first arc that each layer (number of turns) may use
     groups, dearest, turns, alike  groups of nodes and rest costs of their turns, see :class:`.Groups`
     infinite        cost of a node without a path
     nodes           (n, 4)  table of nodes; its bound of the rest cost becomes the last layer
