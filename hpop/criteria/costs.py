@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from hpop.trajectories.motion_table import BLOCK, MotionTable
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from hpop.criteria.performance.stops_missed import StopsMissed
     from hpop.world import World
 
 PROGRESS_EVERY = 100  # number of trajectories between two progress reports
@@ -100,7 +101,7 @@ def trajectory_costs(
     The motions of all trajectories are evaluated together, one batch for each motion law. A motion that several
     trajectories share is evaluated once, unless its cost depends on the time or, along curves, on the motions before
     and after it. A time-mean is the time integral divided by the duration. Criteria with ``aggregate="trajectory"``
-    are evaluated for each trajectory by itself. A trajectory without motions costs 0.
+    are evaluated for each trajectory by itself. A trajectory without motions costs 0, except in missed stops.
 
     Parameters
     ----------
@@ -116,7 +117,7 @@ def trajectory_costs(
         history = History(world, trajectory)  # caches intermediate results that several criteria use
         for j in with_memory:
             running = running_values(criteria[j], history)
-            values[i, j] = running[-1] if running.size else 0.0
+            values[i, j] = running[-1] if running.size else _without_motions(criteria[j], history)
     additive = [j for j in range(len(criteria)) if j not in with_memory]
     if len(trajectories) > 1 and additive:
         shared = table or MotionTable.of(trajectories)
@@ -129,6 +130,11 @@ def trajectory_costs(
         own = [trajectories[i] for i in rows[part]]
         values[np.ix_(rows[part], columns)] = _own_costs([criteria[j] for j in columns], own, world)
     return values
+
+
+def _without_motions(criterion: Criterion, history: History) -> float:
+    """Return the cost of a trajectory without motions by a criterion of whole trajectories; only stops count."""
+    return cast("StopsMissed", criterion).without_motions(history) if criterion.role == "stops_missed" else 0.0
 
 
 def _shared_costs(

@@ -279,9 +279,9 @@ class Execution(StopLog):
         options = self._options_at_hand()
         now, place = self._in_order(self._now() if now is None else now), options.place_of(option)
         chosen, commit = options[place], options.commit
-        if now > commit.time + SAME and not commit.arrives:
-            began = f"{commit.time:.2f} s, but it is {now:.2f} s already"
-            raise DriveError(f"these options begin at {began}: call options(now) again")
+        if now > commit.time + SAME and not (commit.arrives and chosen.keeps_on):
+            again = "plan again from the goal" if commit.arrives else "call options(now) again"
+            raise DriveError(f"these options begin at {commit.time:.2f} s, but it is {now:.2f} s already: {again}")
         if not self._progress.plan.begins_with(options.compared.before):
             raise DriveError("the plan was cut before the place where these options begin; call options(now) again")
         if closed_trajectories([chosen.item], self.surroundings.closed).any():

@@ -265,3 +265,17 @@ def test_tours_among_people_who_move_are_refused() -> None:
     assert drive.record == []
     drive.world(1.0, people=[Person(8.0, 3.0)])
     assert len(drive.options(1.0, DEADLINE))
+
+
+def test_at_the_goal_missed_stops_still_count_and_only_the_plan_can_be_kept_afterwards() -> None:
+    drive = driving(asked([CORNER]))
+    end = drive.plan.duration
+    for now in (end - 0.1, end + 1.0):
+        options = drive.options(now, DEADLINE)
+        assert options.commit.arrives
+        assert options[options.keep_on].costs["stops_missed"] == 1
+        assert options.front.costs[:, options.front.names.index("stops_missed")].min() == 0
+    with pytest.raises(DriveError, match=r"these options begin at .* already: plan again from the goal"):
+        drive.take(options.best("stops_missed"))
+    drive.take(options.keep_on)
+    assert drive.at(end + 1.0).arrived

@@ -87,3 +87,7 @@ class StopsMissed:
             if visit.stop in self.tour.optional:
                 missed += weights.get(self.tour.names[visit.stop], 1.0) * (m.t0 + m.duration < visit.end - 1e-9)
         return missed
+
+    def without_motions(self, m: History) -> float:
+        """Return the cost of a trajectory without motions, which visits stops without dwell at its only state."""
+        return 0.0 if self.tour is None else all_visits(self.tour, m.world, [m.trajectory], self.weights)[0].missed

@@ -245,7 +245,7 @@ class _Answer:
         """Reason why there is no tour, as text for a note."""
         fixed, turns = self.fixed, self.fixed.query.max_turns
         through = f"tours were searched through these states only: {fixed.words}"
-        if turns is not None:
+        if turns is not None and len(fixed.shortest_tour()):
             return f"no path visits the stops with at most {turns} turns; {through}. Raise max_turns or stop_states"
         return f"{fixed.layered.what_separates(fixed.query.start, list(fixed.layered.goals))}; {through}"
 

@@ -77,7 +77,7 @@ def chosen_states(
             query.space.spending.check("the states of stops were chosen")
             table = bounds.of(nodes, forward=forward)
             for stop, own in sets.items():
-                usable[stop] &= np.isfinite(table[own, 0]) if at == ENDS else True
+                usable[stop] &= np.isfinite(table[own]).all(axis=1) if at == ENDS else True
                 if stop in others:
                     columns[stop].append(table[own])
     return [

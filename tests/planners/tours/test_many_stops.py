@@ -305,12 +305,22 @@ def test_stop_states_needs_a_tour_and_few_states_for_many_stops(monkeypatch: pyt
         problem(EIGHT[:6]).solve("lattice", step=1.0, stop_states=2)
 
 
-def test_stops_that_no_tour_can_join_leave_no_path_and_the_reason() -> None:
+@pytest.mark.parametrize("max_turns", [None, 8])
+def test_stops_that_no_tour_can_join_leave_no_path_and_the_reason(max_turns: int | None) -> None:
     closed = shapely.box(5.0, 0.0, 8.0, 2.4).boundary.buffer(0.1)
     world = hpop.World.from_polygons([closed], extent=shapely.box(0, 0, 8, 6))
     front = problem([{"at": (6.5, 1.2), "within": 0.5, "name": "cell"}], world=world).solve(
-        "lattice", step=0.5, stop_states=1
+        "lattice", step=0.5, stop_states=1, max_turns=max_turns
     )
     assert not len(front)
     assert any("; tours were searched through these states only: cell (" in note for note in front.notes)
     assert any("stop 'cell' cannot be reached from the start" in note for note in front.notes)
+
+
+def test_states_behind_a_wall_are_never_chosen_whatever_cost_comes_first() -> None:
+    wall, stops = shapely.box(-0.5, 1.45, 5.5, 1.55), [{"at": (x, 1.5), "within": 1.2} for x in (1, 2, 3, 4)]
+    world = hpop.World.from_polygons([wall], extent=shapely.box(-0.5, -0.5, 5.5, 4.5))
+    for criteria in (["length", "peak_optic_flow"], ["peak_optic_flow", "length"]):
+        asked = Problem(world, SMALL, (0, 3, 0), (5, 3, None), criteria, tour=hpop.Tour(stops))
+        front = asked.solve("lattice", **PLAIN, stop_states=1)
+        assert front.costs[:, front.names.index("length")].min() == 7.0

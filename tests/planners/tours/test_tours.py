@@ -159,6 +159,16 @@ def test_a_dwell_costs_what_the_hold_costs_and_a_visit_without_dwell_costs_nothi
     assert lasting == pytest.approx(passing + 3.0)
 
 
+def test_a_tour_that_ends_where_it_begins_misses_its_optional_stops_if_it_never_leaves() -> None:
+    asked = problem([{**EAST, "optional": True}], "any", ["length", "stops_missed"], goal=(1, 1, 0))
+    front = asked.solve(LATTICE)
+    assert front.costs[0].tolist() == [0.0, 1.0]
+    assert front.costs[1:, 1].tolist() == [0.0]
+    assert verify(asked, front) == []
+    here = problem([{"at": (1, 1), "within": 0.5, "optional": True}], "any", ["length", "stops_missed"], goal=(1, 1, 0))
+    assert here.solve(LATTICE).costs.tolist() == [[0.0, 0.0]]
+
+
 def test_a_checkpoint_of_a_tour_resumes(tmp_path: Path) -> None:
     asked = problem([EAST, NORTH], "any", ["turns", "length", "duration"])
     options = {"step": 0.5, "checkpoint": str(tmp_path / "search")}
