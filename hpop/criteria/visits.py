@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from hpop.base.arrays import BoolArray
+from hpop.criteria.base import Criterion, index_of_role
 from hpop.goals import Goal
 from hpop.models.camera import field_of_view, height_varies
 from hpop.motions import HOLD, States
@@ -21,6 +22,7 @@ from hpop.world.sight.bearings import in_view
 from hpop.world.sight.visibility import sees
 
 if TYPE_CHECKING:
+    from hpop.criteria.performance.stops_missed import StopsMissed
     from hpop.goals.tour import Tour
     from hpop.goals.tour_stop import TourStop
     from hpop.motions import Model, Pose
@@ -205,6 +207,12 @@ def _undominated(tour: Tour, best: Mapping[int, _Progress]) -> dict[int, _Progre
 def weight_of(tour: Tour, stops: Sequence[int], weights: Weights) -> float:
     """Return the sum of the weights of some optional stops, given by their indices in the tour."""
     return sum(weights.get(tour.names[i], 1.0) for i in stops)
+
+
+def missed_weights(criteria: Sequence[Criterion]) -> Weights:
+    """Return the weights of optional stops that the criterion stops_missed has, if it is among some criteria."""
+    missed = index_of_role("stops_missed", criteria)
+    return {} if missed is None else cast("StopsMissed", criteria[missed]).weights or {}
 
 
 def _stands(trajectory: Trajectory) -> Iterator[tuple[int, float, float]]:

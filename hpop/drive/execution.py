@@ -242,7 +242,7 @@ class Execution(StopLog):
         problem = surroundings.at(commit.state, commit.time)
         if (tour := self._progress.tour) is not None:
             then, t = joined(commit.before, remaining), commit.before.duration
-            problem = replace(problem, tour=tour.after(then, t, self._progress.lag, problem.world).tour)
+            problem = replace(problem, tour=tour.after(then, t, self._progress.lag, problem).tour)
         result = self._replanner.result(surroundings, problem, commit, present, deadline, answer)
         before = Plan(commit.before)
         costs_so_far = partial(past, before, before.end, self._progress.stretches, self.problem.criteria)

@@ -263,12 +263,12 @@ class Moment:
         """Progress along the tour at this time: the stops that are done, and those that remain; None without a tour."""
         if self._tour is None:
             return None
-        plan, t, world = self._plan, self.planned, self._stretches[-1].surroundings.problem.world
+        plan, t, problem = self._plan, self.planned, self._stretches[-1].surroundings.problem
         announced, stood = plan.announced, self.now - self._lag - plan.end
         if self.stands and stood > SAME:
             before = held(plan.driven, stood)
             announced, t = joined(before, between(announced, plan.end, announced.duration)), before.duration
-        return self._tour.after(announced, t, self._lag, world)
+        return self._tour.after(announced, t, self._lag, problem)
 
     @property
     def visits(self) -> tuple[StopVisit, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import trajectory_costs
-from hpop.criteria.visits import all_visits
+from hpop.criteria.visits import all_visits, missed_weights
 from hpop.drive.moment import Past
 from hpop.frontier.dominance import quantised
 from hpop.planners.base import Candidates
@@ -87,7 +87,7 @@ class _CostedPlans:
         """Return a collection with only the present plan."""
         origin: dict[str, Any] = {"planner": "drive", "kept": True}
         if problem.tour is not None:
-            (found,) = all_visits(problem.tour, problem.world, [present])
+            (found,) = all_visits(problem.tour, problem.world, [present], missed_weights(problem.criteria))
             origin["visits"] = found.described(problem.tour)
         return cls((present,), values, (origin,))
 

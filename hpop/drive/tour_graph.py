@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
-from hpop.criteria.visits import Visit, all_visits
+from hpop.criteria.visits import Visit, all_visits, missed_weights
 from hpop.drive.closings import listed
 from hpop.drive.drive_graph import DriveGraph
 from hpop.drive.known_routes import KnownRoutes
@@ -99,7 +99,8 @@ class TourDriveGraph(DriveGraph):
         The arcs are [] if the trajectory ends elsewhere, or if its visits do not lead through the layers.
         """
         of_base = self.base.arcs_and_places(trajectories)
-        visits = all_visits(self.space.tour, self.world, trajectories)
+        weights = missed_weights(self.query.objectives.optimised)
+        visits = all_visits(self.space.tour, self.world, trajectories, weights)
         return [
             self._in_layers(arcs, trajectory.times[places], found.visits)
             for trajectory, (arcs, places), found in zip(trajectories, of_base, visits, strict=True)

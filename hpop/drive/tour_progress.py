@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hpop.base.text import shown
-from hpop.criteria.visits import all_visits
+from hpop.criteria.visits import all_visits, missed_weights
 from hpop.drive.plan import SAME, between
 from hpop.errors import DriveError, did_you_mean
 from hpop.goals import Tour
 from hpop.motions import HOLD
 from hpop.problems.recorded_visits import StopVisit
 from hpop.trajectories.trajectory import Trajectory
-from hpop.world import World
+
+if TYPE_CHECKING:
+    from hpop.problems.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -40,15 +43,17 @@ class TourProgress:
         """Names of the stops that remain, optional ones included, in the order in which the tour lists them."""
         return tuple(self.tour.names[i] for i in self.tour.remaining)
 
-    def after(self, plan: Trajectory, t: float, lag: float, world: World) -> TourProgress:
+    def after(self, plan: Trajectory, t: float, lag: float, problem: Problem) -> TourProgress:
         """Return the progress at time ``t``, s, of a plan; ``lag`` is the time of the drive at which the plan began.
+        ``problem`` has the present world, and the weights of optional stops.
 
         Visits are assigned along the whole plan, so that it misses as few stops as possible. The visits that end by
         ``t`` are done. Optional stops that the order has only before such a visit are passed over.
         """
         if not self.tour.remaining:
             return self
-        (found,) = all_visits(self.tour, world, [between(plan, self.since, plan.duration)])
+        onward = between(plan, self.since, plan.duration)
+        (found,) = all_visits(self.tour, problem.world, [onward], missed_weights(problem.criteria))
         made = [visit for visit in found.visits if self.since + visit.end <= t + SAME]
         since = max(self.since, _standstill(plan, t))
         if not made:

@@ -18,7 +18,7 @@ from hpop.base.registry import GROUPS
 from hpop.base.text import shown, some
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import quanta_statement, trajectory_costs
-from hpop.criteria.visits import all_visits, hidden_targets
+from hpop.criteria.visits import all_visits, hidden_targets, missed_weights
 from hpop.errors import NOTE, CriterionError, OptionError, QueryError
 from hpop.frontier.dominance import MAX_QUANTA
 from hpop.frontier.union import JOINT
@@ -195,7 +195,7 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
             )
     provenance, unvisited = candidates.provenance, False
     if problem.tour is not None:
-        visits = all_visits(problem.tour, problem.world, trajectories)
+        visits = all_visits(problem.tour, problem.world, trajectories, missed_weights(problem.criteria))
         visited = zip(provenance, visits, strict=True)
         provenance = tuple(origin | {"visits": each.described(problem.tour)} for origin, each in visited)
         unvisited = not all(each.complete for each in visits)

@@ -18,7 +18,7 @@ from hpop.base.arrays import BoolArray, FloatArray
 from hpop.base.math import norm
 from hpop.base.options import FARTHEST
 from hpop.base.text import printable
-from hpop.criteria.visits import all_visits
+from hpop.criteria.visits import all_visits, missed_weights
 from hpop.motions import Model, States, StateSpace
 from hpop.problems.evaluation import Trace
 from hpop.problems.front import Front
@@ -205,7 +205,7 @@ def _name_visits(panels: Sequence[Axes], problem: Problem, trajectory: Trajector
     """Write number and name of each visited stop into the first panel; draw a line for a visit without dwell."""
     if problem.tour is None:
         return
-    (found,) = all_visits(problem.tour, problem.world, [trajectory])
+    (found,) = all_visits(problem.tour, problem.world, [trajectory], missed_weights(problem.criteria))
     for visit in found.visits:
         if visit.begin == visit.end:
             for axes in panels:

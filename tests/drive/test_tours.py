@@ -279,3 +279,17 @@ def test_at_the_goal_missed_stops_still_count_and_only_the_plan_can_be_kept_afte
         drive.take(options.best("stops_missed"))
     drive.take(options.keep_on)
     assert drive.at(end + 1.0).arrived
+
+
+def test_visits_of_a_drive_are_those_that_miss_the_least_weight() -> None:
+    far, near = ({"at": (x, 2), "within": 0.3, "name": str(x), "optional": True} for x in (4, 3))
+    criteria = ["length", {"stops_missed": {"weights": {"4": 3}}}]
+    problem = hpop.Problem(two_doors(), ROBOT, (1, 2, 0), (5, 2, 0), criteria, tour=Tour([far, near]))
+    front = problem.solve(LATTICE)
+    assert [(*point.costs.values(), *(visit["stop"] for visit in point.provenance["visits"])) for point in front] == [
+        (4.0, 1.0, "4"),
+        (6.0, 0.0, "4", "3"),
+    ]
+    drive = hpop.follow(problem, front, 0)
+    assert drive.at(2.5).stops.remaining == ("4", "3")
+    assert names(drive, drive.plan.duration) == ["4"]

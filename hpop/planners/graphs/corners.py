@@ -14,7 +14,7 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.math import wrap
 from hpop.base.options import LEAST, set_wholes
 from hpop.base.scalars import set_python_values
-from hpop.criteria.visits import Visits, all_visits
+from hpop.criteria.visits import Visits, all_visits, missed_weights
 from hpop.goals import checked_goal
 from hpop.motions import HOLD, Motions, States
 from hpop.motions.laws import CHANGE
@@ -206,8 +206,9 @@ def _corners(problem: Problem, trajectories: Sequence[Trajectory], ends: FloatAr
     (E, 2), m, are left out.
     """
     points, marked = [], []
-    tour = problem.tour
-    visits = [Visits()] * len(trajectories) if tour is None else all_visits(tour, problem.world, trajectories)
+    tour, visits = problem.tour, [Visits()] * len(trajectories)
+    if tour is not None:
+        visits = all_visits(tour, problem.world, trajectories, missed_weights(problem.criteria))
     for t, visited in zip(trajectories, visits, strict=True):
         stops = [int(np.searchsorted(t.times, visit.begin - CLOCKED)) for visit in visited.visits]
         at = [*(i for i, kind in enumerate(t.kinds) if kind == "move"), len(t)]

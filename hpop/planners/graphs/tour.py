@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from hpop.base.arrays import BoolArray, IntArray
 from hpop.criteria.base import Criterion, index_of_role
 from hpop.criteria.costs import motion_costs
-from hpop.criteria.performance.stops_missed import StopsMissed
-from hpop.criteria.visits import weight_of
+from hpop.criteria.visits import missed_weights, weight_of
 from hpop.goals.tour import Tour
 from hpop.motions import HOLD, Motions, States
 from hpop.motions.laws import CLOCK
@@ -230,10 +229,9 @@ class TourGraph(TrajectoryGraph):
         costs = np.zeros((len(skipped), len(criteria)), np.int64)
         missed = index_of_role("stops_missed", criteria)
         if missed is not None:
-            criterion = criteria[missed]
-            weights = cast(StopsMissed, criterion).weights or {}
+            weights = missed_weights(criteria)
             weighed = np.array([weight_of(self.tour, each, weights) for each in skipped], float)
-            costs[:, missed] = quantised(weighed, criterion)
+            costs[:, missed] = quantised(weighed, criteria[missed])
         return costs
 
     def dwell_costs(self, stop: int, criteria: Sequence[Criterion]) -> IntArray:

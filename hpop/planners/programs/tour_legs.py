@@ -15,7 +15,7 @@ from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.text import counted
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import trajectory_costs
-from hpop.criteria.visits import all_visits
+from hpop.criteria.visits import all_visits, missed_weights
 from hpop.errors import OptionError
 from hpop.motions import HOLD, States
 from hpop.motions.by_law import extras
@@ -114,7 +114,7 @@ def improved_tours(
     known = known_tours(planner, problem, progress, executor, watch.left)
     if known.interrupted is not None:
         return known.interrupted
-    visits = all_visits(problem.tour, problem.world, known.trajectories)
+    visits = all_visits(problem.tour, problem.world, known.trajectories, missed_weights(problem.criteria))
     tours = [
         TourLegs.of(trajectory, [visit.begin for visit in found.visits])
         for trajectory, found in zip(known.trajectories, visits, strict=True)
