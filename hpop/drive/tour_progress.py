@@ -45,10 +45,10 @@ class TourProgress:
 
     def after(self, plan: Trajectory, t: float, lag: float, problem: Problem) -> TourProgress:
         """Return the progress at time ``t``, s, of a plan; ``lag`` is the time of the drive at which the plan began.
-        ``problem`` has the present world, and the weights of optional stops.
 
-        Visits are assigned along the whole plan, so that it misses as few stops as possible. The visits that end by
-        ``t`` are done. Optional stops that the order has only before such a visit are passed over.
+        Visits are assigned along the whole plan, so that it misses as few stops as possible by their weights. The
+        visits that end by ``t`` are done. Optional stops that the order has only before such a visit are passed over.
+        The problem has the present world, and the weights.
         """
         if not self.tour.remaining:
             return self
