@@ -240,14 +240,14 @@ class Execution(StopLog):
         remaining = between(plan.announced, begins, plan.announced.duration)
         present = remaining if plan.stops is None and not commit.stands else None
         problem = surroundings.at(commit.state, commit.time)
+        then, t, visits = joined(commit.before, remaining), commit.before.duration, None
         if (tour := self._progress.tour) is not None:
-            then, t = joined(commit.before, remaining), commit.before.duration
-            problem = replace(problem, tour=tour.after(then, t, self._progress.lag, problem).tour)
+            problem = replace(problem, tour=(left := tour.after(then, t, self._progress.lag, problem).tour))
+            visits = tour.coming(then, t, left, problem)
         result = self._replanner.result(surroundings, problem, commit, present, deadline, answer)
-        before = Plan(commit.before)
-        costs_so_far = partial(past, before, before.end, self._progress.stretches, self.problem.criteria)
+        costs_so_far = partial(past, Plan(commit.before), t, self._progress.stretches, self.problem.criteria)
         candidates = replace(result.candidates, notes=(*result.candidates.notes, *surroundings.stopping))
-        front, point, place = front_of_rest(problem, candidates, present, costs_so_far)
+        front, point, place = front_of_rest(problem, candidates, present, costs_so_far, visits)
         closings = () if present is None else surroundings.closed
         compared = PlanComparison(
             part(plan.driven, 0, commit.place),

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray
-from hpop.criteria.base import Criterion
+from hpop.criteria.base import Criterion, index_of_role
 from hpop.criteria.costs import trajectory_costs
-from hpop.criteria.visits import all_visits, missed_weights
+from hpop.criteria.visits import Visits
 from hpop.drive.moment import Past
 from hpop.frontier.dominance import quantised
 from hpop.planners.base import Candidates
@@ -27,7 +27,11 @@ WHOLE = "worst moments and means are those of the whole drive"
 
 
 def front_of_rest(
-    problem: Problem, candidates: Candidates, present: Trajectory | None, past: Callable[[], Past]
+    problem: Problem,
+    candidates: Candidates,
+    present: Trajectory | None,
+    past: Callable[[], Past],
+    visits: Visits | None = None,
 ) -> tuple[Front, Point | None, int | None]:
     """Return the front of remaining plans, a point for the present plan if it is dominated, and the latter's index.
 
@@ -40,6 +44,7 @@ def front_of_rest(
     problem  its start and time are those at which the remaining plans begin
     present  the present plan from there, None if an area or a person is in its way
     past     function that returns the costs of the drive up to there
+    visits   visits of the present plan, with those that are under way where it begins; None without a tour
     """
     front = solving.front(problem, candidates)
     criteria = [claimable(problem)[name] for name in (*front.names, *front.reported_names)]
@@ -47,7 +52,10 @@ def front_of_rest(
     if present is None:
         own = _CostedPlans.none(front)
     else:
-        own = _CostedPlans.alone(present, trajectory_costs(criteria, [present], problem.world), problem)
+        values = trajectory_costs(criteria, [present], problem.world)
+        if visits is not None and (missed := index_of_role("stops_missed", criteria)) is not None:
+            values[:, missed] = visits.missed
+        own = _CostedPlans.alone(present, values, problem, visits)
     if any(criterion.aggregate in ("max", "time-mean") for criterion in criteria):
         costs_so_far = past()
         rows, own = (plans.whole(criteria, costs_so_far) for plans in (rows, own))
@@ -83,12 +91,11 @@ class _CostedPlans:
         return cls(front.trajectories, np.hstack([front.costs, front.reported]), front.provenance)
 
     @classmethod
-    def alone(cls, present: Trajectory, values: FloatArray, problem: Problem) -> _CostedPlans:
+    def alone(cls, present: Trajectory, values: FloatArray, problem: Problem, visits: Visits | None) -> _CostedPlans:
         """Return a collection with only the present plan."""
         origin: dict[str, Any] = {"planner": "drive", "kept": True}
-        if problem.tour is not None:
-            (found,) = all_visits(problem.tour, problem.world, [present], missed_weights(problem.criteria))
-            origin["visits"] = found.described(problem.tour)
+        if problem.tour is not None and visits is not None:
+            origin["visits"] = visits.described(problem.tour)
         return cls((present,), values, (origin,))
 
     @classmethod

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hpop.base.text import shown
-from hpop.criteria.visits import all_visits, missed_weights
+from hpop.criteria.visits import Visit, Visits, all_visits, missed_weights, weight_of
 from hpop.drive.plan import SAME, between
 from hpop.errors import DriveError, did_you_mean
 from hpop.goals import Tour
@@ -72,6 +72,20 @@ class TourProgress:
             ),
             passed_over=tuple(passed),
         )
+
+    def coming(self, plan: Trajectory, t: float, tour: Tour, problem: Problem) -> Visits:
+        """Return the visits of a plan that end after time ``t``, s, from which their times count.
+
+        A visit that is under way at ``t`` begins at 0. The missed stops are those of ``tour``, of which the stops that
+        are done at ``t`` are known, and ``problem`` has the weights.
+        """
+        weights = missed_weights(problem.criteria)
+        (found,) = all_visits(self.tour, problem.world, [between(plan, self.since, plan.duration)], weights)
+        ahead = [(visit, self.since - t) for visit in found.visits if self.since + visit.end > t + SAME]
+        visits = tuple(Visit(v.stop, max(0.0, v.begin + lag), v.end + lag) for v, lag in ahead)
+        made = {visit.stop for visit in visits}
+        missed = [i for i in tour.remaining if tour.stops[i].optional and i not in made]
+        return Visits(visits, weight_of(tour, missed, weights), found.complete)
 
     def without(self, stop: str) -> TourProgress:
         """Return the progress with one stop skipped, given by name; DriveError if it does not remain."""

@@ -293,3 +293,18 @@ def test_visits_of_a_drive_are_those_that_miss_the_least_weight() -> None:
     drive = hpop.follow(problem, front, 0)
     assert drive.at(2.5).stops.remaining == ("4", "3")
     assert names(drive, drive.plan.duration) == ["4"]
+
+
+def test_a_visit_under_way_where_options_begin_counts_for_the_plan_that_is_kept() -> None:
+    first, second = ({"at": (3.5, 2), "within": 1, "dwell": dwell, "name": f"{dwell}"} for dwell in (2, 3))
+    problem = asked([first, {**second, "optional": True}], "given", goal=(5, 2, 0))
+    moving = Trajectory.from_poses(ROBOT, [(1, 2, 0), (3, 2, 0), (4, 2, 0), (5, 2, 0)])
+    plan = moving.with_holds(np.array([1, 2, 2]), np.array([3.0, 2.0, 2.0]))
+    drive = hpop.drive.Execution(problem, [plan], plan, make_planner(LATTICE))
+    begin = float(plan.times[plan.kinds.index("hold", 2)])
+    options = drive.options(begin + 0.5, 0.1)
+    assert options.commit.time == pytest.approx(begin + 2.0)
+    kept = options[options.keep_on]
+    assert (kept.stops, kept.costs["stops_missed"]) == (("3",), 0)
+    assert drive.at(plan.duration).stops.remaining == ()
+    assert {option.costs["stops_missed"] for option in options if option.stops == ()} <= {1}
