@@ -20,7 +20,7 @@ from hpop.runtime.status import Status, no_path_note
 # Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 if TYPE_CHECKING:
-    from hpop.drive import Execution, Options
+    from hpop.drive import Execution, Moment, Options
     from hpop.drive.script import Happening
 
 DEADLINE = 0.2
@@ -129,6 +129,8 @@ def _print_options(options: Options, happening: Happening) -> None:
 
     if not len(options):
         reason = no_path_note(options.front.notes) or f"{options.certificate}; give a later --deadline"
+        for name in options.unreachable:  # the note names the method of Python
+            reason = reason.replace(f"drive.skip({name!r})", f"the event `skip: {name}`")
         echo(f"  no options: {reason.removeprefix(f'{Status.NO_PATH}: ')}")
         return
     echo(
@@ -163,7 +165,7 @@ def _how_far(options: Options) -> str:
     if options.gap == 0:
         return ""
     if math.isfinite(options.gap):
-        return f", at most {options.gap:.1%} worse than missing options"
+        return f", at most {options.gap:.1%} worse than missing options; a later --deadline finds more"
     return ", better options may be missing: give a later --deadline"
 
 
@@ -197,8 +199,21 @@ def _print_end(driven: Execution) -> None:
         for (name, value), criterion in zip(moment.past.items(), driven.problem.criteria, strict=True)
     )
     if moment.stops is not None:
-        visits = ", ".join(f"{visit.name} ({visit.begin:.1f} to {visit.end:.1f} s)" for visit in moment.visits)
-        skipped = f"; skipped: {', '.join(moment.stops.skipped)}" if moment.stops.skipped else ""
-        echo(f"visited: {visits or 'none'}{skipped}")
-    where = "the robot arrives" if moment.arrived else "the robot stands before the closed part of its path"
+        echo(_visits(moment))
+    stands = "goal not reached: the robot stands before the closed part of its path"
+    where = "the robot arrives" if moment.arrived else stands
     echo(f"{where} after {moment.planned:.1f} s; the drive cost {costs}")
+
+
+def _visits(moment: Moment) -> str:
+    """Return a line with the visits of a drive along a tour, and the stops that it skipped or did not visit."""
+    progress = moment.stops
+    assert progress is not None
+    optional = {name for name, stop in zip(progress.tour.names, progress.tour.stops, strict=True) if stop.optional}
+    visits = ", ".join(f"{visit.name} ({visit.begin:.1f} to {visit.end:.1f} s)" for visit in moment.visits)
+    line = f"visited: {visits or 'none'}"
+    for words, names in (("skipped", progress.skipped), ("not visited", progress.remaining + progress.passed_over)):
+        if names:
+            kinds = (f"{name} ({'optional' if name in optional else 'required'})" for name in names)
+            line += f"; {words}: {', '.join(kinds)}"
+    return line

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
+from hpop.criteria.base import index_of_role
 from hpop.criteria.visits import Visit, all_visits, missed_weights
 from hpop.drive.closings import listed
 from hpop.drive.drive_graph import DriveGraph
@@ -84,6 +85,14 @@ class TourDriveGraph(DriveGraph):
     def node(self, inner: int, tour: Tour) -> int:
         """Return the node that node ``inner`` of the base graph has in the layer of the stops done in a tour."""
         return self.space.tour.layers.index(tour.layers[0]) * self.base.graph.nodes + inner
+
+    def prepared(self, before: DriveGraph | None = None, kept: Prepared | None = None) -> Prepared:
+        """Return the graph prepared for searches; known from the start is a short path that misses the fewest stops."""
+        made = super().prepared(before, kept)
+        missed = index_of_role("stops_missed", self.query.objectives.optimised)
+        if missed is not None:
+            made.break_ties(missed)
+        return made
 
     def where(self, query: Query) -> str:
         """Return the description of the search for the certificate, with the stops that are done at its start."""

@@ -104,12 +104,18 @@ def test_a_tour_is_driven_with_its_stops_named(tmp_path: Path) -> None:
     assert "stops: 1 east, 2 north, 3 vase, 4 passed" in done.output
     assert re.search(r"yes +1 3 4 2 +.*present plan", done.output)
     assert "stop 'east' was visited already" in done.output
-    assert re.search(r"visited: east \(.* s\).*; skipped: north", done.output)
+    assert re.search(r"visited: east \(.* s\).*; skipped: north \(required\)", done.output)
     again = hpop.drive.load(tmp_path / "out" / "drive.json")
     assert [event["event"] for event in again.record if event["event"] in ("skip", "visited")][:2] == [
         "skip",
         "visited",
     ]
+    walls = "close: [[0, 4.4], [8, 4.4], [8, 4.6], [0, 4.6]], name: wall"
+    stuck = drive(tmp_path, tmp_path / "out", f"choice: least stops_missed\nevents: [{{at: 0.5, {walls}}}]").output
+    assert (
+        "cannot reach stop 'north'; closed: 'wall'. Open what is closed, or skip with the event `skip: north`" in stuck
+    )
+    assert re.search(r"; not visited: north \(required\), .*\(optional\)\ngoal not reached: the robot stands", stuck)
     wrong = drive(tmp_path, tmp_path / "out", "events: [{at: 2, skip: nort}]")
     assert wrong.exit_code == 16
     assert "no stop is called 'nort'. Did you mean 'north'? The stops are east, north" in wrong.output

@@ -224,6 +224,21 @@ def test_options_that_a_deadline_cut_are_repeated(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.plan.states.x, drive.plan.states.x)
 
 
+def test_without_time_to_search_the_option_that_misses_no_stop_is_one_of_the_front() -> None:
+    """The least path in missed stops alone could wander through all states; here it is also good in other costs."""
+    problem, options = asked([WEST, UPPER, CORNER]), list[hpop.drive.Options]()
+    for now, deadline in ((0.5, DEADLINE), (0.5 + DEADLINE, 0.0)):  # both begin at the same commit
+        drive = driving(problem, "least stops_missed")
+        drive.world(0.5, close=[(8.4, 1), (8.6, 1), (8.6, 6), (8.4, 6)], name="shelf")  # across all known paths
+        options.append(drive.options(now, deadline))
+    whole, cut = options
+    assert whole.commit.time == cut.commit.time
+    assert (whole.status, cut.status) == (Status.COMPLETE, Status.TIME_LIMIT)
+    best = cut.best("stops_missed").costs
+    assert best["stops_missed"] == 0
+    assert any(best == pytest.approx(option.costs) for option in whole)
+
+
 def test_a_roadmap_is_driven() -> None:
     problem = asked([WEST, UPPER])
     drive = hpop.follow(problem, problem.solve("roadmap", samples=60), 0)

@@ -194,6 +194,8 @@ def _non_dominated_rows(costs: IntArray) -> IntArray:
 
 
 MANY = 100_000  # nodes: on smaller graphs the exact search mostly ends before joint bounds are needed
+FINE = 2.0**24  # costs that break ties: value of the largest bound
+DEAREST = 2.0**34  # and the most that an arc may cost, so that sums do not overflow
 SHARE = 0.2  # share of the nodes: if a closing changes more bounds, computing all bounds again is faster
 
 
@@ -304,6 +306,26 @@ class Prepared:
         if failed := [j for j, is_repaired in enumerate(repaired) if not is_repaired]:
             bounds = costs_to_go(graph, self.targets, clock, self.closed_arcs.without_closed(), failed)
             self.bounds[failed], self.onward[failed] = bounds
+
+    def break_ties(self, column: int) -> None:
+        """Choose, among paths that are equally good in one cost, those that are also good in the others.
+
+        For costs that are 0 on most arcs: a path that is least only in such a cost may be a detour through the whole
+        graph. The path of this cost in :meth:`least_paths` becomes one with the least sum of the other costs, each
+        divided by its largest bound; of parallel arcs, it may take any. Call this again after :meth:`close` and
+        :meth:`open`, which choose among ties arbitrarily.
+        """
+        graph, h, tails = self.graph, self.bounds, self.closed_arcs.tails
+        is_best = ~self.closed_arcs.closed & (h[column, tails] < UNREACHABLE)
+        is_best &= h[column, tails] == graph.costs[:, column] + h[column, graph.heads]
+        costs = np.ones((int(is_best.sum()), 1), np.int64)  # of equal sums, the path with the fewest arcs
+        for j in (j for j, aggregate in enumerate(graph.aggregates) if j != column and aggregate == "sum"):
+            largest = int(h[j].max(where=h[j] < UNREACHABLE, initial=1))
+            costs[:, 0] += np.minimum(graph.costs[is_best, j] * (FINE / largest), DEAREST).astype(np.int64)
+        first = np.concatenate([np.zeros(1, np.int64), np.cumsum(is_best)])[graph.indptr]
+        best = Graph(first, graph.heads[is_best], costs, np.arange(len(costs), dtype=np.int32), ("sum",))
+        clock = Clock(UNLIMITED, None)
+        self.onward[column] = costs_to_go(best, self.targets, clock, Groups.single_nodes(best, clock))[1][0]
 
     def paths(
         self,

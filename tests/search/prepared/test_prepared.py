@@ -116,6 +116,27 @@ def test_bounds_are_those_made_anew_after_every_event(seed: int, lattice: Callab
                 assert anew[j, node] in (np.maximum(costs, ahead) if worst[j] else costs + ahead)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_with_ties_broken_the_path_of_a_cost_that_is_mostly_0_is_non_dominated(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    tails, heads = np.divmod(rng.choice(3600, 500, replace=False), 60)  # no parallel arcs
+    costs = rng.integers(1, 50, (500, 3))
+    costs[:, 0] = rng.random(500) < 0.1
+    graph = Graph.from_arcs(60, tails, heads, costs)
+    prepared = Prepared(graph, 0)
+    for _ in range(3):
+        prepared.break_ties(0)
+        is_open = np.flatnonzero(~prepared.closed)
+        tails = np.repeat(np.arange(60), np.diff(graph.indptr))
+        fresh = Graph.from_arcs(60, tails[is_open], graph.heads[is_open], graph.costs[is_open])
+        for source in range(1, 60):
+            paths = prepared.least_paths(source)
+            front = pareto_paths(fresh, source, 0).costs.tolist()
+            assert bool(paths) == bool(front)
+            assert not front or graph.costs[paths[0]].sum(axis=0).tolist() in front
+        prepared.close(rng.choice(is_open, 60))
+
+
 def covers(front: IntArray, exact: IntArray, gap: float) -> bool:
     """Check that every exact vector has a vector of the front that is at most (1 + gap) times it."""
     return all((front <= exact[i] * (1 + gap) + 1e-9).all(axis=1).any() for i in range(len(exact)))
