@@ -159,7 +159,7 @@ class _Answer:
         return self.joined(order, self.fronts, replace(self.fixed.query.space.spending.left(), checkpoint=None))
 
     def in_all_orders(self, first: TourPaths) -> TourPaths:
-        """Return the front of all tours; if a limit ends the search, the tours found, and the ``first`` ones."""
+        """Return the front of all tours; after a limit or Ctrl-C, the tours found, and the ``first`` ones."""
         parts = self.fixed.parts
         try:
             status = self.add_fronts(parts) if first.status.is_final else first.status
@@ -169,6 +169,10 @@ class _Answer:
                 found = self.none(status)
         except Exhausted as stop:
             found = self.none(stop.status)
+        except KeyboardInterrupt:
+            if not len(first):
+                raise
+            found = self.none(Status.INTERRUPTED)
         return found if found.status.is_final else found.with_tours_of(first)
 
     def none(self, status: Status) -> TourPaths:

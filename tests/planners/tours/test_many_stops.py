@@ -29,7 +29,7 @@ from hpop.planners.searches.stop_states import stages_of
 from hpop.planners.spending import Limits
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
-from hpop.runtime.status import Status
+from hpop.runtime.status import Progress, Status
 from hpop.trajectories.trajectory import Trajectory
 from tests.planners.tours.test_enumerated import CRITERIA, SIZE, add, drawn, kept, label_setting, of_hold, orders
 from tests.planners.tours.test_tours import EAST, LATTICE, NORTH, ROBOT, SEEN, WORLD, problem, sampled_visits
@@ -185,6 +185,17 @@ def test_a_stopped_search_keeps_the_tours_in_the_order_of_the_shortest_one() -> 
         "lattice: incomplete (label limit): the search found none for tours that stop at these states ("
         in stopped.certificate
     )
+
+
+def test_after_ctrl_c_the_tours_found_before_are_the_result() -> None:
+    def interrupting(progress: Progress) -> None:
+        if progress.detail == "2 of 8":  # between searches for other orders than the first one
+            raise KeyboardInterrupt
+
+    asked = three_sites()
+    *_, stage, last = Lattice(step=0.5, stop_states=1).stages(asked, interrupting)
+    assert last.status is Status.INTERRUPTED
+    assert last.planned.tolist() == stage.planned.tolist() != []
 
 
 def test_fronts_that_make_too_many_arcs_are_thinned_and_the_claim_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
