@@ -258,9 +258,10 @@ class _ParetoRun:
             gap = math.inf
             awaited = status is not Status.INTERRUPTED or counts.get("labels_open", 0) * k <= MOST_COMPARED
             if proven and awaited and self.search is not None:
-                gap = proven_gap(vectors[:, :k], self.search.estimates()[:, :k])
+                estimates, least = self.search.estimates(), self.samples[:, list(self.order)]
+                gap = proven_gap(vectors[:, :k], estimates[:, :k])
                 if gap > self.precision.eps and isinstance(self.search, staircase.search.Staircase):
-                    gap = self.search.closer_gap(vectors, gap, self.samples[:, list(self.order)], clock)
+                    gap = self.search.closer_gap(vectors, gap, estimates, least, clock)
                 gap = max(self.precision.eps, gap)
         stats = SearchStats(
             self.method,

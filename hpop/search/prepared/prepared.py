@@ -50,6 +50,7 @@ from hpop.search.staircase.tables import TooWide
 FIRST, SECOND = 0.4, 0.7  # shares of the limits at which the approximate search begins and ends
 SOON, REPAIRED, LATE = 0.15, 0.55, 0.95  # shares if joint bounds are repaired: begin, end of the repair, end
 GAP = 0.1  # relative precision of the approximate search
+CLOSER = 350e-6, 15e-9  # s, and s for each open label (partial path), to prove a closer gap by bounds by turns
 AHEAD = 150e-9  # s for each node, that the approximate search needs before its first label
 
 
@@ -150,7 +151,7 @@ class PreparedRun:
         rows = _non_dominated_rows(costs)
         costs = costs[rows]
         costs.setflags(write=False)
-        gap = 0.0 if status.is_final else self._gap(costs)
+        gap = 0.0 if status.is_final else self._gap(costs, clock)
         stats = SearchStats(
             self.method,
             self.order,
@@ -171,14 +172,20 @@ class PreparedRun:
         arrays = search.arrays()
         return sum(array.nbytes for array in arrays if array.__array_interface__["data"][0] not in places)
 
-    def _gap(self, costs: IntArray) -> float:
+    def _gap(self, costs: IntArray, clock: DeadlineClock) -> float:
         """Return the smallest gap to missing paths that either search proves for the returned costs (n, k)."""
         if self.exact is None:
             return proven_gap(costs, self.prepared.bounds[:, self.source][None], math.inf)
         gap = GAP if self.is_approximate_complete else math.inf
         if self.approximate is not None and not self.is_approximate_complete:
             gap = max(GAP, proven_gap(costs, self._in_graph_columns(self.approximate.estimates()), gap))
-        return min(gap, proven_gap(costs, self._in_graph_columns(self.exact.estimates()), gap))
+        estimates, front = self.exact.estimates(), costs[:, list(self.order)]
+        gap = min(gap, proven_gap(front, estimates[:, : len(self.order)], gap))
+        if isinstance(self.exact, Staircase) and self.exact.layers.size:
+            fixed, each = CLOSER
+            if clock.remaining > fixed + each * len(estimates):
+                gap = self.exact.closer_gap(front, gap, estimates, front[:0], clock)
+        return gap
 
     def _in_graph_columns(self, table: IntArray) -> IntArray:
         """Return costs (n, k) with columns in the order of the graph instead of the order of the search."""

@@ -51,7 +51,8 @@ def gap_by_turns(
     gap = 0.0
     last = 0  # neighbouring estimates are similar, so the vector nearest to one is tried first for the next
     for i in range(len(labels)):
-        if estimates[i, 0] > bound:
+        least[0], least[1], least[2] = estimates[i, 0], estimates[i, 1], estimates[i, 2]
+        if estimates[i, 0] > bound or excess(front[last], least) <= gap:
             continue
         arc = (labels[i] & 0xFFFFFFFF) - 1
         v = np.int64(source)
@@ -70,7 +71,7 @@ def gap_by_turns(
             turns = n + max(m, fewest)
             if goal[min(turns, end)] <= rest:
                 continue
-            least[0], least[1], least[2] = estimates[i, 0], turns, rest
+            least[1], least[2] = turns, rest
             if excess(front[last], least) <= gap:
                 continue
             best = np.inf

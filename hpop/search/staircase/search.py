@@ -249,12 +249,13 @@ class Staircase(JointSearch):
         if layers is not None:
             self.take_turn_bounds(layers)
 
-    def closer_gap(self, front: IntArray, gap: float, least: IntArray, clock: Clock) -> float:
+    def closer_gap(self, front: IntArray, gap: float, estimates: IntArray, least: IntArray, clock: Clock) -> float:
         """Return the gap of a front (n, 3) to missing vectors that bounds by turns prove, or ``gap`` if that is less.
 
         It ends the search: bounds that it did not need yet are computed, unless known paths show that the gap is true.
 
-        least  (m, 3)  costs of known paths that the front need not have; columns in the order of the search, as all
+        estimates  (m, 3)  those of open labels, see :meth:`estimates`; all columns are in the order of the search
+        least      (p, 3)  costs of known paths that the front need not have
         """
         if not len(front) or self.order[2] < 0 or proven_gap(front, least) >= gap:
             return gap
@@ -265,7 +266,7 @@ class Staircase(JointSearch):
             return gap
         labels, scratch = np.concatenate(self.open_labels()), np.empty(3)
         tables = (self.heads, self.source, self.nodes, self.layers, self.goal, self.most)
-        found = (front.astype(np.float64), labels, self.estimates())
+        found = (front.astype(np.float64), labels, estimates)
         return float(clock.call(gap_by_turns, *found, *tables, gap, scratch))
 
     def take_turn_bounds(self, layers: NDArray[Any]) -> None:

@@ -12,6 +12,7 @@ from hpop.base.arrays import IntArray
 from hpop.planners.lattice import Lattice
 from hpop.runtime.status import Budget
 from hpop.search import Graph, pareto_paths
+from hpop.search.prepared import Prepared
 
 Maker = Callable[..., Graph]
 Closure = Callable[..., list[tuple[int, ...]]]
@@ -107,3 +108,15 @@ def test_a_search_that_is_stopped_in_the_museum_proves_nearly_the_true_gap() -> 
         assert paths.stats.method == "staircase"
         true = true_gap(paths.costs, exact.costs)
         assert 0 < true <= paths.gap + 1e-12 <= 1.05 * true
+
+
+def test_a_stopped_query_of_a_prepared_museum_proves_nearly_the_true_gap() -> None:
+    """So few labels are too few for the approximate search, which would prove a tenth."""
+    query = Lattice(step=0.5).query(hpop.examples.museum())
+    prepared = Prepared(query.graph, query.goals)
+    exact = prepared.paths(query.start)
+    for share in (0.05, 0.1, 0.2):
+        budget = Budget(max_labels=int(share * exact.stats.labels_generated))
+        paths = prepared.paths(query.start, budget=budget)
+        true = true_gap(paths.costs, exact.costs)
+        assert 0.1 < true <= paths.gap + 1e-12 <= 1.05 * true
