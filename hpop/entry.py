@@ -35,7 +35,9 @@ def main() -> None:
 
 
 def _distrust_current_folder() -> None:
-    """Prevent imports from the current folder, in this process and its children, because anyone may have written there.
+    """Keep child processes from importing from the current folder, because anyone may have written there.
+
+    In this process, sys.path lacks that folder: ``hpop.__main__`` removes it, and the script ``hpop`` never has it.
 
     Numba also reads settings from the current folder. They can name a folder of compiled code, and this cannot be
     turned off, so the command ends if such a file exists. Settings of Matplotlib are undone after it is imported

@@ -143,7 +143,7 @@ KEYS = {
     "start": "a state of the robot: of a base [x m, y m, yaw rad], the yaw also as '90 deg'; or by name, {x: 1, ...}",
     "goal": "a state, whose angles may be 'any'; or a goal such as look_at (`hpop goals`); or a list of alternatives",
     "criteria": "costs to minimise, all at once: names, or names with parameters (`hpop criteria`)",
-    "quanta": "steps in which costs are compared, in their units, by name",
+    "quanta": "smallest differences that count, in the costs' units, by criterion; others keep their own quantum",
     "planner": "how to plan: a name, one name with its options, or a list of several (`hpop planners`)",
     "horizon": "time up to which people are predicted, s; recorded tracks are not cut",
     "people": "people who stand, walk, may do several things, or were recorded: m, m/s, s",
@@ -242,7 +242,7 @@ def _form(model: type[BaseModel]) -> Schema:
 
 
 def _plain(schema: Any, definitions: Schema) -> Any:
-    """Remove titles and references from a schema; tuples become arrays of draft 7."""
+    """Remove titles, references and null defaults from a schema; tuples become arrays of draft 7."""
     if isinstance(schema, list):
         return [_plain(one, definitions) for one in schema]
     if not isinstance(schema, dict):
@@ -254,7 +254,7 @@ def _plain(schema: Any, definitions: Schema) -> Any:
         if key == "properties"
         else _plain(value, definitions)
         for key, value in schema.items()
-        if not (key == "title" and isinstance(value, str)) and key != "default"
+        if not (key == "title" and isinstance(value, str)) and not (key == "default" and value is None)
     }
     if "prefixItems" in found:
         found["items"] = found.pop("prefixItems")

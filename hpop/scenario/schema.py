@@ -175,7 +175,7 @@ class PrismEntry(_Strict):
 
 
 class Polygons(_Strict):
-    """Obstacles as polygons; the robot stays in ``extent`` and out of ``keep_out``."""
+    """Obstacles as polygons; the robot stays in ``extent`` (default: their bounding box) and out of ``keep_out``."""
 
     obstacles: list[PrismEntry] = []  # upright, each with its corners
     extent: list[Point] | None = Field(default=None, min_length=3)  # m, corners of the area for the robot
@@ -207,7 +207,7 @@ class SolidEntry(_Strict):
 
 
 class Solids(_Strict):
-    """Solids in space; robots in the plane stay in ``extent``."""
+    """Solids in space; robots in the plane stay in ``extent``, by default the bounding box and 1 m on each side."""
 
     obstacles: list[Entry] = []  # boxes, cylinders, spheres and hulls
     extent: list[Point] | None = Field(default=None, min_length=3)  # m, corners of the area for robots in the plane
@@ -240,7 +240,7 @@ class Prediction(_Strict):
 
     radius: float = Field(default=0.25, gt=0)
     spread: float = Field(default=0.0, ge=0)
-    growth: float = Field(default=0.0, ge=0)
+    growth: float = Field(default=0.0, ge=0)  # m/s; standard deviation at t s: √(spread² + (growth t)²), up to until
     until: float | None = Field(default=None, ge=0)
     afterwards: Literal["gone", "stays"] = "gone"
 

@@ -90,7 +90,7 @@ class Study:
 
     @property
     def design(self) -> Design:
-        """Return the design; it is read again if its files have changed, because a participant left."""
+        """Return the design; if its files have changed, such as after a participant was withdrawn, it is read again."""
         state = _state(self.folder / FILE, self.folder / PEOPLE)
         if self._known is None or self._known[0] != state:
             self._known = (state, Design.load(self.folder))

@@ -72,7 +72,7 @@ class HeapSearch(Search):
         this search has no buckets.
         """
         if len(waiting):
-            raise Unsound("partial paths wait outside the heap")
+            raise Unsound("saved partial paths wait outside the heap")
         n = len(heap)
         while n and (costs.max(axis=0) > self.plan[2]).any():
             self._widen_keys()
@@ -84,7 +84,7 @@ class HeapSearch(Search):
             self.keys[word[j] : n * words : words] |= costs[:, j].astype(np.int64) << shift[j]
         self.values[:n] = heap
         if not clock.call(is_heap, self.keys, n, words):
-            raise Unsound("its open partial paths are not in the order of a heap")
+            raise Unsound("the saved open partial paths are not in the order of a heap")
 
     def _grow_heap(self) -> None:
         self.keys.resize(2 * len(self.keys), refcheck=False)

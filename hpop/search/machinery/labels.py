@@ -61,12 +61,12 @@ class Labels:
         """Return the labels (partial paths) from arrays by names of fields; raise Unsound for invalid arrays."""
         names = [field.name for field in fields(cls)]
         if sorted(arrays) != sorted(names) or any(a.dtype != np.int64 or a.ndim != 1 for a in arrays.values()):
-            raise Unsound("its arrays have other names or types")
+            raise Unsound("the saved arrays have other names or types")
         labels = cls(**arrays)
         if len(labels.counts) != COUNTS or len(labels.evidence) != EVIDENCE:
-            raise Unsound("its arrays have other sizes")
+            raise Unsound("the saved arrays have other sizes")
         if not 0 <= labels.counts[EXPANDED] <= labels.counts[GENERATED] + 1 <= 2**62:
-            raise Unsound("its counts of partial paths are impossible")
+            raise Unsound("the saved counts of partial paths are impossible")
         return labels
 
     @property
@@ -89,7 +89,7 @@ def check_order(closed: NDArray[Any], opened: NDArray[Any], solved: NDArray[Any]
     Closed labels need to be in order only by the first cost, as some of them come from turns, which are not queued.
     """
     if not (_are_in_order(closed[:, :1]) and _are_in_order(solved)):
-        raise Unsound("its partial paths are not in the order of the search")
+        raise Unsound("the saved partial paths are not in the order of the search")
     if not len(opened):
         return
     for j in range(opened.shape[1]):
@@ -99,7 +99,7 @@ def check_order(closed: NDArray[Any], opened: NDArray[Any], solved: NDArray[Any]
         _are_in_order(np.concatenate([closed[-1:, :1], first[:, :1]]))
         and _are_in_order(np.concatenate([solved[-1:], first]))
     ):
-        raise Unsound("an open partial path should have come before closed ones")
+        raise Unsound("a saved open partial path should have come before closed ones")
 
 
 def check_solutions(is_target: NDArray[np.uint8], nodes: Nodes, ends: Nodes, first: NDArray[Any], most: int) -> None:
@@ -112,7 +112,7 @@ def check_solutions(is_target: NDArray[np.uint8], nodes: Nodes, ends: Nodes, fir
     most          upper bound on the first cost
     """
     if is_target[nodes].any() or not is_target[ends].all() or (first > most).any():
-        raise Unsound("a solution is not at a target, or a partial path at a target is not a solution")
+        raise Unsound("a saved solution is not at a target, or a saved partial path at a target is not a solution")
 
 
 def enter_in_batches(count: int, enter: Callable[[int], int], grow: Callable[[], None]) -> None:
@@ -126,7 +126,7 @@ def enter_in_batches(count: int, enter: Callable[[int], int], grow: Callable[[],
     while begin < count:
         begin = enter(begin)
         if begin < 0:
-            raise Unsound("a partial path is covered by one before it")
+            raise Unsound("a saved partial path is covered by one before it")
         if begin < count:
             grow()
 

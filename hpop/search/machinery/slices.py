@@ -249,10 +249,10 @@ class Search(ABC):
         All labels are checked before any is taken over.
         """
         if labels.order.tolist() != list(self.order):
-            raise Unsound("it compares the costs in another order")
+            raise Unsound("the saved search compares the costs in another order")
         values, c, o = labels.all, len(labels.closed), len(labels.heap) + len(labels.waiting)
         if not len(values) or (np.diff(np.sort(values)) == 0).any() or (c > 0 and labels.closed[0] != 0):
-            raise Unsound("a partial path occurs twice, or the first is missing")
+            raise Unsound("a saved partial path occurs twice, or the first is missing")
         nodes, costs = self._nodes_and_estimates(values, c, clock)
         closed, open_labels, solution_labels = costs[:c], costs[c : c + o], costs[c + o :]
         check_order(closed, open_labels, solution_labels)
@@ -274,7 +274,7 @@ class Search(ABC):
                 self.counters[N_FRONT] = count
             self.counters[[N_OPEN, N_CLOSED, N_GENERATED, N_EXPANDED]] = o, c, *labels.counts
         if self._checksums(clock).tolist() != labels.evidence.tolist():
-            raise Unsound("its partial paths do not match their checksums")
+            raise Unsound("the saved partial paths do not match their checksums")
 
     def _checksums(self, clock: Clock) -> IntArray:
         n = int(self.counters[N_FRONT])
@@ -290,14 +290,14 @@ class Search(ABC):
             if reached == len(values):
                 return at, f
             if reached >= 0 or not self.widen():
-                raise Unsound("a partial path in it is no path of this graph")
+                raise Unsound("a saved partial path is no path of this graph")
 
     @abstractmethod
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
         """Write the last nodes of n labels (partial paths) to ``at`` (n,); return n and their estimates (n, k).
 
-        The first ``closed`` labels are closed labels. Instead of n, i is returned if label i is invalid, and -1 - i if
-        its costs do not fit the integer type of the search.
+        ``values`` has the labels, the first ``closed`` ones closed. Estimates: lower bounds of the costs of all paths
+        that begin with a label. Instead of n, i is returned if label i is invalid, and -1 - i if its costs do not fit.
         """
 
     def widen(self) -> bool:

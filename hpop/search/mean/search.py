@@ -98,7 +98,7 @@ class CappedMean(HeapSearch):
     ) -> None:
         """Fill the blocks (the sets of vectors at nodes) and the front from saved closed labels (partial paths)."""
         if len(ends):
-            raise Unsound("it lists solutions beside the closed partial paths")
+            raise Unsound("solutions are saved in addition to the closed partial paths")
 
         def enter(begin: int) -> int:
             tables = (self.is_target, self.blocks, self.vectors, self.front, self.solutions, self.counters)

@@ -227,7 +227,7 @@ class BucketSearch(Search):
             or (n > 0 and open_labels in later[:1])
             or buckets.max(initial=0) > MOST_BUCKETS
         ):
-            raise Unsound("its open partial paths are not sorted by their first cost")
+            raise Unsound("the saved open partial paths are not sorted by their first cost")
         while buckets.max(initial=0) >= len(self.tops):
             self._grow_buckets()
         while len(self.values) < n:
@@ -235,7 +235,7 @@ class BucketSearch(Search):
         keys = ((costs[:, 0] & ((1 << shift) - 1)) << top) | (costs[:, 1] << bits) | costs[:, 2]
         self.keys[:n], self.values[:n] = keys[:n], heap
         if not clock.call(is_heap, self.keys, n, 1):
-            raise Unsound("its open partial paths are not in the order of a heap")
+            raise Unsound("the saved open partial paths are not in the order of a heap")
         used = -(-np.bincount(later) // CHUNK).sum()
         while len(self.below) < used:
             self._grow_chunks()

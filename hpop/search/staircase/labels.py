@@ -284,7 +284,8 @@ def may_improve(
     """Return False if joint bounds prove that solutions cover every path that begins with a label, else True.
 
     v, n             last node of the label, and its number of turns so far
-    first, rest      estimates of its first and its rest (third) cost
+    first, rest      the label's estimate: lower bounds of the first and of the third ("rest") cost of all paths to a
+                     target that begin with it
     fewest           least number of further turns; may exceed the number of layers
     layers, weights  fields of :class:`.TurnHull`
     values, last     fields of :class:`UncoveredCorners`

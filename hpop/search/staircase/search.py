@@ -367,7 +367,7 @@ class Staircase(JointSearch):
 
         enter_in_batches(len(nodes), enter, self._grow_rows)
         if clock.call(enter_goal, self.goal, solved, float(self.precision.eps), self.tolerance) < 0:
-            raise Unsound("a solution is covered by one before it")
+            raise Unsound("a saved solution is covered by one before it")
 
     def results(self) -> tuple[IntArray, IntArray, int, int, int]:
         """Return the results of :meth:`.Search.results`, without solutions of joint bounds that are dominated."""

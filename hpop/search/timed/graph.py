@@ -56,7 +56,8 @@ class TimedGraph:
     blocked     (r, H + 1) bool   ticks at which a timed arc is closed for departures
     place       (n,) int32        place of each node; nodes of one place share the costs of standing there
     stays       (m,) bool         arcs within a place, which cost their static cost and the cost of standing meanwhile
-    standing    {j: (P, H + 1)}   int64: for a sum, Omega, rising from tick 0; for a maximum, the rate during [t, t + 1)
+    standing    {j: (P, H + 1)}   int64, quanta: for a sum, Omega(t), the cost of standing from tick 0 to t, which never
+                                  falls; for a maximum, the rate during [t, t + 1)
     rate        (P, k) int64      cost of standing for each tick, if there is no table, or after its end H: for a sum in
                                   units of 2^-20 quanta, for a maximum without a table in quanta
     cut         (P, H + 1) bool   ticks, [t, t + 1), during which the robot must not stand at the place: they end holds

@@ -253,7 +253,7 @@ def may_improve(
     joint           joint bounds (:mod:`.joint`): b tables with LANES weights each
     corners, lanes  see :class:`.PruningBounds`
     row             row of the label's node and tick in the joint bounds
-    g, f            (k,)  costs and estimate of the label
+    g, f            (k,)  costs of the label, and lower bounds of the costs of all paths that begin with it
     hint            (1,)  index of the corner that let the last label pass; it is tried first, and updated
     weighed         (b, LANES)  scratch
     """

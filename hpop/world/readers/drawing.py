@@ -260,8 +260,8 @@ def read_dxf(
     origin : (x, y)
         The drawing's point that becomes (0, 0), in its units.
     door_arcs : "closed" or "open"
-        Whether arcs that look like the swing of a door (0.4 to 1.6 m, about a quarter of a circle) are walls, or left
-        out. ``world.notes`` say where they are.
+        "closed": arcs that look like the swing of a door (radius 0.4 to 1.6 m, about a quarter of a circle) are walls;
+        "open": they are left out. ``world.notes`` say where they are.
 
     Lines, polylines, arcs, circles, ellipses, splines and MLINEs are walls, also in inserted blocks; wide polylines and
     filled shapes (solid hatches, SOLID, TRACE) are obstacles. Everything invisible, or on layers that are off or

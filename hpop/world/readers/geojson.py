@@ -205,7 +205,10 @@ def _placed_by(
     shapes: NDArray[np.object_],
     path: str | Path,
 ) -> tuple[Placement, NDArray[np.object_], dict[str, Any]]:
-    """Determine how coordinates become metres, by the option ``crs``, or else by the document.
+    """Determine how coordinates become metres.
+
+    The option ``crs`` decides. Without it, units or a scale in ``given`` decide; without these, the document's crs; and
+    without that, whether the coordinates look like degrees.
 
     Return the conversion, the geometries in the units that it expects, and the options to be saved with the world.
     """

@@ -68,7 +68,9 @@ def test_one_that_takes_the_costs_in_another_order_is_refused(interrupted, monke
     graph, file = interrupted
     before = file.read_bytes()
     monkeypatch.setattr(choice, "_by_spread", lambda *arguments, usual=choice._by_spread: usual(*arguments)[::-1])
-    with pytest.raises(CheckpointError, match=r"does not fit .*it compares the costs in another order.*; remove it"):
+    with pytest.raises(
+        CheckpointError, match=r"does not fit .*the saved search compares the costs in another order.*; remove it"
+    ):
         pareto_paths(graph, 0, 60, checkpoint=file)
     assert file.read_bytes() == before
 
