@@ -131,7 +131,7 @@ class Motions:
         """Return the time integral (M,) of a rate along each motion.
 
         rate    function from :class:`Instants` (moments within motions) to a cost per second
-        jumps   True if the rate jumps, as a count does; adaptive quadrature is then finer
+        jumps   True if the rate jumps, as a count does; adaptive quadrature (arms) is then finer, other rules ignore it
         detail  m, length within which the rate changes, if that is less than two field cells (cells of the world's
                 distance grid). The robot and the fastest person together then move at most half of it in a panel, down
                 to an eighth of a cell
