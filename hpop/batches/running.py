@@ -368,7 +368,7 @@ class Workers:
             self._executor = processes(self._count)
 
     def _result_rows(self, future: Future[Any], job: Job) -> Rows | None:
-        """Return the rows of a finished case, or None if its worker lacked the setting; then the case is sent again."""
+        """Return the rows of a finished case; if its worker lacked the `Setting`, send the case again, return None."""
         try:
             with interrupts_held():
                 _, results = future.result()
@@ -387,7 +387,10 @@ class Workers:
         return rows
 
     def _send(self, job: Job, *, with_shared: bool = False) -> None:
-        """Submit a case to the executor; with ``with_shared`` its setting is sent too."""
+        """Submit a case to the executor.
+
+        with_shared  sends its `Setting` (world, robot, criteria) with it, for a worker that lacks these
+        """
         shared, task = job.parts
         if self._sweep is None or self._sweep[0] is not shared:
             sweep = self._sweeps.enter_context(Sweep(solve, shared, self._executor))

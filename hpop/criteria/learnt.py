@@ -47,7 +47,7 @@ class Source(NamedTuple):
     trajectories   number of distinct trajectories
     error          cross-validation error, in the unit of the ratings: root mean square on trajectories that were left
                    out of the fit
-    error_of_mean  error, computed likewise, of predicting each participant's mean rating
+    error_of_mean  error, computed likewise, if each rating is predicted to be the mean of the participant's others
     """
 
     question: str

@@ -94,7 +94,7 @@ class Spending:
         self._resident_bytes, self._looked = _resident_bytes() if self.limits.max_memory is not None else 0, 0.0
 
     def seconds(self) -> float:
-        """Return the seconds since planning started, without compiling."""
+        """Return the seconds since planning started, without the time for compiling and in `paused`."""
         return perf_counter() - self._began - (_compiling_seconds() - self._compiled)
 
     def until_limit(self) -> float | None:

@@ -26,7 +26,7 @@ class AgainstFlow:
     """
 
     def cost(self, m: Motions) -> Column:
-        """Return the distance (M,), m, moved against the direction of one-way zones."""
+        """Return for each motion (M,) its velocity component against one-way zones, integrated over time, m."""
         if m.base.stays:
             return 0.0 * m.base.start.x  # a turn in place moves in no direction
         flows = one_way_flows(m.world)

@@ -18,6 +18,8 @@ from hpop.motions import Instants, Motions
 class Speeding:
     """Distance that the base covers in excess of the limits in speed zones: ∫ (v - limit)₊ dt in speed zones.
 
+    A path of 10 m at 2 m/s where 1 m/s is allowed takes 5 s and costs (2 - 1) · 5 = 5 m, not 10 m.
+
     v is the speed of the base; a zone applies while the base's axis is in it. Where zones overlap, the lowest limit
     holds. Unit m; a sum over motions. The definition is this library's own, not a published measure.
 
@@ -27,7 +29,7 @@ class Speeding:
     """
 
     def cost(self, m: Motions) -> Column:
-        """Return the distance (M,), m, covered in excess of speed limits."""
+        """Return for each motion (M,) its speed above the limits of speed zones, integrated over time, m."""
         if m.base.stays:
             return 0.0 * m.base.start.x  # a turn in place covers no metres
         limits = speed_limits(m.world)

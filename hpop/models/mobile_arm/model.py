@@ -263,7 +263,7 @@ class MobileArm(OnBase, Model):
         return rest_to_rest_execution(trajectory, {kind: kind for kind in self.base.executed.values()})
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Yield a text for each fault: motions that the base cannot execute, joints beyond limits, an unfolded arm."""
+        """Yield a text for each fault: of the base, of joints beyond limits, and of driving with an unfolded arm."""
         yield from self.base.faults(trajectory)
         states, count = trajectory.states, max(1, len(trajectory))
         start, end = states.take(slice(0, count)), states.take(slice(-count, None))
@@ -273,7 +273,7 @@ class MobileArm(OnBase, Model):
             yield f"drives with its arm unfolded in motion {i}, a {trajectory.kinds[i]}"
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Return a mask (M,) of the motions that base or arm may be unable to execute, or with an unfolded arm."""
+        """Return a mask (M,) of motions with a possible fault of base or arm, or that drive with an unfolded arm."""
         found = self.base.doubtful(law, start, end) | self.arm.doubtful(self.arm.laws[REACH], start, end)
         return found | self._is_unfolded(start) if law.kind in self._drives else found
 

@@ -41,9 +41,11 @@ SAME = 1e-9  # relative difference of equal costs: rounding
 
 
 def with_speeds(ends: Ends, model: Model, criteria: Sequence[Criterion]) -> Ends:
-    """Extend a graph with start and goal by the model's speed classes; if the model has none, return it unchanged.
+    """Return the graph of speeds, made from a graph that contains start and goals, for the speed classes of the model.
 
-    ends      the graph with its start and goal
+    If the model has no speed classes, return the given graph.
+
+    ends      graph of states; start and goals are among its nodes
     criteria  costs that the search minimises
 
     Raises QueryError for a graph whose arcs are not known motion by motion, such as a roadmap of configurations, and

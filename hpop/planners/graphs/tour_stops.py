@@ -30,10 +30,11 @@ TRIED = 64  # random states among which these are chosen
 
 
 def with_tour(ends: Ends, problem: Problem, tour: Tour, criteria: Sequence[Criterion]) -> Ends:
-    """Extend a graph with start and goals to the graph of a tour, for a search over all states of each stop.
+    """Return the graph of a tour, made from a graph that contains start and goals.
 
-    Raises QueryError for a stop that cannot be visited, and for a tour with too many layers. For the other parameters
-    see :func:`tour_graph`.
+    A search on it decides at which state each stop is visited. For the parameters see :func:`tour_graph`.
+
+    Raises QueryError for a stop that cannot be visited, and for a tour with too many layers.
     """
     refuse_many_layers(
         tour, "this planner", "use lattice, roadmap, any-angle or exact, which then fix each stop to one state"
@@ -62,7 +63,7 @@ def tour_graph(ends: Ends, problem: Problem, tour: Tour, criteria: Sequence[Crit
     states nearby. Then come the layers of the model's speeds, if it has several. Raises QueryError for a stop that
     cannot be visited.
 
-    ends      plain graph with start and goals
+    ends      graph without layers; start and goals are among its nodes
     criteria  costs that the search minimises
     """
     space = ends.space

@@ -72,7 +72,7 @@ class HeapSearch(Search):
         this search has no buckets.
         """
         if len(waiting):
-            raise Unsound("saved partial paths wait outside the heap")
+            raise Unsound("saved partial paths are in buckets, which this search does not use")
         n = len(heap)
         while n and (costs.max(axis=0) > self.plan[2]).any():
             self._widen_keys()

@@ -89,7 +89,7 @@ def check_order(closed: NDArray[Any], opened: NDArray[Any], solved: NDArray[Any]
     Closed labels need to be in order only by the first cost, as some of them come from turns, which are not queued.
     """
     if not (_are_in_order(closed[:, :1]) and _are_in_order(solved)):
-        raise Unsound("the saved partial paths are not in the order of the search")
+        raise Unsound("the saved partial paths are not in the order in which the search takes them")
     if not len(opened):
         return
     for j in range(opened.shape[1]):
@@ -99,7 +99,7 @@ def check_order(closed: NDArray[Any], opened: NDArray[Any], solved: NDArray[Any]
         _are_in_order(np.concatenate([closed[-1:, :1], first[:, :1]]))
         and _are_in_order(np.concatenate([solved[-1:], first]))
     ):
-        raise Unsound("a saved open partial path should have come before closed ones")
+        raise Unsound("a saved open partial path comes, by its costs, before one that the search has already taken")
 
 
 def check_solutions(is_target: NDArray[np.uint8], nodes: Nodes, ends: Nodes, first: NDArray[Any], most: int) -> None:

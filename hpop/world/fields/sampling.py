@@ -175,7 +175,10 @@ def _sample_raster(ground: Ground, raster: Raster, radius: float, z: float) -> F
 
 
 def _beside_cells(ground: Ground, raster: Raster, obstacle: Obstacle) -> list[Obstacle]:
-    """Return the parts of an obstacle that the cells of the raster do not cover, so that no volume counts twice."""
+    """Return the parts of an obstacle that the cells of the raster do not cover, so that no volume counts twice.
+
+    If everything outside of the grid is an obstacle, parts out there at the heights of the raster are left out too.
+    """
     bottom, top = max(obstacle.z_min, raster.z_min), min(obstacle.z_max, raster.z_max)
     if bottom >= top:
         return [obstacle]

@@ -206,18 +206,22 @@ def compare_hulls(
             out[n] = UNSURE
 
 
-class Uncompiled:
-    """Number of hulls counted so far in this process; at `FEW` the loop is used, and compiled if it is not."""
+class HullCount:
+    """Number of hulls that `is_worth_compiling` has counted in this process.
+
+    It begins at 0, and is set to `FEW` if the compiled loop is on disk. From `FEW` on, the loop compares hulls.
+    """
 
     hulls = 0
 
 
 def is_worth_compiling(hulls: int) -> bool:
-    """Count some more hulls, and return whether to compare them by the loop rather than by GEOS.
+    """Count ``hulls`` more hulls, and return whether to compare them by the compiled loop rather than by GEOS.
 
-    It is the loop once its compiled form is on disk, or once `FEW` hulls have been counted in this process.
+    The loop is used if its compiled form is on disk, or if at least `FEW` hulls have been counted in this process, with
+    these. Its first call then compiles it.
     """
-    if Uncompiled.hulls < FEW and is_cached(compare_hulls):
-        Uncompiled.hulls = FEW
-    Uncompiled.hulls += hulls
-    return Uncompiled.hulls >= FEW
+    if HullCount.hulls < FEW and is_cached(compare_hulls):
+        HullCount.hulls = FEW
+    HullCount.hulls += hulls
+    return HullCount.hulls >= FEW

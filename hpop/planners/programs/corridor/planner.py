@@ -223,7 +223,11 @@ class _CorridorRun:
             )
 
     def candidates(self, status: Status) -> Candidates:
-        """Return the optima of all corridors that pass the exact check of collisions, with notes on all failures."""
+        """Return the optima found so far (`points`, several in a corridor), without those that the final check rejects.
+
+        The check is :func:`hpop.planners.judgement.judge`: collisions, costs and bounds. Notes name solvers that failed
+        and the number of rejected optima.
+        """
         rows = [(c, points, i) for c, points in self.points.items() for i in range(len(points.polylines))]
         trajectories = tuple(points.polylines[i].trajectory(self.problem.model) for _, points, i in rows)
         planned = np.zeros((len(rows), len(self.criteria)))

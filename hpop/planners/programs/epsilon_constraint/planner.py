@@ -239,7 +239,7 @@ class _GridRun:
         self.watch.report(self.tally.counts["tried"] + len(finished), self.waiting - len(finished), found)
 
     def candidates(self, status: Status, objectives: Objectives, notes: Sequence[str]) -> Candidates:
-        """Return the candidates that pass the final check, with notes on all failures."""
+        """Return the candidates that :func:`hpop.planners.judgement.judge` accepts, with notes on all failures."""
         candidates, job, criteria = self.grid.candidates, self.job, self.job.roles.criteria
         rows = (len(candidates), len(criteria))
         planned = np.array([candidate.planned for candidate in candidates]).reshape(rows)
