@@ -269,7 +269,7 @@ class SerialArm(Model):
         return trajectory, trajectory.times
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Yield a text for each joint that exceeds its range, its speed or its acceleration."""
+        """Yield a text for each limit of a joint (range, speed, acceleration) that motions of one kind exceed."""
         states = trajectory.states
         for kind in dict.fromkeys(trajectory.kinds):
             motions = np.flatnonzero([kind == other for other in trajectory.kinds])
