@@ -80,9 +80,10 @@ def formats_reference() -> str:
 OPTIONS = """# Reference of options
 
 For people who write scenarios or call planners: every key and option of a [scenario](command_line.md#scenarios), with
-its default. "give it" marks what has none. If the default is empty, the key has no effect unless you give it, or its
-meaning says what applies without it. Python has the same names. Lengths are in m, times in s, angles in rad; in a
-scenario an angle may also be text such as `90 deg`. `make reference` writes this page from the code; do not edit it.
+its default. "give it" marks what has none. An empty default means that the key is left out (None in Python): its
+meaning says what then applies, or else there is no such limit, filter or part. Python has the same names. Lengths are
+in m, times in s, angles in rad; in a scenario an angle may also be text such as `90 deg`. `make reference` writes this
+page from the code; do not edit it.
 """
 OPTION_SECTIONS = {"Maps": "world", "Robots": "model", "Planners": "planner", "Goals": "goal"}
 ENTRIES = {"People": "people", "Landmarks": "landmarks", "Zones": "zones"}

@@ -156,8 +156,8 @@ def _unwind_motions(
 class PanTilt(OnBase, PlanarModel):
     """Base in the plane with a camera on a pan-tilt head; states x, y (m), yaw, pan and tilt (rad).
 
-    base               model in the plane without joints. The head replaces its camera; the head's volume is taken to be
-                       within the base's mast
+    base               model in the plane without joints, by default a differential drive. The head replaces its camera;
+                       the head's volume is taken to be within the base's mast
     pan                rad     (low, high) end stops relative to the base, 0 ahead, positive counter-clockwise, or "all
                                round" for a head without stops. Between stops a pan of -pi differs from one of pi
     tilt               rad     (low, high) end stops, positive upwards; equal if the head does not tilt

@@ -81,7 +81,8 @@ class MobileArm(OnBase, Model):
 
     arm     serial arm. Its ``base`` is the pose of its root link on the mobile base: x ahead of the axis, y to the
             left, z above the floor. The arm carries the camera, and its ``field_of_view`` applies
-    base    model in the plane without joints; the camera and mast of a differential drive are left out
+    base    model in the plane without joints, by default a differential drive; the camera and mast of a differential
+            drive are left out
     folded  state of the arm while the base moves: the name of a state, or joint values in order or by name
 
     The base stands while the arm moves ("reach"), and the arm is folded while the base moves. The base moves from rest

@@ -49,7 +49,8 @@ class WeightedSumCorridor:
 
     step        m  distance between positions of the lattice that gives the warm starts
     headings    number of headings of that lattice: 4, 8 or 16
-    divisions   makes the vectors of weights: all those of multiples of 1 / divisions that add up to 1
+    divisions   makes the vectors of weights: all those of multiples of 1 / divisions that add up to 1; default
+                6 for more than two convex costs; for two, weights are added where the front has a gap
     weights     vectors of weights, each with one number for each convex cost, in the order of the criteria; instead of
                 divisions
     solver      cvxpy's name of the solver; if it fails, other installed solvers are tried
