@@ -10,6 +10,7 @@ from tempfile import TemporaryFile, mkdtemp
 from typing import TYPE_CHECKING, Any, cast
 
 import hpop
+from hpop.base.text import argument
 from hpop.errors import OutputError, UnknownName
 
 if TYPE_CHECKING:
@@ -170,6 +171,11 @@ def draw(
 def loaded(folder: Path) -> tuple[Path, Front]:
     """Load a saved front, given its folder or its file; return the path of the file, and the front."""
     path = folder / SAVED if os.path.isdir(folder) else folder
+    if os.path.isfile(path) and hpop.scenario.new.is_scenario(path):
+        raise OutputError(
+            f"expected a folder that `hpop plan` wrote, but {path} is a scenario; give its folder, such as "
+            f"out/{path.stem}, or plan it first: hpop plan {argument(path)} --out {argument(Path('out', path.stem))}"
+        )
     with output_errors(f"cannot read {path}", "give the folder that `hpop plan` wrote"):
         return path, hpop.Front.load(path)
 

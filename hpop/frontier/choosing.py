@@ -53,6 +53,7 @@ def column_index(name: str, names: Sequence[str], reported: Sequence[str] = ()) 
             f"reported; choose by those, or by nearest({{{shown(name)}: ...}}), or plan a front that minimises it"
         )
     near = difflib.get_close_matches(name[:MOST_LETTERS], names, n=1)
+    near += [each for each in names if name and each.startswith(name)]  # stops_missed for stops
     hint = f" Did you mean {near[0]!r}?" if near else ""
     raise UnknownColumnError(f"the front has no column {shown(name)}.{hint} Its columns: {', '.join(names)}")
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.options import LEAST, MOST, real, truth
@@ -108,6 +109,13 @@ class TourStop:
                 f"stop {self.name!r} is a position of the base (at), but {model.name} has none; give a goal such as "
                 "tool_at or look_at"
             )
+        if self.at is not None:
+            (x, y), (x0, y0, x1, y1) = self.at, world.bounds
+            if math.hypot(x - min(max(x, x0), x1), y - min(max(y, y0), y1)) > cast(float, self.within):
+                raise QueryError(
+                    f"stop {self.name!r} cannot be visited: at ({x:g}, {y:g}) it is outside the map, which spans "
+                    f"x {x0:.2f} to {x1:.2f} m, y {y0:.2f} to {y1:.2f} m. Move the stop"
+                )
         if self.landmark is not None:
             landmarks = world.content.landmarks
             count = sum(mark.name == self.landmark for mark in landmarks)

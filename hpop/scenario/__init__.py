@@ -62,6 +62,7 @@ from hpop.base.text import shown
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import with_quanta
 from hpop.errors import LimitError, QueryError, StudyError, UnsupportedModel, did_you_mean
+from hpop.goals import Tour
 from hpop.motions import Model
 from hpop.planners.base import Planner
 from hpop.planners.needs import refuse_unsupported
@@ -196,8 +197,8 @@ def read_scenario(document: Document, worlds: dict[str, World]) -> Scenario:
     with faults.collected(("people",)):
         bounded(world, file.horizon)
     faults.raise_all()
-    with faults.collected(("tour",)):
-        tour = None if tour is None else tour.on(cast(Model, model), world)
+    if tour is not None:
+        tour = _fitting(faults, tour, cast(Model, model), world)
     faults.raise_all()
     with faults.collected(("criteria",)):
         listed = cast(list[Criterion], wanted)
@@ -206,6 +207,15 @@ def read_scenario(document: Document, worlds: dict[str, World]) -> Scenario:
         problem = copied(problem, read_seconds=read_seconds, read_memory=spending.memory)
     faults.raise_all()
     return Scenario(problem, tuple(cast(list[Planner], chosen)), document.path, preference)
+
+
+def _fitting(faults: Faults, tour: Tour, model: Model, world: World) -> Tour:
+    """Return a tour with the goals of its stops as objects; add a fault for each stop that does not fit."""
+    stops = [*tour.stops]
+    for i, stop in enumerate(stops):
+        with faults.collected(("tour", "stops", i)):
+            stops[i] = stop.on(model, world)
+    return dataclasses.replace(tour, stops=tuple(stops))
 
 
 @contextmanager

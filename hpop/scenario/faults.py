@@ -251,8 +251,11 @@ class Faults:
         listed = [stop for stop in stops if stop is not None]
         if len(listed) < len(stops) or not stops:
             return None
-        with self.collected(place):
-            return Tour.of({**{key: given[key] for key in ("order", "some") if key in given}, "stops": listed})
+        order, tour = {key: given[key] for key in ("order", "some") if key in given}, None
+        with self.collected((*place, "stops")):
+            tour = Tour(tuple(listed))
+        with self.collected((*place, *[*order][-1:])):
+            return tour and Tour.of({**order, "stops": listed})
         return None
 
     def _stop(self, given: Any, place: Place, model: Model | None) -> TourStop | None:

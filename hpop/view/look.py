@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from hpop.motions import States
+from hpop.planners.graphs.tour_stops import reasons_not_visited
 from hpop.planners.needs import elsewhere, nearest_free
 from hpop.planners.programs.free_map import FreeMap
 from hpop.problems.problem import Problem
@@ -43,7 +44,7 @@ class MapLook(NamedTuple):
 
     figure   the picture
     refused  reasons why the start or a goal is blocked, with the nearest free position; empty if all are free
-    notes    how much of the map is free, and which goals are cut off
+    notes    how much of the map is free, which goals are cut off, and which stops of a tour may be impossible to visit
     no_way   whether start and goals are free, but no goal is in the same part of free space as the start
     """
 
@@ -107,6 +108,7 @@ def look(problem: Problem, title: str) -> MapLook:
     free = FreeMap.of(model, world)
     apart = [] if free is None or refused else _apart(free, ends)
     notes = [] if free is None else _notes(free, apart)
+    notes += [f"a plan may refuse this tour: {reason}" for reason in reasons_not_visited(problem)]
     no_way = 0 < len(apart) == len(ends) - 1
     return MapLook(_map_figure(problem, title, free, [*refused, *notes], better), tuple(refused), tuple(notes), no_way)
 
@@ -160,7 +162,8 @@ def _draw_free(axes: Axes, problem: Problem, free: FreeMap | None) -> list[Patch
     if free is None:
         return []
     start = problem.model.space.state(problem.start)
-    part = free.part_at(float(start.x[0]), float(start.y[0])) or free.main
+    own = free.part_at(float(start.x[0]), float(start.y[0]))
+    part = own or free.main
     kinds = np.where(free.parts == part, 1, 2) * free.free  # 0 where it is not free
     half = free.pitch / 2
     axes.imshow(
@@ -176,7 +179,11 @@ def _draw_free(axes: Axes, problem: Problem, free: FreeMap | None) -> list[Patch
     )
     looks = {
         0: Patch(facecolor=NARROW, edgecolor="none", label="outside, or too near to an obstacle or border"),
-        1: Patch(facecolor=REACHED, edgecolor="none", label="where the robot is free"),
+        1: Patch(
+            facecolor=REACHED,
+            edgecolor="none",
+            label="free, and within reach of the start" if own else "where the robot is free",
+        ),
         2: Patch(facecolor=APART, edgecolor="none", label="free, but cut off from the start"),
     }
     return [patch for kind, patch in looks.items() if (kinds == kind).any()]

@@ -125,6 +125,12 @@ def test_showing_what_is_not_there(run: Callable[..., Result], refused: Callable
     refused(run("show", tmp_path / "gone"), 12, "No such file")
 
 
+def test_showing_a_scenario_names_the_folder_of_its_front(
+    run: Callable[..., Result], refused: Callable[..., None], room: Path
+) -> None:
+    refused(run("show", room / "room.yaml"), 12, "is a scenario; give its folder, such as out/room")
+
+
 def test_a_map_that_changed_since_the_front_was_saved(
     run: Callable[..., Result],
     refused: Callable[..., None],

@@ -198,6 +198,8 @@ def test_an_unknown_name_lists_the_known_and_suggests_one():
     for call in calls:
         with pytest.raises(UnknownColumnError, match=r"Did you mean 'length'\? Its columns: turns, length"):
             call()
+    with pytest.raises(UnknownColumnError, match=r"Did you mean 'length'\?"):
+        front.best("le")  # its beginning
 
 
 def test_a_reported_value_that_a_choice_cannot_take_is_said_to_be_only_reported_and_what_helps():

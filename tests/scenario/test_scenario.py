@@ -88,6 +88,32 @@ def test_model_and_planner_have_defaults_and_a_name_alone_will_do(tmp_path: Path
     assert [planner.name for planner in built.planners] == ["lattice"]
 
 
+@pytest.mark.parametrize(
+    ("order", "stop", "line", "key", "said"),
+    [
+        ("order: any", "{landmark: vase}", 17, "tour.stops.1", "no landmark is called 'vase'"),
+        ("order: any", "{at: [5, 9], within: 4.9}", 17, "tour.stops.1", "y 0.00 to 4.00 m. Move the stop"),
+        ("some: [[a, b], [b, a]]", "{at: [5, 3], within: 1, name: b}", 14, "tour.some", "a before b before a"),
+        ("order: any", "{at: [5, 3], within: 1, name: a}", 15, "tour.stops", "a name of its own, got 'a'"),
+    ],
+)
+def test_a_fault_of_a_tour_is_said_with_the_line_of_its_stop_or_order(
+    tmp_path: Path, order: str, stop: str, line: int, key: str, said: str
+) -> None:
+    tour = f"tour:\n  {order}\n  stops:\n    - {{at: [1, 3], within: 0.5, name: a}}\n    - {stop}\n"
+    (only,) = faults(scenario(tmp_path, text=ROOM + tour), QueryError)
+    assert only.startswith(f"line {line}, {key}: ")
+    assert said in only
+    assert "larger" not in only
+
+
+def test_a_stop_beside_the_map_may_reach_into_it(tmp_path: Path) -> None:
+    path = scenario(tmp_path, text=f"{ROOM}tour: {{stops: [{{at: [5, 9], within: 5.1}}]}}\n")
+    tour = load_scenario(path).problem.tour
+    assert tour is not None
+    assert tour.stops[0].at == (5.0, 9.0)
+
+
 def test_several_planners_are_built_in_their_order(tmp_path: Path) -> None:
     path = scenario(tmp_path, ("  lattice: {step: 0.5}", "  - lattice\n  - lattice: {step: 1.0}"))
     assert [planner.step for planner in load_scenario(path).planners] == [0.25, 1.0]  # type: ignore[attr-defined]

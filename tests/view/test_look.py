@@ -36,7 +36,7 @@ def test_each_place_is_coloured_by_whether_the_robot_is_free_there_and_whether_t
             int((v - a) / (b - a) * n) for v, a, b, n in ((y, y0, y1, len(kinds)), (x, x0, x1, kinds.shape[1]))
         )
         assert kinds[row, column] == kind
-    assert {"where the robot is free", "free, but cut off from the start"} <= set(texts(found.figure))
+    assert {"free, and within reach of the start", "free, but cut off from the start"} <= set(texts(found.figure))
     assert "2 parts between which it cannot go" in found.notes[0]
     assert found.figure.axes[0].get_xlabel() == "x (m)"
     assert drawn(found.figure, "scale bar")
@@ -45,6 +45,18 @@ def test_each_place_is_coloured_by_whether_the_robot_is_free_there_and_whether_t
 def test_a_goal_in_another_part_is_told():
     assert "no path seems to lead from the start to the goal" in seen(goal=(8.0, 3.0, None)).notes[1]
     assert len(seen().notes) == 1
+
+
+def test_stops_that_a_plan_would_refuse_are_noted() -> None:
+    world = HALL.with_content(landmarks=[Landmark(4.1, 3.0, 1.0, name="in the wall")])
+    stops = [{"landmark": "in the wall", "within": 0.1}, {"at": (4.1, 5.0), "within": 0.2, "name": "on the wall"}]
+    stops += [{"landmark": "in the wall", "within": 2.0, "name": "seen"}, {"at": (2.0, 2.0), "within": 0.5}]
+    problem = hpop.Problem(world, ROBOT, (1, 1, 0), (3, 5, None), ["length"], tour=hpop.Tour(stops, order="any"))
+    _, first, second = look(problem, "a hall").notes
+    assert "may refuse this tour: stop 'in the wall' cannot be visited" in first
+    assert "may refuse this tour: stop 'on the wall' cannot be visited" in second
+    with pytest.raises(hpop.errors.QueryError, match="stop 'in the wall' cannot be visited"):
+        problem.solve("lattice", step=0.5)
 
 
 def test_ends_that_cannot_be_used_are_told_with_the_nearest_place_that_can_and_it_is_drawn():

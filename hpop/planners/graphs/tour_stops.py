@@ -130,12 +130,12 @@ def with_drawn_states(space: TrajectoryGraph, problem: Problem, stops: Sequence[
     """
     alone = space.states_alone
     if alone is None:
-        raise QueryError(" ".join(_reason(space, problem, stop) for stop in stops))
+        raise QueryError(" ".join(_reason(problem, stop) for stop in stops))
     ends, added = dict(space.ends if isinstance(space, JoinedEnds) else {}), dict[str, list[str]]()
     for stop in stops:
         states = drawn_states(problem, stop)
         if not states.size:
-            raise QueryError(_reason(space, problem, stop))
+            raise QueryError(_reason(problem, stop))
         added[stop.name] = [f"state {i} of stop {stop.name}" for i in range(states.size)]
         ends |= {what: states.take(slice(i, i + 1)) for i, what in enumerate(added[stop.name])}
     reach = alone.reach(problem)
@@ -173,6 +173,20 @@ def drawn_states(problem: Problem, stop: TourStop) -> States:
     return states.take(np.flatnonzero(usable)[:DRAWN])
 
 
+def reasons_not_visited(problem: Problem) -> list[str]:
+    """Return why stops of the problem's tour may be impossible to visit: those of which no random state is free.
+
+    A planner may still have a free state at such a stop.
+    """
+    reasons = list[str]()
+    for stop in () if problem.tour is None else problem.tour.stops:
+        try:
+            reasons += [] if drawn_states(problem, stop).size else [_reason(problem, stop)]
+        except QueryError as error:
+            reasons.append(str(error))
+    return reasons
+
+
 def _about(problem: Problem, stop: TourStop, rng: np.random.Generator) -> States:
     """Return random states for a stop at a position, not yet checked for collision.
 
@@ -206,7 +220,7 @@ def _looking(problem: Problem, stop: TourStop, rng: np.random.Generator) -> Stat
     return states
 
 
-def _reason(space: TrajectoryGraph, problem: Problem, stop: TourStop) -> str:
+def _reason(problem: Problem, stop: TourStop) -> str:
     """Return the error message for a stop at which the robot has no free state, with the reason."""
     said, model, world = f"stop {stop.name!r} cannot be visited", problem.model, problem.world
     if stop.at is not None:
