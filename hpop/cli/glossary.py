@@ -204,6 +204,13 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
             (free motions between them).""",
         ),
         _entry(
+            "tour, stop, stops, visit, dwell, order",
+            """A tour is a trajectory that visits stops on the way from start to goal, in a given or any order. A stop is a
+            set of robot states, such as those from which the camera sees a landmark. A visit is the time that the
+            robot spends there; it stands still for the dwell (s). An optional stop may be skipped: the criterion
+            `stops_missed` counts skipped stops.""",
+        ),
+        _entry(
             "kernel, compiling",
             """A compiled part of the search. A plan with a new number or kind of costs compiles its kernels first,
             which takes some seconds. They are stored, so this happens once on each machine.""",

@@ -123,14 +123,15 @@ def show(
     cli.report.print_front(problem, more, saved=path, verbose=verbose, preference=preference, most=most)
     if preference is not None and len(front):
         cli.picking.print_preference(preference, more)
-    echo("checking costs, ends and collisions")
+    checks = "ends and collisions" if problem.tour is None else "ends, stops and collisions"
+    echo(f"checking costs, {checks}")
     with status.progress_bar() as progress:
         faults = problems.verify.verify(
             problem, front, rows=checked, say=lambda doing: progress(Progress(f"checking: {doing}"))
         )
     _refuse_faults(path, faults)
     number = cli.report.how_many(front) if checked is None else f"{checked.size:,} of {cli.report.how_many(front)}"
-    echo(f"verified: costs re-evaluated, ends and collisions checked for {number}")
+    echo(f"verified: costs re-evaluated, {checks} checked for {number}")
     if checked is not None:
         echo("note: checked were the table and trajectories spread over the front; --all checks all trajectories")
     if web or opens:

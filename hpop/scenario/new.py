@@ -84,11 +84,13 @@ class Draft(NamedTuple):
     problem planned problem
     step    m, step of the lattice
     status  status and reason if no path was found, else None
+    middle  m, position halfway along a shortest path; the start if no path was found
     """
 
     problem: Problem
     step: float
     status: tuple[Status, str] | None
+    middle: tuple[float, float]
 
 
 def is_scenario(path: Path) -> bool:
@@ -112,10 +114,10 @@ def first_draft(world: World, radius: float | None, start: str | None = None, go
         problem = first_problem(world, radius, start, goal, room=room * _usual_step(world))
         if problem is None or (first is not None and _ends(problem) == _ends(first.problem)):
             continue
-        step, status = _planned(problem)
-        if status is None:
-            return Draft(problem, step, None)
-        first = first or Draft(problem, step, status)
+        draft = _planned(problem)
+        if draft.status is None:
+            return draft
+        first = first or draft
         if start is not None and goal is not None:
             break
     assert first is not None  # room 0 raises if there is none
@@ -196,22 +198,25 @@ model:                          # the robot; hpop models lists others
   differential_drive:
     radius: {robot.radius:g}                 # m, of the robot as seen from above
     camera_height: {robot.camera_height:g}          # m, of the camera above the floor
+    # field_of_view: [90 deg, 60 deg]   # what the camera sees at once; without it, all round
 start: {start}      # x m, y m, heading{why}
 goal: {goal}        # any: the heading at the goal is free
 criteria:                       # costs to minimise, all at once; hpop criteria lists others
   - obstruction                 # walls and furniture within 2 m of the camera
   - turns                       # number of turns in place
+  # - stops_missed              # number of optional stops of a tour that are skipped
   - length                      # of the path, m
 planner:                        # hpop planners lists others
   lattice: {{step: {step:g}}}         # m between positions: a smaller step finds better paths, and takes longer
 # people:                       # people who stand or walk, for criteria such as personal_space
 #   - {{x: {problem.start[0]:.1f}, y: {problem.start[1]:.1f}, yaw: 90 deg, name: Ada}}
-# landmarks:                    # points worth seeing, for criteria such as landmark_blindness
-#   - {{x: {problem.start[0]:.1f}, y: {problem.start[1]:.1f}, name: door}}
-# tour:                         # stops on the way, in any order: within 1 m of a place, for 10 s
+# landmarks:                    # points worth seeing, for stops, and criteria such as landmark_blindness
+#   - {{x: {problem.goals[0][0]:.1f}, y: {problem.goals[0][1]:.1f}, name: door}}
+# tour:                         # stops on the way, in any order, for 10 s each
 #   order: any
 #   stops:
-#     - {{at: [{problem.start[0]:.1f}, {problem.start[1]:.1f}], within: 1.0, dwell: 10, name: door}}
+#     - {{at: [{draft.middle[0]:.1f}, {draft.middle[1]:.1f}], within: 1.0, dwell: 10, name: hall}}   # a place
+#     - {{landmark: door, within: 3.0, dwell: 10, optional: true}}   # seen; may be skipped
 """
 
 
@@ -226,10 +231,10 @@ def _usual_step(world: World) -> float:
     return next(step for side, step in STEPS if max(x1 - x0, y1 - y0) <= side)
 
 
-def _planned(problem: Problem) -> tuple[float, tuple[Status, str] | None]:
+def _planned(problem: Problem) -> Draft:
     """Plan a shortest path with the usual step, then half and a quarter of it, until a path is found.
 
-    Returns the step, m, and None; or, if no path was found, the usual step with status and reason.
+    Returns the draft with this step; or, if no path was found, with the usual step and the reason.
     """
     step = _usual_step(problem.world)
     length = next(one for one in problem.criteria if one.name == "length")
@@ -238,11 +243,14 @@ def _planned(problem: Problem) -> tuple[float, tuple[Status, str] | None]:
     for some in (step, step / 2, step / 4):
         front = shortest.solve("lattice", step=some, time_limit=LONGEST, max_memory=MOST_MEMORY)
         if len(front):
-            return some, None
+            trajectory = front.trajectories[0]
+            middle = trajectory.at(np.array([0.5 * trajectory.duration]))
+            return Draft(problem, some, None, (float(middle.x[0]), float(middle.y[0])))
         why = no_path_note(front.notes) or str(front.status)
         is_closed = front.status == Status.NO_PATH
         status = (Status.NO_PATH if is_closed else Status.TIME_LIMIT), why.removeprefix(f"{Status.NO_PATH}: ")
-    return step, status
+    x, y, _ = problem.start
+    return Draft(problem, step, status, (x, y))
 
 
 def _written(values: Any) -> str:

@@ -47,11 +47,9 @@ def test_a_drawn_floor_plan_is_toured_with_the_commands_of_readme(
     )
     head, tour = text.split("# tour:")
     tour = re.sub(r"^# ", "", "# tour:" + tour, flags=re.MULTILINE)
-    tour = re.sub(r"at: \[.*?\]", f"at: {list(DESK)}", tour).replace("door", "desk")
-    tour += "    - {landmark: plant, within: 2.0, dwell: 5, optional: true}\n"
-    scenario.write_text(
-        head.replace("  - length ", "  - stops_missed\n  - length ").replace("step: 0.25", "step: 0.5") + tour
-    )
+    tour = re.sub(r"at: \[.*?\]", f"at: {list(DESK)}", tour).replace("hall", "desk")
+    tour = tour.replace("door, within: 3.0, dwell: 10", "plant, within: 2.0, dwell: 5")
+    scenario.write_text(head.replace("# - stops_missed", "- stops_missed").replace("step: 0.25", "step: 0.5") + tour)
 
     planned = run(*shlex.split(plan))
     assert planned.exit_code == 0, planned.output
@@ -77,3 +75,24 @@ def test_a_drawn_floor_plan_is_toured_with_the_commands_of_readme(
                 line = np.array(place)[:, None] + away[:, [0]] * np.linspace(0, 1, 300)
                 column, row = (line / PIXEL).astype(int)
                 assert (pixels[row, column] == 255).all()
+
+
+def test_the_tour_that_a_new_scenario_suggests_can_be_planned_as_it_is(
+    run: Callable[..., Result], tmp_path: Path
+) -> None:
+    draw_plan(tmp_path / "plan.png")
+    scenario = tmp_path / "plan.yaml"
+    assert run("new", str(tmp_path / "plan.png"), "--resolution", "0.02", "--out", str(scenario)).exit_code == 0
+    head, suggested = scenario.read_text().split("# landmarks:")
+    keys = re.sub(r"^# ", "", f"# landmarks:{suggested}", flags=re.MULTILINE)
+    head = head.replace("# field_of_view", "field_of_view").replace("# - stops_missed", "- stops_missed")
+    scenario.write_text(head.replace("step: 0.25", "step: 0.5") + keys)
+
+    problem = hpop.scenario.load_scenario(scenario).problem
+    assert problem.tour is not None
+    assert problem.tour.names == ("hall", "door")
+    hall = problem.tour.stops[0].at
+    assert hall is not None
+    for x, y, _ in (problem.start, *problem.goals):
+        assert np.hypot(hall[0] - x, hall[1] - y) > 2.0  # so the robot drives to it
+    assert set(problem.solve("lattice", step=0.5).costs[:, 2]) == {0.0, 1.0}
