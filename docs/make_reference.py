@@ -85,6 +85,9 @@ meaning says what then applies, or else there is no such limit, filter or part. 
 in m, times in s, angles in rad; in a scenario an angle may also be text such as `90 deg`. `make reference` writes this
 page from the code; do not edit it.
 """
+TOURS = (
+    "Keys of `tour` ([guide](tours.md)). A stop has exactly one of `at`, `landmark`, and a [goal](#goals) by its name."
+)
 OPTION_SECTIONS = {"Maps": "world", "Robots": "model", "Planners": "planner", "Goals": "goal"}
 ENTRIES = {"People": "people", "Landmarks": "landmarks", "Zones": "zones"}
 
@@ -107,6 +110,11 @@ def options_reference() -> str:
         form = whole["definitions"][key]
         for one in form.get("anyOf", [form]):
             parts.append(f"{text(one.get('description', ''))}\n\n{options(one, 'key')}\n")
+    tour = whole["properties"]["tour"]
+    stop = tour["properties"]["stops"]["items"]
+    own = {name: said for name, said in stop["properties"].items() if name not in goals}
+    parts.append(f"## Tours\n\n{TOURS}\n\n{options(tour, 'key')}\n\nKeys of a stop:\n")
+    parts.append(f"{options({'properties': own}, 'key')}\n")
     return "\n".join(parts)
 
 

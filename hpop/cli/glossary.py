@@ -205,10 +205,9 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         ),
         _entry(
             "tour, stop, stops, visit, dwell, order",
-            """A tour is a trajectory that visits stops on the way from start to goal, in a given or any order. A stop is a
-            set of robot states, such as those from which the camera sees a landmark. A visit is the time that the
-            robot spends there; it stands still for the dwell (s). An optional stop may be skipped: the criterion
-            `stops_missed` counts skipped stops.""",
+            """A tour visits stops on the way from start to goal, in a given order or in any order. A stop is a set of
+            robot states, such as those from which the camera sees a landmark. During a visit, the robot stands still
+            for the dwell (s). An optional stop may be skipped: the criterion `stops_missed` counts skipped stops.""",
         ),
         _entry(
             "kernel, compiling",

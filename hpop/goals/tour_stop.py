@@ -31,10 +31,10 @@ class TourStop:
 
     Exactly one of ``at``, ``goal`` and ``landmark`` is given.
 
-    at        m  (x, y): the base is within ``within`` of this position, with any heading
+    at        m  (x, y): position near which the base stands, with any heading
     goal      any goal of :mod:`hpop.goals`, in the forms that a problem takes; a target of ``look_at`` must be visible
-    landmark  name of a landmark of the world that the camera must see from at most ``within``, 3 m by default
-    within    m  radius of the disc about ``at``, or largest distance between camera and landmark
+    landmark  name of a landmark of the world that the camera must see from nearby
+    within    m  radius of the disc about ``at``, or largest distance between camera and landmark (3 by default)
     dwell     s  time for which the robot stands there; with 0, a motion only begins or ends there
     name      shown in messages, tables and pictures; default: name of the landmark, or "stop" with its number from 1
     optional  whether the tour may skip it, which costs in the criterion ``stops_missed``

@@ -21,7 +21,7 @@ from hpop.errors import MOST_LETTERS, OWN, HpopError, QueryError, ScenarioError
 from hpop.goals import Tour, TourStop, is_named
 from hpop.motions import Model, StateSpace
 from hpop.runtime.status import LIMITS, NO_LIMIT
-from hpop.scenario.schema import StopEntry, WorldSection, parameters_of
+from hpop.scenario.schema import StopEntry, WorldSection, parameters_of, stop_words
 from hpop.scenario.yaml_lines import Document, Place
 from hpop.world.readers.readers import ENDINGS
 
@@ -69,7 +69,8 @@ class Faults:
 
     def add(self, place: Place, text: str, kind: type[HpopError] = ScenarioError) -> None:
         """Add a fault at a position (keys) in the file; ``kind`` is the class of its error."""
-        self._found.append((self._document.line(place), kind(f"{self._document.where(place)}: {text}")))
+        where = f"{self._document.where(place)}{stop_words(self._document.values, place)}"
+        self._found.append((self._document.line(place), kind(f"{where}: {text}")))
 
     def raise_all(self) -> None:
         """Raise all collected faults as one error, in the order of the file; do nothing if there are none.

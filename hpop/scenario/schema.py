@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import (
@@ -20,6 +21,7 @@ from pydantic_core import PydanticCustomError
 
 from hpop.base.options import Degrees
 from hpop.base.registry import hints_of, model_parameters
+from hpop.base.text import shown
 from hpop.world.readers.geojson_content import FLOW_WIDTH
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
@@ -322,6 +324,17 @@ class StopEntry(_Strict):
     optional: bool = False  # whether it may be skipped, at a cost in stops_missed
 
 
+def stop_words(values: Any, place: Sequence[str | int]) -> str:
+    """Return the name of the stop of a tour to which a position in a scenario belongs, as text; "" for no stop."""
+    match [*place]:
+        case ["tour", "stops", int(i), *_]:
+            entry = values["tour"]["stops"][i]
+            names = [entry.get(key) for key in ("name", "landmark")] if isinstance(entry, dict) else []
+            name = next((name for name in names if isinstance(name, str) and name), None)
+            return f" (stop {i + 1})" if name is None else f" (stop {shown(name)})"
+    return ""
+
+
 TwoStops = Annotated[list[int | str], Field(min_length=2, max_length=2)]
 
 
@@ -329,7 +342,7 @@ class TourSection(_Strict):
     """Stops to visit on the way to the goal."""
 
     order: Literal["given", "any"] | None = None  # given: as listed, the default
-    some: list[TwoStops] | None = None  # pairs of stops, by index from 0 or name, that keep their order
+    some: list[TwoStops] | None = None  # pairs of stops, by name (or index from 0), that keep their order
     stops: list[Entry] = Field(min_length=1)  # discs of positions, goals or landmarks
 
 

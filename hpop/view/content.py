@@ -32,6 +32,8 @@ LEAST_RADIUS = 0.0065  # of a person's disc, as a share of the map's longer side
 REACH = 0.06  # length of a velocity of 1 m/s, as a share of the map's longer side
 PITCH = 0.11  # from one arrow of a one-way zone to the next, as a share of the map's longer side
 ENLARGED = 1.5  # factor of these shares on a small map
+RIGHT, LEFT = 6.0, 13.0  # points from the middle of a star to its name; on its left is the number of a stop
+LETTER = 0.62 * SMALL  # points: width of a letter
 MOST_NAMES = 12  # most landmarks, and most people, whose names are written
 Handle = Line2D | Patch
 
@@ -49,7 +51,7 @@ def draw_content(axes: Axes, world: World, view: View, *, small: bool = False) -
     talks = [[content.people[i] for i in group] for group in content.groups]
     side = (ENLARGED if small else 1.0) * max(view.width, view.height)
     if not small:
-        _draw_names(axes, people, landmarks, side)
+        _draw_names(axes, people, landmarks, view)
     ways = [] if small else _draw_predicted_paths(axes, content.people)
     return [
         *_draw_zones(axes, zones, side),
@@ -163,15 +165,24 @@ def _draw_arrows(axes: Axes, path: LineString, side: float) -> None:
         axes.annotate("", (tip.x, tip.y), (tail.x, tail.y), arrowprops=arrow, zorder=1.75).set_gid("way")
 
 
-def _draw_names(axes: Axes, people: Sequence[Person], landmarks: Sequence[Landmark], side: float) -> None:
+def _draw_names(axes: Axes, people: Sequence[Person], landmarks: Sequence[Landmark], view: View) -> None:
     """Write names beside landmarks and people, unless there are too many. People drawn enlarged get no name."""
+    side = max(view.width, view.height)
     named = [mark for mark in landmarks if mark.name]
     for mark in named if len(named) <= MOST_NAMES else ():
-        write(axes, mark.name, mark.x, mark.y, (6, 3), INK, "left")
+        write_name(axes, mark.name, mark.x, mark.y, view)
     known = [person for person in people if person.name and person.radius == _disc(person, side)]
     for person in known if len(known) <= MOST_NAMES else ():
         beside = 0.7 * person.radius
         write(axes, person.name, person.x + beside, person.y + beside, (2, 1), INK, "left")
+
+
+def write_name(axes: Axes, name: str, x: float, y: float, view: View) -> None:
+    """Write the name of a landmark on the right of its star, or on the left if it would cross the right border."""
+    if x + (RIGHT + LETTER * len(name)) * view.point < view.x_max:
+        write(axes, name, x, y, (RIGHT, 3), INK, "left")
+    else:
+        write(axes, name, x, y, (-LEFT, 3), INK, "right")
 
 
 def write(axes: Axes, text: str, x: float, y: float, off: tuple[float, float], colour: str, align: str) -> None:

@@ -34,6 +34,7 @@ from hpop.view.marks import (
     Ends,
     draw_ends,
     draw_holds,
+    draw_shared_holds,
     draw_stops,
     draw_targets,
     end_poses,
@@ -235,8 +236,12 @@ def draw_map(
     if any(len(places) for places in turns):
         symbols.append(turn_dot(QUIET, label="turn in place" + _hidden_turns_note(np.concatenate(turns), ends, view)))
     taken = stop_places(problem)
-    for mark, trajectory in zip(named, picked, strict=True):
-        draw_holds(axes, trajectory, mark.colour, view, taken=taken, gid=f"holds of {mark.label}")
+    if problem.tour is not None:
+        tours = {mark.label: (trajectory, mark.colour) for mark, trajectory in zip(named, picked, strict=True)}
+        draw_shared_holds(axes, tours, view, taken)
+    else:
+        for mark, trajectory in zip(named, picked, strict=True):
+            draw_holds(axes, trajectory, mark.colour, view, taken=taken, gid=f"holds of {mark.label}")
     symbols += [hold_entry()] * any(is_held(trajectory).any() for trajectory in picked)
     symbols += draw_headed_ends(axes, problem, ends, view)
     draw_frame(axes, view)

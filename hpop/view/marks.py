@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -195,6 +195,7 @@ HOLD_DIGITS = 6  # decimals of m to which the positions of holds are compared
 BESIDE = 11.0  # points to the right of and above the place, beside dots of turns and letters
 ROW = 13.0  # points between clocks above each other
 ASIDE = 44.0  # points between clocks of one trajectory at close places
+SHARED = 0.1  # distance, as a share of the longer side of the map, below which tours share a clock
 NEAR = (0.12, 0.04)  # distances along x and y, as shares of the picture's width, below which places are close
 Colour = tuple[float, float, float, float]
 WHITE: Colour = (1.0, 1.0, 1.0, 1.0)
@@ -253,20 +254,62 @@ def draw_holds(
     taken  positions (x, y), m, that clocks do not cover, such as those of other clocks; the new clocks are appended
     face   function that returns the colour of a clock's face
     """
-    figure, point = axes.get_figure(root=True), view.point
     drawn, taken = holds_of(trajectory), [] if taken is None else taken
     for number, held in enumerate(drawn):
         right = BESIDE + ASIDE * sum(_are_near(held, other, view.width) for other in drawn[:number])
         up = _free_height(held, right, view, taken)
-        taken.append((held.x + right * point, held.y + up * point))
-        beside = offset_copy(axes.transData, figure, right, up, units="points")
-        lead: dict[str, Any] = {"arrowstyle": "-", "color": colour, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 3}
-        axes.annotate("", (held.x, held.y), xytext=(right, up), textcoords="offset points", arrowprops=lead, zorder=8.5)
-        axes.add_line(hold_clock(colour, held.x, held.y, face(held), transform=beside, zorder=9, gid=gid))
-        axes.annotate(
-            written_time(held.seconds), (held.x, held.y), xytext=(right + 8, up), textcoords="offset points",
-            fontsize=SMALL, color=colour, va="center", zorder=9, path_effects=HALO, gid=gid,
-        )  # fmt: skip
+        taken.append((held.x + right * view.point, held.y + up * view.point))
+        _draw_clock(axes, [(held, colour)], (right, up), face(held), gid)
+
+
+def draw_shared_holds(
+    axes: Axes, tours: Mapping[str, tuple[Trajectory, str]], view: View, taken: list[tuple[float, float]]
+) -> None:
+    """Draw one clock for all tours that stand for one time at positions nearby, and a line to each position.
+
+    A clock of several tours is grey. For the other parameters see :func:`draw_holds`.
+
+    tours  trajectories and their colours, by label
+    """
+    clocks: list[dict[str, tuple[Held, str]]] = []
+    for label, (trajectory, colour) in tours.items():
+        for held in holds_of(trajectory):
+            shared = [clock for clock in clocks if label not in clock and _may_share(held, clock.values(), view)]
+            if not shared:
+                clocks.append({})
+            (shared[0] if shared else clocks[-1])[label] = held, colour
+    for clock in clocks:
+        waits = list(clock.values())
+        up = _free_height(waits[0][0], BESIDE, view, taken)
+        taken.append((waits[0][0].x + BESIDE * view.point, waits[0][0].y + up * view.point))
+        _draw_clock(axes, waits, (BESIDE, up), WHITE, f"holds of {', '.join(clock)}")
+
+
+def _may_share(held: Held, waits: Iterable[tuple[Held, str]], view: View) -> bool:
+    """Return whether a wait is as long as those of a clock, and near to all of them."""
+    reach = SHARED * max(view.width, view.height)
+    return all(
+        written_time(held.seconds) == written_time(other.seconds)
+        and math.hypot(held.x - other.x, held.y - other.y) < reach
+        for other, _ in waits
+    )
+
+
+def _draw_clock(
+    axes: Axes, waits: Sequence[tuple[Held, str]], offset: tuple[float, float], face: Colour, gid: str
+) -> None:
+    """Draw the clock of some waits, each with its colour, at an offset (typographical points) from the first one."""
+    first, colour = waits[0] if len(waits) == 1 else (waits[0][0], QUIET)
+    figure, (right, up) = axes.get_figure(root=True), offset
+    beside = offset_copy(axes.transData, figure, right, up, units="points")
+    for held, own in waits:
+        lead: dict[str, Any] = {"arrowstyle": "-", "color": own, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 3}
+        axes.annotate("", (held.x, held.y), xytext=(first.x, first.y), textcoords=beside, arrowprops=lead, zorder=8.5)
+    axes.add_line(hold_clock(colour, first.x, first.y, face, transform=beside, zorder=9, gid=gid))
+    axes.annotate(
+        written_time(first.seconds), (first.x, first.y), xytext=(right + 8, up), textcoords="offset points",
+        fontsize=SMALL, color=colour, va="center", zorder=9, path_effects=HALO, gid=gid,
+    )  # fmt: skip
 
 
 def _free_height(held: Held, right: float, view: View, taken: Sequence[tuple[float, float]]) -> float:

@@ -18,7 +18,7 @@ from hpop.base.arrays import FloatArray
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
-from hpop.view.content import INK, MOST_NAMES, STAR, write
+from hpop.view.content import INK, MOST_NAMES, STAR, write_name
 from hpop.view.ground import View
 from hpop.view.map import draw_all, draw_named, planner_entries, scale_of
 from hpop.view.marks import draw_ends, draw_stops, draw_targets, end_positions, goal_words, targets_of
@@ -157,7 +157,7 @@ def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark], section: Section,
             shown += 1
             axes.plot([along], [z], linestyle="none", markersize=11, zorder=5.7, gid="landmark", **look)
             if len(landmarks) <= MOST_NAMES:
-                write(axes, mark.name, along, z, (6, 3), INK, "left")
+                write_name(axes, mark.name, along, z, view)
     if shown:
         yield Line2D([], [], linestyle="none", markersize=9.5, label="landmark", **look)
 

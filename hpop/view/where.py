@@ -25,7 +25,19 @@ from hpop.trajectories.trajectory import Trajectory
 from hpop.view.content import draw_content
 from hpop.view.ground import View, outline, view_of
 from hpop.view.map import turn_dot
-from hpop.view.marks import CIRCLE, RING, Colour, Held, draw_ends, draw_holds, draw_targets, hold_entry, is_held
+from hpop.view.marks import (
+    CIRCLE,
+    RING,
+    Colour,
+    Held,
+    draw_ends,
+    draw_holds,
+    draw_stops,
+    draw_targets,
+    hold_entry,
+    is_held,
+    stop_places,
+)
 from hpop.view.page import LINE, Handle, figure_for, height_of, whole
 from hpop.view.robot import from_above
 from hpop.view.silhouettes import draw_map_obstacles
@@ -96,7 +108,7 @@ def draw_where(
             continue
         floor = PathPatch(outline(problem.world.extent), facecolor="white", linewidth=0.0, zorder=0.1)
         axes.add_artist(floor)
-        _draw_shown(figure, axes, trace, place, view, shown_along(trace, place))
+        _draw_shown(figure, axes, problem, trace, place, view)
         handles = [
             Line2D([], [], color=RATE_COLOURS(0.5), linewidth=3.0, label=drawn),
             *_turn_entry(trajectory),
@@ -105,6 +117,7 @@ def draw_where(
             *draw_map_obstacles(axes, problem, heights, view),
             *draw_content(axes, problem.world, view, small=True),
             *draw_targets(axes, problem, from_above),
+            *draw_stops(axes, problem),
         ]
         axes.set_xlim(view.x_min, view.x_max)
         axes.set_ylim(view.y_min, view.y_max)
@@ -153,9 +166,10 @@ def shown_along(trace: Trace, column: int) -> FloatArray:
     return number[owner]
 
 
-def _draw_shown(figure: FigureBase, axes: Axes, trace: Trace, column: int, view: View, shown: FloatArray) -> None:
+def _draw_shown(figure: FigureBase, axes: Axes, problem: Problem, trace: Trace, column: int, view: View) -> None:
     """Draw the coloured trajectory of one criterion, its turns and waits, and the colour bar."""
     criterion, trajectory = trace.criteria[column], trace.pieces.trajectory
+    shown = shown_along(trace, column)
     points = mapped_points(trajectory.model, trace.states)
     norm = Normalize(0.0, float(f"{shown.max(initial=0.0):.{DIGITS}g}") or 1.0)
     turning = turns_in_place(trajectory)
@@ -185,7 +199,7 @@ def _draw_shown(figure: FigureBase, axes: Axes, trace: Trace, column: int, view:
         """Return the colour that shows the cost of a wait."""
         return RATE_COLOURS(float(norm(of_motion[list(held.motions)].max())))
 
-    draw_holds(axes, trajectory, QUIET, view, face=face)
+    draw_holds(axes, trajectory, QUIET, view, taken=stop_places(problem), face=face)
     beside = axes.inset_axes((1.02, 0.0, 0.035, 1.0))
     bar = figure.colorbar(ScalarMappable(norm, RATE_COLOURS), cax=beside)
     bar.ax.tick_params(labelsize=SMALL)
