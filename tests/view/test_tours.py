@@ -10,8 +10,10 @@ import pytest
 import hpop
 from hpop.export import save
 from hpop.problems.recorded_visits import stop_visits, visit_order
-from hpop.view import draw_map, draw_trace
-from hpop.view.marks import is_held
+from hpop.view import draw_map, draw_trace, draw_where
+from hpop.view.look import look
+from hpop.view.marks import holds_of, is_held, written_time
+from hpop.world.content.content import Landmark
 from tests.tours import STOPS, tour_front, tour_problem
 
 
@@ -107,17 +109,59 @@ def test_a_map_shows_what_the_camera_sees_at_each_stop_with_a_dwell(problem, fro
         assert (path.vertices.mean(axis=0) - (x, y)) @ (np.cos(yaw), np.sin(yaw)) > 0.0
 
 
-def test_clocks_of_several_tours_cover_neither_each_other_nor_the_numbers_of_stops(problem, front):
-    rows = np.linspace(0, len(front) - 1, 6).astype(int)
-    figure = draw_map(problem, front, chosen={f"tour {row}": int(row) for row in rows})
+def drawn_map(problem, front, rows):
+    """Return the axes of a map with some rows, and its clocks: lines with the labels of their tours as gid."""
+    figure = draw_map(problem, front, chosen={f"tour {row}": row for row in rows})
     figure.canvas.draw()
     axes = next(axes for axes in figure.axes if axes.get_label() == "map")
-    gids = [f"holds of tour {row}" for row in rows]
-    clocks = [line for line in axes.lines if line.get_gid() in gids]
+    return axes, [line for line in axes.lines if str(line.get_gid()).startswith("holds of ")]
+
+
+def test_clocks_of_several_tours_cover_neither_each_other_nor_the_numbers_of_stops(problem, front):
+    axes, clocks = drawn_map(problem, front, np.linspace(0, len(front) - 1, 6).astype(int).tolist())
     places = np.array([line.get_transform().transform(line.get_xydata())[0] for line in clocks])
     stops = axes.transData.transform([stop.get("at", (6.5, 5.5)) for stop in STOPS])
-    point = figure.dpi / 72
+    point = axes.get_figure().dpi / 72
     apart = np.abs(places[:, None] - np.concatenate([places, stops])) / point
     close = (apart[..., 0] < 40.0) & (apart[..., 1] < 12.0)
-    assert len(clocks) > 12
+    assert len(clocks) >= 3
     assert close.sum() == len(clocks)  # each is close to itself alone
+
+
+def test_tours_that_stand_together_for_one_time_share_a_clock(problem, front):
+    rows = np.linspace(0, len(front) - 1, 6).astype(int).tolist()
+    axes, clocks = drawn_map(problem, front, rows)
+    holds = [(f"tour {row}", held) for row in rows for held in holds_of(front.trajectories[row])]
+    owners = [str(line.get_gid()).removeprefix("holds of ").split(", ") for line in clocks]
+    assert sorted(label for labels in owners for label in labels) == sorted(label for label, _ in holds)
+    tips = {text.xy for text in axes.texts if getattr(text, "arrow_patch", None) is not None}
+    assert {(held.x, held.y) for _, held in holds} <= tips  # a line leads to each position
+    words = {f"{stop['dwell']:g} s": stop.get("at", (6.5, 5.5)) for stop in STOPS if "dwell" in stop}
+    for text, stop in words.items():  # dwells differ: a clock belongs to one stop
+        near = [held for _, held in holds if written_time(held.seconds) == text]
+        number = sum(t.get_text() == text for t in axes.texts)
+        assert all(np.hypot(held.x - stop[0], held.y - stop[1]) <= 2.0 for held in near)
+        assert 1 <= number < len(near)
+
+
+def test_where_shows_the_numbers_and_discs_of_stops_in_each_map(problem, front):
+    figure = draw_where(problem, front.trajectories[0])
+    maps = [axes for axes in figure.axes if axes.get_xlabel() == "x (m)"]
+    assert len(maps) == len(problem.criteria)
+    for axes in maps:
+        assert [text.get_text() for text in axes.texts if text.get_gid() == "stop"] == ["1", "2", "3", "4"]
+        assert len([patch for patch in axes.patches if patch.get_gid() == "stop disc"]) == 3
+    assert any("3 vase" in text.get_text() for text in figure.legends[0].get_texts())
+
+
+@pytest.mark.parametrize("x", [0.4, 6.5, 7.6])
+def test_the_name_of_a_landmark_lies_within_the_map(problem, x):
+    marked = problem.world.with_content(landmarks=[Landmark(x, 3.2, 1.2, name="a long name")])
+    plain = hpop.Problem(marked, problem.model, problem.start, (2, 4, None), ["length"])
+    figure = look(plain, "map").figure
+    figure.canvas.draw()
+    axes = next(axes for axes in figure.axes if axes.get_label() == "look")
+    (name,) = [text for text in axes.texts if text.get_text() == "a long name"]
+    drawn, frame = name.get_window_extent(), axes.get_window_extent()
+    assert frame.x0 <= drawn.x0
+    assert drawn.x1 <= frame.x1

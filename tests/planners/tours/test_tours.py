@@ -243,6 +243,8 @@ def test_a_scenario_has_the_tour_that_python_has(tmp_path: Path) -> None:
         ("order: any", "{landmark: vaze}", "no landmark is called 'vaze'. Did you mean 'vase'?"),
         ("order: any", "{at: [6, 1], within: 1, name: east}", "got 'east' more than once"),
         ("order: any", "{look_up: {}}", "look_up"),
+        ("order: any", "{landmark: vase, optinal: true}", "tour.stops.2.optinal (stop 'vase'): no such key; did you"),
+        ("order: any", "{at: [6, 1], within: 1, dwell: yes}", "tour.stops.2.dwell (stop 3): expected a number"),
     ],
 )
 def test_a_wrong_tour_is_refused_with_its_place(tmp_path: Path, order: str, stop: str, said: str) -> None:
