@@ -50,20 +50,23 @@ def main(folder: Path = Path("out/10_guided_tour"), step: float = 0.5) -> hpop.F
     front = problem.solve(planner="lattice", step=step)
     print(f"{len(front)} optimal tours ({front.status}); {front.certificate}\n")
 
-    # Print twelve tours that represent the front. Its provenance has the visits of each tour, in order of time.
-    few = front.representative(12)
-    print("time (s)  acceleration (m/s)  skipped  speeds (m/s)  order of the exhibits")
-    for point, origin in zip(few, few.provenance, strict=True):
-        time, acceleration, skipped = point.costs.values()
-        speeds = " ".join(f"{speed:g}" for speed in sorted(set(point.item.states.speed)) if speed > 0)
-        order = ", ".join(visit["stop"] for visit in origin["visits"])
-        print(f"{time:8.1f}  {acceleration:18.1f}  {skipped:7.0f}  {speeds:12}  {order}")
-
     # Choose: the fastest tour for each number of exhibits. Points of a front are sorted by the first criterion, time.
     chosen: dict[str, int] = {}
     for point in front:
         seen = len(EXHIBITS) - round(point.costs["stops_missed"])
         chosen.setdefault(f"fastest with {seen} exhibits", point.index)
+
+    # Print these and twelve that represent the front. Its provenance has the visits of each tour, in order of time.
+    few = [point.costs for point in front.representative(12)]
+    printed = [point for point in front if point.index in chosen.values() or point.costs in few]
+    print(f"{len(printed)} of them (*: on the map)")
+    print("  time (s)  acceleration (m/s)  skipped  speeds (m/s)  order of the exhibits")
+    for point in printed:
+        time, acceleration, skipped = point.costs.values()
+        speeds = " ".join(f"{speed:g}" for speed in sorted(set(point.item.states.speed)) if speed > 0)
+        order = ", ".join(visit["stop"] for visit in point.provenance["visits"])
+        mark = "*" if point.index in chosen.values() else " "
+        print(f"{mark} {time:8.1f}  {acceleration:18.1f}  {skipped:7.0f}  {speeds:12}  {order}")
 
     # Draw: these tours on the map with the numbers of the stops, and on the front; then one of them over time.
     folder.mkdir(parents=True, exist_ok=True)
@@ -71,7 +74,7 @@ def main(folder: Path = Path("out/10_guided_tour"), step: float = 0.5) -> hpop.F
     draw_map(problem, front, chosen=chosen, colour="duration").savefig(folder / "map.png", dpi=150)
     draw_front(front, chosen=chosen).savefig(folder / "front.png", dpi=150)
     tour = front.trajectories[chosen["fastest with 4 exhibits"]]
-    draw_trace(problem, tour).savefig(folder / "trace.png", dpi=150)
+    draw_trace(problem, tour, name="the fastest tour with 4 exhibits").savefig(folder / "trace.png", dpi=150)
     return front
 
 

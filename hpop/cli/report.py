@@ -19,12 +19,14 @@ from rich.text import Text
 
 from hpop.base.arrays import FloatArray, distinct
 from hpop.base.text import printable
+from hpop.criteria import Duration
 from hpop.criteria.costs import trajectory_costs
 from hpop.frontier import hypervolume, representative
 from hpop.frontier.choices import Preferring
 from hpop.frontier.choosing import differing
 from hpop.frontier.union import JOINT
 from hpop.motions.laws import SPEED
+from hpop.planners.objectives import integral_of
 from hpop.problems.evaluation import criteria_of
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
@@ -307,11 +309,17 @@ def shown_rows(front: Front, most: MostRows, marked: Iterable[int] = ()) -> list
 
 
 def _executed_table(problem: Problem, front: Front, names: Mapping[int, Sequence[str]]) -> Table:
-    """Return a table of planned and executed costs of the marked rows; executed costs include speed ramps."""
+    """Return a table of planned and executed costs of the marked rows; executed costs include speed ramps.
+
+    It also has the duration, and the integrals over time that the search minimised in the place of means.
+    """
     table = plain_table()
     table.add_column("#", justify="right")
     table.add_column("costs")
     criteria = [*problem.criteria, *criteria_of(front)]
+    integrals = [integral_of(each) for each in problem.criteria if each.aggregate == "time-mean"]
+    more = [each for each in (*integrals, Duration()) if each.name not in {known.name for known in criteria}]
+    criteria += [each for each in more if each.name in (*front.names, "duration")]
     for criterion in criteria:
         table.add_column(header(criterion.name, criterion.unit), justify="right", no_wrap=True)
     table.add_column("marked", no_wrap=True)

@@ -142,6 +142,20 @@ def test_planned_costs_stand_beside_executed_ones() -> None:
     assert [row for row in rows if "executed" in row[:1]] == [["executed", "4.000", "5.000"]]
 
 
+def test_executed_costs_have_the_duration_and_the_integral_that_was_minimised() -> None:
+    """4 m past an obstacle: the mean is the integral divided by the duration, as planned and as executed."""
+    problem = Problem(WORLD, ROBOT, (0.5, 3, 0), (4.5, 3, 0), ["obstruction"])
+    console = Console(file=io.StringIO(), width=80)
+    print_front(problem, problem.solve(step=1.0), console)
+    rows = [line.split() for line in console.file.getvalue().splitlines()]  # type: ignore[attr-defined]
+    planned = next([float(cell) for cell in row[2:5]] for row in rows if row[1:2] == ["planned"])
+    executed = next([float(cell) for cell in row[1:4]] for row in rows if row[:1] == ["executed"])
+    assert [planned[2], executed[2]] == [4.0, 5.0]  # at 1 m/s; from rest to rest with 1 m/s²
+    for mean, integral, duration in (planned, executed):
+        assert integral / duration == pytest.approx(mean, abs=2e-4)  # three decimals of the integral
+        assert mean > 0
+
+
 def test_an_empty_front_prints_its_notes_and_its_status() -> None:
     empty = front_of([], runs=[{"notes": ["no path: a wall"], "planner": "lattice", "search_seconds": 1.5}])
     text = printed(empty, verbose=True)
