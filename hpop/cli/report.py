@@ -19,7 +19,7 @@ from rich.text import Text
 
 from hpop.base.arrays import FloatArray, distinct
 from hpop.base.text import printable
-from hpop.criteria import Duration
+from hpop.criteria import make_criterion
 from hpop.criteria.costs import trajectory_costs
 from hpop.frontier import hypervolume, representative
 from hpop.frontier.choices import Preferring
@@ -318,7 +318,8 @@ def _executed_table(problem: Problem, front: Front, names: Mapping[int, Sequence
     table.add_column("costs")
     criteria = [*problem.criteria, *criteria_of(front)]
     integrals = [integral_of(each) for each in problem.criteria if each.aggregate == "time-mean"]
-    more = [each for each in (*integrals, Duration()) if each.name not in {known.name for known in criteria}]
+    more = [*integrals, make_criterion("duration")]
+    more = [each for each in more if each.name not in {known.name for known in criteria}]
     criteria += [each for each in more if each.name in (*front.names, "duration")]
     for criterion in criteria:
         table.add_column(header(criterion.name, criterion.unit), justify="right", no_wrap=True)
