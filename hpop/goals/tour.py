@@ -175,7 +175,7 @@ class Tour:
         if is_whole(stop) and 0 <= int(stop) < len(self.stops):
             return int(stop)
         raise QueryError(
-            f"{what} must name stops by an index from 0 to {len(self.stops) - 1} or by name ({', '.join(self.names)}), "
+            f"{what} must name stops: {', '.join(self.names)}; or give their index from 0 to {len(self.stops) - 1}, "
             f"got {shown(stop)}.{did_you_mean(stop, self.names)}"
         )
 

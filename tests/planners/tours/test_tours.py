@@ -381,7 +381,7 @@ def test_a_tour_of_which_all_stops_are_done_has_the_front_without_a_tour() -> No
     asked = Problem(WORLD, ROBOT, (1, 1, 0), (7, 3, None), ["length", "turns"], tour=Tour([EAST], done=[0]))
     plain = Problem(WORLD, ROBOT, (1, 1, 0), (7, 3, None), ["length", "turns"])
     np.testing.assert_array_equal(asked.solve(LATTICE).costs, plain.solve(LATTICE).costs)
-    with pytest.raises(QueryError, match=r"done must name stops by an index.*got 'west'"):
+    with pytest.raises(QueryError, match=r"done must name stops: east.*got 'west'"):
         Tour([EAST], done=["west"])
 
 
