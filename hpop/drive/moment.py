@@ -165,7 +165,10 @@ class DriveProgress:
         return Moment(now, planned, self.state(now), stands, arrived, plan, stretches, self.lag, self.tour)
 
     def shift(self, now: float) -> None:
-        """Begin a new stretch with the present lag, after the motion under way."""
+        """Begin a new stretch in the present surroundings, with the present lag, after the motion under way.
+
+        It replaces the last stretch if that begins no earlier.
+        """
         begins, last = motion_ends(self.plan.announced, self.planned(now)), self.stretches[-1]
         if last.begins >= begins - SAME:
             self.stretches.pop()

@@ -230,7 +230,7 @@ class Plan:
         return Plan(joined(before, remaining), chosen=before.duration)
 
     def closed_at(self, stops: float | None) -> Plan:
-        """Return the plan with a stop at a time, s, or without a stop for None."""
+        """Return the plan cut short by a final stop at a time ``stops`` of the plan, s; None: it goes to the goal."""
         return replace(self, stops=stops)
 
     def among_others(self) -> Plan:

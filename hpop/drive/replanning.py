@@ -237,7 +237,7 @@ class Replanner:
     def stopping(self, now: DriveSurroundings, commit: Commit) -> DriveSurroundings | None:
         """Return the surroundings in which people stop who would walk into the robot; None if there are no such people.
 
-        They are used if no path leads on from the commit.
+        They are used if no path leads on from the commit, the next place where the plan may change.
         """
         if self._timed is not None and self._timed.instead_of is now:
             return self._timed.stopping

@@ -100,7 +100,7 @@ class EventLog:
         return float(real("now", now, -MOST, MOST, "a time in s", error=DriveError))
 
     def _in_order(self, now: float) -> float:
-        """Return the time of an event, s; DriveError if it is earlier than the last event."""
+        """Return ``now``, s, the time of an event; DriveError if it is earlier than the last event."""
         now = self._time(now)
         if now < self._last - SAME:
             raise DriveError(
@@ -109,7 +109,7 @@ class EventLog:
         return max(now, self._last)
 
     def _told(self, now: float) -> float:
-        """Return the time of an event, s, and store it as the time of the last event."""
+        """Return the time ``now``, s, checked by :meth:`_in_order`, and store it as that of the last event."""
         self._last = self._in_order(now)
         return self._last
 

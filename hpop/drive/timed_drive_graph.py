@@ -129,7 +129,7 @@ class TimedDriveGraph:
         )
 
     def refuses(self, now: DriveSurroundings, commit: Commit, untimed: DriveGraph) -> bool:
-        """Return whether it is known that no path leads on from the commit because people walk towards the robot."""
+        """Return whether an earlier query showed that no path leads on from the commit, as people walk towards it."""
         return self.instead_of is now and self.base is untimed and self.node(commit.state) in self.places
 
     def serves(self, now: DriveSurroundings, commit: Commit, untimed: DriveGraph) -> bool:
@@ -169,7 +169,7 @@ class TimedDriveGraph:
     def scheduled(self, trajectories: Sequence[Trajectory], at: float) -> list[ScheduledPath]:
         """Return the last part of each trajectory, from where it follows the graph, as a path with departures.
 
-        All trajectories begin at time ``at`` of the drive, s.
+        Trajectories that do not end on the graph are left out. All begin at time ``at`` of the drive, s.
         """
         parts = self.untimed.arcs_and_places(trajectories)
         paths = [

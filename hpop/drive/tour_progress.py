@@ -44,7 +44,7 @@ class TourProgress:
         return tuple(self.tour.names[i] for i in self.tour.remaining)
 
     def after(self, plan: Trajectory, t: float, lag: float, problem: Problem) -> TourProgress:
-        """Return the progress at time ``t``, s, of a plan; ``lag`` is the time of the drive at which the plan began.
+        """Return the progress at time ``t`` of a plan, s; ``lag`` is the time of the drive at which the plan began.
 
         Visits are assigned along the whole plan, so that it misses as few stops as possible by their weights. The
         visits that end by ``t`` are done. Optional stops that the order has only before such a visit are passed over.
@@ -74,10 +74,10 @@ class TourProgress:
         )
 
     def coming(self, plan: Trajectory, t: float, tour: Tour, problem: Problem) -> Visits:
-        """Return the visits of a plan that end after time ``t``, s, from which their times count.
+        """Return the visits of a plan that end after time ``t`` of the plan, s; their times are seconds after ``t``.
 
-        A visit that is under way at ``t`` begins at 0. The missed stops are those of ``tour``, of which the stops that
-        are done at ``t`` are known, and ``problem`` has the weights.
+        A visit that is under way at ``t`` begins at 0. Missed are the optional stops that remain in ``tour``, the tour
+        with the stops done at ``t``, and that the plan does not visit; ``problem`` has their weights.
         """
         weights = missed_weights(problem.criteria)
         (found,) = all_visits(self.tour, problem.world, [between(plan, self.since, plan.duration)], weights)

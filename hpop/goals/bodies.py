@@ -146,7 +146,7 @@ class LookAt(Region):
         set_reals(self, "angle_tolerance", least=LEAST, most=math.pi, kind="an angle in rad", error=QueryError)
 
     def __str__(self) -> str:
-        """Return the target and the distances as short text for messages."""
+        """Return the target, the distances and a required roll as short text for messages."""
         rolled = "" if self.roll is None else f", rolled {math.degrees(self.roll):.4g} degrees"
         return f"look_at {written(self.target)} from {self.distance[0]:.4g} to {self.distance[1]:.4g} m{rolled}"
 

@@ -186,8 +186,8 @@ def _stacked(columns: tuple[Column, ...], size: int) -> FloatArray:
 class Region(GoalDefaults, ABC):
     """Base class of goals that put a body within bounds: frozen dataclasses with parameters as fields.
 
-    A goal of your own defines ``body``, ``coordinates`` of its pose, and their ``rates``, ``bounds`` and ``lengths``;
-    :func:`hpop.goals.goal` registers it.
+    A goal of your own defines ``body``, ``coordinates`` of its pose, their ``rates`` and ``bounds``, and ``lengths``
+    (which coordinates are in m); :func:`hpop.goals.goal` registers it.
     """
 
     name: ClassVar[str]

@@ -90,7 +90,10 @@ class Tour:
 
     @classmethod
     def of(cls, spec: Any) -> Tour:
-        """Build a tour from a mapping with the keys of a scenario: ``stops``, and ``order`` or ``some`` (pairs)."""
+        """Build a tour from a mapping with ``stops``, optionally ``order`` or ``some`` (pairs), and ``done``.
+
+        A :class:`Tour` is returned as it is.
+        """
         if isinstance(spec, Tour):
             return spec
         if not isinstance(spec, Mapping) or not {"stops"} <= set(spec) <= {"stops", "order", "some", "done"}:

@@ -193,8 +193,9 @@ class Problem:
         Parameters
         ----------
         stage : called with the front so far after each stage of a planner but its last
-            (:meth:`hpop.planners.base.Planner.stages`); later fronts have nothing worse. After an interruption with
-            many points, it is also called with some of them, before all are re-evaluated; a second Ctrl-C ends at once
+            (:meth:`hpop.planners.base.Planner.stages`); later fronts keep each point, or have one at least as good in
+            every cost. After an interruption with many points, it is also called with some of them, before all are
+            re-evaluated; a second Ctrl-C ends at once
         """
         return solving.fronts(self, planners, options, progress=progress, executor=executor, stage=stage)
 

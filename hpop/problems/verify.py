@@ -266,7 +266,10 @@ def _cost_faults(
 
 
 def _suspects(problem: Problem, table: MotionTable) -> BoolArray:
-    """Return a mask (n,) of the trajectories to be checked one by one: those with wrong ends or doubtful motions."""
+    """Return a mask (n,) of the trajectories to be checked one by one.
+
+    They miss the start or the goal, or have motions that the model must check more closely (``doubtful``).
+    """
     first, last = table.states.take(table.first), table.states.take(table.last)
     suspects = ~_Miss.of(problem, problem.start, first).none
     if problem.target.listed:

@@ -180,7 +180,7 @@ class GraphFamily:
         return False
 
     def first_answer(self, name: str, built: BuiltGraph, objectives: Objectives) -> Candidates | None:
-        """Return paths that are found quickly, before the costs of all arcs are computed; None if these are cached.
+        """Return paths that are found quickly, before the costs of all arcs are computed; None if the costs are cached.
 
         Planners call this if there is a time limit, and return these paths if the limit ends the computation of costs.
         By default it is the shortest path. ``name`` is the planner's name.

@@ -225,7 +225,7 @@ def _controls_to_goal(query: TreeQuery, base: Base, controls: FloatArray) -> Flo
 
 
 def _end_states(model: Wheeled, base: Base, wheels: FloatArray, lasts: FloatArray) -> FloatArray:
-    """Return the end states (B, 5) of B sequences of k drives that all begin at one state.
+    """Return the end states (B, 5), as in :class:`Base`, of B sequences of k drives that all begin at state ``base``.
 
     wheels  (B, k, 2)  accelerations of both wheels, m/s²
     lasts   (k,)       durations, s

@@ -60,10 +60,10 @@ class TourPaths(ParetoPaths):
 
 @dataclass(frozen=True, eq=False)
 class FixedStops:
-    """Tour whose stops are fixed to sites, on a graph.
+    """Tour whose stops are fixed to sites, on a graph. A site is a state at which a stop may be visited.
 
     query    the graph without the tour, with start and goals
-    layered  the graph of the tour, whose members of stops are the sites; its arcs are never computed
+    layered  the graph of the tour, in which stops can be visited at the sites only; its arcs are never computed
     stages   parts of the tours that the order allows
     """
 

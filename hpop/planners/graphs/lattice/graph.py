@@ -282,7 +282,7 @@ class StateLattice(StateGraph):
         return (number[:, None] * self.width + np.arange(self.width)).ravel()
 
     def _cell(self, x: float, y: float) -> tuple[float, float]:
-        """Return the row and column of a point (x, y), m, as fractional numbers between positions of the grid."""
+        """Return row and column of a point (x, y), m, as fractions between positions; that of `first` is (0, 0)."""
         return (y - self.anchor[1]) / self.step - self.first[0], (x - self.anchor[0]) / self.step - self.first[1]
 
     def places(self, ids: IntArray) -> IntArray:

@@ -216,7 +216,7 @@ class _Assembly:
 
     @cached_property
     def rates(self) -> FloatArray:
-        """Costs (n, k) of standing for a tick in each state, by the criteria that do not depend on time."""
+        """Costs of standing for a tick in each state: n rows, and a column for each criterion of ``static``."""
         return standing_rates(self.criteria_of(self.static), self.space, self.clock.tick)
 
     @cached_property

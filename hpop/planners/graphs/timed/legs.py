@@ -95,8 +95,9 @@ class TimedArcs:
     def of(cls, space: StateGraph | JoinedEnds, clock: TickClock, start: int = -1, half: float = 0.0) -> TimedArcs:
         """Compute the durations of all arcs of a graph.
 
-        start  node of the start, for the copies of its arcs
-        half   s, time for which the robot stands before a first move; with 0, plans begin at the start itself
+        start  node of the start
+        half   s, time for which the robot stands before a first move. If it is not 0 and a move leaves the start, plans
+               begin at an added node with copies of the arcs that leave the start, of which moves last longer by half
         """
         inner, (own, joins) = space.states_alone, space.order
         size = inner.arcs.heads.size

@@ -286,7 +286,10 @@ class Safety:
     def _outline_gaps(
         self, pieces: MotionPieces, rows: IntArray, corners: tuple[Place, ...], person: Person, walk: PersonMotion
     ) -> FloatArray:
-        """Return the gaps (N,), m, in the pieces ``rows`` without turns, from a person anywhere in a hull of points."""
+        """Return the gaps (N,), m, between the robot and a person anywhere in the convex hull of ``corners``.
+
+        rows  (N,)  indices of the pieces, in which the robot does not turn; the corners are seen from the robot
+        """
         return to_parts(self.parts, pieces.yaw[rows], corners) - person.radius - walk.stray[rows]
 
     def _leaves(self, pieces: MotionPieces, tick: IntArray, person: Person) -> BoolArray:

@@ -201,7 +201,7 @@ class TimedCosts:
         return costs
 
     def _final(self, legs: Sequence[LegMotions], size: int) -> IntArray:
-        """Return the costs (r, k) of ``size`` arcs, in quanta, after all predictions of people have ended.
+        """Return the costs (size, k) of arcs, in quanta, after all predictions of people have ended.
 
         legs  motions of the arcs
         """

@@ -269,9 +269,9 @@ class _Layering:
         return arcs.take(np.argsort(arcs.tails, kind="stable"))
 
     def _from_start(self, arcs: _Arcs) -> Iterator[_Arcs]:
-        """Yield the arcs that leave the start after stops were visited there in no time.
+        """Yield the arcs that leave the start after stops were visited there in no time, as copies from its node.
 
-        If the start is a goal, a tour may consist of such visits alone. It takes a tick in the search.
+        If the start is a goal, a tour may consist of such visits alone: then an arc that lasts a tick is added for it.
         """
         start = self.timed.start
         for layer, weights in self._at_once(0).items():

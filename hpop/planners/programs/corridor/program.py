@@ -237,7 +237,7 @@ class CorridorProgram:
         return None
 
     def _inside(self, vertices: FloatArray) -> FloatArray:
-        """Move vertices exactly into the overlaps and onto the rays; solvers keep these constraints only roughly."""
+        """Return vertices moved exactly into the overlaps and onto the rays, which solvers keep only roughly."""
         moved = vertices.copy()
         for i, overlap in enumerate(self.corridor.overlaps, start=1):
             ray = self.rays.get(i)

@@ -172,11 +172,12 @@ class Descent:
     def _polled(
         self, local: LocalModel, polyline: Polyline, costs: FloatArray, bounds: FloatArray
     ) -> tuple[tuple[Polyline, FloatArray], float] | None:
-        """Search for a displacement of one corner that lowers the merit within the bounds (k,): a pattern search.
+        """Search for a displacement of one corner that lowers the merit and keeps costs (k,) within bounds (k,).
 
-        Returns the best improved polyline with its costs, and the size of the displacement, m; None if there is none.
-        Sizes are tried in turn, the largest first. Displacements are projected so that segments with a fixed heading
-        keep it, as the robot would else have to turn once more.
+        This is a pattern search: sizes, m, are tried in turn, the largest first, up to the first at which a polyline
+        is better. Returns that polyline (of several, the best) with its costs, and the size; None if there is none.
+        Displacements are projected so that segments with a fixed heading keep it, as the robot would else have to turn
+        once more.
         """
         vertices = polyline.vertices
         ahead = np.diff(vertices, axis=0)

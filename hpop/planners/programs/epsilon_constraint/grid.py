@@ -277,8 +277,8 @@ class Grid:
 
         The choice avoids solving cells in vain: a candidate of one cell should rarely keep the bounds of another one in
         the wave. Programs do not change counts of turns, so this is rare for cells with different bounds on counts. A
-        wave has the loosest cell for each set of counts. If these are fewer than WAVE, it has more of each set, evenly
-        spaced in their order.
+        wave has the loosest cell for each combination of bounds on counts. If there are fewer combinations than WAVE,
+        it has more cells of each, evenly spaced in the order of ``cells``.
         """
         groups: dict[tuple[float, ...], list[Cell]] = {}
         for cell in cells:

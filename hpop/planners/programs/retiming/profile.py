@@ -289,9 +289,10 @@ class Profiles:
         return self.within_limits(b)
 
     def _improved(self, program: Any, b: FloatArray | None, cost: Callable[[FloatArray], float]) -> FloatArray | None:
-        """Return the solution of a program; with a limit of jerk, the best of a series that begins with profile b.
+        """Return the solution of a program; with a limit of jerk, the last one of a series that begins with profile b.
 
-        cost  function of a profile that the program minimises; the gain of each program of the series is measured by it
+        Each program of the series has the limit linearised at the solution before it. The series ends when a solution
+        exceeds the limit, which is then dropped, or lowers ``cost`` (the cost that the program minimises) very little.
         """
         if self.jerk is None:
             return self._solved(program)

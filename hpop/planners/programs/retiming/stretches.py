@@ -142,7 +142,7 @@ class JointCoordinates:
 
 
 def coordinates_of(model: Model) -> Coordinates:
-    """Return the coordinates of a model; raise UnsupportedModel if it has no law for any speed profile."""
+    """Return the coordinates of a model; raise UnsupportedModel if no law of it leaves the speed free."""
     if SPLINE in model.laws and "spline" in model.provides:
         return JointCoordinates(model)
     if DRIVE in model.laws and {"wheels", "rigid"} <= model.provides:
@@ -158,7 +158,7 @@ def coordinates_of(model: Model) -> Coordinates:
 class PathStretch:
     """Part of a path between two standstills, on a grid of n + 1 positions.
 
-    steps          (n,)      s    differences of the path coordinate, all positive
+    steps          (n,)           differences of the path coordinate s, all positive
     states         (n+1,)         states of the model
     slopes         (n+1, c)       dq/ds
     bends          (2, n, c)      d²q/ds² at the start and at the end of each interval, linear between them

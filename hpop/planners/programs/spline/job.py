@@ -154,9 +154,10 @@ class SplineJob:
         return "" if run.splines else reason
 
     def _record(self, run: _PathRun, pieces: PieceCosts, bounds: FloatArray) -> tuple[Knots, str]:
-        """Record the last step of a search that costs no more than the path.
+        """Record the last step of a search or, if it is no candidate, the last one before it within ``bounds``.
 
-        Returns the last step, and the reason why it is not recorded, or "". ``bounds`` (k,) are the costs of the path.
+        Returns the last step, and the reason why neither is recorded, or "" if one is. ``bounds`` (k,) are the costs of
+        the path.
         """
         last = run.steps[-1]
         if len(run.steps) == 1:  # the start is the path, or was recorded already
