@@ -367,7 +367,7 @@ def numbers(values: FloatArray, quantum: float) -> list[str]:
 
 
 def number(value: float, quantum: float, more: int = 0) -> str:
-    """Format a cost: 0 below half a quantum, counts as whole numbers, others with three decimals plus ``more``.
+    """Format a cost: 0 below half a quantum, whole if its quantum is 1 or more, else three decimals plus ``more``.
 
     Values below 0.1 get four significant digits plus ``more`` instead.
 

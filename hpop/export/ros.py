@@ -97,7 +97,7 @@ class _Edge(NamedTuple):
     quaternions: FloatArray
 
     def first(self) -> tuple[list[float], list[float]]:
-        """Return the first pose; for a fixed frame this is the pose at all times."""
+        """Return position and quaternion of the first pose; for a fixed frame this is the pose at all times."""
         return self.positions[0].tolist(), self.quaternions[0].tolist()
 
 

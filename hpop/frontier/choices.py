@@ -121,7 +121,7 @@ class Choices(Generic[T]):
         return self._point(choosing.nearest(table[:, columns], values / steps[columns], counts[:, unnamed]))
 
     def reference_point(self, aspirations: Mapping[str, float]) -> Point[T]:
-        """Return the point that meets aspiration levels (desired costs) best, or exceeds them most if it can.
+        """Return the point that comes closest to aspiration levels (desired costs), or is furthest below them.
 
         It minimises the augmented Chebyshev achievement function (:func:`hpop.frontier.choosing.achievement`).
         Example: ``front.reference_point({"turns": 3, "length": 20.0})``.

@@ -95,7 +95,7 @@ def log_answer_probability(gain: FloatArray, tied: BoolArray, offered: BoolArray
 def answer_probabilities(gain: FloatArray, ties: FloatArray | None) -> tuple[FloatArray, ...]:
     """Return the probabilities of the possible answers: the first point, the second, and "no difference" if possible.
 
-    gain  extra cost of the second point over the first
+    gain  extra cost of the second point over the first, summed with the person's weights (sharpness times shares)
     ties  Davidson's nu; None if "no difference" is not possible
     """
     size = np.exp(-np.abs(gain))

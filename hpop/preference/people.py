@@ -57,8 +57,8 @@ class People:
     """Preferences of several people about one question, with their profiles.
 
     preferences  one for each person; all answered one question about the same costs
-    profiles     one dictionary for each person, with numbers by name, such as {"mssq": 12.5, "age_band": 3}; names
-                 without a value are left out of it. () if profiles are not used
+    profiles     one dictionary for each person, with numbers by name, such as {"mssq": 12.5, "age_band": 3}; a missing
+                 number is left out of the dictionary. () if profiles are not used
     """
 
     preferences: Sequence[Preference]

@@ -193,7 +193,7 @@ class Preference:
 
     @property
     def can_be_seen(self) -> bool:
-        """True if the answers show a preference: it is more probable than random answers."""
+        """True if there are answers, and the probability that the person answers at random is below one half."""
         return bool(self.answers) and self.random < 0.5
 
     def best(self, front: Front[Any] | None = None) -> Best:
@@ -220,7 +220,8 @@ class Preference:
     def expected(self, front: Front[Any], costs: FloatArray) -> FloatArray:
         """Return the expected total cost (m,) for this person of costs (m, k), relative to a point with costs of 0.
 
-        The k costs are in the order of ``front.names``. Totals are shares of the range of the preference's own front.
+        The k costs are in the order of ``front.names``. The total is the sum of the scaled costs (0 and 1 at the ideal
+        and the nadir of the preference's own front), each times the person's mean share.
         Raises StudyError if the front lacks a cost of the preference.
         """
         of = np.asarray(costs)[:, self.scale.column_indices(front)]

@@ -136,7 +136,7 @@ class Prior:
         return *rescale_shares(shares, sharpness, self._range_factors(f)), ties
 
     def _cared_for(self, f: int, count: int, rng: np.random.Generator) -> BoolArray:
-        """Return a mask (N, f): True where one of ``count`` drawn people cares for a cost."""
+        """Draw ``count`` people, and return a mask (count, f): True where a person cares for a cost."""
         cared_for = np.ones((count, f), dtype=bool)
         if f > 1:
             selective = rng.random(count) < self.selective
@@ -156,10 +156,10 @@ class Prior:
     def log_densities(
         self, shares: FloatArray, sharpness: FloatArray, ties: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return two log densities of draws (N,) each: that of the shares, and that of sharpness and ties.
+        """Return the log densities of N draws: (N,) of the shares, and (N,) of sharpness and ties without a constant.
 
-        Over log ratios, the Dirichlet exponent of each share is one larger: that is the Jacobian. Rescaling to other
-        ranges has Jacobian 1. StudyError if sharpness or ties are not positive.
+        Densities are over logarithms: of ratios of shares, of sharpness and of ties. So the Dirichlet exponent of each
+        share is one larger than over shares (by the Jacobian). StudyError if sharpness or ties are not positive.
         """
         for name, values in (("sharpness", sharpness), ("ties", ties)):
             if not (np.asarray(values) > 0).all():

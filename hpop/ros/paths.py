@@ -129,7 +129,8 @@ def trajectory_of(path: Mapping[str, Any], model: Model) -> Trajectory:
 class _MotionSequence:
     """Sequence of motions under construction; a motion that continues the last one extends it.
 
-    Each state, between motions, is x, y, m; continuous yaw, rad; and the total time of holds so far, s.
+    It keeps the state before, between and after the motions: x and y, m; yaw, rad, without jumps at a full turn; and
+    the total time of holds until then, s.
 
     kinds  (n,) kind of each motion: "turn", "move" or "hold"
     """

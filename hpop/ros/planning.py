@@ -51,7 +51,7 @@ class GoalPlanner:
         self.names: tuple[str, ...] = ()
 
     def rehearsed(self, progress: ProgressCallback | None = None) -> Front:
-        """Solve the problem with its own start and goal, to compile kernels and find errors before a goal arrives.
+        """Return the front for the problem's own start and goal; this compiles kernels and finds errors before a goal.
 
         Raises UnknownName if the default choice is neither "knee", a criterion nor a row number. A row number is
         checked later, against the front of each goal.

@@ -27,7 +27,7 @@ SHARED = "HPOP_MATPLOTLIB_FOLDER"  # environment variable with the folder made h
 
 
 def provide() -> None:
-    """Make a folder for Matplotlib, before it is imported, if it could write no other; remove the folder at the end."""
+    """Make a folder for Matplotlib, before its import, if the user's own is not writable; remove it at the end."""
     folder = os.environ.get("MPLCONFIGDIR", "")
     if not folder and "matplotlib" not in sys.modules and not _user_has_folder():
         with suppress(OSError):  # no writable folder anywhere: Matplotlib reports what it needs
@@ -64,7 +64,7 @@ def _share(folder: str) -> None:
 
 
 def _remove(folder: str, process: int, lock: int | None = None) -> None:
-    """Remove a folder when ``process`` ends, but not when a fork of it ends.
+    """Remove a folder if this process has the id ``process``; a fork, which runs this at its end too, removes nothing.
 
     With ``lock``, an open file, the folder stays if another process holds the lock.
     """

@@ -92,7 +92,7 @@ class Watch:
 
     @property
     def left(self) -> float | None:
-        """Time that remains for jobs, s; negative once it is over, None without a limit."""
+        """Time until jobs must stop, s, a little before the time limit; negative after that, None without a limit."""
         return None if self.time_limit is None else (1.0 - RESERVED) * self.time_limit - self.seconds
 
     def is_late(self) -> bool:

@@ -274,7 +274,10 @@ class Faults:
         return None
 
     def angle(self, given: Any, place: Place, what: str, otherwise: str = "") -> Any:
-        """Return an angle in rad, given as a number or as text in degrees; for other text add a fault, return 0."""
+        """Return an angle in rad, given as a number or as text in degrees; for other text add a fault, return 0.
+
+        The fault names the angle as ``what``, and other accepted values by ``otherwise``.
+        """
         angle = Degrees.in_radians(given)
         if not isinstance(angle, str):
             return angle

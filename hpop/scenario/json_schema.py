@@ -262,7 +262,7 @@ def _plain(schema: Any, definitions: Schema) -> Any:
 
 
 def _described(schema: Schema, docs: dict[str, str], defaults: Schema | None = None) -> Schema:
-    """Add descriptions and defaults to the properties of a schema, and return the schema."""
+    """Add descriptions and defaults to the properties of a schema, in place; return this schema."""
     for name, one in schema.get("properties", {}).items():
         if docs.get(name):
             one["description"] = docs[name]
@@ -272,7 +272,10 @@ def _described(schema: Schema, docs: dict[str, str], defaults: Schema | None = N
 
 
 def _entry(forms: Sequence[type[BaseModel]], said: type) -> Schema:
-    """Return the schema of an entry in a list, which may have one of several forms."""
+    """Return the schema of an entry in a list, which may have one of several forms.
+
+    The docstrings of the form and of ``said`` (the class that the entry becomes) describe its keys.
+    """
     made = [_described(_form(form), parameter_docs(said) | parameter_docs(form)) for form in forms]
     for one in made:
         if future := one["properties"].get("futures"):

@@ -209,8 +209,8 @@ def analyse(
     correction  of the comparisons of one table: "holm", "bonferroni" or "none"; by default "holm", or with the method
                 "paper" "bonferroni"
 
-    Tables that need more answers are left out, with the reason in ``choices``. Raises StudyError for a form that is not
-    asked after each stimulus, and without answers.
+    Tables that need more answers are left out, with the reason in the result's ``choices`` (decisions). Raises
+    StudyError for a form that is not asked after each stimulus, and without answers.
     """
     one_of("method", method, METHODS, error=StudyError)
     chosen: Correction = correction or ("bonferroni" if method == "paper" else "holm")

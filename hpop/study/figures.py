@@ -180,7 +180,7 @@ def _choices(analysis: Analysis) -> Figure:
 
 
 def _question_text(analysis: Analysis, question: str) -> str:
-    """Return the text of a question about pairs, in the study's language."""
+    """Return the text of a question about pairs, in the study's language; its id if the design lacks the question."""
     for form in analysis.design.questionnaires:
         if form.kind == "pairs" and question in [item.id for item in form.items]:
             return form.item(question).text[analysis.design.language]

@@ -110,7 +110,7 @@ def _files(folder: Path) -> Iterator[Path]:
 
 
 def _files_of(folder: Path, participant: str) -> Iterator[Path]:
-    """Yield the files with a participant's data: those named after the participant, and those with the answers."""
+    """Yield the files of a participant: those whose names begin with the id, and answer files that contain the id."""
     called = re.compile(rf"\.?{participant}(?![0-9])")
     says = re.compile(rf'"participant"\s*:\s*"{participant}"'.encode())
     for path in _files(folder):

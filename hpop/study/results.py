@@ -83,7 +83,7 @@ def _with_unit(name: str) -> str:
 
 
 def scores_by_position(matrix: Matrix) -> FloatArray:
-    """Return the scores (n, K) with columns by place in the session, instead of by stimulus."""
+    """Return the scores (n, k) with columns by place in the session (k places), instead of by stimulus."""
     by_place: FloatArray = np.take_along_axis(matrix.values, np.argsort(matrix.places, axis=1), axis=1)
     return by_place
 

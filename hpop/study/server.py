@@ -262,7 +262,10 @@ class StudyServer(PageServer):
             raise Refusal(HTTPStatus.NOT_FOUND, "there is nothing here")
 
     def _page(self, request: Request) -> Response:
-        """Return a participant's page; for the experimenter the list of sessions, or a redirection to a page."""
+        """Return a participant's page, or, for an address without a participant, the list of sessions.
+
+        With the experimenter's token, a participant's address redirects to the participant's own address.
+        """
         participant = request.path_params["participant"]
         if not self.token or same(request.scope["token"], self.token):
             if not participant:
@@ -314,9 +317,9 @@ class StudyServer(PageServer):
         return self.refused(request.method, refusal.status, refusal.said, refusal.why)
 
     def _fail(self, request: Request, error: Exception) -> Response:
-        """Return the response for an error.
+        """Return the response for an error: status 500 for one of this machine, such as a full disk, else 422.
 
-        After an invalid request a page gives up; after an error of this machine, such as a full disk, it tries again.
+        After a status 500 a page tries again; after 422, an invalid request, it gives up.
         """
         is_ours = isinstance(error.__context__, OSError) or isinstance(error, OutputError)
         status = HTTPStatus.INTERNAL_SERVER_ERROR if is_ours else HTTPStatus.UNPROCESSABLE_ENTITY

@@ -97,10 +97,10 @@ def _answers(
 
 
 def _simulated_rating(form: Form, item: Item, felt: float) -> float:
-    """Return the rating that a simulated discomfort gives, counted from the better end of the item's scale.
+    """Return the value on an item's scale for a simulated discomfort: the larger, the further from the better end.
 
-    On scales whose high end is the better one, such as comfort, :data:`SPREAD` is added, so that no discomfort is not
-    yet a perfect rating.
+    On scales whose high end is the better one, such as comfort, :data:`SPREAD` is added to the discomfort ``felt``, so
+    that no discomfort is not yet a perfect rating.
     """
     values = form.scale_of(item).values
     felt += SPREAD if form.better == "high" else 0.0

@@ -262,7 +262,10 @@ def _edges_fault(criterion: Criterion, world: World, tours: list[Trajectory]) ->
 
 
 def _bound_fault(criterion: Any, world: World, model: Model) -> str:
-    """Return a fault if the bound exceeds the cost of a straight path, where the two may be equal, or of detours."""
+    """Return a fault if the criterion's lower bound is negative, or exceeds the cost of a trajectory.
+
+    The trajectories are a straight one, for which bound and cost may be equal, a slalom, and detours.
+    """
     straight = Trajectory.from_poses(model, [(1.0, 1.0, 0.0), (3.0, 1.0, 0.0)])
     for trajectory in (straight, _slalom(model), *(_detour(model, scale) for scale in (0.3, 1.0))):
         ends = [trajectory.states.take(slice(i, i + 1)) for i in (0, len(trajectory))]

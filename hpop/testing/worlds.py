@@ -158,7 +158,7 @@ def prediction_checks(criterion: Criterion, world: World, batches: list[Motions]
 
 
 def predicted_batches(criterion: Criterion, world: World, batches: list[Motions]) -> list[Motions]:
-    """Return the moves and holds of some batches, in a world where people walk and in one where they have two futures.
+    """Return copies of the batches of moves and holds in two worlds: people walk, or each person has two futures.
 
     Worlds that the criterion refuses are left out.
     """

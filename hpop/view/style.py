@@ -300,7 +300,10 @@ def may_rise(model: Model, state: States) -> bool:
 
 
 def _sampled_states(trajectory: Trajectory, pieces_of: Callable[[Law], int]) -> States:
-    """Return the states at the ends of a trajectory's motions, and within motions that are drawn in several pieces."""
+    """Return the states at the ends of a trajectory's motions, and at even times within those drawn in several pieces.
+
+    ``pieces_of`` gives the number of straight pieces in which a motion with a law is drawn.
+    """
     pieces = _pieces(trajectory, pieces_of)
     if not (pieces > 1).any():
         return trajectory.states

@@ -138,7 +138,7 @@ class CameraRates(NamedTuple):
 
 
 def camera_rates(trajectory: Trajectory, times: FloatArray) -> CameraRates:
-    """Compute the speed and rotation of the camera at times (N,), s."""
+    """Compute the camera's speed, yaw rate and total rate of rotation at times (N,), s."""
     rates, _ = trajectory.rates(times)
     twist = trajectory.model.twist("camera", trajectory.at(times), rates)
     columns = (norm(twist.velocity), twist.rotation[2], norm(twist.rotation))
@@ -251,7 +251,7 @@ class StateColumn(NamedTuple):
 
     @classmethod
     def of(cls, space: StateSpace, name: str) -> StateColumn:
-        """Describe a state of the robot by its name, with angles in degrees; unbounded states have no limits."""
+        """Describe a state of the robot by its name, with angles in degrees; no limits if unbounded or turning."""
         place = space.names.index(name)
         unit = space.units[place]
         scale = 180.0 / np.pi if unit == "rad" else 1.0

@@ -138,10 +138,11 @@ def draw_where(
 
 
 def shown_along(trace: Trace, column: int) -> FloatArray:
-    """Return the value that colours each piece (n,) of a trace: the rate there, or for a count its number.
+    """Return the values (n,) that colour the pieces of a trace: the criterion's rate, or the events that it counts.
 
     Pieces at one position are drawn over each other. So pieces of a motion in place show the motion's mean rate, or its
-    maximum. A count is that of the piece's whole motion; turns in place at one position are added up.
+    maximum. If the criterion counts events (turns), each piece shows the number in its whole motion; for turns in
+    place, the number in all of them at that position.
     """
     criterion, trajectory, owner = trace.criteria[column], trace.pieces.trajectory, trace.pieces.owner
     points = mapped_points(trajectory.model, trace.states)

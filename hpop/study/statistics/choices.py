@@ -213,7 +213,8 @@ def _likelihood(chosen: FloatArray, features: FloatArray, estimate: FloatArray) 
 def _spread(gradients: FloatArray, people: Sequence[Any]) -> FloatArray:
     """Return the sum (p, p), over people, of the outer products of each person's summed gradients.
 
-    It makes the standard errors account for similar choices of one person.
+    It makes the standard errors account for similar choices of one person, and has the small-sample factor
+    n / (n - 1) for n people.
     """
     _, member = np.unique(np.array(people), return_inverse=True)
     count = int(member.max()) + 1

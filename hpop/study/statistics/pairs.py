@@ -107,7 +107,10 @@ def wilcoxon(first: Any, second: Any, *, zeros: Zeros = "pratt", exact: bool = T
 
 
 def signed_ranks(differences: FloatArray, zeros: Zeros = "pratt") -> FloatArray:
-    """Rank differences by size, and give each rank the sign of its difference; differences of zero are left out."""
+    """Return the ranks of the absolute differences, each with the sign of its difference, without those of zeros.
+
+    With "pratt", zeros are ranked first and their ranks then left out; else zeros are left out before ranking.
+    """
     kept = differences if zeros == "pratt" else differences[differences != 0]
     ranks = np.asarray(stats.rankdata(np.abs(kept))) * np.sign(kept)
     signed: FloatArray = ranks[ranks != 0]

@@ -139,7 +139,10 @@ def power(
 
 
 def _from_effect(effect: Any, k: int, correlation: float, like: Any) -> tuple[Draw, int]:
-    """Return a function that draws simulated answers with an effect, and the number of stimuli."""
+    """Return a function that draws normal scores, shifted by the effect of each stimulus, and the number of stimuli.
+
+    With ``like``, a pilot's scores, each draw is rounded to one of these scores.
+    """
     if effect is None:
         raise StudyError("give the least effect that would matter, in standard deviations, or a pilot's scores")
     if isinstance(effect, Sequence | np.ndarray) and not isinstance(effect, str):
@@ -205,7 +208,7 @@ def _from_pilot(pilot: Any, n: int | None) -> tuple[Draw, int]:
 def _found(
     draw: Draw, people: int, k: int, test: Test, alpha: float, simulations: int, rng: np.random.Generator
 ) -> int:
-    """Simulate studies, and count those in which the test finds a difference."""
+    """Simulate studies of ``people`` people with k scores each, and count those with a p value below ``alpha``."""
     most, found = max(1, AT_ONCE // (people * k)), 0
     for begin in range(0, simulations, most):
         values = draw(rng, min(most, simulations - begin), people)

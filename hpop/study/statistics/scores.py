@@ -204,9 +204,9 @@ def kruskal(groups: Sequence[Any]) -> Independent:
 def dunn(groups: Sequence[Any]) -> list[Comparison]:
     """Compare every two groups by their mean ranks among all scores (Dunn's test), with ties.
 
-    Dunn 1964, Technometrics 6, 241-252. Implemented here because libraries return p without z. For groups of equal size
-    H is 2 / k times the sum of all z squared, and the z add up: z(1, 3) = z(1, 2) + z(2, 3). Raises StudyError as
-    ``kruskal``.
+    z is positive if the second group has the larger mean rank. Dunn 1964, Technometrics 6, 241-252. Implemented here
+    because libraries return p without z. For k groups of equal size Kruskal and Wallis' H is 2 / k times the sum of all
+    z squared, and the z add up: z(1, 3) = z(1, 2) + z(2, 3). Raises StudyError as ``kruskal``.
     """
     kept = _scores_by_group(groups)
     values = np.concatenate(kept)

@@ -96,7 +96,7 @@ def tilted_solids(scene: ViewScene) -> list[dict[str, Any]]:
 
 
 def links_of(model: Model, states: States) -> list[dict[str, Any]]:
-    """Return as JSON the shapes of a robot's links, each in the link's own frame."""
+    """Return as JSON the shapes of a robot's links in the first state, each in the link's own frame."""
     placed = model.bodies(states.take(slice(0, 1)))
     return [body_of(shape).description(0, LINKS[i % len(LINKS)]) for i, (shape, _) in enumerate(placed)]
 

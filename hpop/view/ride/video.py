@@ -291,7 +291,10 @@ def _tell(tell: ProgressCallback | None, done: int, count: int) -> None:
 
 @contextmanager
 def _folder(folder: Path, clip: Clip, per_pixel: float) -> Iterator[None]:
-    """Create a folder, after checking that its disk has room for the frames; remove created folders after an error."""
+    """Create a folder, after checking that its disk has room for the frames; remove created folders after an error.
+
+    ``per_pixel`` is the largest expected size of a pixel in the file, bytes.
+    """
     made = [one for one in (folder, *folder.absolute().parents) if not one.exists()]
     needed = clip.count * clip.width * clip.width // 2 * per_pixel
     free = shutil.disk_usage(next(one for one in (folder, *folder.absolute().parents) if one.exists())).free
