@@ -266,7 +266,7 @@ def quanta_statement(criteria: Sequence[Criterion], quanta: Mapping[str, float])
 
 
 def _with_quantum(criterion: C, quanta: Mapping[str, float]) -> C:
-    """Return a copy of one criterion with the user's quanta for it and for its stand-in."""
+    """Return a copy of one criterion with the user's quanta for it and, if it is a time-mean, for the sum minimised."""
     stand_in = criterion.integral
     if stand_in is not None and stand_in.name in quanta:
         criterion = _set(criterion, "stand_in_quantum", quanta[stand_in.name])

@@ -192,7 +192,7 @@ def visits_of(tour: Tour, trajectory: Trajectory, inside: BoolArray, weights: We
 
 
 def _undominated(tour: Tour, best: Mapping[int, _Progress]) -> dict[int, _Progress]:
-    """Return the progress in those layers that no other layer replaces, which has more stops and misses no more.
+    """Return ``best`` without each layer for which another one has more decided stops and no more ``missed``.
 
     All visits that are possible in a layer are possible, or not needed any more, in a layer with more decided stops.
     """

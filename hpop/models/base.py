@@ -279,7 +279,7 @@ class PlanarModel(Model):
         yield from speed_faults(self.speed_classes, trajectory)
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Return a mask (M,) of the motions that have one of several speeds, or a joint beyond an end stop."""
+        """Return a mask (M,) of the motions with a joint beyond an end stop, or with a speed that must be checked."""
         beyond = beyond_stops(self.space, self.joints, start) | beyond_stops(self.space, self.joints, end)
         return beyond | doubtful_speeds(law, start, end)
 

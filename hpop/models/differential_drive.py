@@ -51,9 +51,9 @@ def doubtful(law: Law, start: States, end: States) -> BoolArray:
 
 
 def faults(model: DifferentialDrive, trajectory: Trajectory) -> Iterator[str]:
-    """Yield a text for each kind of fault that wheels cannot execute, with the first motion that has it.
+    """Yield a text for each kind of fault, naming the first motion that wheels cannot execute because of it.
 
-    These are motions sideways or backwards, and curves on which a wheel exceeds its speed or acceleration.
+    Faults are motions sideways or backwards, and curves on which a wheel exceeds its speed or acceleration.
     """
     states, wrong = trajectory.states, np.zeros(len(trajectory), dtype=bool)
     kinds = np.array(trajectory.kinds, dtype=object)

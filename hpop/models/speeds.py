@@ -71,7 +71,10 @@ class SpeedChange(InPlaceGeometry):
     extra: ClassVar[tuple[str, ...]] = (SPEED,)
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
-        """Return one phase in which the speed changes evenly."""
+        """Return one phase in which the speed changes evenly.
+
+        It lasts half of the change divided by the acceleration; the module's text says why.
+        """
         duration = 0.5 * smooth_abs(end.speed - start.speed) / self.acceleration
         return (Phase(duration, 0.0 * duration, 1.0 + 0.0 * duration, "cruise"),)
 
@@ -109,7 +112,7 @@ class SpeedRamp(StraightGeometry):
         return slope, -np.where(moves, slope**2 / np.where(moves, speed, 1.0), 0.0)
 
     def strays(self, start: States, end: States) -> Column:
-        """Return 0 (M,) where the speeds cover the way, inf for a negative speed or a way at no speed."""
+        """Return 0 (M,) for possible speeds; inf if one is negative, or if both are 0 although the base moves."""
         wrong = (start.speed < 0) | (end.speed < 0)
         wrong |= (start.speed + end.speed <= 0) & (self.travel(start, end, 0.0) > SAME)
         return np.where(wrong, np.inf, 0.0)
@@ -258,7 +261,7 @@ def _profile(way: FloatArray, limits: FloatArray, acceleration: float) -> tuple[
 
 
 def doubtful_speeds(law: Law, start: States, end: States) -> BoolArray:
-    """Return which motions (M,) have speeds that need a check by :func:`speed_faults`: all that have the column."""
+    """Return a mask (M,) of motions for :func:`speed_faults`: all if the law has the column ``speed``, else none."""
     return np.full(start.size, SPEED in law.extra)
 
 

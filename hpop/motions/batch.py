@@ -195,9 +195,9 @@ class Motions:
         return [self._instants(phase, share, None) for phase, share in shares[1:]]
 
     def _probe(self, rate: Rate, u: float = 0.0) -> _Probe:
-        """Evaluate a rate for one motion, at fraction ``u`` of its first phase, to see which quantities it reads.
+        """Evaluate a rate at fraction ``u`` of the first phase, and return the names of the quantities that it reads.
 
-        On CasADi symbols it is evaluated for all motions, and the value is returned too.
+        Of numeric motions only the first is evaluated. On CasADi symbols all are, and the value is returned too.
         """
         owner = None if self._symbolic else np.zeros(min(1, len(self)), dtype=np.int64)
         instants = self._instants(self.phases[0], u, owner)

@@ -96,7 +96,9 @@ def _is_raised(graph: Graph, j: int, index: int, groups: Groups) -> bool:
 
 
 def _by_spread(samples: IntArray, least: IntArray) -> list[int]:
-    """Return the columns of the costs, first those that stay nearest to their minimum on the best path of another cost.
+    """Return the columns of the costs by their closeness to the minimum on a path that is least in another cost.
+
+    Closest first. Each cost is judged by the ratio to its minimum, on the one of these paths where it is smallest.
 
     samples  (k, k)  row i: all costs of the path that is least in cost i
     least    (k,)    least value of each cost on any path

@@ -182,7 +182,7 @@ class LazyRun:
                 self.keeper.save_if_due()
 
     def _close_blocked_arcs(self, paths: ParetoPaths) -> None:
-        """Remove the blocked arcs from the next round if this round's search was complete; update the checkpoint."""
+        """Update the checkpoint; if this round's search was complete, remove the blocked arcs from the next round."""
         is_complete = paths.status.is_final
         if is_complete:
             self.cover, self.removed, self.before = paths, self.states.blocked, self.counts.copy()

@@ -138,8 +138,10 @@ def _moments_of_leaving(
 ) -> int:
     """Return the number of moments, from the first one on, in which contact is excused because the robot leaves.
 
-    The robot's own motion must not reduce the gap; a person may follow faster than the robot leaves. If contact only
-    becomes likely later, this must be because the position becomes less certain, while the gap does not shrink.
+    ``near`` marks the moments at which contact is too likely. The excuse ends with their first unbroken series, or
+    earlier where the robot's own motion reduces the gap; a person may follow faster than the robot leaves. If contact
+    only becomes likely after the first moment, no motion may reduce the gap: only the person's position becomes less
+    certain. The number is 0 if the person's position is certain and the robot does not touch the person at first.
     """
     first = int(np.argmax(near))
     apart = np.flatnonzero(~near[first:])

@@ -249,7 +249,7 @@ class TrajectoryPieces:
 
 @dataclass(frozen=True, eq=False)
 class PiecesHistory(History):
-    """History of a trajectory with running values at the end of each piece."""
+    """History of a trajectory whose motions are cut into n pieces, with values for each piece, not for each motion."""
 
     pieces: TrajectoryPieces
 

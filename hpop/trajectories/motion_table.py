@@ -296,7 +296,7 @@ def _distinct(columns: Sequence[Any]) -> tuple[IntArray, IntArray]:
 
 
 def _hashes(bits: Sequence[NDArray[np.uint64]], width: int) -> IntArray:
-    """Return a hash (N,) of ``width`` bits for each row, with a random key."""
+    """Return a hash (N,) of ``width`` bits for each row of the columns ``bits``, with a new random key in each call."""
     key = np.uint64(int.from_bytes(os.urandom(8)) | 1)
     mixed = np.zeros(bits[0].size, dtype=np.uint64)
     for column in bits:

@@ -96,7 +96,10 @@ class Kinematics:
         return Kinematics, (self.chain,)
 
     def _body_offset(self, body: str, mount: FrameMount, turns: list[FloatArray]) -> Offset:
-        """Return the pose of a body in the last frame, after this frame is turned so that the joint's axis is z."""
+        """Return the pose of a body on the chain's last frame, relative to that frame with its z on the joint's axis.
+
+        Raises ModelError if the body is mounted on another frame.
+        """
         if mount.frame != len(self.chain):
             raise ModelError(
                 f"{body} must be mounted on the last frame of the arm, {len(self.chain)}, got frame {mount.frame}; "

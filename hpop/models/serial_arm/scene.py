@@ -157,7 +157,7 @@ def paired(scene: ArmScene, pairs: Sequence[tuple[int, int]]) -> ArmScene:
 
 
 def within_reach(scene: ArmScene, chain: Chain, near: float) -> BoolArray:
-    """Return a matrix (B, B): whether body i can get within ``near`` m of body j, which must be fixed.
+    """Return a matrix (B, B): whether body i can get within ``near`` m of body j; only valid if body j is fixed.
 
     It is False only if the joint limits and link lengths rule that out.
     """

@@ -283,7 +283,7 @@ class Search(ABC):
         return np.array([open_labels, front, self.weight_of_sets(clock)], np.int64)
 
     def _nodes_and_estimates(self, values: IntArray, closed: int, clock: Clock) -> tuple[Nodes, NDArray[Any]]:
-        """Return the last nodes (n,) and estimates (n, k) of labels (n,); the first ``closed`` ones are closed."""
+        """Return the last nodes (n,) and estimates (n, k) of the n labels in ``values``; see :meth:`retrace`."""
         at = np.zeros(len(values), np.int32)
         while True:
             reached, f = self.retrace(values, closed, at, clock)

@@ -81,7 +81,7 @@ class MeanLimits:
 
 
 def _rates(graph: Graph, columns: tuple[int, ...], most: IntArray) -> FloatArray:
-    """Assign each arc to the first bounded sum that it raises; return the rates (k,) of :class:`MeanLimits`.
+    """Return the rates (k,) of :class:`MeanLimits`, for which each arc is assigned to the first bounded sum it raises.
 
     columns  columns of the graph's costs, in the order of the search
     most     (k,)  largest cost of a walk, in this order; ANYTHING for no limit

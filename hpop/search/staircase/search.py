@@ -192,7 +192,10 @@ class Staircase(JointSearch):
         return np.full(size, min(np.iinfo(self.dtype).max, int(UNREACHABLE)), self.dtype)
 
     def advance(self, clock: Clock, work: int) -> int:
-        """Run the kernel for ``work`` elementary steps, and return its code; add further bounds when it is time."""
+        """Run the kernel for ``work`` elementary steps, and return its code.
+
+        Once the search has expanded many labels for each node, better lower bounds are computed before.
+        """
         if not self.has_tried_bounds and self.counters[N_EXPANDED] > (SOON if self.jointly else LONG) * len(self.nodes):
             self._add_bounds(clock)
         if self.hull and self.corners_size < self.counters[N_FRONT]:

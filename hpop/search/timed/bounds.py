@@ -309,13 +309,13 @@ class TimedJointBounds:
     def best_completions(
         self, table: int, lanes: IntArray, nodes: IntArray, tick: int, costs: IntArray, clock: Clock
     ) -> list[Seed | None]:
-        """Complete w labels (partial paths) at nodes (w,) and a tick, each by a best path for a lane (w,) of a table.
+        """Complete w labels (partial paths) at nodes (w,) and a tick, each with the least weighted sum of its lane.
 
         Returns for each label the arcs and departures from its node to a target, with the costs of the whole path; None
         if no target is reached in time.
 
         table  index of the table of joint bounds; a lane is one of its weight vectors
-        lanes  (w,)  lane by which the path of each label is best
+        lanes  (w,)  lane of each label
         costs  (w, k)  costs of the labels
         """
         return self._trace_paths(self.sweeps[table], lanes, nodes, tick, costs, clock)

@@ -201,9 +201,10 @@ def _means(
     nu: FloatArray,
     sigma: FloatArray,
 ) -> FloatArray:
-    """Compute the means (N,) that `Blurred` stores, by numerical integration with ``count`` nodes.
+    """Compute the integrals F₀, or F₁ if ``harmonic`` is 1, of `Blurred` (N,), each with ``count`` quadrature nodes.
 
-    ``nu`` and ``sigma`` (N,) are the distance from the predicted position and the standard deviation, m.
+    ``function`` is f, which is 0 beyond ``end``, m. ``nu`` and ``sigma`` (N,) are the distance from the predicted
+    position and the standard deviation, m.
     """
     from scipy.special import i0e, i1e  # slow to import
 

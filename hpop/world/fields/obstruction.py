@@ -82,9 +82,10 @@ class RasterBalls:
         return np.clip(np.where(np.abs(phi) < NOISE, 0.0, phi), 0.0, 1.0)
 
     def spans(self, rows: slice, columns: slice) -> list[tuple[int, int]]:
-        """Return the ranges of rows and of columns of the image that the balls of a tile reach, or beyond the image.
+        """Return the range of rows and the range of columns of cells that the balls of a tile reach, end excluded.
 
-        The tile is given by its rows and columns in the result, which has ``pad`` more cells on every side.
+        They count from the first row and column of the image, and may extend beyond the image. The tile is given by its
+        rows and columns in the result, which has ``pad`` more cells on every side.
         """
         border = self._border
         return [

@@ -156,9 +156,10 @@ def _counted(layer: IntArray) -> tuple[list[int], list[int]]:
 def _walls(
     points: FloatArray, starts: IntArray, lines: IntArray, widths: FloatArray, usual: float, path: str | Path
 ) -> list[BaseGeometry]:
-    """Return polygons along the lines with the numbers ``lines``, as wide as the ``widths`` (m,) of all lines say, m.
+    """Return walls, as polygons along the lines with the numbers ``lines``; see `build` for points and starts.
 
-    Lines as wide as ``usual`` get square ends, so that walls meet without a notch; others get flat ends.
+    The walls are ``widths[lines]`` m wide. Lines as wide as ``usual`` get square ends, so that walls meet without a
+    notch; others get flat ends.
     """
     walls: list[BaseGeometry] = []
     for begin in range(0, len(lines), BLOCK):

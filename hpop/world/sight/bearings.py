@@ -54,7 +54,7 @@ UP_AND_DOWN = math.pi - 1e-3
 
 
 class ViewAngles(NamedTuple):
-    """Horizontal field of view of a camera: ``width`` rad about its yaw (M,), rad."""
+    """Horizontal field of view of a camera: ``width`` rad in all, half on each side of its yaw (M,), rad."""
 
     yaw: Column
     width: float

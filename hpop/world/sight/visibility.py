@@ -145,7 +145,7 @@ def sees(world: World, pose: Pose, landmark: Landmark, *, far: float) -> Column:
 
 
 def openness(world: World, pose: Pose, radius: float) -> Column:
-    """Return the visible fraction (M,), in [0, 1], of the disc of ``radius`` m round the camera: `openness_field`."""
+    """Return the visible fraction (M,), 0 to 1, of the disc of ``radius`` m round the camera; see `openness_field`."""
     return _by_height(pose, lambda z: openness_field(world, z, radius)(pose.x, pose.y))
 
 
