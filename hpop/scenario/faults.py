@@ -69,7 +69,7 @@ class Faults:
 
     def add(self, place: Place, text: str, kind: type[HpopError] = ScenarioError) -> None:
         """Add a fault at a position (keys) in the file; ``kind`` is the class of its error."""
-        where = f"{self._document.where(place)}{stop_words(self._document.values, place)}"
+        where = self._document.where(place) + stop_words(self._document.values, place, text)
         self._found.append((self._document.line(place), kind(f"{where}: {text}")))
 
     def raise_all(self) -> None:

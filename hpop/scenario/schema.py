@@ -324,14 +324,18 @@ class StopEntry(_Strict):
     optional: bool = False  # whether it may be skipped, at a cost in stops_missed
 
 
-def stop_words(values: Any, place: Sequence[str | int]) -> str:
-    """Return the name of the stop of a tour to which a position in a scenario belongs, as text; "" for no stop."""
+def stop_words(values: Any, place: Sequence[str | int], text: str) -> str:
+    """Return the stop of a tour to which a position in a scenario belongs, for an error; "" for none.
+
+    text  text of the error; the result is "" if it names the stop
+    """
     match [*place]:
         case ["tour", "stops", int(i), *_]:
             entry = values["tour"]["stops"][i]
             names = [entry.get(key) for key in ("name", "landmark")] if isinstance(entry, dict) else []
             name = next((name for name in names if isinstance(name, str) and name), None)
-            return f" (stop {i + 1})" if name is None else f" (stop {shown(name)})"
+            stop = f"stop {i + 1}" if name is None else f"stop {shown(name)}"
+            return "" if stop in text else f" ({stop})"
     return ""
 
 
