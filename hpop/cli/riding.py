@@ -146,7 +146,10 @@ def ride(
 
 
 def _say(problem: Problem, front: Front, rows: Sequence[str]) -> str:
-    """Print the letter of each trajectory on the page, and notes on inexact drawings; return their number as text."""
+    """Print the letter of each trajectory on the page, and notes on inexact drawings.
+
+    Returns the number of trajectories as text, such as "2 trajectories".
+    """
     chosen = problems.named_rows.named_rows(front, rows)
     for note in hpop.view.ride.scene.ViewScene.of(problem).notes:
         echo(f"note: {note}")

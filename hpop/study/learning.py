@@ -207,6 +207,11 @@ def _errors(costs: FloatArray, values: FloatArray, persons: IntArray, of: IntArr
     """Return two root mean square errors on left-out trajectories: of the learnt weights, and of each person's mean.
 
     A person's mean is learnt from the remaining ratings; a person without remaining ratings is not predicted.
+
+    costs    (N, k)  of the rated trajectories
+    values   (N,)    ratings; more is worse
+    persons  (N,)    number of each rating's person
+    of       (N,)    number of each rating's trajectory
     """
     folds = np.random.default_rng(0).permutation(of.max() + 1) % FOLDS
     squares: list[FloatArray] = []

@@ -234,7 +234,11 @@ def _laws_fault(model: Model, world: World, rng: np.random.Generator, batches: l
 
 
 def _judge_fault(model: Model, world: World, rng: np.random.Generator) -> str:
-    """Return a fault if ``collision`` accepts what ``judge`` refuses, or refuses most of what ``judge`` accepts."""
+    """Return a fault if the model's ``collision`` and ``judge``, its exact test, contradict each other.
+
+    States and motions that ``collision`` frees must be free by ``judge``, and it must free at least half of those that
+    ``judge`` frees. In each of the two, ``why_blocked`` must give a reason for blocked states only.
+    """
     collision, judge = model.collision(world), model.judge(world)
     states = drawn_states(model, world, rng, JUDGED)
     answers = [("states", collision.states_free(states), judge.states_free(states))]
@@ -294,7 +298,7 @@ def _tour(model: Model, world: World, rng: np.random.Generator) -> Trajectory:
 
 
 def _stations_fault(model: PlanarModel) -> str:
-    """Return a fault of the stations of a lattice with four headings, or of the motions between them."""
+    """Return a fault of the stations (states at one position) for four headings, or of the motions between them."""
     yaw: FloatArray = np.linspace(0.0, 1.5 * np.pi, 4)
     space = model.space
     try:

@@ -130,7 +130,7 @@ def sure_world(world: World) -> World:
 
 
 def open_world(world: World) -> World:
-    """Return a world with uncertain predictions: each person has two futures, one of which grows less certain."""
+    """Return a world with uncertain predictions: each person has two futures, one with a growing spread."""
     people = [
         replace(
             person,

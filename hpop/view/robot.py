@@ -81,7 +81,7 @@ ASIDE = 1e-6  # rad: tolerance of "the camera looks along the base"
 
 
 def looks_aside(model: Model, trajectories: list[Trajectory]) -> bool:
-    """Return whether pictures must show where the camera looks: it sees only a part, or turns away from the base."""
+    """Return whether pictures must show where the camera looks: a limited view, or turns relative to the base."""
     if "camera" not in model.provides:
         return False
     return "base" not in model.provides or model.field_of_view is not None or turns_away(model, trajectories)

@@ -167,7 +167,11 @@ def _check_bounded(features: FloatArray, outcome: IntArray, tied: bool, side: bo
 
 
 def _features(pairs: IntArray, stimuli: int, tied: bool, side: bool) -> FloatArray:
-    """Return how much each parameter adds to the log weight of each outcome: (m, 2 or 3 outcomes, parameters)."""
+    """Return how much each parameter adds to the log weight of each outcome: (m, 2 or 3 outcomes, parameters).
+
+    Outcomes are the first of a pair (m, 2), the second and, if ``tied``, neither. Parameters are the strengths of all
+    stimuli but number 0, then the log weight of "neither" if ``tied``, and that of the first place if ``side``.
+    """
     count, last = len(pairs), stimuli - 1
     features = np.zeros((count, 2 + tied, stimuli + tied + side))
     rows = np.arange(count)
@@ -184,9 +188,12 @@ def _features(pairs: IntArray, stimuli: int, tied: bool, side: bool) -> FloatArr
 
 
 def _maximum_likelihood(features: FloatArray, outcome: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the maximum likelihood parameters, probabilities of the outcomes (m, o), and the information matrix.
+    """Return the maximum likelihood parameters (p,), probabilities of the outcomes (m, o), and information (p, p).
 
     The log-likelihood is concave, so Newton's method with step halving converges to its maximum.
+
+    features  (m, o, p)  as returned by :func:`_features`, for m choices
+    outcome   (m,)       index of the outcome of each choice
     """
     chosen = features[np.arange(len(outcome)), outcome].sum(axis=0)
     estimate = np.zeros(features.shape[2])
@@ -229,7 +236,11 @@ def _spread(gradients: FloatArray, people: Sequence[Any]) -> FloatArray:
 
 
 def _errors(sums: FloatArray, covariance: FloatArray, by_choices: FloatArray) -> FloatArray:
-    """Return the standard errors (k,) of weighted sums (k, p) of parameters; NaN if choices vary but people do not."""
+    """Return the standard errors (k,) of weighted sums (k, p) of parameters; NaN if choices vary but people do not.
+
+    covariance  (p, p)  of the parameters, from the variation between people or, without people, as ``by_choices``
+    by_choices  (p, p)  of the parameters, if all choices were independent
+    """
     variances, apart = (np.einsum("kp,pq,kq->k", sums, one, sums) for one in (covariance, by_choices))
     told = (variances > ALIKE * apart) | (apart == 0.0)
     errors: FloatArray = np.sqrt(np.where(told, variances, np.nan))

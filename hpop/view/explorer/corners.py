@@ -125,9 +125,9 @@ def _line(model: Model, law: Law, start: States, end: States, pieces: int) -> Fl
 
 
 def _off(line: FloatArray, pieces: int) -> FloatArray:
-    """Return how far, seen from above, lines (M, N + 1, 3) are from their shortening to ``pieces`` straight pieces.
+    """Return how far, seen from above, lines (M, N + 1, 3) are from the ones with only ``pieces`` straight pieces.
 
-    The distances are (M, N), m, one for each point.
+    The distances are (M, N), m: of each point but the last, to the point of the other line with its index.
     """
     plane, count = line[..., :2], line.shape[1] - 1
     step = count // pieces
