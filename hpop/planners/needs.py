@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def refuse_unsupported(planner: Planner, model: Model) -> None:
-    """Raise UnsupportedModel if the robot model lacks capabilities that a planner needs.
+    """Raise UnsupportedModel if the robot model lacks capabilities that a planner needs, or has too many speeds for it.
 
     The error names planners that can use the model.
     """

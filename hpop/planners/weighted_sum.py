@@ -115,7 +115,7 @@ class WeightedSum:
         object.__setattr__(self, "weights", checked_weights(self.divisions, self.weights))
 
     def budget(self) -> Budget:
-        """Return the limits on time and memory, which reading the map, building the graph and searching share."""
+        """Return the time limit, which reading the map, building the graph and searching share, as a budget."""
         return Budget(self.time_limit)
 
     def anchored(self) -> WeightedSum:

@@ -200,7 +200,7 @@ def _part(front: Front, rows: IntArray) -> Front:
 
 
 def _numbered(faults: Sequence[str], rows: IntArray) -> list[str]:
-    """Return faults of selected trajectories with their row numbers in the whole front (m,)."""
+    """Return faults of selected trajectories, numbered by their rows (m,) in the whole front."""
     return [NUMBER.sub(lambda found: f"trajectory {rows[int(found[1])]}", fault) for fault in faults]
 
 
@@ -217,7 +217,7 @@ def lost_trajectories(problem: Problem, front: Front, rows: IntArray | None = No
 
 
 def _lost(problem: Problem, table: MotionTable) -> list[str]:
-    """Return the faults of :func:`lost_trajectories`; a state that several trajectories share is checked once."""
+    """Return a text for each trajectory of :func:`lost_trajectories`; states that several share are checked once."""
     lost = ~on_map(problem, table.states)
     for name in problem.model.space.turning:
         lost |= ~(np.abs(getattr(table.states, name)) <= MOST_TURNED)

@@ -239,7 +239,10 @@ def _planner_of(starting: Starting, problem: Problem, left: float | None) -> Pla
 
 
 def _passed_in(starting: Starting, problem: Problem, *, holding: bool = False) -> WarmStarts:
-    """Return the trajectories that the user passed as ``warm_start``; raise OptionError if their model differs."""
+    """Return the trajectories that the user passed as ``warm_start``, without holds unless ``holding``.
+
+    Raises OptionError if their model is not that of the problem.
+    """
     spec = starting.warm_start
     trajectories = spec.items if isinstance(spec, Front) else cast(Sequence[Trajectory], spec)
     if any(trajectory.model != problem.model for trajectory in trajectories):

@@ -148,7 +148,8 @@ class TreeQuery:
         """Return how far from the goal the robot stops if it brakes now; at most 1 if that is near enough.
 
         The unit is NEAR for the position, and NEAR_YAW for the heading if the goal has one; the larger value counts.
-        The result is inf if the robot cannot brake without a collision.
+        The result is inf if the robot cannot brake without a collision. Where braking is too short to reach the goal,
+        it is not tried, and the result is the present distance in units of NEAR.
         """
         off = math.hypot(base.x - self.goal[0], base.y - self.goal[1])
         braking = self.braking(base)

@@ -226,7 +226,9 @@ def _refuse_endless(query: Query, bounded: Sequence[int]) -> None:
 
 
 def _reason_without_path(query: Query, column: int, least: int) -> str:
-    """Return, as text, why no path satisfies both the cap and max_turns; "" if none satisfies max_turns alone.
+    """Return, as text, why no path satisfies both the cap and max_turns.
+
+    The text is "" without max_turns, or if no path satisfies max_turns alone.
 
     column  column of the limited cost
     least   smallest value of this cost of any path

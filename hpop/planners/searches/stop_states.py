@@ -33,7 +33,7 @@ class Stage(NamedTuple):
 
 
 def stages_of(tour: Tour) -> list[Stage]:
-    """Return all parts of which the tours that the order allows consist, in the order of their layers."""
+    """Return every part that a tour in an allowed order may have, in the order of the parts' layers."""
     origins: list[dict[int, None]] = [{} for _ in tour.layers]
     origins[0][ENDS] = None
     endings, stages = dict(tour.endings), list[Stage]()

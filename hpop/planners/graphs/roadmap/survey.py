@@ -71,7 +71,7 @@ class Survey:
     def target_nodes(self, free: int) -> list[int]:
         """Return the node numbers at which a path may end: the goals, and the start if it is at a goal already.
 
-        free  number of samples between start and goals
+        free  number of samples, whose node numbers lie between those of start and goals
         """
         at_goal = self.problem.target.reached(self.problem.model, self.start)[0]
         return [START, *self.goal_nodes(free)] if at_goal else self.goal_nodes(free)

@@ -51,7 +51,7 @@ class TourSteps(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TimedTour:
-    """Graph of a tour on a clock. Node v of one layer has the number l * n + v in layer l, where n is their number.
+    """Graph of a tour on a clock. Node v of the graph of one layer, of n nodes, has the number l * n + v in layer l.
 
     timed    graph of one layer on the clock
     tour     graph of the tour without a clock

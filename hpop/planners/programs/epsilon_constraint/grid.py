@@ -303,7 +303,7 @@ class Grid:
         return left
 
     def _hopeless(self, cell: Cell) -> bool:
-        """Return whether a cell of the same warm start with looser bounds was infeasible already."""
+        """Return whether a cell of the same warm start, with no tighter bounds, was infeasible; False at level 0."""
         return cell.level > 0 and any(
             cell.of == failed.of and (cell.epsilon <= failed.epsilon).all() for failed in self.infeasible
         )

@@ -214,7 +214,7 @@ class Profiles:
 
     @cached_property
     def _scale(self) -> tuple[FloatArray, FloatArray]:
-        """Scales of the programs: ds/dt of the input at each position, and the sum (N,) of both ends of intervals."""
+        """Scales of the programs: ds/dt of the input at each position, and its sum (N,) over both ends of intervals."""
         pace = np.concatenate([stretch.pace for stretch in self.stretches])
         return pace, pace[self.first] + pace[self.first + 1]
 

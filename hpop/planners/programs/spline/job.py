@@ -190,7 +190,7 @@ class SplineJob:
         return spline, f"no better than its path in {', '.join(names)}" if names else ""
 
     def _weights(self) -> list[FloatArray]:
-        """Return the weights (k,) of the smooth costs, one vector for each spline that is searched for a path."""
+        """Return vectors of weights (k,) of the smooth costs; with each vector, one spline is searched per path."""
         count = len(self.smooth)
         alone = [np.where(np.arange(count) == j, 1.0, SPREAD) for j in range(count)]
         if self.minimise is not None:
