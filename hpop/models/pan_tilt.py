@@ -304,8 +304,8 @@ class PanTilt(OnBase, PlanarModel):
     def stations(self, yaw: FloatArray) -> Stations:
         """Return all states that a lattice uses at one position, and the motions in place between them.
 
-        Each heading (H,), rad, is combined with pans at multiples of 45 or 90 degrees within the end stops, and with
-        three tilts.
+        Each heading (H,), rad, is combined with all pans within the end stops that are multiples of 90 degrees, or of
+        45 if the headings are 45 degrees apart, and with three tilts.
         """
         return stations(self.space, yaw)
 

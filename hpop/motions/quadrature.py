@@ -117,6 +117,7 @@ def pieces_of(turned: Column, *, jumps: bool = False) -> IntArray:
     """Return into how many pieces (M,) each motion is cut before any halving.
 
     turned  bound (M,), rad, on the rotation of any body in each motion
+    jumps   True if the rate to be integrated has jumps, which needs more pieces
     """
     return np.asarray(np.maximum(1.0, np.ceil(turned / (LONG_FOR_JUMPS if jumps else LONG))), dtype=np.int64)
 
@@ -202,10 +203,11 @@ def _differences(values: FloatArray, *, jumps: bool) -> FloatArray:
 
 
 def _may_stay_open(values: FloatArray, weights: FloatArray, owner: IntArray, size: int, *, jumps: bool) -> FloatArray:
-    """Return the error (M,) that each piece of a motion may have without being halved.
+    """Return the error (M,), by motion, that a piece may have without being halved.
 
-    The error of a piece is the difference of its values times its duration. The bound is a share of the whole integral;
-    for a rate that jumps, of its largest value times the duration.
+    The error of a piece is estimated as its :func:`_differences` times its duration. The bound is a share of the
+    integral of the absolute rate over the motion; for a rate that jumps, a share of its largest absolute value times
+    the motion's duration.
     """
     if not jumps:
         return np.asarray(AGREE * np.bincount(owner, np.abs(values * weights).sum(axis=1), minlength=size))

@@ -95,7 +95,7 @@ class ExtendedGraph(Graph):
 
     @property
     def rows_of_turns(self) -> tuple[IntArray, NDArray[np.int32], IntArray, IntArray]:
-        """Offsets, heads, costs of arcs that include all turns within groups, and offsets of this graph's own arcs.
+        """Offsets, heads, costs of arcs with all turns within groups among them; offsets of this graph's own arcs.
 
         The first three are the arrays of the base, as added arcs are no turns within groups; so nothing is copied.
         """

@@ -293,7 +293,7 @@ class Graph:
 
     @property
     def rows_of_turns(self) -> tuple[IntArray, NDArray[np.int32], IntArray, IntArray]:
-        """Offsets, heads, costs of arcs that include all turns within groups, and offsets of this graph's own arcs."""
+        """Offsets, heads, costs of arcs with all turns within groups among them; offsets of this graph's own arcs."""
         return self.indptr, self.heads, self.costs, self.indptr
 
     @cached_property

@@ -81,7 +81,7 @@ def _relative_to(pair: tuple[Person, Person], x: Column, y: Column, t: Column | 
 
 
 def _pieces(m: Motions, people: list[Person]) -> int:
-    """Return into how many straight pieces each phase of the motions is cut, and the paths of people with them."""
+    """Return the number of pieces per phase of the motions, in which robot and people count as moving straight."""
     chords = CHORDS if isinstance(m.law, Curve) else 1
     if not any(person.track for person in people) and len({person.velocity for person in people}) < 2:
         return chords  # all stand, or walk side by side: straight motions are straight relative to them

@@ -104,7 +104,7 @@ class Leaving:
 class LeavingCollision(PlanarCollision):
     """Collision test of a robot that starts in contact with standing people, and may leave the contact.
 
-    States in contact with these people count as free; their motions do only if they leave the contact.
+    States in contact with these people count as free; motions that begin in contact do only if they leave it.
 
     left  one test for each of these people; they are not obstacles in ``world``
     """

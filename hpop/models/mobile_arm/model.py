@@ -257,9 +257,10 @@ class MobileArm(OnBase, Model):
         return leg._replace(end=States(**a.__dict__ | leg.end.__dict__))
 
     def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
-        """Return the plan, since its motions already go from rest to rest; runs in one straight line are joined.
+        """Return the execution of a plan: the plan itself, with consecutive runs in one straight line joined.
 
-        Also return the times (n+1,), s, at which the robot passes the planned states.
+        The planned motions already go from rest to rest. Also return the times (n+1,), s, at which the robot passes the
+        planned states.
         """
         return rest_to_rest_execution(trajectory, {kind: kind for kind in self.base.executed.values()})
 

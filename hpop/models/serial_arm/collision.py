@@ -202,7 +202,7 @@ class ArmCollision:
     def _blocking_pairs(
         self, start: FloatArray, end: FloatArray, deviation: FloatArray, near: float, kept: float
     ) -> IntArray:
-        """Return the number of the pair of bodies that blocks each motion (M,), or -1 if the motion is free.
+        """Return the index of a pair of bodies that blocks each motion (M,), or -1 if the motion is free.
 
         The arguments are those of :func:`certificate.blocked_by`.
         """

@@ -78,7 +78,7 @@ class Posture(NamedTuple):
 
 
 class Kinematics:
-    """Computes poses, velocities and accelerations of the bodies at the tip of a chain.
+    """Forward kinematics of a chain: poses, velocities and accelerations of the bodies at its tip.
 
     The frames of states are cached as long as the states live, so that several criteria share them.
     """

@@ -382,7 +382,7 @@ class DeadlineClock(Clock):
             self.started += thread_time() - before
 
     def exceeded(self, labels: int, memory: int, *, record: bool = True) -> Status | None:
-        """Return the limit that is passed, or None; TIME_LIMIT also if the result must be prepared now."""
+        """Return the limit that is passed, or None; TIME_LIMIT also if only the time to prepare the result is left."""
         labels += self.labels
         status = super().exceeded(labels, memory + self.memory, record=record)
         if status is not None:

@@ -383,7 +383,7 @@ def taken_to_stop(people: Sequence[Person], which: Sequence[int]) -> str:
 
 
 def _stopped(person: Person, place: tuple[float, float], reach: float, begin: float) -> Person:
-    """Return a person with one future, stopped before it comes too near to the standing robot, or else unchanged."""
+    """Return a person with one future, stopped before the robot if predicted to reach it; see `yielding`."""
     if person.velocity == STANDS and person.track is None:
         return person
     times = np.arange(0.0, begin + WITHIN, STEP)

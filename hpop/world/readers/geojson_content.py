@@ -161,7 +161,7 @@ def _path_and_choice(file: ContentFile) -> tuple[str | Path, FeatureFilter]:
 
 
 def _content_of(make: Maker, part: BaseGeometry, feature: Feature) -> Landmark | Zone | str | None:
-    """Return the content that ``make`` builds from a geometry; an error names the feature."""
+    """Return the content, or the text for a note, that ``make`` builds from a geometry; an error names the feature."""
     try:
         return make(part, feature)
     except MapError as error:

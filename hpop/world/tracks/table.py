@@ -231,7 +231,7 @@ def _sorted(points: _Points, names: Sequence[Hashable]) -> tuple[_Points, list[s
 
 
 def _without_wrong_points(points: _Points, names: Sequence[Hashable]) -> tuple[_Points, list[str]]:
-    """Return the points without single ones that are too far away to be reached and left again, and notes."""
+    """Return the points without outliers, which a person could not reach and leave fast enough, and notes on them."""
     fast = _few(points.speeds > FASTEST)
     wrong = np.concatenate([[False], fast[:-1] & fast[1:], [False]]) if fast.size else np.zeros(points.t.size, bool)
     if not wrong.any():
