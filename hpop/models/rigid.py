@@ -22,8 +22,8 @@ from hpop.motions.states import Vector
 class Mount:
     """Position of a body on the base, m: ahead and to the left of the axis, and above the floor.
 
-    view  rad, fixed yaw in the world of a 360-degree camera whose picture software turns back as the base turns; None
-          for a body that turns with the base
+    view  rad, fixed yaw in the world, for a 360-degree camera if software turns its picture back as the base turns;
+          None for a body that turns with the base
     on    joints that carry the body, from the base outwards; the position is given for joint values of 0
     """
 

@@ -195,7 +195,7 @@ def _passing_times(made: Trajectory, speed: FloatArray, passed_in: FloatArray) -
 
     made       the execution
     speed      m/s, at each of its states
-    passed_in  (n+1, 3)  for each planned state: executed motion, way in it, m, and speed at its start, m/s
+    passed_in  (n+1, 3)  for each planned state: executed motion, distance driven in it, m, speed at its start, m/s
     """
     motion, (way, begin) = passed_in[:, 0].astype(np.int64), passed_in[:, 1:].T
     last = np.minimum(motion, max(0, len(made) - 1))

@@ -216,7 +216,7 @@ class Model(Protocol):
         """
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Yield a text for each reason why the robot cannot execute a trajectory: "goes sideways in motion 3, a move"."""
+        """Yield each reason why the robot cannot execute a trajectory, as text: "goes sideways in motion 3, a move"."""
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
         """Return a mask (M,) of the motions that may have :meth:`faults`: a fast test for thousands of motions."""

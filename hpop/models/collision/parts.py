@@ -35,7 +35,7 @@ class Part:
 
     @cached_property
     def reach(self) -> float:
-        """Largest horizontal distance of a point of the part from the axis of the base, m; for joints an upper bound."""
+        """Largest horizontal distance of the part's points from the axis of the base, m; with joints an upper bound."""
         if self.on:
             return self.swept.reach
         return max(math.hypot(*corner) for corner in self.corners) + self.radius
