@@ -99,7 +99,7 @@ class People:
     def prior(self, profile: Profile | None = None) -> Prior:
         """Return the prior of the next person, for :meth:`Preference.fit`.
 
-        It depends on the next person's profile only if :attr:`uses_profile`; with fewer people the profile is ignored.
+        It depends on the next person's profile only if :attr:`uses_profile`; otherwise the profile is ignored.
         A number of the profile is clipped to the range of these people's numbers. Raises StudyError for a number that
         none of these people's profiles has.
         """

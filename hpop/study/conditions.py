@@ -204,7 +204,8 @@ def pick(
 def _alike(runs: Sequence[Trajectory], first: Sequence[int], share: float) -> IntArray:
     """Return the largest set of rows with similar executed durations that includes the rows ``first``.
 
-    Raises StudyError if the durations of ``first`` themselves differ by more than ``share``.
+    The longest duration in the set is at most 1 + ``share`` times the shortest. Raises StudyError if the durations of
+    ``first`` themselves differ by more.
     """
     more = 1 + real("share", share, 0, 1, "a share of the duration", error=StudyError) + ROUNDING
     lasts = np.array([run.duration for run in runs])

@@ -114,7 +114,7 @@ def look(problem: Problem, title: str) -> MapLook:
 
 
 def _ends(problem: Problem) -> dict[str, States]:
-    """Return the states of the start and of the listed goals, by name ("start", "goal 0"); free values are NaN."""
+    """Return states of start and listed goals by name: "start", "goal" (or "goal 0", ...); free values are NaN."""
     space = problem.model.space
     ends = {"start": space.state(problem.start)}
     if problem.target.listed:

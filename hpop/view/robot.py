@@ -81,16 +81,16 @@ ASIDE = 1e-6  # rad: tolerance of "the camera looks along the base"
 
 
 def looks_aside(model: Model, trajectories: list[Trajectory]) -> bool:
-    """Return whether pictures must show where the camera looks: a limited view, or turns relative to the base."""
+    """Return whether pictures must show where the camera looks: if its view is limited, or not along the heading."""
     if "camera" not in model.provides:
         return False
     return "base" not in model.provides or model.field_of_view is not None or turns_away(model, trajectories)
 
 
 def turns_away(model: Model, trajectories: Sequence[Trajectory]) -> bool:
-    """Return whether the camera looks up, down, or to the side of the base's heading anywhere on the trajectories.
+    """Return whether the camera looks up, down, or to the side of the base's heading in a state of the trajectories.
 
-    The robot must have a base.
+    The states are those between motions. The robot must have a base.
     """
     poses = ((model.pose("camera", t.states), model.pose("base", t.states)) for t in trajectories)
     return any((np.abs(wrap(camera.yaw - base.yaw)) > ASIDE).any() or camera.pitch.any() for camera, base in poses)

@@ -50,7 +50,7 @@ class BodyMesh(NamedTuple):
     """Triangles of a convex body.
 
     points     (V, 3)  m
-    triangles  (T, 3)  corners, counter-clockwise as seen from outside
+    triangles  (T, 3)  indices of the corners among the points, counter-clockwise as seen from outside
     """
 
     points: FloatArray
