@@ -266,7 +266,11 @@ def doubtful_speeds(law: Law, start: States, end: States) -> BoolArray:
 
 
 def speed_faults(speeds: Sequence[float], trajectory: Trajectory) -> Iterator[str]:
-    """Yield a text for each speed that is no class, or that changes or is not 0 where it may not."""
+    """Yield a text for each fault of speeds.
+
+    Faults are a speed at start, end or in place that is not 0; moves at no class; jumps without a change of speed;
+    changes between classes that are no neighbours; and ramps that are too fast or too steep.
+    """
     if not speeds or SPEED not in trajectory.states.names:
         return
     laws, column = laws_of(trajectory.model), trajectory.states.speed

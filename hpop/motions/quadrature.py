@@ -74,7 +74,9 @@ def evenly(begin: FloatArray, width: FloatArray, owner: IntArray) -> FloatArray:
 
 
 def timed(phases: Sequence[Phase]) -> WeightsOf:
-    """Return a function (:data:`WeightsOf`) for pieces in the share of the motion done and integrals over time, s.
+    """Return a function (:data:`WeightsOf`) whose weights integrate over time, s.
+
+    It takes begin and width of pieces as shares of the motion done, not as fractions of its time.
 
     phases  timing of the motions, which says at what time each share is done
     """
@@ -340,8 +342,8 @@ def kinks_between(motions: Motions, phase: Phase, beyond: float = 0.0) -> tuple[
 def panel_counts(motions: Motions, phase: Phase, timed: bool, detail: float | None = None) -> IntArray:
     """Return into how many panels (quadrature intervals) a phase of each motion is cut (M,).
 
-    The number is ``motions.panels`` if that is set. Otherwise it is large enough that no panel is longer, and turns a
-    body more, than :meth:`Motions.integrate` promises.
+    The number is ``motions.panels`` if that is set. Otherwise it is so large that in each panel the robot moves and
+    turns no more than :meth:`Motions.integrate` says.
 
     timed   True if the rate depends on the time: in a panel, no person then walks farther than a field cell
     detail  m, length within which a rate changes: in a panel, the robot and the fastest person together move at most
