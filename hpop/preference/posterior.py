@@ -337,7 +337,7 @@ def most_informative_pair(
 def expected_information(gains: FloatArray, ties: FloatArray | None) -> FloatArray:
     """Return how much information (pairs,), in nats, an answer about each pair is expected to give about the weights.
 
-    gains  (pairs, draws)  extra cost of the second row over the first
+    gains  (pairs, draws)  extra cost of the second row over the first, with the weights of each draw
     ties   (draws,)  tendency to answer "no difference" (Davidson's nu); None if that is not a possible answer
     """
     told = np.zeros(len(gains))

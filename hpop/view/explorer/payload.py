@@ -169,7 +169,7 @@ def _open_ended(heights: tuple[float, float]) -> list[float | None]:
 
 
 def _caption(problem: Problem, heights: Heights) -> str:
-    """Return the caption of the page's map: which body the paths belong to, and what a view from above hides."""
+    """Return the caption of the page's map: its paths are those of the camera, and it does not show varying heights."""
     if not heights.vary:
         return "Seen from above: paths of the camera"
     carried = "" if "base" in problem.model.provides else "; the arm itself is not drawn"
