@@ -338,7 +338,7 @@ class DriveGraph:
         return paths.select(paths.costs, rows[np.lexsort(paths.costs[rows].T[::-1])])
 
     def restored(self, node: int, answer: Mapping[str, Any]) -> ParetoPaths:
-        """Rebuild the result of a search from a node that its deadline ended; ``answer`` is from the event log."""
+        """Rebuild the result of a search from ``node`` that was cut short; ``answer`` is from the event log."""
         logged = [np.array(path, np.int64) for path in answer["arcs"]]
         arcs = known_paths(self.graph, node, self._is_goal, logged, self.closed).paths
         paths, gap = self._unsearched(node, arcs), answer["gap"]

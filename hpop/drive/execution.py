@@ -212,7 +212,7 @@ class Execution(StopLog):
         stop before it.
 
         answer  a logged result, as for :meth:`options_again`
-        again   repeats an event log: the search then has no deadline, which only places the commit
+        again   repeats an event log: the deadline then places the commit, but does not limit the search
         """
         commit, seconds = self.commit(now, deadline), None if again else deadline
         if answer is not None and answer.get("stopping"):

@@ -87,7 +87,10 @@ class TourDriveGraph(DriveGraph):
         return self.space.tour.layers.index(tour.layers[0]) * self.base.graph.nodes + inner
 
     def prepared(self, before: DriveGraph | None = None, kept: Prepared | None = None) -> Prepared:
-        """Return the graph prepared for searches; known from the start is a short path that misses the fewest stops."""
+        """Return the graph prepared for searches.
+
+        If missed stops are a cost, each search begins with a path that misses the fewest of them and is short.
+        """
         made = super().prepared(before, kept)
         missed = index_of_role("stops_missed", self.query.objectives.optimised)
         if missed is not None:

@@ -107,7 +107,10 @@ class FixedStops:
         return [(origin, target) for origin, target in np.unique(parts[:, 1:], axis=0).tolist()]
 
     def front_between(self, origin: int, target: int, limits: Limits, eps: float) -> ParetoPaths:
-        """Return the front of the paths from one site to another, or of an approximation within ``eps``."""
+        """Return the front of the paths from one site (index) to another, within a factor 1 + ``eps``.
+
+        ENDS stands for the start as ``origin``, and for the goals as ``target``.
+        """
         start = self.query.start if origin == ENDS else self.sites[origin][1]
         goals = self.query.goals if target == ENDS else [self.sites[target][1]]
         found = copied(self.query, start=start, goals=goals).paths(limits, eps=eps)
