@@ -160,7 +160,7 @@ class Figure:
 
 @dataclass(frozen=True, eq=False)
 class Plate:
-    """Landmark as drawn: an upright plate with its name, or a picture if it has none.
+    """Landmark as drawn: an upright plate that shows its name; if it has no name, the plate shows a picture.
 
     A plate without a facing turns towards the camera.
     """
