@@ -96,7 +96,7 @@ def test_what_cannot_be_done_is_said_in_words_and_the_drive_goes_on() -> None:
         Event(2.0, "close", shapely.box(x - 0.1, y - 0.1, x + 0.1, y + 0.1)),
         Event(2.0, "close", NORTH, name="one"),
         Event(2.0, "close", SOUTH, name="other"),
-        Event(2.5, "wish", "fewer turns"),  # of a plan that is closed
+        Event(2.5, "wish", "fewer turns"),  # of a plan with something in its way
         Event(2.5, "take", "knee"),
         Event(3.0, "open", "one"),
     ]
@@ -105,7 +105,7 @@ def test_what_cannot_be_done_is_said_in_words_and_the_drive_goes_on() -> None:
     assert row.words == f"there is no option 999: options are numbered 0 to {len(row.options) - 1}"
     assert "covers the robot" in on_robot.words
     assert on_robot.change is None
-    assert "that is closed" in fewer.words
+    assert "is in its way" in fewer.words
     assert "no option to take" in none.words
     assert [h.taken for h in (hurry, row, on_robot, fewer, none)] == [None] * 5
     assert opened.change is not None
