@@ -74,7 +74,7 @@ class ModelError(HpopError, ValueError):
 
 
 class UnsupportedModel(ModelError):
-    """Error for a model that a planner does not support; the message names planners that do."""
+    """Error for a model that a planner or another function does not support; the message says why, or what does."""
 
 
 class OptionError(HpopError, ValueError):

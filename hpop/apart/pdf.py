@@ -278,7 +278,7 @@ def _add(raw: Any, path: Any, matrix: Matrix, layer: str, clip: Visible, lines: 
 
 
 def _thickness(raw: Any, path: Any, matrix: Matrix) -> float:
-    """Return the thickness of a line, in points; 0 for a pen stroke."""
+    """Return the thickness of a line, in points; 0 if it is as thin as a pen (up to `PEN`), or unknown."""
     width = ctypes.c_float()
     if not raw.FPDFPageObj_GetStrokeWidth(path, ctypes.byref(width)):
         return 0.0

@@ -217,7 +217,7 @@ class Plan:
         return at
 
     def begins_with(self, trajectory: Trajectory) -> bool:
-        """Return whether `driven` begins with all motions of a trajectory."""
+        """Return whether the planned trajectory `driven` begins with all motions of another trajectory."""
         same = self.driven.kinds[: len(trajectory)] == trajectory.kinds
         return same and all(
             np.array_equal(column, getattr(self.driven.states, name)[: len(trajectory) + 1])

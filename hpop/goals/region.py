@@ -214,7 +214,7 @@ class Region(GoalDefaults, ABC):
 
     @abstractmethod
     def coordinates(self, pose: Pose) -> tuple[Column, ...]:
-        """Return k coordinates of poses of the body as columns (M,), each in m or rad."""
+        """Return the k coordinates of M poses of the body that ``bounds`` limits, as columns (M,), each in m or rad."""
 
     @abstractmethod
     def rates(self, pose: Pose, twist: Twist) -> tuple[Column, ...]:

@@ -174,7 +174,7 @@ class TimedArcs:
 
     @cached_property
     def moving(self) -> IntArray:
-        """Indices (r,), ascending, of the arcs that do not stay in place."""
+        """Indices (r,), ascending, of the arcs that lead to another place: neither turns in place nor waits."""
         return np.flatnonzero(~self.stays)
 
     @cached_property

@@ -84,8 +84,8 @@ def raised(
 ) -> list[FloatArray]:
     """Raise clearance bounds where a solution comes too near to an obstacle, and return them.
 
-    Exact distances are computed at points along the solution. At the two samples next to a point that is too near, the
-    bound rises by the missing distance and ``spare`` metres.
+    Exact distances are computed at points along the solution. A point is too near if less than ``spare`` metres remain.
+    At the two samples next to it, the new bound is at least the clearance there, plus what is missing, plus ``spare``.
     """
     sampled, world = _times(program, trajectory), program.problem.world
     count = int(np.ceil(trajectory.duration * on_wheels(program.problem.model).speed / DENSE)) + 2
