@@ -14,6 +14,7 @@ from click.testing import CliRunner, Result
 import hpop.view
 from hpop.cli import main
 from hpop.cli.beside import PicturesBeside
+from hpop.scenario import load_scenario
 from hpop.view import save
 
 ROOM = """\
@@ -68,6 +69,20 @@ def room(tmp_path: Path, write_map: Callable[..., None], write: Callable[..., No
     write_map(tmp_path)
     write(tmp_path)
     return tmp_path
+
+
+@pytest.fixture(scope="module")
+def folder(
+    tmp_path_factory: pytest.TempPathFactory, write_map: Callable[..., None], write: Callable[..., None]
+) -> Path:
+    """Return a folder with the front of a room."""
+    place = tmp_path_factory.mktemp("room")
+    write_map(place)
+    write(place)
+    scenario = load_scenario(place / "room.yaml")
+    (place / "out").mkdir()
+    scenario.problem.solve(scenario.planners).save(place / "out/front.json")
+    return place / "out"
 
 
 @pytest.fixture(autouse=True)

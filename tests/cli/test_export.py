@@ -16,18 +16,6 @@ from hpop.scenario import load_scenario
 Run = Callable[..., Result]
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory, write_map, write) -> Path:
-    """Return a folder with the front of a room."""
-    place = tmp_path_factory.mktemp("room")
-    write_map(place)
-    write(place)
-    scenario = load_scenario(place / "room.yaml")
-    (place / "out").mkdir()
-    scenario.problem.solve(scenario.planners).save(place / "out/front.json")
-    return place / "out"
-
-
 def test_it_writes_what_python_writes(run: Run, folder: Path, tmp_path: Path) -> None:
     options = ["--rows", "knee,0", "--rows", "length", "--format", "tum,glb", "--format", "csv", "--rate", "5"]
     result = run("export", folder, *options, "--planned", "--body", "base", "--out", tmp_path / "cli")

@@ -11,21 +11,8 @@ from click.testing import Result
 
 import hpop
 from hpop.problems.front import Front
-from hpop.scenario import load_scenario
 
 Run = Callable[..., Result]
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory, write_map, write) -> Path:
-    """Return a folder with the front of a room."""
-    place = tmp_path_factory.mktemp("room")
-    write_map(place)
-    write(place)
-    scenario = load_scenario(place / "room.yaml")
-    (place / "out").mkdir()
-    scenario.problem.solve(scenario.planners).save(place / "out/front.json")
-    return place / "out"
 
 
 def test_it_writes_the_front_that_python_returns(run: Run, folder: Path, no_pictures) -> None:
