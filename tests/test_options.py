@@ -1,5 +1,7 @@
 """Numbers that users give are checked against bounds, whatever they are."""
 
+import contextlib
+import dataclasses
 import math
 from fractions import Fraction
 
@@ -8,7 +10,8 @@ import pytest
 
 import hpop
 from hpop.base.options import real, whole
-from hpop.errors import CriterionError, OptionError
+from hpop.base.registry import criteria, models, planners
+from hpop.errors import CriterionError, HpopError, OptionError
 from hpop.planners import make_planner
 
 
@@ -82,3 +85,20 @@ def test_a_number_beyond_the_greatest_is_told_the_greatest() -> None:
         make_planner({"rrt": {"seed": 2**64}}, {})
     with pytest.raises(OptionError, match="seed must be a whole number of at least 0, got -1"):
         make_planner({"rrt": {"seed": -1}}, {})
+
+
+ODD_ARRAYS = [np.array(0.5), np.array([]), np.ones((2, 2)), np.array([None]), [np.array(0.5)]]
+
+
+@pytest.mark.parametrize("registry", [criteria, planners, models], ids=["criteria", "planners", "models"])
+def test_odd_arrays_as_parameters_of_plugins_are_accepted_or_refused_by_an_error_of_hpop(registry):
+    tried = 0
+    for name in registry:
+        fields = [field for field in dataclasses.fields(registry[name]) if field.init]
+        needed = {f.name: 0.5 for f in fields if f.default is f.default_factory is dataclasses.MISSING}
+        for field in fields:
+            for value in ODD_ARRAYS:
+                with contextlib.suppress(HpopError):  # any other error fails the test
+                    repr(registry[name](**{**needed, field.name: value}))
+                tried += 1
+    assert tried > 100

@@ -133,9 +133,10 @@ def speed_laws(speeds: Sequence[float], acceleration: float) -> dict[str, Law]:
 
 def checked_speeds(speeds: Any, least: float) -> tuple[float, ...]:
     """Return the speed classes, m/s, rising, from a number or a list of numbers; raise ModelError for others."""
-    given = [speeds] if isinstance(speeds, int | float | np.number) else speeds
+    given: Any = [speeds] if isinstance(speeds, int | float | np.number) else speeds
     wrong = f"speeds must be one speed, or a list of up to {MOST_CLASSES} rising speeds in m/s, got {shown(speeds)}"
-    if not isinstance(given, list | tuple | np.ndarray) or not 1 <= len(given) <= MOST_CLASSES:
+    given = given.tolist() if isinstance(given, np.ndarray) else given
+    if not isinstance(given, list | tuple) or not 1 <= len(given) <= MOST_CLASSES:
         raise ModelError(wrong)
     values = tuple(float(real("speeds", v, least, MOST, "speeds in m/s, each", error=ModelError)) for v in given)
     if any(b <= a for a, b in pairwise(values)):

@@ -213,7 +213,7 @@ def _value(value: Any, declared: Any, where: str, store: Any) -> Any:
         return typed(value, of, store)
     if kind_of_type.name in ("ARRAY", "SEQUENCE"):
         inner = of[0]
-        if not isinstance(value, list | tuple | np.ndarray):
+        if not (isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim)):
             raise RosError(f"{where} must be a list, got {shown(value)}")
         made = [_value(item, inner, where, store) for item in value]
         is_number = inner[0].name == "BASE" and inner[1][0] not in KINDS

@@ -226,6 +226,7 @@ def test_a_path_is_that_of_a_base_and_of_a_robot_that_turns_and_moves():
         ({"sec": 1.5, "nanosec": 0}, "builtin_interfaces/msg/Time", "Time.sec must be of type int32, got 1.5"),
         ({"data": 3}, "std_msgs/msg/String", "String.data must be of type string, got 3"),
         ({"header": pose_message(0, 0, 0)["header"], "poses": 3}, PATH, "Path.poses must be a list, got 3"),
+        ({"header": pose_message(0, 0, 0)["header"], "poses": np.array(3)}, PATH, "Path.poses must be a list, got arr"),
         ({}, "nav2_msgs/msg/Nothing", "the type store has no type 'nav2_msgs/msg/Nothing'"),
     ],
 )

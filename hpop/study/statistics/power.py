@@ -145,7 +145,8 @@ def _from_effect(effect: Any, k: int, correlation: float, like: Any) -> tuple[Dr
     """
     if effect is None:
         raise StudyError("give the least effect that would matter, in standard deviations, or a pilot's scores")
-    if isinstance(effect, Sequence | np.ndarray) and not isinstance(effect, str):
+    effect = effect.tolist() if isinstance(effect, np.ndarray) else effect
+    if isinstance(effect, Sequence) and not isinstance(effect, str):
         shifts = np.array([real("effect", one, -100, 100, "a shift", error=StudyError) for one in effect])
     else:
         k = whole("k", k, 2, 26, "a number of stimuli", error=StudyError)

@@ -257,6 +257,8 @@ planner: {lattice: {step: 1.0}}
         ("fast", "got 'fast'"),
         ([0.5, -1], "speeds in m/s, each"),
         (list(range(1, 12)), "up to 8"),
+        (np.array(0.5), r"got array\(0.5\)"),
+        (np.ones((2, 2)), "speeds in m/s, each"),
     ],
 )
 def test_wrong_speeds_are_refused(speeds: Any, message: str) -> None:

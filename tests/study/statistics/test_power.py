@@ -123,6 +123,7 @@ def test_people_of_a_pilot_are_drawn():
         ({"effect": 0.001, "simulations": 200_000}, "2,000 people have a power of"),  # after a few studies only
         ({"effect": "big"}, "effect must be a shift"),
         ({"effect": [0.5]}, "two stimuli or more"),
+        ({"effect": np.array([0.5])}, "two stimuli or more"),
         ({"effect": 0.5, "like": [1, 1]}, "at least two different scores of a pilot"),
         ({"effect": 0.5, "correlation": 1.0}, "correlation must be"),
     ],
