@@ -109,23 +109,26 @@ def here(tmp_path: Path, preference: Path, monkeypatch: pytest.MonkeyPatch) -> P
     return tmp_path
 
 
-@pytest.mark.parametrize("text", blocks("python"))
-def test_python_in_a_document_runs_where_a_problem_is_given(
-    text: str, tour: hpop.Problem, here: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize("page", list(dict.fromkeys(each.id.rpartition("-")[0] for each in blocks("python"))))
+def test_python_in_a_document_runs_block_by_block_where_a_problem_is_given(
+    page: str, tour: hpop.Problem, here: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level(logging.NOTSET, "hpop")  # and back again, whatever a block sets
-    given = {"world": tour.world, "model": tour.model, "start": tour.start, "goal": tour.goal, "problem": tour}
-    run_block(text, monkeypatch, given)
+    names = {"world": tour.world, "model": tour.model, "start": tour.start, "goal": tour.goal, "problem": tour}
+    for block in blocks("python"):
+        if block.id.rpartition("-")[0] == page:
+            names = run_block(block.values[0], monkeypatch, names)
 
 
-def run_block(text: str, monkeypatch: pytest.MonkeyPatch, given: dict[str, Any]) -> None:
-    """Run a block of Python as a module, in which some names are given."""
+def run_block(text: str, monkeypatch: pytest.MonkeyPatch, given: dict[str, Any]) -> dict[str, Any]:
+    """Run a block of Python as a module, in which some names are given; return the names that it has at its end."""
     spec = importlib.util.spec_from_loader("a_document", loader=None)
     assert spec is not None
     module = importlib.util.module_from_spec(spec)
     monkeypatch.setitem(sys.modules, spec.name, module)  # dataclasses look there
     vars(module).update(given, hpop=hpop)
     exec(compile(text, "document", "exec"), vars(module))
+    return {name: value for name, value in vars(module).items() if not name.startswith("__")}
 
 
 @pytest.mark.parametrize("page", ["criteria", "own_planner", "own_robot"])
