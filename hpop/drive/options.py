@@ -35,7 +35,7 @@ class PerceivedMotion(NamedTuple):
 
     kind        kind of its motion law; "straight" for moves
     change      change of each state variable
-    begin, end  times, s
+    begin, end  s, from the beginning of the trajectory
     """
 
     kind: str
@@ -60,9 +60,9 @@ def perceived_motions(trajectory: Trajectory) -> list[PerceivedMotion]:
 
 
 def leaves(trajectory: Trajectory, announced: Trajectory) -> float | None:
-    """Return the time, s, at which a trajectory departs from the announced one; None if it never does.
+    """Return how long after its beginning, s, a trajectory departs from the announced one; None if it never does.
 
-    Both begin at the same place. If both go straight ahead, they part where the shorter straight run ends.
+    Both begin at the same place and time. If both go straight ahead, they part where the shorter straight run ends.
     """
     own, expected = perceived_motions(trajectory), perceived_motions(announced)
     for mine, theirs in zip(own, expected, strict=False):
@@ -76,7 +76,10 @@ def leaves(trajectory: Trajectory, announced: Trajectory) -> float | None:
 
 
 def next_turn(trajectory: Trajectory, t: float) -> float | None:
-    """Return the time, s, at which the first turn in place after time ``t``, s, begins; None if there is none."""
+    """Return the beginning of the first turn in place that begins after ``t``; None if there is none.
+
+    Both are in s from the beginning of the trajectory.
+    """
     later = [
         time
         for time, kind in zip(trajectory.times.tolist(), trajectory.kinds, strict=False)
@@ -288,7 +291,12 @@ class PlanComparison:
     sides: Callable[[Trajectory], bool | None]
 
     def of(self, trajectory: Trajectory, options: Options, *, keeps_on: bool) -> dict[str, Any]:
-        """Return the fields `leaves_at`, `next_turn` and `same_side` of an option."""
+        """Return the fields `leaves_at`, `next_turn` and `same_side` of :class:`Option` for one of the options.
+
+        trajectory  its trajectory from the commit on
+        options     all options, of which the commit and the present time are used
+        keeps_on    whether it is the present plan
+        """
         at = None if keeps_on else leaves(trajectory, self.announced)
         sooner = next_turn(self.before, self.query_time)
         later = next_turn(trajectory, -1.0)

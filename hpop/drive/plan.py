@@ -68,7 +68,7 @@ def between(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
 
 
 def motion_ends(trajectory: Trajectory, t: float) -> float:
-    """Return the time, s, at which the motion under way at time ``t``, s, ends."""
+    """Return the time, s, at which the motion under way at time ``t``, s, ends; ``t`` if a motion ends then."""
     return float(trajectory.times[min(int(np.searchsorted(trajectory.times, t - SAME)), len(trajectory))])
 
 

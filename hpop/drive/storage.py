@@ -91,7 +91,7 @@ class EventLog:
     """
 
     def __init__(self, begin: float) -> None:
-        """Create an empty log."""
+        """Create an empty log of a drive that leaves at time ``begin``, s, on the clock of the caller."""
         self.begin = real("begin", begin, -MOST, MOST, "a time in s", error=DriveError)
         self.record: list[dict[str, Any]] = []
         self._last = -np.inf  # s, of the last event

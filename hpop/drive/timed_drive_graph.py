@@ -67,7 +67,7 @@ class TimedDriveGraph:
     base        the untimed graph, without a joined start
     start       node for which the graph was built; `begin` is the earliest tick of a query from it
     state       (1,) state of the robot at the start
-    places      nodes of the commit and of the places soon after it
+    places      nodes at which the plan may change next: that of the commit, and those reached soon after it
     near        nodes within the margin of a person, with times, s on the clock: the robot may begin there, although it
                 must not come so near elsewhere; empty if no person is near
     instead_of  surroundings in which no path leads on, because people walk towards the robot; else None
@@ -133,7 +133,11 @@ class TimedDriveGraph:
         return self.instead_of is now and self.base is untimed and self.node(commit.state) in self.places
 
     def serves(self, now: DriveSurroundings, commit: Commit, untimed: DriveGraph) -> bool:
-        """Return whether this graph can answer a query at the commit: same people, and a node that it covers."""
+        """Return whether this graph can answer a query at the commit.
+
+        It needs the same people and closed areas, and a node that it covers at that time. If people are near the robot
+        there, they must be among those who were near it when the graph was built.
+        """
         node = self.node(commit.state)
         if self.base is not untimed or self.people != now.people or self.since != now.since or node < 0:
             return False
@@ -222,7 +226,10 @@ class TimedDriveGraph:
         return {"status": str(paths.status), "gap": gap, "labels": paths.stats.labels_generated, "walks": timed_paths}
 
     def restored(self, node: int, at: float, answer: Mapping[str, Any]) -> TimedPaths:
-        """Rebuild the result of a search that was ended by its deadline from the event log."""
+        """Rebuild the result of a search that its deadline ended, from its entry ``answer`` in the event log.
+
+        node, at  where the search began, and when, s of the drive
+        """
         logged = [TimedPath(np.array(arcs, np.int64), np.array(leaves, np.int64)) for arcs, leaves in answer["walks"]]
         paths = self.prepared.paths(node, self.tick(at), deadline=0.0, known=logged)
         stats = replace(paths.stats, labels_generated=answer["labels"])

@@ -143,9 +143,10 @@ def _hurry(options: Options, limits: Mapping[str, float]) -> Wish:
 
 
 def _least_loss(options: Options, able: BoolArray, words: str) -> Wish:
-    """Return the option with the least growth of costs among the options ``able`` (n,).
+    """Return the option with the least growth of costs over the remaining plan, among the options ``able`` (n,).
 
-    The growth of each cost is divided by its range over the options. ``words`` describe the condition.
+    The growth of each cost is divided by its range over the options; costs that fall count only if several options
+    have the least growth. ``words`` describe the condition.
     """
     if not able.any():
         return Wish(None, f"there is no option {words}")

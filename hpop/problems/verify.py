@@ -188,7 +188,7 @@ def _order_faults(tour: Tour, visits: Sequence[Visit], duration: float) -> Itera
 
 
 def _numbers(given: Any) -> list[int]:
-    """Return the numbers of people in a provenance entry; [] if the entry is invalid."""
+    """Return the indices of people that an entry of a provenance lists; [] if the entry is no list."""
     return [number for number in given if isinstance(number, int)] if isinstance(given, list) else []
 
 

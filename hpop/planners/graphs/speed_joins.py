@@ -46,7 +46,7 @@ class Waypoints(NamedTuple):
     pointers  (c + 1,)  the states of copy i are pointers[i] : pointers[i + 1]
     states    (w,)  with speeds
     kinds     (w,)  kind of the motion that ends there, as in :class:`ChainStep`
-    turns     (w,)  rad  by which each turning column changes in that motion
+    turns     (w,)  rad  by name of each turning column: its change in that motion
     """
 
     pointers: IntArray

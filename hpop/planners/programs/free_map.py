@@ -132,7 +132,7 @@ class FreeMap:
 
 
 def _neighbour_graph(inside: BoolArray) -> tuple[Any, IntArray]:
-    """Return a graph that joins neighbouring True positions of a grid, and the row and column (n, 2) of each node."""
+    """Return a graph that joins True positions side by side in a grid, and the row and column (n, 2) of each node."""
     cells = np.argwhere(inside)
     number = np.full(inside.shape, -1)
     number[inside] = np.arange(len(cells))

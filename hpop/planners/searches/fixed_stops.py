@@ -103,7 +103,7 @@ class FixedStops:
     # Paths between sites
 
     def pairs(self, parts: IntArray) -> list[tuple[int, int]]:
-        """Return the different pairs of sites of some parts (p, 3)."""
+        """Return the different pairs (begin, end) of sites in some rows (p, 3) of :attr:`parts`."""
         return [(origin, target) for origin, target in np.unique(parts[:, 1:], axis=0).tolist()]
 
     def front_between(self, origin: int, target: int, limits: Limits, eps: float) -> ParetoPaths:
@@ -164,7 +164,7 @@ class FixedStops:
     # Tours
 
     def tours(self, fronts: Fronts, parts: IntArray, limits: Limits, eps: float, slack: IntArray) -> TourPaths:
-        """Return the front of the tours that consist of some parts (p, 3).
+        """Return the front of the tours that consist of some of the parts, given as rows (p, 3) of :attr:`parts`.
 
         Errors are allowed: ``eps``, relative, and ``slack`` (k,), absolute, in quanta.
 

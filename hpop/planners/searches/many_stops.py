@@ -127,14 +127,20 @@ class _Answer:
 
     @property
     def share(self) -> float:
-        """Relative error of the paths between sites, and of the tours that consist of them: both give ``eps``.
+        """Relative error s of the paths between sites, and again of the tours that are joined from them.
 
+        Together they give the option ``eps``: (1 + s)² = 1 + eps.
         With max_turns the paths are exact: approximate ones may have more turns.
         """
         return 0.0 if self.search.max_turns is not None else math.sqrt(1.0 + self.search.eps) - 1.0
 
     def add_fronts(self, parts: IntArray) -> Status:
-        """Find the fronts of the paths between all sites of some parts (p, 3); COMPLETE, or the limit that came."""
+        """Search the paths that some parts need between their sites, and add their fronts to ``fronts``.
+
+        Returns COMPLETE, or the status of the limit that ended the search.
+
+        parts  (p, 3)  rows of :attr:`.FixedStops.parts`
+        """
         spending = self.fixed.query.space.spending
         missing = [pair for pair in self.fixed.pairs(parts) if pair not in self.fronts]
         for done, pair in enumerate(missing):
@@ -152,7 +158,10 @@ class _Answer:
         return Status.COMPLETE
 
     def in_one_order(self, order: IntArray) -> TourPaths:
-        """Return the front of the tours with the parts ``order`` (p, 3) of one tour; none if a limit comes first."""
+        """Return the front of the tours that visit given sites in a given order; none if a limit comes first.
+
+        order  (p, 3)  rows of :attr:`.FixedStops.parts` that make up one tour
+        """
         status = self.add_fronts(order)
         if status is not Status.COMPLETE:
             return self.none(status)

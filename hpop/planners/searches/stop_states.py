@@ -115,8 +115,9 @@ class _Bounds:
 
 
 def _least(bounds: FloatArray, usable: IntArray, number: int) -> IntArray:
-    """Return the rows of at most ``number`` of the usable states of a stop, chosen by :func:`chosen_states`.
+    """Choose at most ``number`` states of a stop by the rule of :func:`chosen_states`; return their indices.
 
+    usable  indices, among the c states of the stop, of those that may be chosen
     bounds  (c, p, k)  lower bounds of each cost in p parts of tours, for each state; infinite where no path exists
     """
     if not usable.size:

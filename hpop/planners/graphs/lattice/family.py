@@ -75,7 +75,10 @@ class LatticeGraph(GraphFamily):
     def graphs(
         self, problem: Problem, objectives: Objectives, spending: Spending, *, in_stages: bool = False
     ) -> Iterator[BuiltGraph]:
-        """Yield the whole lattice; if ``in_stages`` and it is large, yield the part near the shortest paths before."""
+        """Yield the whole lattice; before it, if ``in_stages`` and it is large, the part near the shortest paths.
+
+        Without moving people, this part is left out if the costs of the whole lattice are cached.
+        """
         lattice, moving = self.lattice(problem, spending), people_move(problem)
         if in_stages and (moving or not lattice.costed(objectives.optimised)):
             part = self._part(lattice, problem, MOST_IN_TIME if moving else MOST_FIRST)

@@ -356,7 +356,7 @@ def checked_ends(problem: Problem) -> PositionedEnds:
 
 
 def pairs(count: int) -> IntArray:
-    """Return all pairs (L, 2) of different indices below ``count``, to link all positions with each other."""
+    """Return all pairs (L, 2) of indices i < j below ``count``, to link all positions with each other."""
     return np.stack(np.triu_indices(count, 1), axis=1)
 
 

@@ -101,10 +101,11 @@ def nearest_in_random_subsets(
 ) -> IntArray:
     """Choose the far links of each state (N,): the nearest state in each of ``count`` random subsets of all states.
 
-    Returns indices (c, N), one row for each size of subsets. The sizes are random, log-uniform from 1 to half of the
-    states, with one in each of ``count`` equal intervals of the logarithm. For each size, the states are divided at
-    random into groups of this size, and each state is linked to the nearest state of the next group. One k-d tree
-    answers all queries: an additional coordinate separates the groups so far that no state of another group is nearer.
+    Returns indices (count, N), one row for each size of subsets; no row for a single state. The sizes are random,
+    log-uniform from 1 to half of the states, with one in each of ``count`` equal intervals of the logarithm. For each
+    size, the states are divided at random into groups of this size, and each state is linked to the nearest state of
+    the next group. One k-d tree answers all queries: an additional coordinate separates the groups so far that no state
+    of another group is nearer.
     """
     number = states.size
     far_states = np.zeros((count if number > 1 else 0, number), np.int64)

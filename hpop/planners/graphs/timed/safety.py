@@ -194,7 +194,7 @@ class Safety:
 
     @property
     def _leaves_until(self) -> float:
-        """Last time, s, at which a robot may still leave people who are too near to its start."""
+        """Last time on the clock, s, at which a robot may still leave people who are too near to its start."""
         return max((start.time for start in self.starts), default=0.0) + LEAVING
 
     def settled(self, seconds: float) -> float:
@@ -226,7 +226,12 @@ class Safety:
         return self._widened(cut)
 
     def blocked(self, legs: Sequence[LegMotions], first: int, horizon: int) -> BlockedArcs:
-        """Return the departure ticks up to a horizon at which arcs are blocked; arcs from ``first`` on begin plans."""
+        """Return the departure ticks, 0 to ``horizon``, at which people block arcs.
+
+        legs   motions of r arcs
+        first  index of the first arc that begins a plan: at tick 0 these arcs and later ones must be free only if the
+               robot leaves on time
+        """
         rows, ticks = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
         for pieces in (MotionPieces.of(leg, self.clock) for leg in legs):
             for person in self.people:
@@ -244,7 +249,10 @@ class Safety:
         return BlockedArcs(blocked.rows, table)
 
     def _near(self, pieces: MotionPieces, person: Person, horizon: int) -> Iterator[tuple[IntArray, IntArray]]:
-        """Yield pieces that may be near a person: their indices, and the departure ticks of their arcs, in blocks."""
+        """Yield all pairs of a piece and a departure tick, 0 to ``horizon``, at which it may be near a person.
+
+        They come in blocks of two arrays (N,): indices of pieces, and departure ticks of the arcs of these pieces.
+        """
         seconds = self.clock.seconds(np.arange(horizon + 1))
         need = self.needed(person, seconds, self.margin)
         near = float(self._axis(person, need).max()) + self.stray
@@ -394,7 +402,7 @@ class BlockedArcs(NamedTuple):
 
     @classmethod
     def of(cls, rows: IntArray, ticks: IntArray, horizon: int) -> BlockedArcs:
-        """Build the table from pairs (N,) of an arc and a departure tick, in any order."""
+        """Build the table, for ticks 0 to ``horizon``, from pairs (N,) of an arc and a tick at which it is blocked."""
         arcs, which = np.unique(rows, return_inverse=True)
         table = np.zeros((arcs.size, horizon + 1), dtype=bool)
         table[which, ticks] = True

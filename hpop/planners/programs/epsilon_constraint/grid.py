@@ -84,7 +84,10 @@ def _shortest(space: shapely.Geometry, start: FloatArray, goal: FloatArray) -> f
 
 
 def _corners(space: shapely.Geometry) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the reflex vertices (n, 2) of a region, where a shortest path may turn, and the sides before and after."""
+    """Return the reflex vertices (n, 2) of a region, where a shortest path may turn.
+
+    Also return the sides before and after each of them, as vectors (n, 2), in the direction of the border.
+    """
     rows = [np.zeros((0, 3, 2))]
     for ring in shapely.get_rings(shapely.get_parts(shapely.normalize(space))):  # the region is to the right of each
         points = shapely.get_coordinates(ring)[:-1]
@@ -97,7 +100,8 @@ def _corners(space: shapely.Geometry) -> tuple[FloatArray, FloatArray, FloatArra
 def _tangent(ahead: FloatArray, before: FloatArray, after: FloatArray) -> BoolArray:
     """Return whether lines in directions ``ahead`` (n, 2) are tangents of a corner, so that a shortest path can turn.
 
-    They are if both sides of the corner lie on one side of the line; ``before`` and ``after`` are these sides.
+    They are if both sides of the corner lie on one side of the line. ``before`` (n, 2) is the vector along the side
+    that leads to the corner, ``after`` (n, 2) that along the side that leads away from it.
     """
     return _cross(ahead, before) * _cross(ahead, after) <= ROUNDING
 
@@ -256,8 +260,9 @@ class Grid:
     def levels(self) -> list[list[Cell]]:
         """Cells by level; in each level, those with the loosest bounds come first.
 
-        Level 0 has the costs of the warm starts as bounds. In each higher level, one smooth cost of a warm start is
-        bounded more tightly, towards the next better cost of another warm start.
+        Level 0 has a cell for each warm start, with its costs as bounds. In each higher level, a warm start has a cell
+        for each smooth cost except the minimised one: the bound of this cost is level / (divisions + 1) of the way to
+        the next better cost of another warm start. The other bounds stay, and the minimised cost has none.
         """
         levels: list[list[Cell]] = [[] for _ in range(self.divisions + 1)]
         for i, row in enumerate(self.costs):

@@ -205,7 +205,10 @@ class LocalModel:
 
     @cached_property
     def _floors(self) -> list[tuple[Heights, float]]:
-        """Height ranges, each with the least allowed distance to obstacles, m: reach, or the present one if less."""
+        """Height ranges, each with the least allowed distance of the robot's axis from obstacles, m.
+
+        It is the robot's reach and a small margin, or the present distance of the polyline if that is less.
+        """
         vertices = self.polyline.vertices
         return [
             (z, min(reach + APART, float(self._near(vertices, z)[1].min(initial=np.inf))))

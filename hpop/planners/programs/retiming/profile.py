@@ -85,7 +85,7 @@ class Profiles:
 
     @cached_property
     def steps(self) -> FloatArray:
-        """Lengths (N,) of the intervals, s."""
+        """Lengths (N,) of the intervals: differences of the path coordinate s."""
         return np.concatenate([stretch.steps for stretch in self.stretches])
 
     @cached_property
@@ -97,7 +97,7 @@ class Profiles:
 
     @cached_property
     def caps(self) -> FloatArray:
-        """Largest b at each grid position that the limits of speed allow."""
+        """Largest b = (ds/dt)² at each grid position that the limits of speed allow; 0 where the robot stands."""
         caps = []
         for one in self.stretches:
             rates = np.abs(one.slopes @ one.rows.T)

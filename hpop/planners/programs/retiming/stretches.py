@@ -70,7 +70,7 @@ class Coordinates(Protocol):
 
 @dataclass(frozen=True)
 class BaseCoordinates:
-    """Way driven, m, and heading, rad, of a base with two wheels."""
+    """Distance driven, m, and heading, rad, of a base with two wheels."""
 
     model: Wheeled
     kind: str = DRIVE
@@ -199,7 +199,10 @@ class PathStretch:
         return PathStretch(steps, States(**joined), slopes, bends, pace, States(**middle), *limits)
 
     def continues(self, before: PathStretch) -> bool:
-        """Return whether the robot need not stand between stretch ``before`` and this one: both have one direction."""
+        """Return whether the robot need not stand between stretch ``before`` and this one.
+
+        This holds if both are straight and have the same direction.
+        """
         if before.bends.any() or self.bends.any():
             return False
         return float(np.abs(before.slopes[-1] - self.slopes[0]).max()) < PARALLEL * float(np.abs(self.slopes[0]).max())

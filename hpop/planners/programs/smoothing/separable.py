@@ -116,9 +116,9 @@ class Separable:
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return a program for CasADi's solvers, and its derivatives as options of them.
 
-        Objective and constraints are affine in x and in ``symbols``. So the Jacobian of the constraints is a constant
-        matrix times the Jacobian of the values. The Hessian is that of the sum of the values, each weighted by the
-        derivative of the Lagrangian by this value.
+        Objective and constraints are affine in x and in ``symbols``, which stand for the ``values`` of the functions.
+        So the Jacobian of the constraints follows from the Jacobian of the values by constant factors. The Hessian is
+        that of the sum of the values, each weighted by the derivative of the Lagrangian by this value.
 
         Parameters
         ----------
