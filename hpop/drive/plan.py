@@ -141,7 +141,7 @@ class Plan:
 
     @property
     def end(self) -> float:
-        """The time, s, at which the robot stands: at the goal, or before a closed area or a person."""
+        """The planned time, s, from which the robot stands: at the goal, or before a closed area or a person."""
         return self.announced.duration if self.stops is None else self.stops
 
     @cached_property
@@ -182,7 +182,10 @@ class Plan:
         return int(self.arrivals[min(int(np.searchsorted(times, t + SAME, side="right")), times.size - 1)])
 
     def braked(self, t: float) -> float:
-        """Return the time, s, at which a robot that begins to brake at ``t`` stands: after v²/2a m, or after a turn."""
+        """Return the planned time, s, at which a robot stands that is told at ``t``, s, to stop.
+
+        In a straight run it brakes over v²/2a m, at most up to the end of the run; a turn or a hold is completed.
+        """
         motions, laws = self.announced, laws_of(self.announced.model)
         if t >= self.end - SAME or not len(motions):
             return self.end
@@ -195,7 +198,7 @@ class Plan:
         return float(min(t + self.ramp, motions.times[last + 1]))  # v/2a at cruise speed makes v²/2a
 
     def nearest_time(self, state: States, t: float) -> float:
-        """Return the time, s, near ``t``, at which the plan passes nearest to a measured state (1,).
+        """Return the planned time, s, near ``t``, at which the plan passes nearest to a measured state (1,).
 
         Raises DriveError if the robot has left its plan.
         """

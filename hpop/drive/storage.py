@@ -159,7 +159,10 @@ def written(
     stop: Any,
     name: str,
 ) -> dict[str, Any]:
-    """Return the arguments of a change of the world (`Execution.world`) as JSON for the event log."""
+    """Return the arguments of a change of the world (`Execution.world`) as JSON for the event log.
+
+    One of ``close``, ``open_``, ``people`` and ``stop`` is given, the others are None.
+    """
     if close is not None or open_ is not None:
         area = open_ if close is None else close
         return {"area": area if isinstance(area, str) else mapping(polygon_of(area, "an area")), "name": name}

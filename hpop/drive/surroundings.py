@@ -85,7 +85,12 @@ class DriveSurroundings:
     # Changes
 
     def changed(self, now: float, what: str, value: Any, name: str, groups: Any) -> DriveSurroundings:
-        """Return the surroundings after one change ``what``: "close" (with a name), "open", "people" or "stop"."""
+        """Return the surroundings after one change ``what``: "close", "open", "people" or "stop".
+
+        value   an area to close or open, all people present, or the person who stops
+        name    name of an area that is closed, by which it can be opened; "" for none
+        groups  indices of the people in each group that talks together
+        """
         match what:
             case "close":
                 return self.close(now, value, name)
@@ -196,7 +201,10 @@ class DriveSurroundings:
         groups: Iterable[Iterable[int]] | None = None,
         areas: dict[str, BaseGeometry] | None = None,
     ) -> DriveSurroundings:
-        """Return surroundings with other people, predicted from ``since`` on, and other closed areas."""
+        """Return surroundings with other people, predicted from ``since`` on, and other closed areas.
+
+        Closed areas, groups and named areas that are None stay as they are.
+        """
         closings = self.closings if closings is None else closings
         content = self.problem.world.content
         zones = [zone for zone in content.zones if not (zone.kind == "keep-out" and zone.name)]

@@ -67,7 +67,10 @@ def roll_of(pose: Pose) -> Column:
 
 
 def roll_rate(pose: Pose, twist: Twist) -> Column:
-    """Return the rate of the roll, rad/s."""
+    """Return the rate (M,), rad/s, of the roll (:func:`roll_of`) of a body with a given twist.
+
+    It is 0 if the body looks straight up or down.
+    """
     left, up = pose.left[2], pose.up[2]
     left_rate, up_rate = (cross(twist.rotation, axis)[2] for axis in (pose.left, pose.up))
     return (up * left_rate - left * up_rate) / np.maximum(left * left + up * up, CLOSEST)

@@ -223,7 +223,10 @@ def _discomfort(problem: Problem, given: CriterionSpec) -> Criterion:
 
 
 def _swept(path: _Path, profiles: Profiles, points: int, slowest: float) -> list[tuple[Trajectory, float]]:
-    """Return trajectories, from the fastest to the slowest, each with its discomfort as the program has it."""
+    """Return trajectories, from the fastest to the slowest, each with its discomfort as the program has it.
+
+    ``points`` durations are tried, up to ``slowest`` times the least one, as for :func:`retime`.
+    """
     b, found = profiles.fastest, list[tuple[Trajectory, float]]()
     least = float(profiles.durations(b).sum())
     constant = profiles.cost(b) < CONSTANT

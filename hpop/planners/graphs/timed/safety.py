@@ -360,7 +360,10 @@ class Safety:
         return np.asarray(in_contact & parts)
 
     def _needed_on(self, person: Person, tick: IntArray, lasts: IntArray, margin: float) -> Separation:
-        """Return the distances needed during pieces: the largest of those at their beginnings, middles and ends."""
+        """Return the distances needed during pieces (N,) that begin at ticks (N,) and last ``lasts`` (N,) ticks.
+
+        They are the largest of those at the beginning, the middle and the end of each piece.
+        """
         each = [self.needed(person, self.clock.seconds(tick + share * lasts), margin) for share in (0.0, 0.5, 1.0)]
         return Separation(*(np.maximum.reduce([getattr(need, name) for need in each]) for name in Separation._fields))
 

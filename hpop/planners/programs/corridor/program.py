@@ -237,7 +237,10 @@ class CorridorProgram:
         return None
 
     def _inside(self, vertices: FloatArray) -> FloatArray:
-        """Return vertices moved exactly into the overlaps and onto the rays, which solvers keep only roughly."""
+        """Return vertices (n+1, 2) moved exactly into the overlaps of regions and onto the rays.
+
+        Solvers keep to these only roughly.
+        """
         moved = vertices.copy()
         for i, overlap in enumerate(self.corridor.overlaps, start=1):
             ray = self.rays.get(i)
@@ -245,7 +248,10 @@ class CorridorProgram:
         return moved
 
     def tidied(self, vertices: FloatArray, weights: FloatArray) -> FloatArray:
-        """Remove negligible turns and very short segments by moving vertices, where regions and costs permit that."""
+        """Return vertices (n+1, 2) without negligible turns and very short segments, as far as the regions permit that.
+
+        A vertex is moved only if the costs, weighted by ``weights`` (k,), hardly rise.
+        """
         limit = float(weights @ self.evaluate(vertices))
         limit += FLAT * max(limit, 1e-12)
         for i in range(1, len(vertices) - 1):
@@ -260,7 +266,7 @@ class CorridorProgram:
         return vertices
 
     def _simpler_positions(self, vertices: FloatArray, i: int) -> list[FloatArray]:
-        """Return positions for vertex i at which a very short segment or a negligible turn would vanish."""
+        """Return positions (2,) for vertex i at which a very short segment or a negligible turn would vanish."""
         positions = _near(vertices[i], [vertices[i - 1], vertices[-1]])
         before = next((v for v in vertices[i - 1 :: -1] if math.dist(v, vertices[i]) > 0), None)
         if before is None:

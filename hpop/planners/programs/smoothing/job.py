@@ -182,7 +182,7 @@ class SmoothingJob:
     criteria   k criteria
     minimise   index of the criterion with most weight; None for equal weights
     intervals  least number of intervals of a program
-    deadline
+    deadline   time at which solving ends
     programs   cache of this process by phases; it is not pickled
     """
 
@@ -268,7 +268,11 @@ class SmoothingJob:
         return settled.candidate
 
     def _straight(self, reference: Trajectory, epsilon: FloatArray) -> ImprovedTrajectory | str:
-        """Return the candidate for a polyline without turns: the fastest straight drive, or why it is refused."""
+        """Return the candidate for a polyline without turns: the fastest straight drive, or why it is refused.
+
+        reference  the polyline as a trajectory
+        epsilon    (k,)  upper bounds of the costs
+        """
         model, length = (
             on_wheels(self.problem.model),
             float(np.hypot(*(np.ptp(c) for c in (reference.states.x, reference.states.y)))),
