@@ -118,10 +118,11 @@ class FixedStops:
         return found
 
     def shortest_tour(self) -> IntArray:
-        """Return the parts (q, 3) of the tour that is least in a sum of all costs and visits all stops, if it can.
+        """Return the tour that is least in a sum of all costs and visits all stops, if it can.
 
-        Each cost counts in multiples of its least value from the start to the goals. Optional stops are skipped only if
-        no path leads to them. Empty if there is no tour.
+        The tour is given by its parts, as rows (q, 3) of :attr:`parts`; none if there is no tour. Each cost counts in
+        multiples of its least value from the start to the goals. Optional stops are skipped only if no path leads to
+        them.
         """
         from scipy.sparse import csr_array  # on first use: the import takes its time
         from scipy.sparse.csgraph import dijkstra
@@ -220,7 +221,10 @@ class FixedStops:
         return last + 1, tails, heads
 
     def _costs_at_ends(self, parts: IntArray) -> IntArray:
-        """Return the costs (p, k) of the dwell that ends each part, and of the stops that it skips."""
+        """Return the costs (p, k) of the dwell that ends each part, and of the stops that it skips.
+
+        parts  (p, 3)  rows of :attr:`parts`
+        """
         criteria, stops = self.query.objectives.optimised, range(len(self.layered.members))
         nothing = np.zeros((1, len(criteria)), np.int64)  # for ENDS, which is the last row
         dwells = np.concatenate([*(self.layered.dwell_costs(stop, criteria) for stop in stops), nothing])

@@ -147,7 +147,10 @@ class Safety:
         return [person for person, _ in self.coming(start, SOON)]
 
     def coming(self, start: Start, within: float = LEAVING) -> Iterator[tuple[Person, float]]:
-        """Yield the possible futures of people too near to a start ``within`` s of its time, with the s until then."""
+        """Yield the possible futures of people who come too near to a start, up to ``within`` s after its time.
+
+        Each comes with the time, s, from the start's time until the person is first too near.
+        """
         since = self.clock.seconds(np.arange(self.clock.within(within) + 1))
         for person in self.people:
             need = self._axis(person, self.needed(person, start.time + since, self.margin)) + self.stray

@@ -59,7 +59,7 @@ class TimedTour:
     goals    goals in the last layer
     origins  (m,)  arc of ``timed`` for each arc; NONE for visits with a dwell time, and for a tour without a motion
     stops    (m,)  stop at which the robot stands during each arc; NONE for other arcs
-    needed   s     shortest duration of a visit of each stop
+    needed   s     shortest duration of a visit, for each stop of the tour
     """
 
     timed: GraphOnClock

@@ -308,7 +308,10 @@ class Grid:
         return left
 
     def _hopeless(self, cell: Cell) -> bool:
-        """Return whether a cell of the same warm start, with no tighter bounds, was infeasible; False at level 0."""
+        """Return whether a cell of the same warm start was infeasible, although none of its bounds is tighter.
+
+        False at level 0.
+        """
         return cell.level > 0 and any(
             cell.of == failed.of and (cell.epsilon <= failed.epsilon).all() for failed in self.infeasible
         )

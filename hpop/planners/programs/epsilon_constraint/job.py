@@ -149,7 +149,7 @@ class _Attempt:
         return reason
 
     def _gain(self, start: FreePolyline, candidate: CellCandidate) -> float:
-        """Return by how much the minimised cost is lower for a candidate than for a start."""
+        """Return by how much the minimised cost, in its unit, is lower for a candidate than for a start."""
         minimise = self.job.roles.minimise
         return float(start.costs[minimise] - candidate.solved.costs[minimise])
 
