@@ -271,10 +271,10 @@ class Execution(StopLog):
         return answer
 
     def take(self, option: Option | Point | int, now: float | None = None) -> Trajectory:
-        """Take one of the last options, which the robot follows from the commit on; return the new plan.
+        """Take one of the last options, which the robot follows from their commit on; return the new plan.
 
-        ``patience`` and ``notice`` do not count here. Raises DriveError if the robot has passed the commit, or if the
-        option has been closed since.
+        The commit is the place where these options begin. ``patience`` and ``notice`` do not count here. Raises
+        DriveError if the robot has passed the commit, or if the option has been closed since.
         """
         options = self._options_at_hand()
         now, place = self._in_order(self._now() if now is None else now), options.place_of(option)

@@ -61,7 +61,7 @@ class Past(NamedTuple):
 
 
 def past(plan: Plan, end: float, stretches: Sequence[Stretch], criteria: Sequence[Criterion]) -> Past:
-    """Return the costs of a plan up to time ``end``, s; each stretch of the drive is evaluated in its own surroundings.
+    """Return the costs of a plan up to time ``end``, s; each part of the drive is evaluated in its own surroundings.
 
     Criteria with memory are evaluated along the whole path in the present world, and grow evenly within a motion.
     """
@@ -165,9 +165,10 @@ class DriveProgress:
         return Moment(now, planned, self.state(now), stands, arrived, plan, stretches, self.lag, self.tour)
 
     def shift(self, now: float) -> None:
-        """Begin a new stretch in the present surroundings, with the present lag, after the motion under way.
+        """Begin a new stretch of the drive after the motion under way, with the present surroundings and lag.
 
-        It replaces the last stretch if that begins no earlier.
+        A stretch is a part with one world, and with one lag: the time of the drive at which the plan began. The new one
+        replaces the last stretch if that begins no earlier.
         """
         begins, last = motion_ends(self.plan.announced, self.planned(now)), self.stretches[-1]
         if last.begins >= begins - SAME:

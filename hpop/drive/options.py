@@ -136,7 +136,7 @@ class Commit:
 
     @property
     def places(self) -> LeavePoints:
-        """The place of the commit, and the further places soon after it."""
+        """Places where the plan may change: that of the commit, and the further ones soon after it."""
         here, later = self.state.__dict__, self.later.states
         states = States(**{name: np.append(column, getattr(later, name)) for name, column in here.items()})
         return LeavePoints(np.append(self.time, self.later.times), states)
@@ -161,7 +161,10 @@ class Option(Point):
 
     @property
     def stops(self) -> tuple[str, ...]:
-        """Names of the tour's stops that it visits from the commit on, in this order; () without a tour."""
+        """Names of the tour's stops that this plan visits from its beginning at the commit on; () without a tour.
+
+        They are in the order of the visits.
+        """
         return tuple(visit["stop"] for visit in self.provenance.get("visits", ()))
 
 
@@ -279,7 +282,7 @@ class Options(Sequence[Option]):
 class PlanComparison:
     """The announced plan, with which options are compared.
 
-    before      the plan up to the commit
+    before      the plan up to the commit, where it may change next
     announced   the announced plan from there on
     query_time  s, time on the plan at which options were computed
     sides       function that returns whether a trajectory passes obstacles on the same sides as the announced plan

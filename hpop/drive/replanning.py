@@ -156,6 +156,7 @@ class Replanner:
     def _clear(self, now: DriveSurroundings, problem: Problem, commit: Commit, seconds: float) -> list[Trajectory]:
         """Return the known plans' parts after the commit that are open and clear of people, checked for ``seconds`` s.
 
+        The commit is the next place where the plan may change.
         Checking lasts at least `RECHECK` s of processor time. Plans that were not checked in time are left out.
         """
         until, least = time.perf_counter() + seconds, time.thread_time() + RECHECK
@@ -181,7 +182,7 @@ class Replanner:
     def begin(self, now: DriveSurroundings, commit: Commit) -> None:
         """Begin to build, in another thread, the graph on a clock for queries that start at a commit.
 
-        Do nothing if the graph is built or being built.
+        The commit is the next place where the plan may change. Do nothing if the graph is built or being built.
         """
         is_pending = self._pending is not None and self._pending.surroundings is now
         if not is_pending and self._serving(now, commit) is None:
@@ -190,7 +191,10 @@ class Replanner:
     def timed_graph(
         self, now: DriveSurroundings, commit: Commit, seconds: float | None = None
     ) -> TimedDriveGraph | None:
-        """Return the graph on a clock for queries that start at a commit; None if not built within ``seconds``."""
+        """Return the graph on a clock for queries that start at a commit; None if not built within ``seconds``.
+
+        The commit is the next place where the plan may change.
+        """
         until = None if seconds is None else time.perf_counter() + seconds
         while (serving := self._serving(now, commit)) is None:
             self.begin(now, commit)
@@ -222,6 +226,7 @@ class Replanner:
     def _serving(self, now: DriveSurroundings, commit: Commit) -> TimedDriveGraph | None:
         """Return a graph on a clock, already built, for queries that start at a commit; None if there is none.
 
+        The commit is the next place where the plan may change.
         This may be a graph with people who stop before the robot, built because no other path leads on.
         """
         untimed = self._untimed
@@ -244,14 +249,17 @@ class Replanner:
         return now.with_people_who_stop(commit.places.states, commit.places.times)
 
     def ready(self, now: DriveSurroundings, commit: Commit) -> None:
-        """Wait until the graph on a clock for queries that start at a commit is built, however long this takes."""
+        """Wait until the graph on a clock for queries that start at a commit is built, however long this takes.
+
+        The commit is the next place where the plan may change.
+        """
         built = self.timed_graph(now, commit)
         assert built is not None
         if built.instead_of is not now:
             self._timed = self._passable(now, commit, built)
 
     def _built(self, now: DriveSurroundings, commit: Commit, *, is_far: bool = False) -> TimedDriveGraph:
-        """Build the graph on a clock for queries that start at a commit.
+        """Build the graph on a clock for queries that start at a commit (where the plan may change next).
 
         With ``is_far`` it is only for later queries, when no person is near the robot any more.
         """
@@ -271,7 +279,10 @@ class Replanner:
         return built if is_far else self._passable(now, commit, built)
 
     def _passable(self, now: DriveSurroundings, commit: Commit, built: TimedDriveGraph) -> TimedDriveGraph:
-        """Return the graph; if no path leads on from the commit, build one among people who stop before the robot."""
+        """Return the graph; if no path leads on from the commit, build one among people who stop before the robot.
+
+        The commit is the next place where the plan may change.
+        """
         node = built.node(commit.state)
         node = built.start if node < 0 else node
         if built.prepared.paths(node, built.tick(commit.time), deadline=RECHECK).status is not Status.NO_PATH:

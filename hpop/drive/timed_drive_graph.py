@@ -129,11 +129,14 @@ class TimedDriveGraph:
         )
 
     def refuses(self, now: DriveSurroundings, commit: Commit, untimed: DriveGraph) -> bool:
-        """Return whether an earlier query showed that no path leads on from the commit, as people walk towards it."""
+        """Return whether an earlier query showed that no path leads on from the commit, as people walk towards it.
+
+        The commit is the next place where the plan may change.
+        """
         return self.instead_of is now and self.base is untimed and self.node(commit.state) in self.places
 
     def serves(self, now: DriveSurroundings, commit: Commit, untimed: DriveGraph) -> bool:
-        """Return whether this graph can answer a query at the commit.
+        """Return whether this graph can answer a query at the commit, where the plan may change next.
 
         It needs the same people and closed areas, and a node that it covers at that time. If people are near the robot
         there, they must be among those who were near it when the graph was built.
@@ -237,7 +240,11 @@ class TimedDriveGraph:
         return replace(paths, status=Status(answer["status"]), gap=gap, stats=stats)
 
     def candidates(self, name: str, problem: Problem, commit: Commit, node: int, paths: TimedPaths) -> Candidates:
-        """Return paths from a commit as trajectories of the planner ``name``, with a claim of optimality."""
+        """Return paths from a commit as trajectories of the planner ``name``, with a claim of optimality.
+
+        commit  where the plan may change next
+        node    its node in this graph
+        """
         # A robot that starts from rest is late by half of the time that stopping and starting take.
         ramps, rests = self.timed.ramps, commit.place == 0 or commit.stands > 0.0
         late = ramps.half if ramps is not None and rests else 0.0

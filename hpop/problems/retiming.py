@@ -92,7 +92,10 @@ class _Path:
 
     @property
     def is_straight(self) -> bool:
-        """True if each stretch is a straight line of the coordinates, which profiles follow exactly."""
+        """True if the path between any two standstills is a straight line of the coordinates.
+
+        Speed profiles follow such a path exactly.
+        """
         return not any(one.bends.any() for one in self.stretches)
 
     def trajectory(self, profiles: Profiles, b: FloatArray) -> Trajectory:

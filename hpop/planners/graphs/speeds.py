@@ -137,12 +137,18 @@ class SpeedGraph(TrajectoryGraph):
         return {**self.inner.counts, "speeds": len(self.speeds)}
 
     def _states_of(self, nodes: IntArray) -> IntArray:
-        """Return the state (N,) of the inner graph at each node; for a join, the state to which it leads."""
+        """Return the state (N,) of the inner graph at each node.
+
+        For the node of a join (connection of start or goal to the graph), it is the state to which the join leads.
+        """
         last, heads = self.inner.size * self._layers, np.append(self._joins.heads, 0)
         return np.where(nodes < last, nodes // self._layers, heads[np.clip(nodes - last, 0, len(self._joins))])
 
     def states(self, ids: IntArray) -> States:
-        """Return the robot's states (N,) at some nodes, without speeds; for a join, the state to which it leads."""
+        """Return the robot's states (N,) at some nodes, without speeds.
+
+        For the node of a join (connection of start or goal to the graph), it is the state to which the join leads.
+        """
         return self.inner.states(self._states_of(ids))
 
     def inside(self, nodes: list[int]) -> list[int]:
@@ -165,7 +171,8 @@ class SpeedGraph(TrajectoryGraph):
         """Row pointers (N + 1,), heads (m,), and for each arc (m,) its row in the table of costs.
 
         The table has a row for each arc of the graph of states, its moves at the fastest speed, then for its moves at
-        each slower speed, for changes of speed at its states, for copies of joins, and a row of zeros.
+        each slower speed, for changes of speed at its states, for copies of joins (connections of start and goals), and
+        a row of zeros.
         """
         alone, count = self._alone, self._layers
         tails, heads = np.repeat(np.arange(alone.size), np.diff(alone.rows)), alone.heads.astype(np.int64)
@@ -305,8 +312,9 @@ class SpeedGraph(TrajectoryGraph):
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
         """Return n trajectories, not yet checked, through nodes (N,), with speeds.
 
-        The node of a join is replaced by the states in which its motions end, and the node after it is left out. Nodes
-        of slower classes are left out too, where one change from or to rest replaces several (:meth:`_passed`).
+        The node of a join (connection of start or goal) is replaced by the states in which its motions end, and the
+        node after it is left out. Nodes of slower classes are left out too, where one change from or to rest replaces
+        several (:meth:`_passed`).
         """
         last, space = self.inner.size * self._layers, self.model.space
         pointers, ends, end_kinds, end_turns = self._joins.waypoints

@@ -151,7 +151,7 @@ class StateLattice(StateGraph):
 
     @cached_property
     def station_in(self) -> IntArray:
-        """One station of each stance (Z,), to check for collisions."""
+        """One station (heading with values of joints) of each stance (Z,), which stands for all in collision checks."""
         count = self.width if self.collision.posture_matters else self.headings.count
         stations = np.zeros(count, np.int64)
         stations[self.stance[::-1]] = np.arange(self.width)[::-1]  # the first one
@@ -220,7 +220,10 @@ class StateLattice(StateGraph):
 
     @cached_property
     def free(self) -> BoolArray:
-        """Mask (rows, columns, Z): whether the robot is free of collisions at each position in each stance."""
+        """Mask (rows, columns, Z): whether the robot is free of collisions at each position in each stance.
+
+        A stance is a group of headings (with values of joints) that collide alike; see :attr:`stance`.
+        """
         every = np.broadcast_to(self.clear[:, :, None], (*self.shape, self.station_in.size))
         return self.shared("free", self._free) if self.collision.yaw_matters else every
 
@@ -242,13 +245,13 @@ class StateLattice(StateGraph):
 
     @cached_property
     def cells(self) -> tuple[IntArray, IntArray]:
-        """Rows and columns (P,) of the positions at which the robot is free in at least one stance."""
+        """Rows and columns (P,) of the positions at which the robot is free of collisions in at least one state."""
         rows, columns = np.nonzero(self.free.any(axis=2))
         return rows, columns
 
     @cached_property
     def number(self) -> IntArray:
-        """Number of each position (rows, columns), as an index into ``cells``; -1 if the robot is free in no stance."""
+        """Number of each position (rows, columns), as an index into ``cells``; -1 if all of its states collide."""
         number = np.full(self.shape, -1, dtype=np.int64)
         number[self.cells] = np.arange(self.cells[0].size)
         return number
@@ -259,7 +262,10 @@ class StateLattice(StateGraph):
         return int(self.cells[0].size) * self.width
 
     def state(self, row: int, column: int, station: int) -> int:
-        """Return the number of the state in a station at a row and column; -1 if it collides or is off the grid."""
+        """Return the number of the state at a row and column in a station; -1 if it collides or is off the grid.
+
+        station  index of a heading, or of a heading with values of the joints
+        """
         inside = 0 <= row < self.shape[0] and 0 <= column < self.shape[1]
         if not inside or not self.free[row, column, self.stance[station]]:
             return -1

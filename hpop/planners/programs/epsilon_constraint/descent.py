@@ -172,10 +172,11 @@ class Descent:
     def _polled(
         self, local: LocalModel, polyline: Polyline, costs: FloatArray, bounds: FloatArray
     ) -> tuple[tuple[Polyline, FloatArray], float] | None:
-        """Search for a displacement of one corner that lowers the merit and keeps costs (k,) within bounds (k,).
+        """Search for a displacement of one corner that lowers the merit (weighted sum of costs) and keeps all bounds.
 
-        This is a pattern search: sizes, m, are tried in turn, the largest first, up to the first at which a polyline
-        is better. Returns that polyline (of several, the best) with its costs, and the size; None if there is none.
+        ``costs`` (k,) are those of the polyline, ``bounds`` (k,) those that the costs must keep. This is a pattern
+        search: sizes, m, are tried in turn, the largest first, up to the first at which a polyline is better. Returns
+        that polyline (of several, the best) with its costs, and the size; None if there is none.
         Displacements are projected so that segments with a fixed heading keep it, as the robot would else have to turn
         once more.
         """
@@ -210,7 +211,10 @@ class Descent:
         return float(self.weights @ costs)
 
     def _shortened(self, polyline: Polyline, costs: FloatArray) -> tuple[Polyline, FloatArray]:
-        """Remove corners one by one as long as the merit does not rise; return the polyline and its costs."""
+        """Remove corners one by one as long as the merit (weighted sum of costs) does not rise.
+
+        Returns the polyline and its costs (k,).
+        """
         while len(polyline.vertices) > 2 and not self.is_late():
             inner = range(1, len(polyline.vertices) - 1)
             fewer = [polyline.without(corner) for corner in inner]
@@ -224,7 +228,9 @@ class Descent:
         return polyline, costs
 
     def _tidied(self, polyline: Polyline, costs: FloatArray) -> tuple[Polyline, FloatArray]:
-        """Remove the first corner whose turn is negligible, if the merit hardly rises; return polyline and costs.
+        """Remove the first corner whose turn is negligible, if the merit (weighted sum of costs) hardly rises.
+
+        Returns the polyline and its costs (k,).
 
         The duration of a turn has no gradient at zero, so steps cannot remove the turn. If the path would touch an
         obstacle without the corner, its neighbours move by some millimetres.

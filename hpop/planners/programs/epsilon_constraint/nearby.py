@@ -292,7 +292,7 @@ class LocalModel:
         return news
 
     def gain(self, step: FloatArray) -> float:
-        """Return by how much the merit falls after a step (d,), as the model predicts."""
+        """Return by how much the merit (weighted sum of costs) falls after a step (d,), as the model predicts."""
         rows = _joined([*self._rows, *self._more], self.freedom)
         after = self.costs + self.slopes @ step
         for j in self.maxima:

@@ -204,7 +204,7 @@ class _GridRun:
         return left
 
     def _try(self, wave: Sequence[Cell], sweep: Sweep[PolylineJob, Task, Outcome[CellCandidate]]) -> Status:
-        """Solve the cells of a wave on the executor, and record their outcomes; return the status.
+        """Solve the cells (sets of bounds) of a wave on the executor, and record their outcomes; return the status.
 
         Cells whose polylines have most segments take longest, so they begin first.
         """

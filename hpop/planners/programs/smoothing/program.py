@@ -381,7 +381,10 @@ class DrivenProgram:
         return point, parameters
 
     def _on_hinges(self, point: FloatArray, parameters: FloatArray) -> FloatArray:
-        """Return the variables with each slack of a hinge at its least feasible value, so that costs are true."""
+        """Return the variables with each slack of a hinge ``max(x, 0)`` at its least feasible value.
+
+        Then the program's costs are those without slacks.
+        """
         if not len(self._hinges):
             return point
         point = point.copy()

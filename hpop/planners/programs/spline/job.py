@@ -252,7 +252,7 @@ class SplineJob:
 
         program  quadratic program for steps from the spline
         longest  s, upper bound of the total time
-        merit    merit of the spline
+        merit    merit of the spline: the sum that steps lower
         """
         step = program.within(WIDE, longest)
         return step is not None and step.gain <= SETTLED * merit
@@ -275,7 +275,8 @@ class SplineJob:
     def _taken(self, step: Step, knots: Knots, pieces: PieceCosts, aim: Aim) -> tuple[Knots, FloatArray]:
         """Return the spline after a step, and its costs (k,).
 
-        Its duration is the one that the step chose, or the least possible if that has the lower merit.
+        Its duration is the one that the step chose, or the least possible if the merit (the sum that steps lower) is
+        then lower.
         """
         quickest = knots.moved(step.values, step.slopes, pieces.law)
         slower = quickest.lasting(max(quickest.duration, knots.duration + step.duration))

@@ -83,7 +83,7 @@ class Step(NamedTuple):
     values       (N - 1, n)  change of the inner knots, rad or m
     slopes       (N - 1, n)  change of their slopes
     duration     s           change of the total time
-    gain         predicted reduction of the merit
+    gain         predicted reduction of the merit (:meth:`Aim.merit`), the sum that steps lower
     multipliers  (k,)        multipliers of the bounds of the costs
     costs        (k,)        costs after the step, predicted by their tangents
     """
@@ -222,7 +222,8 @@ class StepProgram:
 
     costs        (k,)    costs of the spline
     gradients    (k, V)  their derivatives by the V variables of the program
-    curvature    (V, V)  Hessian of the merit, positive semidefinite; its upper triangle, sparse by columns
+    curvature    (V, V)  Hessian of the merit (:meth:`Aim.merit`), positive semidefinite; its upper triangle, sparse by
+                         columns
     constraints  limits of joints, and distances between bodies; no bound is negative, so a step of 0 is feasible
 
     Few constraints are active. So the program is solved with only those that a step is likely to violate. Then the
