@@ -166,7 +166,10 @@ def _happened(drive: Execution, event: Event, deadline: float) -> Happening:
 
 
 def _chosen(drive: Execution, options: Options, event: Event) -> tuple[Option | None, str]:
-    """Return the option that the person aboard chooses, and a description of the choice."""
+    """Return the option that the person aboard chooses, and a description of the choice.
+
+    If there is no such option, return None and the reason.
+    """
     if event.kind == "wish":
         value = event.value
         wish = drive.wish(**value) if isinstance(value, Mapping) else drive.wish(value)

@@ -54,8 +54,9 @@ def write(drive: Execution, path: str | os.PathLike[str]) -> None:
 
 
 def read(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Read a file of :func:`write`; paths of map files, which it stores relative to its folder, become absolute.
+    """Read a file of :func:`write`, and return its JSON object.
 
+    Paths of map files, which it stores relative to its folder, become absolute.
     Raises DriveError for any other file, OSError if it cannot be read.
     """
     source = checked_path(path)

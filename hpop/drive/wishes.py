@@ -175,7 +175,7 @@ def _chosen(options: Options, row: int, words: str) -> Wish:
 
 
 def _plan_of(options: Options) -> Mapping[str, float]:
-    """Return the costs of the remaining plan."""
+    """Return the costs of the remaining plan, by name of the criterion."""
     assert options.keep_on is not None
     costs: Mapping[str, float] = options[options.keep_on].costs
     return costs

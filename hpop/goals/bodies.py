@@ -215,7 +215,10 @@ class LookAt(Region):
 
 @dataclass(frozen=True)
 class PoseAt(Region):
-    """Goal of a body at a position: in an orientation, along a direction with free roll, or in any orientation."""
+    """Goal of a body at a position: in an orientation, along a direction with free roll, or in any orientation.
+
+    :class:`CameraAt` and :class:`ToolAt` describe the fields.
+    """
 
     position: tuple[float, float, float]
     yaw_pitch_roll: tuple[Angle, Angle, Angle] | None = None
@@ -257,7 +260,7 @@ class PoseAt(Region):
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Return bounds of 0: coordinates must be 0, within the tolerances."""
+        """Return lower and upper bounds (k,), all 0: the coordinates must be 0, within the tolerances."""
         return np.zeros(self.lengths.size), np.zeros(self.lengths.size)
 
     @property

@@ -70,7 +70,12 @@ DISCOMFORTS: Mapping[str, tuple[Callable[[Problem, Criterion, _Path], Discomfort
 
 @dataclass(frozen=True, eq=False)
 class _Path:
-    """Path of an executed trajectory: stretches in which the robot moves, and seconds for which it stands."""
+    """Path of an executed trajectory: stretches in which the robot moves, and seconds for which it stands.
+
+    run          the executed trajectory
+    coordinates  coordinates of the robot along the path
+    parts        stretches and, as floats, the seconds of the holds, in order of time
+    """
 
     run: Trajectory
     coordinates: Coordinates

@@ -37,6 +37,11 @@ class WheelLimits(NamedTuple):
 
     If the wheels keep these limits, the base keeps the model's accelerations. The wheels may be as fast as the model's
     straight moves and turns in place need.
+
+    speed               m/s    of the base
+    turn_rate           rad/s  of the base
+    wheel_speed         m/s    of each wheel
+    wheel_acceleration  m/s²   of each wheel
     """
 
     speed: float  # m/s, of the base; it never goes backwards

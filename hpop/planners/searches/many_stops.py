@@ -92,8 +92,10 @@ def fixed_stop_answers(
 
 @dataclass
 class _Answer:
-    """One run: fronts between sites are added while they are found.
+    """Search for tours whose stops are fixed to few states each (sites), with the paths between sites found so far.
 
+    search   planner whose options apply
+    fixed    the tour with its sites, on a graph
     slack    (k,)  absolute errors that are allowed, in quanta
     fronts   paths found so far, by the indices of the sites where they begin and end
     thinned  relative error that was accepted to make the fronts between sites smaller

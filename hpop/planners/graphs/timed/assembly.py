@@ -134,7 +134,10 @@ class _Assembly:
 
     @property
     def hold(self) -> float | None:
-        """Shortest duration of a wait, s: the option ``hold``, but at least the time to stop and start again."""
+        """Shortest duration of a wait, s: the option ``hold``, but at least the time to stop and start again.
+
+        None if the robot never waits.
+        """
         return None if self.options.hold is None else max(self.options.hold, 2.0 * self.ramps.half)
 
     @cached_property

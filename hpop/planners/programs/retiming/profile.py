@@ -293,6 +293,7 @@ class Profiles:
 
         Each program of the series has the limit linearised at the solution before it. The series ends when a solution
         exceeds the limit, which is then dropped, or lowers ``cost`` (the cost that the program minimises) very little.
+        Without a limit of jerk, the result is None if the solver fails.
         """
         if self.jerk is None:
             return self._solved(program)

@@ -353,7 +353,10 @@ class DrivenProgram:
         return lowest, highest
 
     def _of_variables(self, lowest: FloatArray, highest: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the bounds of variables from those at nodes (5, n+1): the tightest one if nodes share a variable."""
+        """Return the lower and upper bounds of variables, given those at nodes: ``lowest`` and ``highest`` (5, n+1).
+
+        The tightest bound counts if nodes share a variable.
+        """
         indices, _ = self.structure.variable_indices
         below, above = np.full(indices[-1, -1] + 1, -np.inf), np.full(indices[-1, -1] + 1, np.inf)
         np.maximum.at(below, indices, lowest)

@@ -250,6 +250,8 @@ class SplineJob:
     def _rests(self, program: StepProgram, longest: float, merit: float) -> bool:
         """Return whether the spline is settled: a step in a wide trust region is predicted to gain almost nothing.
 
+        That is at most SETTLED of the merit. False if the prediction fails.
+
         program  quadratic program for steps from the spline
         longest  s, upper bound of the total time
         merit    merit of the spline: the sum that steps lower
