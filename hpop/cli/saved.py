@@ -58,7 +58,9 @@ def _names(context: click.Context, option: click.Parameter, given: Sequence[str]
     """Split the values of a repeated option at commas; return all names in one list."""
     names = [name.strip() for text in given for name in text.split(",")]
     if not all(names):
-        raise click.BadParameter("expected NAME or NAME,NAME, such as sickness,rotation", context, option)
+        raise click.BadParameter(
+            "expected names separated by commas, none empty, such as sickness,rotation", context, option
+        )
     return names
 
 

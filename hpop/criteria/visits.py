@@ -216,9 +216,9 @@ def missed_weights(criteria: Sequence[Criterion]) -> Weights:
 
 
 def _stands(trajectory: Trajectory) -> Iterator[tuple[int, float, float]]:
-    """Yield index and time, s, of each state at which a motion begins or ends, and how long the robot stands there, s.
+    """Yield index and time, s, of each state before, between and after moves, and how long the robot stands there, s.
 
-    A hold counts as standing at its first state.
+    Of the equal states before, between and after consecutive holds, only the first is yielded.
     """
     times, kinds = trajectory.times.tolist(), trajectory.kinds
     first = 0

@@ -152,7 +152,7 @@ def _parse_stored(given: Any) -> Stored:
     scale = _parse_scale(criteria, features)
     k = len(scale.names)
     if not len(answers) == n <= MOST_ANSWERS:
-        raise ValueError(f"{len(answers)} answers, and n {n}")
+        raise ValueError(f"{len(answers)} answers, but n = {n}; n must be their number, at most {MOST_ANSWERS:,}")
     return Stored(
         scale,
         checked_question(question),

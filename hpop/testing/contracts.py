@@ -314,7 +314,10 @@ def twist_fault(bodies: list[str], batches: list[Motions], rng: np.random.Genera
 
 
 def length_fault(bodies: list[str], batches: list[Motions]) -> str:
-    """Return a message if lengths or rotations of bodies differ from sums over sampled poses; "" otherwise."""
+    """Return a message if a quantity of a body contradicts its sampled poses; "" otherwise.
+
+    Checked: length, rotation and turning, and whether the body stays, or its camera is steady or upright, as claimed.
+    """
     for motions in batches:
         size = len(motions)
         for name in bodies:

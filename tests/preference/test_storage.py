@@ -118,7 +118,7 @@ DROPPED = object()
         (changed(version=2), "of version 2"),
         (changed(extra=1), "unknown keys"),
         (changed(draws=DROPPED), "missing keys"),
-        (changed(n=7), "5 answers, and n 7"),
+        (changed(n=7), "5 answers, but n = 7"),
         (changed(seed=-1), "the seed -1"),
         (changed(criteria=[]), "0 criteria"),
         (changed(criteria__0__name="turns"), "a criterion twice"),

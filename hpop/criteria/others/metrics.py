@@ -30,8 +30,8 @@ COMPLIANT = 0.5  # m, smallest gap that respects people's space
 class SocialMetrics:
     """Metrics of Francis et al. 2023 (Principles and guidelines for evaluating social robot navigation algorithms).
 
-    People are at their predicted positions while they are present. If a person has several predicted futures, each
-    metric is that of the worst one.
+    People are at their predicted positions while they are present. If a person has several predicted futures, the
+    person counts as being at all of their positions: distances and times are the smallest over the futures.
 
     min_human_distance       m  smallest gap between the surfaces of robot and people; ∞ without people, negative in a
                                 collision

@@ -66,7 +66,7 @@ class WeightCone:
         return [(ray[:-1], ray[-1]) for ray in self._rays if any(ray[:-1])]
 
     def add(self, point: Sequence[int]) -> None:
-        """Add a point to the hull: cut the cone with the half-space of this point."""
+        """Add a point y to the hull: keep the weights w and bounds b of the cone for which w . y >= b."""
         y = [int(value) for value in point]
         k = len(y)
         bit = 1 << self._count
@@ -212,7 +212,7 @@ def least_path(data: Reduced, task: Task, call: Any) -> IntArray | None:
     """Return the path with the least weighted sum, as indices of arcs, or None if no path is within the task's limit.
 
     data  graph with reduced costs, to which the indices refer
-    task  weights and limit
+    task  weights, limit, and the arcs that the path must not use
     call  function that calls a kernel with its arguments
     """
     kernels = supported.weighted_path

@@ -264,7 +264,7 @@ def wait_until(tables: TimedTables, rest: RemainingBounds, v: int) -> int:
 
 @lean
 def needs_one_stay(tables: TimedTables, rest: RemainingBounds, p: int) -> bool:
-    """Return whether paths never need two consecutive arcs within place p; the result is cached in `rest`."""
+    """Return whether one arc within place p, with a hold where needed, replaces two arcs in a row there (cached)."""
     if rest.one_stay[p] == UNKNOWN:
         rest.one_stay[p] = one_stay_suffices(tables, rest.nodes[rest.first[p] : rest.first[p + 1]])
     return bool(rest.one_stay[p] != 0)

@@ -167,7 +167,7 @@ def towards_ball(
 ) -> tuple[FloatArray, FloatArray]:
     """Return evenly spread rays from points to a ball: unit vectors (N, rays, 3), and their lengths (N, rays), m.
 
-    The points are (N, 3), m; lengths are 0 for points inside the ball.
+    The points are (N, 3), m. Directions and lengths are 0 for points inside the ball.
     """
     directions, reach = np.empty((len(places), rays, 3)), np.empty((len(places), rays))
     geometry._kernels.towards_ball(places, np.array(centre, float), radius, over_disc(rays), directions, reach)

@@ -299,7 +299,8 @@ class Safety:
     ) -> FloatArray:
         """Return the gaps (N,), m, between the robot and a person anywhere in the convex hull of ``corners``.
 
-        rows  (N,)  indices of the pieces, in which the robot does not turn; the corners are seen from the robot
+        rows     (N,)  indices of the pieces, in which the robot does not turn
+        corners        positions relative to the robot's axis, m, along the axes of the map: not turned by its yaw
         """
         return to_parts(self.parts, pieces.yaw[rows], corners) - person.radius - walk.stray[rows]
 
