@@ -30,10 +30,11 @@ def on_first_use(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]
 
 
 def homes_of(package: str) -> dict[str, str]:
-    """Return, by name, the modules from which a package imports names for type checkers only (``if TYPE_CHECKING``).
+    """Return the names that a package imports for type checkers only, each with its module as the value.
 
-    These imports are read from the package's source. So each name that is imported on first use is listed once, where
-    type checkers and editors read it too. For a module of the package itself the value is "".
+    These imports, under ``if TYPE_CHECKING``, are read from the package's source. So each name that is imported on
+    first use is listed once, where type checkers and editors read it too. The value is "" if the name is itself a
+    module of the package (``from package import name``).
     """
     spec = sys.modules[package].__spec__
     source = spec.loader.get_source(package) if spec and isinstance(spec.loader, InspectLoader) else None

@@ -61,7 +61,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class CaseTask:
-    """Start, goal and planners of a case: everything that is not part of its setting."""
+    """Start, goal and planners of a case: everything that is not part of its :class:`Setting`."""
 
     start: tuple[float, ...]
     goal: Any
@@ -242,7 +242,7 @@ class Job:
 
 
 def _jobs(cases: Cases, listed: Iterable[Case]) -> Iterator[Job]:
-    """Yield a job for each case; successive cases in the same world share one setting."""
+    """Yield a job for each case; successive cases with equal world, model and criteria share one :class:`Setting`."""
     common: Setting | None = None
     name = None
     for case in listed:

@@ -164,9 +164,9 @@ class People:
         return np.array([numbers.get(name, np.nan) for name in self.names])
 
     def _design(self, table: FloatArray) -> FloatArray:
-        """Return the design matrix of the concentrations, for a table of profiles.
+        """Return the design matrix (people, d) for :meth:`_log_concentrations`, from a table of profiles.
 
-        Each person has a row: 1, followed by the scaled profile if profiles are used.
+        The result has a row for each profile: 1, followed by the scaled profile if profiles are used.
         """
         one = np.ones((len(table), 1))
         if not self.uses_profile:

@@ -167,6 +167,11 @@ class Graph:
     ) -> Self:
         """Build the graph from arcs that are sorted by tail.
 
+        indptr      (n + 1,)  the arcs of node v are ``indptr[v]`` to ``indptr[v + 1] - 1``
+        heads       (m,)      node to which each arc leads
+        costs       (m, k)    whole numbers
+        aggregates  "sum" or "max" for each cost; by default sums
+
         >>> Graph.from_csr([0, 1, 1], [1], [[7, 2]], aggregates=["sum", "max"]).aggregates
         ('sum', 'max')
         """

@@ -172,7 +172,7 @@ class _ParetoRun:
     """One run of a query: it computes lower bounds, chooses the method and the order of costs, and searches.
 
     search        the search, None before it is set up
-    samples       (m, k) costs of the path that is best for each cost
+    samples       (k, k) costs of the path that is best for each cost; (0, k) before they are known
     after_bounds  s   time at which the lower bounds were complete
     """
 

@@ -284,7 +284,10 @@ class Answers:
         return asked
 
     def _value(self, session: Session, place: int, form: Form, name: str) -> float:
-        """Return a score or an item of a session at a place; NaN if an answer is missing."""
+        """Return a score or an item of a form after stimulus number ``place`` of a session; NaN if an answer is missing.
+
+        Place 0 is before the first stimulus.
+        """
         values = session.values(place, form)
         return score(form, values)[name] if name in form.score_names else values.get(name, np.nan)
 

@@ -155,7 +155,7 @@ def _in_a_room(model: Model, rng: np.random.Generator) -> tuple[World, States, S
 
 
 def _in_space(model: Model, rng: np.random.Generator) -> tuple[World, States, States]:
-    """Return a world with a ball between two positions of the camera."""
+    """Return a world with a ball, and two free states between whose camera positions it lies."""
     extent = shapely.box(0, 0, *ROOM)  # its border is no wall for robots in space
     nowhere = World.from_solids([], extent=extent)
     states = _free_states(model, nowhere, drawn_states(model, nowhere, rng, POSTURES))

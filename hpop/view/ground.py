@@ -82,9 +82,9 @@ class Ball:
 def view_of(problem: Problem, paths: Sequence[FloatArray] = ()) -> View:
     """Return the rectangle that a map shows: free space, start and goal, with a margin.
 
-    Unknown surroundings of a map file are cut off. If paths (N, 2), m, are given, and start, goal and paths with some
-    margin have less than 0.4 of the longer side of this rectangle, only they are shown. For a fixed robot they are
-    shown whenever that rectangle is smaller.
+    Unknown surroundings of a map file are cut off. With paths (N, 2), m, the rectangle is that of start, goal and paths
+    with a margin, if its longer side is then less than 0.4 of what it would be otherwise; for a fixed robot, if it is
+    shorter at all.
     """
     start, goals = end_poses(problem)
     ends = shapely.MultiPoint([pose[:2] for pose in (start, *goals)])

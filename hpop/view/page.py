@@ -257,7 +257,7 @@ def _draw_bar(figure: Figure, bar: Bar) -> Axes:
 
 
 def _width_of_words(figure: Figure, cax: Axes) -> float:
-    """Return the width of the ticks and the label beside a colour bar, in inches."""
+    """Return how far the ticks and the label of a colour bar reach beyond its right side, in inches."""
     box = cast(Bbox, cax.get_tightbbox())
     return float(box.x1 - cax.bbox.x1) / figure.dpi
 

@@ -270,14 +270,14 @@ class World(FromCells, FromFiles):
         return self.derived(("free", layer), make)
 
     def beside_cells(self, layer: Layer) -> FreeSpace:
-        """Return the extent less closed regions and the prisms of a layer, ignoring its occupied cells."""
+        """Return the extent less `closed` (keep-out zones and people) and the prisms of a layer, but not less its cells."""
         blocked = union([*(self.obstacles[i].polygon for i in layer.prisms), self.closed])
         return self.derived(("beside cells", layer), lambda: FreeSpace(without(self.extent, blocked)))
 
     def clearance(self, x: Column, y: Column, *, z: Heights = WHOLE) -> Column:
         """Return the distance (M,), m, to the nearest obstacle, keep-out zone, standing person or border of the extent.
 
-        It is 0 inside the former, and beyond the extent.
+        It is 0 inside an obstacle, a keep-out zone or a person, and beyond the extent.
 
         x and y are (M,) in metres; only obstacles in the range of heights ``z`` count. Exact for arrays (about 1 us per
         point in a building at 0.05 m). For CasADi columns `clearance_field` is used, which is signed and smoothed.

@@ -39,7 +39,7 @@ class Jerk:
         set_reals(self, "smoothing", least=0.001, most=MOST, kind="a time in s", error=CriterionError)
 
     def cost(self, m: History) -> FloatArray:
-        """Return the integral (M,), m²/s⁵, up to the end of each motion.
+        """Return the integral (M,), m²/s⁵, of the squared jerk up to the end of each motion.
 
         The last value includes the time just after the end, into which smoothing spreads the last jump.
         """

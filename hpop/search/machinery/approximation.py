@@ -100,7 +100,10 @@ def proven_gap(front: IntArray, estimates: IntArray) -> float:
 
 
 def _excess(front: FloatArray, estimates: FloatArray) -> FloatArray:
-    """Return for each estimate (m,) the relative excess of the nearest vector of the front over it."""
+    """Return for each estimate (m,) the smallest relative excess of a vector of the front over it.
+
+    The excess of a vector is the largest over all costs, at least 0.
+    """
     best = np.full(len(estimates), math.inf)
     positive = estimates > 0
     divisor = np.where(positive, estimates, 1.0)

@@ -68,8 +68,8 @@ class HeapSearch(Search):
     def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
         """Fill the heap with saved labels (h,) and their estimates ``costs`` (h, k); raise Unsound if it is no heap.
 
-        Labels are partial paths; estimates are their costs with lower bounds of the rest. ``waiting`` must be empty:
-        this search has no buckets.
+        Labels are partial paths; estimates are their costs plus lower bounds of the remaining costs. ``waiting`` must
+        be empty: this search has no buckets.
         """
         if len(waiting):
             raise Unsound("saved partial paths are in buckets, which this search does not use")

@@ -316,7 +316,11 @@ class Search(ABC):
 
     @abstractmethod
     def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
-        """Fill the queue with labels ``heap`` and ``waiting`` of estimates ``costs``; raise Unsound if disordered."""
+        """Fill the queue with saved open labels (partial paths); raise Unsound if they are not in the queue's order.
+
+        heap, waiting  (h,), (w,)  labels in the heap, and labels in buckets
+        costs          (h + w, k)  their estimates: costs plus lower bounds of the remaining costs
+        """
 
     @abstractmethod
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:

@@ -173,7 +173,7 @@ class PreparedRun:
         return sum(array.nbytes for array in arrays if array.__array_interface__["data"][0] not in places)
 
     def _gap(self, costs: IntArray, clock: DeadlineClock) -> float:
-        """Return the smallest gap to missing paths that either search proves for the returned costs (n, k)."""
+        """Return the smallest gap of costs (n, k) to missing paths that the exact or the approximate search proves."""
         if self.exact is None:
             return proven_gap(costs, self.prepared.bounds[:, self.source][None], math.inf)
         gap = GAP if self.is_approximate_complete else math.inf

@@ -253,9 +253,10 @@ class Staircase(JointSearch):
             self.take_turn_bounds(layers)
 
     def closer_gap(self, front: IntArray, gap: float, estimates: IntArray, least: IntArray, clock: Clock) -> float:
-        """Return the gap of a front (n, 3) to missing vectors that bounds by turns prove, or ``gap`` if that is less.
+        """Return a gap of a front (n, 3) to missing vectors, proven by bounds for each number of further turns.
 
-        It ends the search: bounds that it did not need yet are computed, unless known paths show that the gap is true.
+        It is at most ``gap``, which is proven already. Call this only when the search has stopped: missing bounds are
+        computed, unless known paths show that no smaller gap is true.
 
         estimates  (m, 3)  those of open labels, see :meth:`estimates`; all columns are in the order of the search
         least      (p, 3)  costs of known paths that the front need not have
@@ -373,7 +374,10 @@ class Staircase(JointSearch):
             raise Unsound("a saved solution is covered by one before it")
 
     def results(self) -> tuple[IntArray, IntArray, int, int, int]:
-        """Return the results of :meth:`.Search.results`, without solutions of joint bounds that are dominated."""
+        """Return the results of :meth:`.Search.results`, without dominated vectors.
+
+        Some of the first solutions, which come with the joint bounds, may be dominated by later ones.
+        """
         front, labels, generated, expanded, waiting = super().results()
         if self.hull_paths:
             best = is_nondominated(front.astype(np.float64))

@@ -259,7 +259,7 @@ class _TimedPreparedRun:
         return least
 
     def _gap(self, costs: IntArray) -> float:
-        """Return the smallest gap to missing paths that either search proves for the returned costs (n, k)."""
+        """Return the smallest gap of costs (n, k) to missing paths that the exact or the approximate search proves."""
         if self.exact is None:
             return proven_gap(costs, self._least_remaining()[None], math.inf)
         gap = GAP if self.is_approximate_complete else math.inf

@@ -177,7 +177,7 @@ class _Pieces(NamedTuple):
 
 
 def _pieces(like: Any) -> _Pieces | None:
-    """Return the scores of a pilot study as steps of a normal variable; None without a pilot."""
+    """Return the scores of a pilot as a step function of a standard normal variable; None without a pilot."""
     if like is None:
         return None
     scores = np.asarray(like, dtype=float).ravel()

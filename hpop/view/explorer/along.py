@@ -80,7 +80,10 @@ def _packed_trace(found: Trace, packer: Packer, origin: tuple[float, float]) -> 
 
 
 def piece_ends(pieces: int, most: int) -> IntArray:
-    """Return the indices (n+1,) at which merged pieces begin and end: at most ``most`` pieces, evenly over all."""
+    """Return the indices (n+1,) at which groups of consecutive pieces begin and end.
+
+    The number of groups is the smaller of ``pieces``, the number of pieces, and ``most``; their sizes are about equal.
+    """
     return np.unique(np.linspace(0, pieces, min(pieces, most) + 1).round().astype(np.int64))
 
 

@@ -131,7 +131,7 @@ def executed(trajectory: Trajectory) -> Trajectory:
 
 
 def checked_width(width: int) -> int:
-    """Return the width of a panorama if it is valid; raise OptionError otherwise."""
+    """Return the width of a panorama, pixels; raise OptionError unless it is a multiple of 4 within limits."""
     width = whole("width", width, LEAST_WIDTH, MOST_WIDTH, "pixels of a picture all round,")
     if width % 4:
         raise OptionError(f"width must be a multiple of 4, got {width}; {width - width % 4} is one")

@@ -94,7 +94,7 @@ class RasterBalls:
         ]
 
     def _cells(self, rows: slice, columns: slice) -> FloatArray:
-        """Return the occupancy, 0 or 1, of the cells in the ranges `spans`, including cells beyond the image."""
+        """Return the occupancy, 0 or 1, of the cells that a tile reaches (:meth:`spans`), also beyond the image."""
         cells, spans = self._raster.cells, self.spans(rows, columns)
         out = np.full([stop - start for start, stop in spans], float(self._outside))
         inside = [(max(start, 0), min(stop, size)) for (start, stop), size in zip(spans, cells.shape, strict=True)]

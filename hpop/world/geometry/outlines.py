@@ -72,7 +72,11 @@ def outlined(cells: BoolArray) -> BaseGeometry:
 
 
 def _borders(x: IntArray, y: IntArray, leave: BoolArray) -> IntArray:
-    """Return straight borders (n, 2, 2), each from a corner to the next one in its row or column."""
+    """Return straight borders (n, 2, 2): from each corner marked in ``leave`` to the next of the corners (x, y).
+
+    x, y   coordinates of the corners, sorted along rows or columns
+    leave  mask by y and x
+    """
     first = np.flatnonzero(leave[y, x])
     points = np.stack([x, y], axis=1)
     return np.stack([points[first], points[first + 1]], axis=1)

@@ -144,8 +144,9 @@ def tracks_of(
 ) -> Tracks:
     """Build recorded tracks by id from N rows, each a point of a person, in the order in which ids first appear.
 
-    times  (N,)  in units of ``second`` s; None: in s, or in the unit guessed for times since 1970
-    x, y   (N,)  m
+    times   (N,)  in units of ``second`` s; None: in s, or in the unit guessed for times since 1970
+    x, y    (N,)  m
+    wanted  ids of the tracks to return; None for all
 
     Rows are sorted by time, and repeated rows count once. Single points that are too far away to be reached, and people
     with one point, are left out. A person who jumps, or is missing for more than ``LEAVES`` s, continues as another
