@@ -196,9 +196,10 @@ def differing(Y: FloatArray, count: int, *, always: Sequence[int] = ()) -> list[
 def farthest(distances: Callable[[int], FloatArray], size: int, count: int, *, always: Sequence[int] = ()) -> list[int]:
     """Choose points one by one, each as far as possible from those already chosen, and return their indices.
 
-    The first is point 0, unless ``always`` names others. Ties go to the first point. If the distances are a metric, and ``always`` has at most one point, the largest
-    distance of any point to the nearest chosen one is at most twice the smallest that any choice of equally many points
-    can give (Gonzalez 1985, "Clustering to minimize the maximum intercluster distance").
+    The first is point 0, unless ``always`` names others. Ties go to the first point. If the distances are a metric, and
+    ``always`` has at most one point, the largest distance of any point to the nearest chosen one is at most twice the
+    smallest that any choice of equally many points can give (Gonzalez 1985, "Clustering to minimize the maximum
+    intercluster distance").
 
     Parameters
     ----------

@@ -284,7 +284,7 @@ class Answers:
         return asked
 
     def _value(self, session: Session, place: int, form: Form, name: str) -> float:
-        """Return a score or an item of a form after stimulus number ``place`` of a session; NaN if an answer is missing.
+        """Return a score or item of a form after stimulus number ``place`` of a session; NaN if an answer is missing.
 
         Place 0 is before the first stimulus.
         """

@@ -238,8 +238,9 @@ CORRECTIONS: tuple[Correction, ...] = ("holm", "bonferroni", "none")
 def adjusted(p: Any, correction: str = "holm") -> FloatArray:
     """Adjust p values (m,) for multiple tests, in their order; NaN stays NaN and does not count.
 
-    Results are at most 1. ``none`` changes nothing. ``bonferroni`` multiplies each by m. ``holm`` (1979, Scandinavian Journal of Statistics 6, 65-70) multiplies the
-    least by m, the next by m - 1, and so on, made monotone: it rejects at least what Bonferroni rejects.
+    ``bonferroni`` multiplies each by m. ``holm`` (1979, Scandinavian Journal of Statistics 6, 65-70) multiplies the
+    least by m, the next by m - 1, and so on, made monotone: it rejects at least what Bonferroni rejects. Results are at
+    most 1. ``none`` changes nothing.
 
     >>> adjusted([0.01, 0.04, 0.03]).round(3).tolist(), adjusted([0.01, 0.04, 0.03], "bonferroni").round(3).tolist()
     ([0.03, 0.06, 0.06], [0.03, 0.12, 0.09])

@@ -320,7 +320,7 @@ def _outside(world: World) -> tuple[World, list[Inside]]:
 
 
 def _way_out(solid: BaseGeometry, place: tuple[float, float]) -> tuple[float, float]:
-    """Return the shift (x, y), m, from a position more than ``DEEP`` m inside an obstacle to its border; else (0, 0)."""
+    """Return the shift (x, y), m, to the border from a place over ``DEEP`` m inside an obstacle; (0, 0) elsewhere."""
     here = shapely.Point(place)
     if not solid.contains(here) or solid.boundary.distance(here) <= DEEP:
         return 0.0, 0.0
