@@ -270,7 +270,7 @@ class World(FromCells, FromFiles):
         return self.derived(("free", layer), make)
 
     def beside_cells(self, layer: Layer) -> FreeSpace:
-        """Return the extent less `closed` (keep-out zones, people) and the prisms of a layer, but not less its cells."""
+        """Return the extent less `closed` (keep-out zones, people) and the prisms of a layer; its cells are ignored."""
         blocked = union([*(self.obstacles[i].polygon for i in layer.prisms), self.closed])
         return self.derived(("beside cells", layer), lambda: FreeSpace(without(self.extent, blocked)))
 
