@@ -182,7 +182,7 @@ class Plan:
         return int(self.arrivals[min(int(np.searchsorted(times, t + SAME, side="right")), times.size - 1)])
 
     def braked(self, t: float) -> float:
-        """Return the planned time, s, at which a robot stands that begins to stop at ``t``, s.
+        """Return the planned time, s, at which a robot comes to rest if it begins to stop at ``t``, s.
 
         In a straight run it brakes over v²/2a m, at most up to the end of the run; a turn or a hold is completed.
         """

@@ -170,7 +170,7 @@ class LookAt(Region):
 
     @property
     def widened(self) -> tuple[str, ...]:
-        """Return the parameters that make the goal easier to reach: distance and angle tolerance."""
+        """Return the names of the parameters that make the goal easier to reach: distance and angle tolerance."""
         return "distance", "angle_tolerance"
 
     @property

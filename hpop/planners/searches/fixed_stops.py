@@ -263,5 +263,8 @@ class FixedStops:
 
 
 def _value(value: float, unit: str) -> str:
-    """Return a coordinate of a state as text; "any" if it is not determined."""
+    """Return a coordinate of a state as text; "any" if it is not determined, that is, NaN.
+
+    The value is in degrees if ``unit`` is "rad".
+    """
     return "any" if math.isnan(value) else f"{value + 0.0:.4g}{' deg' if unit == 'rad' else ''}"

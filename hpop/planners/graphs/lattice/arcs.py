@@ -64,9 +64,10 @@ def in_place(lattice: StateLattice) -> tuple[NDArray[np.int32], NDArray[np.uint8
 
 
 def _steps(lattice: StateLattice) -> NDArray[np.int32]:
-    """Return the position that one step along the heading reaches, for each position and stance (P, Z).
+    """Return the number of the position that one step along the heading reaches, for P positions and Z stances, (P, Z).
 
-    -1 marks steps that collide or lead off the grid.
+    A stance is a heading or, if collisions depend on the joints, a heading with values of the joints. -1 marks steps
+    that collide or lead off the grid.
     """
     count, places = lattice.station_in.size, lattice.cells[0].size
     headings = lattice.stations.headings if lattice.collision.posture_matters else np.arange(count)

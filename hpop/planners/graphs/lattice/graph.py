@@ -327,7 +327,10 @@ class StateLattice(StateGraph):
         return None if kind == "move" else costs_anywhere(self, kind, criterion)
 
     def in_place_pairs(self, tails: IntArray, heads: IntArray) -> IntArray:
-        """Return a number (N,) for each motion in place that depends only on its two stations: first * S + second."""
+        """Return a number (N,) for each motion in place that depends only on its two stations: first * S + second.
+
+        A station is a heading, or a heading with values of the joints; there are S at a position.
+        """
         pairs: IntArray = tails % self.width * self.width + heads % self.width
         return pairs
 

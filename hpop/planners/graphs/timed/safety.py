@@ -231,9 +231,10 @@ class Safety:
     def blocked(self, legs: Sequence[LegMotions], first: int, horizon: int) -> BlockedArcs:
         """Return the departure ticks, 0 to ``horizon``, at which people block arcs.
 
+        A departure is also blocked if one at most SLACK earlier or later is, except one at tick 0 that begins a plan.
+
         legs   motions of r arcs
-        first  index of the first arc that begins a plan: at tick 0 these arcs and later ones must be free only if the
-               robot leaves on time
+        first  arcs with this index and larger ones begin plans
         """
         rows, ticks = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
         for pieces in (MotionPieces.of(leg, self.clock) for leg in legs):

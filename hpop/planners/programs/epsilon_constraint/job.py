@@ -74,8 +74,8 @@ class PolylineJob:
     def tolerance(self, planned: FloatArray) -> FloatArray:
         """Return the largest error (., k) of planned costs (., k).
 
-        For sums it is the share QUADRATURE. A maximum may be off between samples and field cells; it is assumed to
-        change by at most one unit per metre. To both, a quantum is added.
+        For a sum it is the share QUADRATURE of the cost. A maximum may be off between samples and field cells; it is
+        assumed to change by at most one unit per metre. To both, a quantum is added.
         """
         spacing = self.problem.world.cell + PIECE / 4
         worst = np.array([c.aggregate == "max" for c in self.roles.criteria])

@@ -266,7 +266,10 @@ class DrivenProgram:
     def refined(
         self, start: ProgramSolution, guess: Guess, targets: CostTargets, clearances: Sequence[FloatArray]
     ) -> ProgramSolution:
-        """Solve the program again from a solution, more accurately and with smaller weights of time and effort."""
+        """Solve the program again from a solution, more accurately and with smaller weights of time and effort.
+
+        Other arguments as for :meth:`solve`.
+        """
         parameters = self._parameters(guess, targets, REFINED)
         begin = {"x0": start.point, "lam_x0": start.rates[0], "lam_g0": start.rates[1]}
         return self._solved(self._solver("refined"), guess, parameters, self._limits(guess, targets, clearances), begin)
@@ -274,7 +277,13 @@ class DrivenProgram:
     def _solved(
         self, solver: Any, guess: Guess, parameters: FloatArray, limits: tuple[Bounds, Bounds], begin: dict[str, Any]
     ) -> ProgramSolution:
-        """Run a solver from ``begin``, and return its solution, with its point moved into the limits."""
+        """Run a solver from ``begin``, and return its solution, with its point moved into the limits.
+
+        guess       directions of the turns, and whether the goal fixes the heading
+        parameters  values of the program's parameters
+        limits      bounds of the variables, and bounds of the constraints
+        begin       initial variables and, if known, multipliers, by their names in CasADi
+        """
         box, bounds = limits
         for stop in self._formulas.stopping.values():
             stop.begin()
