@@ -254,7 +254,7 @@ def _costs_of_batches(criterion: Criterion, batches: Iterator[tuple[IntArray, Mo
 def _shares(pieces: TrajectoryPieces, *, counts: bool) -> FloatArray:
     """Return which share (n,) of its motion's cost each piece gets: that of the duration.
 
-    With ``counts``, for criteria that count, the last piece of a motion gets all of it.
+    With ``counts``, for criteria that count, and for a motion without duration, the last piece gets all of it.
     """
     last = np.diff(pieces.owner, append=len(pieces.trajectory)) > 0
     lasts = pieces.trajectory.durations[pieces.owner]

@@ -59,8 +59,9 @@ class Waypoints(NamedTuple):
 class JoinCopies:
     """Copies (c,) of the joins of a graph: a join with moves has one for each class, any other join has one.
 
-    A copy includes the changes of speed between its motions. It begins or ends at rest at a start, a goal or an added
-    state of a stop. At a state of the graph, it begins at the speed of its first motion, or ends at that of its last.
+    A join is an arc that connects a start, goal or stop to the graph. A copy includes the changes of speed between its
+    motions. It begins or ends at rest at a start, a goal or an added state of a stop. At a state of the graph, it
+    begins at the speed of its first motion, or ends at that of its last.
 
     inner   graph of states, with joins or without
     model   model with speed classes

@@ -50,7 +50,7 @@ def stages_of(tour: Tour) -> list[Stage]:
 def chosen_states(
     query: Query, members: Sequence[IntArray], dwells: Sequence[IntArray], pairs: set[tuple[int, int]], number: int
 ) -> list[IntArray]:
-    """Return the rows of the states, at most ``number`` for each stop, at which tours may visit it.
+    """Return for each stop the indices, in its ``members``, of at most ``number`` states at which tours may visit it.
 
     The first state of a stop has the least sum of lower bounds: those of the costs of a path from the start, or from
     any state of each stop that may come just before, to this state; those of a path from it to the goals, or to any

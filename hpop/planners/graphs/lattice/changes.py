@@ -165,7 +165,7 @@ def _as_read_only(array: Any) -> Any:
 
 
 class _WatchedWorld(World):
-    """World that records which of its attributes are read, and for which radii its obstruction is computed.
+    """World that records which of its attributes are read, and for which radii :meth:`World.obstruction` is called.
 
     All values are those of another world, ``watched``.
     """
@@ -224,7 +224,7 @@ def _same_content(before: World, after: World) -> bool:
 def _attributes_read(criterion: Criterion, lattice: StateLattice) -> tuple[frozenset[str], frozenset[float]] | None:
     """Evaluate a criterion on a sample of arcs and return which attributes of the world it reads.
 
-    Also returns the radii, m, for which it computes the obstruction. None if the evaluation fails.
+    Also returns the radii, m, with which it calls :meth:`World.obstruction`. None if the evaluation fails.
     """
     reads, radii = set[str](), set[float]()
     watched = copied(lattice.world.stand_in(_WatchedWorld), watched=lattice.world, reads=reads, radii=radii)
@@ -239,9 +239,9 @@ def _attributes_read(criterion: Criterion, lattice: StateLattice) -> tuple[froze
 
 
 def _seeing_change(lattice: StateLattice, before: World, radius: float) -> BoolArray | None:
-    """Return on which arcs (m,) the obstruction seen by the camera may have changed; None if on all arcs.
+    """Return on which arcs (m,) the obstruction around the camera may have changed; None if on all arcs.
 
-    radius  m  largest distance of obstacles that count as obstruction
+    radius  m  of the ball around the camera; the obstruction is the fraction of it that is inside obstacles
     """
     rasters, aside = (before.raster, lattice.world.raster), _camera_aside(lattice)
     if None in rasters or aside is None or before.obstacles or lattice.world.obstacles:

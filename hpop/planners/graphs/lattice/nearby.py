@@ -61,8 +61,8 @@ def distances_from(free: BoolArray, seeds: IntArray, corner_cutting: bool) -> tu
     free            (rows, columns)  whether each cell is free
     corner_cutting  whether a diagonal step may pass beside a blocked cell
 
-    The distance is FAR for a cell that cannot be reached, and the predecessor on the shortest path is -1 for such cells
-    and for seeds.
+    Distances are in fifths of a cell: a straight step counts 5, a diagonal one 7. The distance is FAR for a cell that
+    cannot be reached, and the predecessor on the shortest path is -1 for such cells and for seeds.
     """
     distance = np.full(free.size, FAR)
     before = np.full(free.size, np.int64(-1))
@@ -88,7 +88,8 @@ def fill_distances(
 
     free      (rows, columns)  whether each cell is free
     corner_cutting             whether a diagonal step may pass beside a blocked cell
-    distance  (rows * columns,)  output: distance from the nearest seed; initially 0 at seeds, FAR elsewhere
+    distance  (rows * columns,)  output: distance from the nearest seed, in fifths of a cell; initially 0 at seeds, FAR
+              elsewhere
     before    (rows * columns,)  output: predecessor; initially -1
     waiting   (STEPS, .)  bucket queue of Dial 1969: cells at distance d wait in row d mod STEPS, since every step is
               shorter than STEPS; initially with the seeds in row 0

@@ -68,7 +68,8 @@ class TickClock:
 
         start, end  states (M,) between which the robot moves
 
-        The ticks of all moves along one straight line add up to the rounded duration of the line.
+        The ticks of all moves along one straight line add up to the duration of the line, rounded up or down; but a
+        move shorter than a tick gets at least one tick.
         """
         dx, dy = end.x - start.x, end.y - start.y
         length = np.hypot(dx, dy)

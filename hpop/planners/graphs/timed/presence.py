@@ -100,7 +100,8 @@ class Presence:
     def parts(self, masks: Masks) -> Iterator[tuple[IntArray, World]]:
         """Group masks by the people in them; yield the indices (N,) of each group, and a world with these people only.
 
-        Rare combinations of people form one group, with the world of all people.
+        Combinations of people that are rare, or include people without a bit of their own, form one group, with the
+        world of all people.
         """
         among_all = []
         values, which, counts = np.unique(masks, return_inverse=True, return_counts=True)

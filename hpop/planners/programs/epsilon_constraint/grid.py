@@ -308,7 +308,7 @@ class Grid:
         return left
 
     def _hopeless(self, cell: Cell) -> bool:
-        """Return whether a cell of the same warm start was infeasible, although none of its bounds is tighter.
+        """Return whether a cell of the same warm start was infeasible, with no bound tighter than those of this cell.
 
         False at level 0.
         """

@@ -271,8 +271,8 @@ class PolylineProgram:
     def bounds(self, polyline: Polyline) -> list[FloatArray]:
         """Return clearance bounds: the least values of the distance field at the S samples that avoid collisions.
 
-        There is an array (S,), m, for each height range. A bound is the robot's reach and a margin, or the value at the
-        warm start ``polyline`` if that is less, so that the warm start is feasible.
+        There is an array (S,), m, for each height range. A bound is the robot's reach and a margin, but at most the
+        exact distance and the field's value at the warm start ``polyline``, so that the warm start is feasible.
         """
         x, y = (self.motions.sampled @ polyline.vertices).T
         world, bounds = self.problem.world, []

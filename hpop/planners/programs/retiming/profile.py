@@ -43,9 +43,9 @@ SLOWER = 1.1  # factor by which a first profile is slowed down until it keeps th
 class Discomfort:
     """Convex discomfort of speed profiles over N intervals of all stretches.
 
-    It is either the largest flow, or the integral of the squared acceleration of the camera.
+    It is either the largest optic flow, or the integral of the squared acceleration of the camera.
 
-    flow     (N,)    largest flow, rad/s, in each interval at ds/dt = 1; None for the integral
+    flow     (N,)    largest optic flow, rad/s, in each interval at ds/dt = 1; None for the integral
     slopes   (N, 3)  p', derivative by s of the camera's position p, m, in the middle of each interval
     bends    (N, 3)  p''; with both, the discomfort is the integral of the squared acceleration, m²/s³
     """
@@ -214,13 +214,13 @@ class Profiles:
 
     @cached_property
     def _scale(self) -> tuple[FloatArray, FloatArray]:
-        """Scales of the programs: ds/dt of the input at each position, and its sum (N,) over both ends of intervals."""
+        """Scales of the programs: ds/dt of the given trajectory at each position, and its sum (N,) over both ends."""
         pace = np.concatenate([stretch.pace for stretch in self.stretches])
         return pace, pace[self.first] + pace[self.first + 1]
 
     @cached_property
     def _shared(self) -> tuple[Any, Any, Any, Any, list[Any]]:
-        """Variables and expressions of all programs, scaled by the input.
+        """Variables and expressions of all programs, scaled by the given trajectory (:attr:`_scale`).
 
         They are b where the robot moves (the variable), b at all positions, √b0 + √b1 of each interval divided by its
         scale, the total duration, and the list of constraints.

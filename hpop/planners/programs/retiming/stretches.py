@@ -162,7 +162,7 @@ class PathStretch:
     states         (n+1,)         states of the model
     slopes         (n+1, c)       dq/ds
     bends          (2, n, c)      d²q/ds² at the start and at the end of each interval, linear between them
-    pace           (n+1,)         ds/dt of the input, 0 at both ends
+    pace           (n+1,)         ds/dt of the trajectory from which the stretch was made, 0 at both ends
     middle         (n,)           states in the middles of the intervals
     rows           (r, c)         combinations rows @ q of the coordinates that have limits
     speeds         (r,)           their largest speeds

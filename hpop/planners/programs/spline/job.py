@@ -114,7 +114,7 @@ class SplineJob:
         return Outcome.of(result, counts, seconds)
 
     def compile_kernels(self, trajectory: Trajectory) -> None:
-        """Compile the collision kernels that steps use, or load them from the cache."""
+        """Compile the collision kernels that steps use, or load them from the cache, by checking one trajectory."""
         self._collision.separations(trajectory.states.take([0]), APART)
         for _, m in trajectory.batches(self.problem.world):
             self._collision.motions_free(m)
