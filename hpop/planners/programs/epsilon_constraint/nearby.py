@@ -158,7 +158,7 @@ class LocalModel:
         return values
 
     def _tops(self, vertices: FloatArray) -> SegmentParts:
-        """Return the parts of segments, at most PIECE / FINER m long, where criteria that are maxima have local maxima."""
+        """Return parts of segments, at most PIECE / FINER m long where criteria that are maxima have local maxima."""
         parts = _parts(vertices, PIECE)
         tops: list[SegmentParts] = []
         for j in self.maxima:
