@@ -290,7 +290,7 @@ class DifferentialDrive(PlanarModel):
         return {self.name: {k: v for k, v in own.items() if self.view != FIXED or k not in ("view", "view_yaw")}}
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Yield a text for motions sideways or backwards, wheels beyond their limits, and speeds that are no class."""
+        """Yield a text for motions sideways or backwards, wheels beyond their limits, and faults of speed classes."""
         yield from faults(self, trajectory)
         yield from speed_faults(self.speed_classes, trajectory)
 

@@ -226,7 +226,7 @@ def is_planar(law: Law) -> TypeGuard[PlanarLaw]:
 
 
 def motion_bounds(motions: Motions, lever: float) -> tuple[Column, Column]:
-    """Return upper bounds (M,) on path length, m, and rotation, rad, of points within ``lever`` m of the base axis."""
+    """Return upper bounds (M,) on path length, m, of points within ``lever`` m of the base axis, and on turns, rad."""
     m, law = motions, motions.law
     if is_planar(law):
         turned = cast(PlanarCurve, law).swept(m.start, m.end) if is_curve(law) else law.turned(m.start, m.end)

@@ -228,10 +228,11 @@ def _run_end(planned: Trajectory, laws: Mapping[str, Law], begin: int) -> int:
 def _profile(way: FloatArray, limits: FloatArray, acceleration: float) -> tuple[FloatArray, FloatArray]:
     """Return the fastest profile of a run from rest to rest, as two columns.
 
-    The first has the ways, m, at which ramps and cruises begin and end, from 0 on, the second the speeds there, m/s.
+    The first has the distances driven, m, at which ramps and cruises begin and end, from 0 on, the second the speeds
+    there, m/s.
 
-    way     (n+1,)  m    way done at each planned state
-    limits  (n,)    m/s  class of each planned motion; motions without a way do not count
+    way     (n+1,)  m    distance driven up to each planned state
+    limits  (n,)    m/s  class of each planned motion; motions in place do not count
     """
     moves = np.flatnonzero(np.diff(way) > 0)
     if not moves.size:
@@ -299,7 +300,7 @@ def speed_faults(speeds: Sequence[float], trajectory: Trajectory) -> Iterator[st
 
 
 def _ramp_faults(trajectory: Trajectory, i: int, fastest: float) -> Iterator[str]:
-    """Yield a text for each fault of the executed ramp ``i``: faster than the base can drive, or speeding up harder."""
+    """Yield a text for each fault of the executed ramp ``i``: a speed or an acceleration beyond the base's largest."""
     s = trajectory.states
     length = np.hypot(s.x[i + 1] - s.x[i], s.y[i + 1] - s.y[i])
     hardest = laws_of(trajectory.model)[CHANGE].acceleration  # type: ignore[attr-defined]

@@ -156,7 +156,7 @@ def _event(faults: Faults, entry: EventEntry, place: Place) -> Event | None:
 
 
 def _value(faults: Faults, kind: str, value: Any, place: Place) -> Any:
-    """Convert the value of an event: an area to a polygon, people to persons; other values stay as they are."""
+    """Convert the value of an event: an area to a polygon, people to persons; "options" has none, others stay."""
     match kind:
         case "close":
             return _area(faults, value, place)

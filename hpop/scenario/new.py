@@ -107,7 +107,8 @@ def is_scenario(path: Path) -> bool:
 def first_draft(world: World, radius: float | None, start: str | None = None, goal: str | None = None) -> Draft:
     """Return a problem for a round robot, with a lattice that plans it; a missing start or goal is chosen far away.
 
-    If no lattice finds a path, another start or goal is chosen that wider passages connect. Raises as `first_problem`.
+    If no lattice finds a path, another start or goal is chosen that wider passages connect. If that fails too, the
+    first choice is returned, with the status of its search. Raises as `first_problem`.
     """
     first: Draft | None = None
     for room in ROOM:

@@ -240,7 +240,7 @@ def _chi2(test: statistics.Related | statistics.Independent) -> Row:
 
 
 def _balance(labels: Sequence[str], matrix: Matrix, design: Design) -> list[Row]:
-    """Count how often each stimulus was at each place, in sessions with complete scores."""
+    """Count how often each stimulus was at each place of the order, over sessions with complete scores."""
     seen = places(
         [
             tuple(matrix.conditions[i] for i in np.argsort(row))

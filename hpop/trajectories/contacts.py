@@ -62,8 +62,8 @@ def first_contact(
 ) -> tuple[float, str] | None:
     """Return the first time, s, at which a robot is nearer than a margin, m, to any person, and the person's name.
 
-    Moving and standing people count. Return None if this never happens. A robot may leave people near its start, see
-    :func:`contact`.
+    Moving and standing people count. Return None if this never happens. :func:`contact` says when a robot may leave
+    people near its start, and which share of an uncertain prediction must be nearer.
 
     begin  s, of the trajectory, at which the predictions of people begin; the returned time counts from then
     """
@@ -95,7 +95,8 @@ def _earliest_contact(
 ) -> tuple[float, str] | None:
     """Return the first time, s, at which a person is nearer than the margin, m, and the person's name; None if never.
 
-    Moving people are checked, and standing people with indices in ``left``.
+    Moving people are checked, and standing people with indices in ``left``. :func:`contact` says which share of an
+    uncertain prediction must be nearer.
     """
     found = [
         (moment, person.name or f"person {number}")

@@ -93,6 +93,8 @@ class NetMisalignment(_RoundTurns):
 def _since_last(turning: BoolArray, turned: FloatArray) -> FloatArray:
     """Return, for each motion, the rotation (M,), rad, since the last motion before it that did not turn the camera.
 
+    It includes the motion itself, and is 0 for a motion that does not turn the camera.
+
     turning  (M,)  whether each motion turns the camera
     turned   (M,)  rad, rotation in each motion
     """

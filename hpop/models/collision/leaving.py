@@ -161,7 +161,7 @@ def planar_collision(parts: tuple[Part, ...], world: World) -> PlanarCollision:
 
 
 def touched(parts: tuple[Part, ...], world: World, state: States) -> tuple[int, ...]:
-    """Return the indices of the standing people that a robot touches in a state (1,)."""
+    """Return the indices of the standing people within the required clearance of a robot in a state (1,)."""
     near = max((part.reach for part in parts), default=0.0)
     here = shapely.Point(float(state.x[0]), float(state.y[0]))
     return tuple(

@@ -116,8 +116,8 @@ def _rotation_poses(axis: FloatArray, angle: FloatArray) -> FloatArray:
 def levers(chain: Chain) -> FloatArray:
     """Return upper bounds (n,) on how far tool and camera move, m, per rad or m by which each joint moves.
 
-    For a turning joint the bound is the sum of the lengths of all links after it. A sliding joint moves all links after
-    it by the distance that it slides, so its bound is 1.
+    For a turning joint the bound is the distance of the next joint from its axis, plus the lengths of all later links,
+    slides extended. A sliding joint moves all links after it by the distance that it slides, so its bound is 1.
     """
     n = len(chain)
     lengths = np.zeros(n)  # of the step to each joint's frame, slides included

@@ -104,7 +104,7 @@ class ArmJudge:
         return _Steps(rows, poses, ways.max(axis=2))
 
     def _steps_along(self, motions: Motions, i: int) -> _Steps:
-        """Return the steps of motion i, so many that no corner of a part's bounding box moves more than ``STEP``."""
+        """Return the steps of motion i: enough, up to MOST_STEPS, that no corner of a part moves more than ``STEP``."""
         law, start, end = motions.law, motions.start.take([i]), motions.end.take([i])
         count = FIRST_STEPS
         while True:

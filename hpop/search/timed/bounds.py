@@ -194,9 +194,10 @@ class TimedJointBounds:
         return needed
 
     def _near_best(self, prices: Prices, clock: Clock) -> BoolArray | None:
-        """Return a mask (n,) of the needed nodes near a best path, by costs from the horizon on; None at a limit.
+        """Return a mask (n,) of the needed nodes near a best path by costs from the horizon on; None if there is none.
 
-        A tenth of the nodes counts as near: those through which the least weighted cost of a path is smallest.
+        A tenth of the nodes counts as near: those through which the least weighted cost of a path is smallest. The
+        result is also None if a limit is passed.
         """
         lane, needed = len(self.summed), self.layout.needed
         calm = self._calm_graph(prices, slice(lane, lane + 1), needed)
@@ -230,7 +231,10 @@ class TimedJointBounds:
         return np.asarray(np.maximum(far, 4.0 * self.graph.largest))
 
     def _ranges(self, typical: FloatArray) -> FloatArray:
-        """Return the range (k,) of each cost over the known solutions, or the typical costs (k,) for fewer than two."""
+        """Return the range (k,) of each cost over the known solutions, or the typical costs (k,) for fewer than two.
+
+        A cost without a range has its value, at least 1, instead.
+        """
         if len(self.seeds) < 2:
             return typical
         costs = np.array([seed.costs for seed in self.seeds], np.float64)

@@ -88,7 +88,7 @@ def piece_ends(pieces: int, most: int) -> IntArray:
 
 
 def merged_rates(found: Trace, column: int, ends: IntArray) -> FloatArray:
-    """Return the rate (m,) of a criterion in each merged piece, between indices ``ends`` (m+1,).
+    """Return the rate (m,) of a criterion in each group of consecutive pieces, between indices ``ends`` (m+1,).
 
     It is the greatest rate for a criterion that is a maximum, else the mean over time.
     """

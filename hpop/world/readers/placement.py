@@ -206,7 +206,7 @@ class Placement:
             )
 
     def settled(self, of: Sequence[Feature], shapes: NDArray[np.object_]) -> Placement:
-        """Return the placement with its units guessed, and its origin determined, from the geometries of features.
+        """Return the placement with units and origin: those given, or else guessed from the geometries of features.
 
         Coordinates are degrees if all are within 180 and 90 and span less than `WIDEST` each way, as no plan in metres
         does. Raises MapError if some features look like degrees and others do not.

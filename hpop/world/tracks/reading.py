@@ -182,7 +182,7 @@ def read_tracks(
     format: TrackFormat | None = None,
     ids: Sequence[Hashable] | None = None,
 ) -> Tracks:
-    """Return recorded tracks of people from a file, by id, in the file's order.
+    """Return recorded tracks of people from a file, by id, in the order of ``ids`` or else of the file.
 
     Parameters
     ----------

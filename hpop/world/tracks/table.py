@@ -142,7 +142,9 @@ def tracks_of(
     second: float | None = 1.0,
     notes: Iterable[str] = (),
 ) -> Tracks:
-    """Build recorded tracks by id from N rows, each a point of a person, in the order in which ids first appear.
+    """Build recorded tracks by id from N rows, each a point of a person.
+
+    Tracks are in the order of ``wanted``, by default that in which ids first appear.
 
     times   (N,)  in units of ``second`` s; None: in s, or in the unit guessed for times since 1970
     x, y    (N,)  m
