@@ -32,11 +32,14 @@ from hpop.runtime.status import Status, progress_bar
     help="Formats, such as tum,unity-csv,mcap,glb; `hpop formats` lists them. [csv]",
 )
 @click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Folder for the files. [FOLDER/export]")
-@click.option("--rate", type=float, default=20.0, metavar="HZ", help="Poses a second. [20]")
+@click.option("--rate", type=float, metavar="HZ", help="Poses a second. [20; 100 for joints]")
 @click.option(
     "--planned", is_flag=True, help="Write the planned motion instead of the executed one (with speed ramps)."
 )
-@click.option("--body", default="camera", metavar="NAME", help="camera, base or tool. [camera]")
+@click.option("--body", default="camera", metavar="NAME", help="camera, base, tool or joints. [camera]")
+@click.option(
+    "--jerk", type=float, metavar="MOST", help="Largest jerk of an arm's joints, rad/s³ or m/s³; none by default."
+)
 @click.option("--frame-id", default="map", metavar="NAME", help="Frame of the world, in ROS and Nav2. [map]")
 @click.option("--base-frame", default="base_link", metavar="NAME", help="Frame of the base. [base_link]")
 @click.option("--camera-frame", default="camera_link", metavar="NAME", help="Frame of the camera. [camera_link]")
@@ -48,9 +51,10 @@ def export(
     points: int | None,
     formats: list[str],
     out: Path | None,
-    rate: float,
+    rate: float | None,
     planned: bool,
     body: str,
+    jerk: float | None,
     frame_id: str,
     base_frame: str,
     camera_frame: str,
@@ -59,14 +63,16 @@ def export(
     """Write trajectories of a front to files for other programs.
 
     FOLDER holds the front that `hpop plan` wrote. Files are named after the rows, such as knee_70.tum;
-    knee_70.about.json has the costs and the axes of each file. Existing files are replaced. If one format cannot be
-    written, the others still are, and the exit code is not 0.
+    knee_70.about.json has the costs and the axes of each file. Existing files are replaced. If one format is unknown
+    or cannot be written, the others still are, and the exit code is not 0. `--body joints` writes joint values, speeds
+    and accelerations for controllers: csv, joint-trajectory, moveit, follow-joint-trajectory, mcap or bag.
     """
+    from hpop.base.registry import formats as registered
     from hpop.export.writing import named_format
 
     cli.user_code.register(imports)
     frames = hpop.export.Frames(frame_id, base_frame, camera_frame)
-    of_world = [name for name in formats if named_format(name).world]
+    of_world = [name for name in formats if name in registered and named_format(name).world]
     path, front = loaded(folder)
     if points is not None:
         is_default = click.get_current_context().get_parameter_source("rows") is ParameterSource.DEFAULT
@@ -82,12 +88,17 @@ def export(
                 raise
             no_world = error  # raised at the end
     out = path.parent / "export" if out is None else out
-    written = hpop.export.save(
-        problem, front, out, rows=rows, formats=formats, rate=rate, body=body, planned=planned, frames=frames
-    )
-    echo(f"written to {out}: {', '.join(file.name for file in written)}")
+    told = {"rate": rate, "body": body, "planned": planned, "jerk": jerk, "frames": frames}
     if no_world is not None:
         no_world.add_note(f"so {', '.join(of_world)}, which needs the map, is not written")
+    try:
+        written = hpop.export.save(problem, front, out, rows=rows, formats=formats, **told)
+    except HpopError as error:
+        if no_world is not None:
+            error.add_note("\n".join([str(no_world), *no_world.__notes__]))
+        raise
+    echo(f"written to {out}: {', '.join(file.name for file in written)}")
+    if no_world is not None:
         raise no_world
 
 

@@ -171,7 +171,8 @@ def show(
     "--knee", is_flag=True, help="The knee: the compromise farthest below the plane through the extremes. [default]"
 )
 @preference_option
-@click.option("--csv", type=click.Path(path_type=Path), metavar="FILE", help="Write the camera's motion, as executed.")
+@click.option("--csv", type=click.Path(path_type=Path), metavar="FILE", help="Write the motion of a body, as executed.")
+@click.option("--body", metavar="NAME", help="Body of --csv: camera, base, tool or joints. [camera]")
 @also_option
 @imports_option
 @user_errors
@@ -184,6 +185,7 @@ def pick(
     knee: bool,
     person: Path | None,
     csv: Path | None,
+    body: str | None,
     also: list[str],
     imports: tuple[str, ...],
 ) -> None:
@@ -199,6 +201,8 @@ def pick(
         raise click.UsageError(f"give one of {', '.join(ways)}, got {' and '.join(given)}")
     if row is not None and at_most:
         raise click.UsageError("--row names one trajectory, so --at-most has no effect: give only one of these options")
+    if body is not None and csv is None:
+        raise click.UsageError("--body says whose motion --csv writes: give --csv FILE too, or leave it out")
     cli.user_code.register(imports)
     path, front = loaded(folder)
     if also:
@@ -207,9 +211,10 @@ def pick(
     picked = cli.picking.picked(front, at_most, least=least, wish=wish, row=row, preference=preference)
     cli.picking.print_picked(front, picked, saved=path)
     if csv is not None:
-        table = picked.point.trajectory.table()
+        body = body or "camera"
+        table = picked.point.trajectory.table(body=body)
         table.to_csv(csv)
-        echo(f"written to {csv}: the camera every 0.1 s of the executed trajectory, {len(table):,} rows of")
+        echo(f"written to {csv}: the {body} every 0.1 s of the executed trajectory, {len(table):,} rows of")
         echo(f"  {', '.join(table.headings)}")
 
 

@@ -1,4 +1,4 @@
-"""Export of trajectories to other programs: pose streams, Unity, Unreal, TUM, EuRoC, ROS 2, Nav2, glTF.
+"""Export of trajectories to other programs: pose streams, joints, Unity, Unreal, TUM, EuRoC, ROS 2, Nav2, glTF.
 
 ``hpop.export.write(trajectory, "cam.tum")`` writes one trajectory in the format that the file's ending selects.
 ``hpop.export.save(problem, front, folder, rows=["knee"], formats=["tum", "mcap"])`` writes rows of a front. To add a
@@ -15,6 +15,9 @@ from hpop.export.base import Content, Exported, Frames, export_format
 
 if TYPE_CHECKING:
     from hpop.export.glb import glb as glb
+    from hpop.export.joints import follow_joint_trajectory as follow_joint_trajectory
+    from hpop.export.joints import joint_trajectory as joint_trajectory
+    from hpop.export.joints import moveit as moveit
     from hpop.export.poses import euroc as euroc
     from hpop.export.poses import pose_csv as pose_csv
     from hpop.export.poses import pose_json as pose_json

@@ -23,7 +23,10 @@ from hpop.base.arrays import FloatArray
 from hpop.base.registry import formats
 from hpop.base.text import HARMFUL, printable, shown
 from hpop.errors import OptionError
-from hpop.trajectories.poses import Poses, poses
+from hpop.models.serial_arm.jerk import Jerk, jerk_limited
+from hpop.motions.bodies import JOINTS
+from hpop.trajectories.joint_rows import JointRows, joint_rows
+from hpop.trajectories.poses import Poses, poses_at, sample_times
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -34,6 +37,13 @@ Content = bytes | Mapping[str, bytes]
 """Content of a file, or a mapping from file names to contents for a folder."""
 PROGRAM = f"hpop {__version__}"
 LONGEST = 200  # characters of a frame's name
+JOINT_FORMATS = ("csv", "joint-trajectory", "moveit", "follow-joint-trajectory", "mcap", "bag")
+RATES = {JOINTS: 100.0}  # Hz, default rate; that of poses is 20
+
+
+def default_rate(body: str) -> float:
+    """Return the default rate, Hz, at which a body is exported."""
+    return RATES.get(body, 20.0)
 
 
 class Format(Protocol):
@@ -102,9 +112,11 @@ class Exported:
     """Trajectory to export, with everything else that a format may write.
 
     trajectory  as planned
-    rate        Hz, poses per second
-    body        body with the exported poses
+    rate        Hz, poses per second, or rows of joints
+    body        body with the exported poses, or "joints" for the values of the robot's joints
     planned     True to export poses of the planned motion, False for those of the executed motion
+    jerk        rad/s³ or m/s³, largest jerk of all joints of an arm, or of each by name, or None: then the executed
+                motion is retimed (:func:`hpop.models.serial_arm.jerk.jerk_limited`)
     frames      names of frames
     row         row in the front, or None
     name        name of the row, such as "knee", or ""
@@ -119,6 +131,7 @@ class Exported:
     body: str = "camera"
     planned: bool = False
     frames: Frames = field(default_factory=Frames)
+    jerk: Jerk | None = None
     row: int | None = None
     name: str = ""
     costs: Mapping[str, float] = field(default_factory=dict)
@@ -134,12 +147,45 @@ class Exported:
 
     def of(self, body: str) -> Poses:
         """Return the poses of any body of the robot, at the times of the exported poses."""
-        return poses(self.trajectory, rate=self.rate, body=body, planned=self.planned)
+        if body == JOINTS:
+            raise OptionError(f"this format writes poses, got the body joints; use {', '.join(JOINT_FORMATS)}")
+        times = sample_times(self.run.duration, self.rate)
+        return poses_at(self.run, times, body=body, planned=self.planned)
+
+    @cached_property
+    def joints(self) -> JointRows:
+        """Return the motion of the robot's joints."""
+        if self.body != JOINTS:
+            raise OptionError(f"this format writes joints: give the body joints (--body joints), got {self.body}")
+        return joint_rows(self.run, self.rate)
+
+    @property
+    def times(self) -> FloatArray:
+        """Return the times (N,), s, of the exported poses or joints."""
+        return self.joints.times if self.body == JOINTS else self.poses.times
 
     @cached_property
     def run(self) -> Trajectory:
         """Return the trajectory to write: the planned one, or its execution with speed ramps."""
-        return self.trajectory if self.planned else self.trajectory.execution()
+        return self._executed[0]
+
+    @property
+    def passed(self) -> FloatArray:
+        """Return the times (n+1,), s, at which the trajectory to write passes the n+1 planned states."""
+        return self._executed[1]
+
+    @cached_property
+    def _executed(self) -> tuple[Trajectory, FloatArray]:
+        if self.jerk is None:
+            planned = self.trajectory
+            return (planned, planned.times) if self.planned else planned.model.execution(planned)
+        if self.planned:
+            raise OptionError("a jerk limits the executed motion, but planned motions are asked for; leave one out")
+        return jerk_limited(self.trajectory, self.jerk)
+
+    @property
+    def _rows(self) -> str:
+        return "rows" if self.body == JOINTS else "poses"
 
     @property
     def has_base(self) -> bool:
@@ -172,9 +218,11 @@ class Exported:
         ``what`` describes the content; by default it says which body's poses are written, and at which rate. The lines
         do not begin with a comment sign.
         """
-        how = "as planned" if self.planned else "as executed"
-        what = what or f"the {self.body} {how}, {self.rate:g} poses a second and the end"
+        how = "as planned" if self.planned else "as executed" + (" with limited jerk" if self.jerk is not None else "")
+        what = what or f"the {self.body} {how}, {self.rate:g} {self._rows} a second and the end"
         lines = [f"{self.title}: {what}; by {PROGRAM}", axes]
+        if self.body == JOINTS and self.has_base:
+            lines.append("the motion of the base is not in this file")
         if self.costs:
             lines.append("costs: " + ", ".join(f"{name} = {value}" for name, value in self.values.items()))
         return lines

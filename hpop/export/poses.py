@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from hpop.export.base import PROGRAM, Exported, export_format, pitch_of, roll_of, rows_of_text
+from hpop.export.joints import joint_csv
 from hpop.frontier import strict_json
+from hpop.motions.bodies import JOINTS
 from hpop.trajectories.poses import nanoseconds
 
 CSV_AXES = (
@@ -16,9 +18,9 @@ CSV_AXES = (
 
 @export_format("csv", suffix=".csv", axes=CSV_AXES)
 def pose_csv(given: Exported) -> bytes:
-    """Return a table of poses, in the world's frame, for spreadsheets and scripts.
+    """Return a table of poses, or of joints, in the world's frame, for spreadsheets and scripts.
 
-    Columns:
+    Columns for poses:
 
     - ``t``: time from the start, s
     - ``x``, ``y``, ``z``: position, m; axes are right-handed with z up (REP-103)
@@ -27,9 +29,14 @@ def pose_csv(given: Exported) -> bytes:
     - ``v``: velocity along the direction ahead, m/s
     - ``yaw_rate``: rate of turning about the vertical, rad/s, counter-clockwise
 
+    Columns for the body "joints", from base to tip: ``t``; the value of each joint, rad or m; ``<joint>_rate``, rad/s
+    or m/s; ``<joint>_acceleration``, rad/s² or m/s².
+
     Lines that begin with ``#`` state the axes and the costs, so read it with ``pandas.read_csv(file, comment="#")``.
     Numbers read back as equal float64.
     """
+    if given.body == JOINTS:
+        return joint_csv(given)
     seen = given.poses
     table = np.column_stack([seen.times, seen.positions, seen.quaternions, seen.speeds, seen.yaw_rates])
     said = "".join(f"# {line}\n" for line in given.statement(CSV_AXES))

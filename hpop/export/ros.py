@@ -14,11 +14,14 @@ from hpop.base.lazy import library
 from hpop.base.text import printable
 from hpop.errors import OptionError
 from hpop.export.base import Exported, back, export_format, matrices, product
+from hpop.export.joints import joint_states, joint_trajectory_message
+from hpop.motions.bodies import JOINTS
 from hpop.ros.messages import DIAGNOSTICS, PATH, STAMPED, TRANSFORMS, Message, header, pose_stamped, transform, typed
 from hpop.ros.paths import message_of, spaced
 from hpop.trajectories.poses import Poses, nanoseconds, on_one_side
 
 FOLDER = "poses"  # temporary folder of the bag, which names the file in it
+JOINT_TRAJECTORY, JOINT_STATE = "trajectory_msgs/msg/JointTrajectory", "sensor_msgs/msg/JointState"
 FIXED = 1e-9  # m, and quaternion components: a body that moves less relative to the base is fixed to it
 AXES = (
     "right-handed, x and y on the floor, z up (REP-103), m; quaternions x, y, z, w of bodies (x ahead, y left, z up); "
@@ -55,11 +58,13 @@ def bag_files(given: Exported) -> dict[str, bytes]:
         return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
-LATCHED = ("/plan", "/tf_static", "/costs")
+LATCHED = ("/plan", "/tf_static", "/costs", "/joint_trajectory")
 
 
 def topics(given: Exported) -> list[tuple[str, str]]:
-    """Return the topics of a bag, each with the type of its messages; only the last depends on the exported body."""
+    """Return the topics of a bag, each with the type of its messages."""
+    if given.body == JOINTS:
+        return [("/costs", DIAGNOSTICS), ("/joint_trajectory", JOINT_TRAJECTORY), ("/joint_states", JOINT_STATE)]
     return [
         ("/costs", DIAGNOSTICS),
         ("/plan", PATH),
@@ -71,9 +76,14 @@ def topics(given: Exported) -> list[tuple[str, str]]:
 
 def messages(given: Exported) -> Iterator[Sent]:
     """Yield all messages of a bag, in the order of their times."""
+    yield Sent("/costs", DIAGNOSTICS, 0, _diagnostics(given))
+    if given.body == JOINTS:
+        yield Sent("/joint_trajectory", JOINT_TRAJECTORY, 0, joint_trajectory_message(given.joints))
+        for time, state in joint_states(given.joints):
+            yield Sent("/joint_states", JOINT_STATE, time, state)
+        return
     seen, frame = given.poses, given.frames.world
     times = nanoseconds(seen.times).tolist()
-    yield Sent("/costs", DIAGNOSTICS, 0, _diagnostics(given))
     body = "base" if given.has_base else given.body
     path = spaced(given.run, body, planned=given.planned, timed=True)
     yield Sent("/plan", PATH, 0, message_of(path, frame, stamped=True))
@@ -173,6 +183,9 @@ def mcap(given: Exported) -> bytes:
     - ``/camera_pose`` (geometry_msgs/PoseStamped), or ``/base_pose`` if the base is exported: the poses along the way.
     - ``/tf``: the base in ``map``, and moving bodies on it. ``/tf_static``: the camera, if it is fixed to the base.
     - ``/costs`` (diagnostic_msgs/DiagnosticArray): a key and a value for each criterion.
+
+    For the body "joints" it has ``/costs``, ``/joint_trajectory`` (trajectory_msgs/JointTrajectory), and
+    ``/joint_states`` (sensor_msgs/JointState), rad or m and s.
 
     Axes are right-handed with z up (REP-103), in m; quaternions are x, y, z, w. The frame ``camera_link`` looks along
     its x axis, with y left and z up. ROS cameras also have an optical frame, which looks along its z axis; this file

@@ -7,16 +7,19 @@ import shutil
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.files import replacing
 from hpop.base.registry import formats as registered
+from hpop.base.scalars import is_number
 from hpop.base.text import shown
-from hpop.errors import OptionError, OutputError, OwnCodeError
-from hpop.export.base import PROGRAM, Content, Exported, Format, Frames
+from hpop.errors import OptionError, OutputError, OwnCodeError, UnknownName
+from hpop.export.base import PROGRAM, Content, Exported, Format, Frames, default_rate
 from hpop.frontier import strict_json
+from hpop.models.serial_arm.jerk import Jerk
 from hpop.problems.front import Front
 from hpop.problems.named_rows import NamedRow, named_rows
 from hpop.problems.recorded_visits import stop_visits
@@ -36,9 +39,10 @@ def write(
     *,
     format: str | None = None,
     problem: Problem | None = None,
-    rate: float = 20.0,
+    rate: float | None = None,
     body: str = "camera",
     planned: bool = False,
+    jerk: Jerk | None = None,
     frames: Frames | None = None,
 ) -> Path:
     """Write a trajectory to a file, completely or not at all, replacing an existing file, and return its path.
@@ -50,9 +54,10 @@ def write(
     path : its ending selects the format: ``cam.tum``, ``cam.unity.csv`` (``hpop formats`` lists them)
     format : name of a format, instead of the ending
     problem : problem with the world, for formats that contain it
-    rate : poses per second
-    body : "camera", "base" or "tool", if the robot has it
+    rate : poses or rows per second; by default 20, and 100 for joints
+    body : "camera", "base" or "tool", if the robot has it, or "joints" for the values of its joints
     planned : write the planned motion; else the executed one, from rest to rest
+    jerk : largest jerk of all joints of an arm, rad/s³ or m/s³, or of each by name; the executed motion is retimed
     frames : names of frames, for formats that name them
 
     Raises OptionError for an unknown ending and for a trajectory that the format cannot express, UnknownName for an
@@ -62,7 +67,8 @@ def write(
     if not isinstance(trajectory, Trajectory):
         raise OptionError(f"expected a trajectory, such as front.knee().trajectory, got {shown(trajectory)}")
     chosen = format_of(target) if format is None else named_format(format)
-    given = Exported(trajectory, rate, body, planned, Frames() if frames is None else frames, problem=problem)
+    rate = default_rate(body) if rate is None else rate
+    given = Exported(trajectory, rate, body, planned, frames or Frames(), jerk, problem=problem)
     _put(target, _content(chosen, given))
     return target
 
@@ -75,16 +81,17 @@ def save(
     *,
     rows: Sequence[int | str] = ("knee",),
     formats: Sequence[str] = ("csv",),
-    rate: float = 20.0,
+    rate: float | None = None,
     body: str = "camera",
     planned: bool = False,
+    jerk: Jerk | None = None,
     frames: Frames | None = None,
 ) -> list[Path]:
     """Write rows of a front in several formats to a folder, and return the paths of the files.
 
     Files are named ``knee_70.tum``, ``row_3.unity.csv``. For each row ``knee_70.about.json`` has the costs, the front's
     certificate, the visits of a tour's stops, and the axes of each file. Files are written atomically and replace
-    existing ones. If one format cannot be written, the others still are, and then its error is raised.
+    existing ones. If one format is unknown or cannot be written, the others still are, and then its error is raised.
 
     Parameters
     ----------
@@ -98,13 +105,22 @@ def save(
     target = _checked(folder)
     if isinstance(formats, str) or not isinstance(formats, Sequence):
         raise OptionError(f"formats must be a list of names, such as ['tum', 'glb'], got {shown(formats)}")
-    chosen = [named_format(name) for name in dict.fromkeys(formats)]
-    if problem is None and (scenes := [each.name for each in chosen if each.world]):
-        raise OptionError(f"the format {', '.join(scenes)} needs the world: give the problem of the front, got None")
+    chosen: list[Format] = []
     written: list[Path] = []
     failed: dict[str, Exception] = {}
+    for name in dict.fromkeys(formats):
+        try:
+            each = named_format(name)
+            if each.world and problem is None:
+                raise OptionError(f"the format {name} needs the world: give the problem of the front, got None")
+        except (UnknownName, OptionError) as error:
+            failed[name] = error
+        else:
+            chosen.append(each)
+    rate = default_rate(body) if rate is None else rate
     for row in named_rows(front, rows):
-        given = _given(problem, front, row, rate, body, planned, Frames() if frames is None else frames)
+        asked = Exported(row.point.trajectory, rate, body, planned, frames or Frames(), jerk, problem=problem)
+        given = _with_row(asked, front, row)
         own: list[tuple[Path, Format]] = []
         for each in chosen:
             path = target / f"{row.stem}{each.suffix}"
@@ -149,24 +165,17 @@ def format_of(path: Path) -> Format:
     return known[max(fitting, key=len)]
 
 
-def _given(
-    problem: Problem | None, front: Front, row: NamedRow, rate: float, body: str, planned: bool, frames: Frames
-) -> Exported:
-    """Collect what formats may write about a row of a front."""
+def _with_row(asked: Exported, front: Front, row: NamedRow) -> Exported:
+    """Return what is exported, with everything that formats may write about its row of a front."""
     names, units = (*front.names, *front.reported_names), (*front.units, *front.reported_units)
-    return Exported(
-        row.point.trajectory,
-        rate,
-        body,
-        planned,
-        frames,
+    return replace(
+        asked,
         row=row.number,
         name=row.name,
         costs={**row.point.costs, **row.point.reported},
         units=dict(zip(names, units, strict=True)),
         claim=f"{front.status}; {front.certificate}",
-        problem=problem,
-        visits=tuple(stop_visits(front, row.number, executed=not planned)),
+        visits=tuple(stop_visits(front, row.number, executed=not asked.planned, passed=asked.passed)),
     )
 
 
@@ -202,7 +211,8 @@ def _about(front: Front, given: Exported, files: Sequence[tuple[Path, Format]]) 
         "planned": given.planned,
         "rate": float(given.rate),
         "duration": given.run.duration,
-        "poses": len(given.poses),
+        "poses": given.times.size,
+        **({} if given.jerk is None else {"jerk": given.jerk if is_number(given.jerk) else dict(given.jerk)}),
         "visits": given.told_visits,
         "frames": vars(given.frames),
         "files": [{"file": path.name, "format": each.name, "axes": each.axes} for path, each in files],

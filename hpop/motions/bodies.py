@@ -22,8 +22,9 @@ from hpop.motions.states import LazyStates, Pose, States, Twist, Vector
 if TYPE_CHECKING:
     from hpop.motions.batch import Motions
 
+JOINTS = "joints"  # capability; given as a body it stands for the values of the joints instead of poses
 NO_BODIES = frozenset(
-    {"heading", "joints", "plane", "rigid", "spline", "turn-move", "wheels"}
+    {"heading", JOINTS, "plane", "rigid", "spline", "turn-move", "wheels"}
 )  # capabilities of models (`Model.provides`) that are not names of bodies
 POSE = {"x": "m", "y": "m", "z": "m", "yaw": "rad", "pitch": "rad", "roll": "rad"}
 VELOCITY = ("vx", "vy", "vz")
@@ -210,19 +211,26 @@ def second_derivative(name: str) -> str:
 Rate = Callable[[Instants], Column]
 
 
-def body_table(model: Model, body: str | None, times: FloatArray, states: States, rates: States) -> Table:
+def body_table(
+    model: Model, body: str | None, times: FloatArray, states: States, rates: States, changes: States
+) -> Table:
     """Return a table (N,) of a body's motion: time, pose, velocity and angular velocity in the world frame.
 
-    For body None, the table has the time, the robot's states and their time derivatives (``rates``) instead. Raises
-    OptionError for a body that the model does not have.
+    For body None, the table has the time, the robot's states and their first time derivatives (``rates``) instead; for
+    "joints", the joints with their first and second time derivatives (``changes``). Raises OptionError for a body that
+    the model does not have.
     """
     columns: list[tuple[str, str, Column]] = [("t", "s", times)]
-    if body is None:
+    has_joints = JOINTS in model.provides
+    if body is None or (body == JOINTS and has_joints):
         space = dict(zip(model.space.names, model.space.units, strict=True))
+        space = space if body is None else {name: space[name] for name in model.joints}
         columns += [(name, unit, getattr(states, name)) for name, unit in space.items()]
         columns += [(f"{name}_rate", f"{unit}/s", getattr(rates, name)) for name, unit in space.items()]
+        for name, unit in space.items() if body is not None else ():
+            columns.append((f"{name}_acceleration", f"{unit}/s²", getattr(changes, name)))
     else:
-        check_body(model, body, or_else=", or None for its states")
+        check_body(model, body, or_else=f"{', joints' if has_joints else ''}, or None for its states")
         pose, twist = model.pose(body, states), model.twist(body, states, rates)
         columns += [(name, unit, getattr(pose, name)) for name, unit in POSE.items()]
         columns += [(name, "m/s", column) for name, column in zip(VELOCITY, twist.velocity, strict=True)]

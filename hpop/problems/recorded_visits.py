@@ -39,8 +39,10 @@ def stop_numbers(front: Front) -> dict[str, int]:
     return {name: number for number, name in enumerate(stop_names(front), 1)}
 
 
-def stop_visits(front: Front, row: int, *, executed: bool = False) -> list[StopVisit]:
+def stop_visits(front: Front, row: int, *, executed: bool = False, passed: FloatArray | None = None) -> list[StopVisit]:
     """Return the visits of a row in order of time, at planned times or at those of the execution.
+
+    ``passed`` (n+1,), s, are the times at which the execution passes the planned states, if they are known.
 
     The list is empty without a tour, and for visits that are not recorded in the form that hpop writes.
     """
@@ -56,7 +58,7 @@ def stop_visits(front: Front, row: int, *, executed: bool = False) -> list[StopV
     trajectory = front.trajectories[row]
     if not executed or not len(trajectory):
         return visits
-    passed = trajectory.model.execution(trajectory)[1]  # s, at which the execution passes the planned states
+    passed = trajectory.model.execution(trajectory)[1] if passed is None else passed
     times = (executed_times(visit.begin, visit.end, trajectory, passed) for visit in visits)
     return [visit._replace(begin=begin, end=end) for visit, (begin, end) in zip(visits, times, strict=True)]
 

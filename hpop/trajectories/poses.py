@@ -75,10 +75,9 @@ def poses(trajectory: Trajectory, *, rate: float = 20.0, body: str = "camera", p
     >>> seen, seen.positions[-1].tolist(), seen.quaternions[0].tolist()
     (<Poses: 26 of the camera in 12.094 s, as executed>, [3.0, 4.0, 1.2], [0.0, 0.0, 0.0, 1.0])
     """
-    frequency = real("rate", rate, LEAST, MOST, "a number of poses a second, in Hz,")
     check_body(trajectory.model, body)
     run = trajectory if planned else trajectory.execution()
-    return poses_at(run, _times(run.duration, frequency), body=body, planned=planned)
+    return poses_at(run, sample_times(run.duration, rate), body=body, planned=planned)
 
 
 def poses_at(run: Trajectory, times: FloatArray, *, body: str = "camera", planned: bool = False) -> Poses:
@@ -152,11 +151,15 @@ def nanoseconds(times: FloatArray) -> IntArray:
     return np.rint(np.asarray(times) * 1e9).astype(np.int64)
 
 
-def _times(duration: float, rate: float) -> FloatArray:
-    """Return times every 1/rate seconds, and the end."""
+def sample_times(duration: float, rate: float, what: str = "poses") -> FloatArray:
+    """Return times every 1/rate seconds, and the end; ``what`` is sampled, for messages.
+
+    Raises OptionError for an invalid rate, and one that gives over a million times.
+    """
+    rate = real("rate", rate, LEAST, MOST, f"a number of {what} a second, in Hz,")
     if duration * rate >= MOST_ROWS:
         raise OptionError(
-            f"there may be at most {MOST_ROWS:,} poses, but {rate:g} Hz gives more in {duration:g} s; choose a lower "
+            f"there may be at most {MOST_ROWS:,} {what}, but {rate:g} Hz gives more in {duration:g} s; choose a lower "
             "rate"
         )
     steps = max(ceil(duration * rate - NEXT), int(duration > 0.0))  # the last one ends there

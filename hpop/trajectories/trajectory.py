@@ -301,7 +301,8 @@ class Trajectory:
         Parameters
         ----------
         body : "base", "camera" or "tool", as far as the model has them; None gives the model's states, such as joints,
-            each with its rate (``pan``, ``pan_rate``)
+            each with its rate (``pan``, ``pan_rate``); "joints" gives the joints with rate and acceleration
+            (``pan_acceleration``)
         executed : the robot's real motion, from rest to rest (:meth:`execution`); else the plan
 
         Raises OptionError for an invalid step, one that gives over a million rows, and for an unknown body.
@@ -317,7 +318,7 @@ class Trajectory:
         times = np.round(step * np.arange(whole + 1), 9)
         if run.duration - times[-1] > 1e-6 * step:
             times = np.append(times, run.duration)
-        return body_table(self.model, body, times, run.at(times), run.rates(times)[0])
+        return body_table(self.model, body, times, run.at(times), *run.rates(times))
 
     def describe(self) -> dict[str, Any]:
         """Return a JSON-able, exact description for a saved front."""

@@ -159,6 +159,58 @@ def accessor(file: pygltflib.GLTF2, index: int) -> np.ndarray:
     return np.frombuffer(data, "<f4").reshape(one.count, width).astype(float)
 
 
+class Joints(NamedTuple):
+    """Names of n joints; times (N,) s; positions, velocities, accelerations (N, n)."""
+
+    names: list[str]
+    times: np.ndarray
+    positions: np.ndarray
+    velocities: np.ndarray
+    accelerations: np.ndarray
+
+
+def joint_csv(path: Path) -> Joints:
+    table = _table(path)
+    names = [name[: -len("_rate")] for name in table if name.endswith("_rate")]
+    parts = (table[[f"{name}{end}" for name in names]].to_numpy() for end in ("", "_rate", "_acceleration"))
+    return Joints(names, table["t"].to_numpy(), *parts)
+
+
+def joint_yaml(path: Path, *within: str) -> Joints:
+    """Read a JointTrajectory within some fields, by PyYAML, as ros2cli does."""
+    told = yaml.safe_load(path.read_text())
+    for name in within:
+        told = told[name]
+    points = told["points"]
+    times = [point["time_from_start"]["sec"] + point["time_from_start"]["nanosec"] / 1e9 for point in points]
+    parts = (np.array([point[part] for point in points]) for part in ("positions", "velocities", "accelerations"))
+    return Joints(told["joint_names"], np.array(times), *parts)
+
+
+def joint_mcap(path: Path) -> Joints:
+    """Read the JointTrajectory, and compare it with the joint states."""
+    sent = list(messages(path))
+    ((time, told),) = [(time, message) for topic, time, message in sent if topic == "/joint_trajectory"]
+    times = [point.time_from_start.sec + point.time_from_start.nanosec / 1e9 for point in told.points]
+    parts = (np.array([getattr(point, part) for point in told.points]) for part in Joints._fields[2:])
+    found = Joints(list(told.joint_names), np.array(times), *parts)
+    states = [(time, message) for topic, time, message in sent if topic == "/joint_states"]
+    assert time == 0
+    assert [list(message.name) for _, message in states] == [found.names] * len(states)
+    np.testing.assert_allclose([time / 1e9 for time, _ in states], found.times, atol=1e-9)
+    np.testing.assert_allclose([message.position for _, message in states], found.positions, atol=1e-9)
+    np.testing.assert_allclose([message.velocity for _, message in states], found.velocities, atol=1e-9)
+    return found
+
+
+OF_JOINTS: dict[str, Callable[[Path], Joints]] = {
+    "csv": joint_csv,
+    "joint-trajectory": joint_yaml,
+    "follow-joint-trajectory": lambda path: joint_yaml(path, "trajectory"),
+    "moveit": lambda path: joint_yaml(path, "trajectory", "joint_trajectory"),
+    "mcap": joint_mcap,
+}
+"""Readers of files with the body "joints"."""
 READERS: dict[str, Callable[[Path], Read]] = {
     "bag": bag,
     "csv": csv,

@@ -13,7 +13,7 @@ from hpop.errors import OptionError
 from hpop.export import Exported, Frames, save, write
 from hpop.trajectories.poses import poses
 from tests.export.given import ODD, front, problem, robots
-from tests.export.readers import READERS
+from tests.export.readers import OF_JOINTS, READERS
 
 FILES = sorted({*READERS} - {"bag"})  # a bag is the messages of mcap, and takes its time
 ROUGH = {"glb": 1e-6, "nav2-yaml": 1e-9}  # of float32 and of nine digits, by the size of a number
@@ -36,7 +36,7 @@ def content(name, trajectory, **options):
 
 
 def test_each_format_has_a_reader_that_hpop_did_not_write():
-    assert set(READERS) == set(formats)
+    assert {*READERS, *OF_JOINTS} == set(formats)
 
 
 @pytest.mark.parametrize("name", READERS)
