@@ -88,11 +88,21 @@ def export(
                 raise
             no_world = error  # raised at the end
     out = path.parent / "export" if out is None else out
-    told = {"rate": rate, "body": body, "planned": planned, "jerk": jerk, "frames": frames}
     if no_world is not None:
         no_world.add_note(f"so {', '.join(of_world)}, which needs the map, is not written")
     try:
-        written = hpop.export.save(problem, front, out, rows=rows, formats=formats, **told)
+        written = hpop.export.save(
+            problem,
+            front,
+            out,
+            rows=rows,
+            formats=formats,
+            rate=rate,
+            body=body,
+            planned=planned,
+            jerk=jerk,
+            frames=frames,
+        )
     except HpopError as error:
         if no_world is not None:
             error.add_note("\n".join([str(no_world), *no_world.__notes__]))

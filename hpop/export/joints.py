@@ -44,7 +44,9 @@ def joint_trajectory_message(rows: JointRows) -> Message:
             "time_from_start": stamp(time),
         }
         for time, positions, velocities, accelerations in zip(
-            nanoseconds(rows.times).tolist(), *(_rounded(rows[part]) for part in (2, 3, 4)), strict=True
+            nanoseconds(rows.times).tolist(),
+            *map(_rounded, (rows.positions, rows.velocities, rows.accelerations)),
+            strict=True,
         )
     ]
     return {"header": header(0, ""), "joint_names": list(rows.names), "points": points}

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, cast
 from hpop.base.arguments import checked_arguments
 from hpop.base.files import replacing
 from hpop.base.registry import formats as registered
-from hpop.base.scalars import is_number
 from hpop.base.text import shown
 from hpop.errors import OptionError, OutputError, OwnCodeError, UnknownName
 from hpop.export.base import PROGRAM, Content, Exported, Format, Frames, default_rate
@@ -212,7 +211,7 @@ def _about(front: Front, given: Exported, files: Sequence[tuple[Path, Format]]) 
         "rate": float(given.rate),
         "duration": given.run.duration,
         "poses": given.times.size,
-        **({} if given.jerk is None else {"jerk": given.jerk if is_number(given.jerk) else dict(given.jerk)}),
+        **({} if given.jerk is None else {"jerk": dict(given.jerk) if isinstance(given.jerk, Mapping) else given.jerk}),
         "visits": given.told_visits,
         "frames": vars(given.frames),
         "files": [{"file": path.name, "format": each.name, "axes": each.axes} for path, each in files],

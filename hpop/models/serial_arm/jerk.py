@@ -8,7 +8,7 @@ of time, so the result is a trajectory of splines. Its path is that of the reach
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
@@ -115,5 +115,5 @@ def _checked_jerk(jerk: Jerk, names: tuple[str, ...]) -> FloatArray:
             raise OptionError(f"jerk must name every joint that moves, got none for {', '.join(missing)}; add them")
         given = [jerk[name] for name in names]
     else:
-        given = [cast(float, jerk)] * len(names)
+        given = [jerk] * len(names)
     return np.array([real("jerk", value, LEAST_JERK, MOST, "rad/s³ or m/s³,") for value in given], float)
