@@ -183,7 +183,7 @@ class DriveGraph:
     def _reading(self, closing: Closing, criteria: Sequence[Criterion], world: World) -> set[int]:
         """Return the columns of criteria whose costs near a closed area differ in `self.world` and ``world``.
 
-        Up to `SAMPLED` arcs nearest to the area are compared.
+        At most `SAMPLED` arcs that leave the states nearest to the area are compared.
         """
         states, _ = self._places
         x_min, y_min, x_max, y_max = closing.area.bounds

@@ -50,6 +50,7 @@ def verify(
     are tested every hundredth of a second (:mod:`.contacts`), for the plan and for its execution. A motion that several
     trajectories share is checked once. In fronts of earlier versions the lattice ended at the grid position nearest to
     the goal, with a "goal_offset" in the provenance; an offset of up to half the diagonal of a grid cell is accepted.
+    If trajectories leave the map, only these are reported, since their costs cannot be evaluated.
 
     Parameters
     ----------
@@ -317,7 +318,10 @@ class _Miss(NamedTuple):
 
 
 def _offset(provenance: Mapping[str, Any]) -> float:
-    """Return the distance from the goal, m, that a provenance declares, at most half the diagonal of a grid cell."""
+    """Return the distance from the goal, m, that a provenance declares, at most half the diagonal of a grid cell.
+
+    It is 0 if the provenance declares none.
+    """
     offset, step = (provenance.get(key) for key in ("goal_offset", "step"))
     if not (isinstance(offset, int | float) and isinstance(step, int | float) and max(abs(offset), abs(step)) <= MOST):
         return 0.0

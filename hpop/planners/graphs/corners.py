@@ -161,7 +161,10 @@ def _without_roadmap(lattice_paths: Candidates) -> Candidates:
 
 
 def _affordable_paths(problem: Problem, lattice_paths: Candidates, spending: Spending) -> Candidates:
-    """Return only so many of the lattice paths that computing their corners takes a fifth of the remaining time."""
+    """Return so many of the lattice paths that computing their corners takes at most a fifth of the remaining time.
+
+    A few paths are returned even if that takes longer.
+    """
 
     def left() -> float | None:
         return None if (until := spending.until_limit()) is None else until / 5

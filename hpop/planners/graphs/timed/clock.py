@@ -56,7 +56,7 @@ class TickClock:
         """Convert durations (N,), s, of motions in place to ticks (N,), rounded up or down so that the mean is right.
 
         If a robot always turns by the same angle, rounding to the nearest number would always err in one direction. So
-        the number of the place decides the direction of rounding.
+        the number of the place decides the direction of rounding. A motion gets at least one tick.
 
         place  (N,)  number of the place of each motion
         """

@@ -195,7 +195,7 @@ class CriterionProbe:
 
     @cached_property
     def farthest(self) -> float:
-        """Largest distance at which costs are evaluated: the diagonal of the map, m."""
+        """Largest distance at which costs are evaluated, m: the diagonal of the map, but at least 2 NEAREST."""
         x_min, y_min, x_max, y_max = self.moving_people.world.bounds
         return max(math.hypot(x_max - x_min, y_max - y_min), 2 * NEAREST)
 

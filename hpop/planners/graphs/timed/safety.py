@@ -139,17 +139,18 @@ class Safety:
 
     @cached_property
     def about_start(self) -> tuple[Person, ...]:
-        """Possible futures of people too near to any start when a plan begins there, or within a second after."""
+        """Possible futures of people who may be too near to a start when a plan begins there, or within a second."""
         return tuple(dict.fromkeys(person for start in self.starts for person in self.near(start)))
 
     def near(self, start: Start) -> list[Person]:
-        """Return the possible futures of people too near to a start at its time, or within a second after it."""
+        """Return the possible futures of people who may be too near to a start at its time, or within a second."""
         return [person for person, _ in self.coming(start, SOON)]
 
     def coming(self, start: Start, within: float = LEAVING) -> Iterator[tuple[Person, float]]:
-        """Yield the possible futures of people who come too near to a start, up to ``within`` s after its time.
+        """Yield the possible futures of people who may come too near to a start, up to ``within`` s after its time.
 
-        Each comes with the time, s, from the start's time until the person is first too near.
+        They come nearer than the distance that is enough for any heading of the robot. Each is yielded with the time,
+        s, from the start's time until that first happens.
         """
         since = self.clock.seconds(np.arange(self.clock.within(within) + 1))
         for person in self.people:

@@ -48,8 +48,9 @@ DENSE = 0.03  # m between the points at which a solution's clearance is checked
 def along_polyline(program: DrivenProgram, polyline: Polyline) -> list[FloatArray]:
     """Return the clearance bounds of the first program: a list of arrays (S,), m, one for each height range.
 
-    Each bound is the robot's reach and a margin. In a narrow passage, where the polyline itself comes nearer, it is the
-    least field value along the polyline in this phase and its two neighbours, so that the polyline stays feasible.
+    Each bound is the robot's reach and a margin. In a narrow passage, where the polyline itself comes nearer, it is a
+    bit less than the least field value along the polyline in this phase and its two neighbours, so that the polyline
+    stays feasible.
     """
     legs, _ = phase_legs(polyline)
     world, phase = program.problem.world, program.structure.phase[program.samples[0]]
@@ -388,7 +389,11 @@ class SmoothingJob:
         }
 
     def _tolerance(self, planned: FloatArray, curve: Trajectory) -> FloatArray:
-        """Return the largest error (k,) of planned costs: QUADRATURE of a sum, one unit per metre for a maximum."""
+        """Return the largest error (k,) of planned costs.
+
+        For a sum it is the share QUADRATURE of the cost. A maximum may be off between samples and field cells; it is
+        assumed to change by at most one unit per metre. To both, a quantum is added.
+        """
         longest = float(np.hypot(np.diff(curve.states.x), np.diff(curve.states.y)).max())
         worst = np.array([criterion.aggregate == "max" for criterion in self.criteria])
         quanta = np.array([criterion.quantum for criterion in self.criteria])
