@@ -146,7 +146,7 @@ def retime(
     Parameters
     ----------
     discomfort : "squared_acceleration" or "peak_optic_flow", or such a criterion with parameters
-    points : number of durations, in equal ratios, from the least one to ``slowest`` times it
+    points : number of durations that are tried, in equal ratios, from the least one to ``slowest`` times it
     slowest : largest duration of the moving parts, as a multiple of the least one
     jerk : largest jerk, in m/s³ for moves, rad/s³ for turns, and the units of the joints of an arm; None: no limit
 

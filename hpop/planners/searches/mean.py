@@ -120,8 +120,8 @@ def exact_mean(
     query   query on a graph with the costs of :func:`mean_objectives`, and with max_turns
     detour  upper limit on the duration or the length
 
-    Raises OptionError if the limited cost is not among the criteria, and Exhausted if a limit of ``spending`` is passed
-    before the capped search begins.
+    Raises OptionError if the limited cost is not among the criteria or a path could last for ever within the limits,
+    and Exhausted if a limit of ``spending`` is passed before the capped search begins.
     """
     graph, quanta, at_most = query.graph, query.quanta, query.at_most()
     column = _capped_column(query, detour)

@@ -49,7 +49,7 @@ def links_between(
     ----------
     count : number of nearest samples to which each sample is linked; if ``far`` is 0, also for start and goals
     far : number of far links of each sample; if it is not 0, the start is linked to all samples, and each of G goals to
-        the nearest 1 / G of the samples
+        the nearest 1 / G of the samples, or to ``count`` if that is more
     chosen : (C, 2) further links, from the first node to the second; between samples in both directions
     """
     number, places = samples.size, np.arange(goals.size)
