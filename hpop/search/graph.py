@@ -218,8 +218,8 @@ class Graph:
     def to_networkx(self) -> nx.MultiDiGraph[Any]:
         """Return a networkx graph with an edge per arc, the arc's index as its key, and costs as attributes.
 
-        A graph that came from networkx keeps its nodes, attributes and their values; otherwise nodes are numbers and
-        costs are called "cost 0", "cost 1", ...
+        A graph that came from networkx keeps its nodes, and the names and values of the attributes that are costs;
+        other attributes are left out. Otherwise nodes are numbers and costs are called "cost 0", "cost 1", ...
 
         >>> Graph.from_arcs(2, [0], [1], [[7, 2]]).to_networkx().edges(keys=True, data=True)
         OutMultiEdgeDataView([(0, 1, 0, {'cost 0': 7, 'cost 1': 2})])

@@ -108,15 +108,15 @@ class Design:
         ----------
         rows : numbers, "knee", "least NAME", or the result of :func:`hpop.study.pick`, two to 26; "view" is the still
             view from the start, a baseline with the mean duration of the others
-        participants : number of participants; a multiple of the number of orders keeps these equally frequent,
-            otherwise :attr:`notes` say which are not
+        participants : number of participants, a multiple of the number of orders, so that these are equally frequent;
+            for "permutations" other numbers are refused, for "williams" and "latin" a note says so
         consent : text that a participant reads and agrees to before anything else
         order : "permutations" (all orders, up to four rows), "williams" (each stimulus follows each other equally
             often), "latin" (each at each position equally often) or "random" (drawn for each participant)
         strata : levels by stratum, such as {"sex": ("f", "m")}, balanced within the orders
         forms : ids of questionnaires that hpop has, or paths of your own files
         comparisons : whether pairs of stimuli are compared at the end of the session
-        baselines : trajectories that are not on the front; :func:`hpop.study.prepare` takes them as well
+        baselines : trajectories that are not on the front; give :func:`hpop.study.prepare` the same ones
         kind : "ride" (pages) or "video" (360 degrees, for a headset's own player)
         seed : seed of the random letters, orders and pairs
 

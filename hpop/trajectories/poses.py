@@ -81,7 +81,11 @@ def poses(trajectory: Trajectory, *, rate: float = 20.0, body: str = "camera", p
 
 
 def poses_at(run: Trajectory, times: FloatArray, *, body: str = "camera", planned: bool = False) -> Poses:
-    """Return the poses of a body at times (N,), s, of a planned or executed trajectory."""
+    """Return the poses of a body at times (N,), s, of a trajectory.
+
+    ``planned`` only labels the result as planned or executed: give ``trajectory.execution()`` as ``run`` for the poses
+    of the execution.
+    """
     check_body(run.model, body)
     states, rates = run.at(times), run.rates(times)[0]
     pose, twist = run.model.pose(body, states), run.model.twist(body, states, rates)

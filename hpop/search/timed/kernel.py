@@ -209,8 +209,8 @@ def advance(
 ) -> int:
     """Run the search for a slice: until it is complete, `work` steps are done or an array is full.
 
-    Returns the code of the reason (:mod:`.machinery.slices`). Other arguments are the arrays of :class:`.TimedSearch`,
-    which the kernel changes in place.
+    Returns the code of the reason (:mod:`.machinery.slices`). Other arguments are the arrays of :class:`.TimedSearch`;
+    all but `tables`, `rest` and `source` are changed in place.
 
     scratch  (4, k)
     """

@@ -167,7 +167,7 @@ class _Assembly:
 
     @cached_property
     def cost_quanta(self) -> FloatArray:
-        """Quanta (k,) of the costs in this search, in the criteria's units; the duration is counted in ticks."""
+        """Quanta (k,) of the costs in this search, in the criteria's units; that of the duration is a tick, in s."""
         quanta = np.array([criterion.quantum for criterion in self.criteria])
         quanta[self.timed] = [probe.quantum for probe in self.attention.probes]
         if self.duration_column is not None:
