@@ -197,7 +197,7 @@ class Preference:
         return bool(self.answers) and self.random < 0.5
 
     def best(self, front: Front[Any] | None = None) -> Best:
-        """Return the point with the least expected total cost for the person, and each point's probability to be the best.
+        """Return the point with the least expected cost for the person, and each point's probability to be the best.
 
         front  by default the front of the preference, :attr:`points`
 

@@ -193,7 +193,7 @@ class _Answer:
         return TourPaths(costs, status, SearchStats("auto"), graph, 0, (), gap=math.inf)
 
     def joined(self, parts: IntArray, fronts: Fronts, limits: Limits) -> TourPaths:
-        """Return the front of the tours that consist of ``parts``, which are rows (p, 3) of :attr:`.FixedStops.parts`."""
+        """Return the front of the tours made of ``parts``, which are rows (p, 3) of :attr:`.FixedStops.parts`."""
         eps = (1.0 + self.search.eps) / (1.0 + self.share) - 1.0
         return self.fixed.tours(fronts, parts, limits, eps, self.slack)
 
