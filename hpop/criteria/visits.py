@@ -14,9 +14,9 @@ import numpy as np
 from hpop.base.arrays import BoolArray
 from hpop.criteria.base import Criterion, index_of_role
 from hpop.goals import Goal
+from hpop.goals.sight import hidden_share, sees_target
 from hpop.models.camera import field_of_view, height_varies
 from hpop.motions import HOLD, States
-from hpop.world.geometry.rays_in_space import Surfaces, rows, surfaces_of, towards_ball
 from hpop.world.sight import sight_in_space
 from hpop.world.sight.bearings import in_view
 from hpop.world.sight.visibility import sees
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from hpop.world import World
     from hpop.world.content.content import Landmark
 
-TARGET_RADIUS = 0.05  # m: a target is visible if a part of the ball of this radius about it is visible
-RAYS = 37  # number of rays to this ball
 SAME = 1e-6  # m or s: tolerance of distances and of dwell times
 Weights = Mapping[str, float]
 """Weights of optional stops, by name; an optional stop without an entry has weight 1."""
@@ -59,11 +57,7 @@ def landmark_seen(
 
 def hidden_targets(world: World, model: Model, states: States, target: tuple[float, float, float]) -> BoolArray:
     """Return whether solids of the world hide a target, a ball of 5 cm radius, completely from the camera (N,)."""
-    pose = model.pose("camera", states)
-    camera = rows((pose.x, pose.y, pose.z), states.size)
-    share = surfaces_of(world).blocked(
-        Surfaces.of([]), np.empty((0, states.size, 4, 4)), camera, *towards_ball(camera, target, TARGET_RADIUS, RAYS)
-    )
+    share = hidden_share(world, model, states, target, by_robot=False)
     return np.asarray(share >= 1.0 - 1e-9)
 
 
@@ -94,7 +88,11 @@ def _reached_and_seen(target: Goal, world: World, model: Model, states: States) 
     for goal in target.alternatives():
         there = np.flatnonzero(goal.reached(model, states) & ~found)
         if goal.looked_at is not None and there.size:
-            there = there[~hidden_targets(world, model, states.take(there), goal.looked_at)]
+            some = states.take(there)
+            if goal.visible:
+                there = there[sees_target(world, model, some, goal.looked_at)]
+            else:
+                there = there[~hidden_targets(world, model, some, goal.looked_at)]
         found[there] = True
     return found
 

@@ -2,6 +2,7 @@
 
 from hpop.goals.base import REACHED, AnyOf, Goal, GoalSet, GoalSpec, checked_goal, goal, is_named
 from hpop.goals.bodies import CameraAt, LookAt, ToolAt
+from hpop.goals.joints_at import JointsAt
 from hpop.goals.region import Region
 from hpop.goals.tour import Tour
 from hpop.goals.tour_stop import TourStop
@@ -13,6 +14,7 @@ __all__ = [
     "Goal",
     "GoalSet",
     "GoalSpec",
+    "JointsAt",
     "LookAt",
     "Region",
     "ToolAt",

@@ -45,6 +45,7 @@ class Goal(Protocol):
     places        positions (x, y, z), m, that pictures mark; ()
     listed        values of the goal's states, if the goal is a list of states; ()
     looked_at     position (x, y, z), m, at which the camera looks in the goal's states; None
+    visible       whether the position in ``looked_at`` must be visible; False
     alternatives  method that returns the alternative goals; the goal itself
     """
 
@@ -71,6 +72,9 @@ class Goal(Protocol):
         @property
         def looked_at(self) -> Place | None: ...
 
+        @property
+        def visible(self) -> bool: ...
+
         def alternatives(self) -> tuple[Goal, ...]: ...
 
 
@@ -81,6 +85,7 @@ class GoalDefaults:
     places: Any = ()
     listed: Any = ()
     looked_at: Any = None
+    visible: Any = False
 
     def alternatives(self) -> tuple[Goal, ...]:
         """Return the alternative goals: the goal itself."""

@@ -10,17 +10,22 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hpop.base.arrays import BoolArray, Column, FloatArray
 from hpop.base.math import cross, dot, hypot, norm, wrap
-from hpop.base.options import LEAST, MOST, Angle, real, set_reals
+from hpop.base.options import LEAST, MOST, Angle, real, set_reals, truth
 from hpop.base.text import shown
 from hpop.errors import QueryError
 from hpop.goals.base import REACHED, goal
 from hpop.goals.region import DEGREE, Place, Region, checked_angle, checked_numbers, checked_place, written
-from hpop.motions import Pose, Twist, Vector
+from hpop.goals.sight import sees_target
+from hpop.motions import Pose, States, Twist, Vector
+
+if TYPE_CHECKING:
+    from hpop.problems.problem import Problem
 
 ALIGNED = 1e-7  # rad: below, the sine of an angle is the angle to the last bit
 CLOSEST = 1e-12  # m or rad: smallest divisor, against division by 0
@@ -126,16 +131,21 @@ class LookAt(Region):
     angle_tolerance  rad  largest error of the view: root of the sum of squares of the target's angle from the middle of
                           the view and of the roll error
 
-    The goal ignores obstacles between camera and target; the criterion ``occlusion`` measures them. A front has a note
-    if nothing of the target is visible.
+    visible               whether the target must be visible at the goal: obstacles and the robot itself hide at most
+                          half of a ball of 5 cm radius about it. Solids within this ball do not hide it
+
+    On the way to the goal the target may be hidden; the criterion ``occlusion`` measures this. Unless ``visible`` is
+    required, a front has a note if obstacles hide all of the target at the goal.
     """
 
     target: tuple[float, float, float]
     distance: tuple[float, float]
     roll: Angle | None = None
     angle_tolerance: Angle = DEGREE
+    visible: bool = False
 
     def __post_init__(self) -> None:
+        truth("visible", self.visible, error=QueryError)
         object.__setattr__(self, "target", checked_place("target", self.target))
         form = "(least, greatest) distance in m"
         least, most = checked_numbers("distance", self.distance, 2, form)
@@ -151,7 +161,8 @@ class LookAt(Region):
     def __str__(self) -> str:
         """Return the target, the distances and a required roll as short text for messages."""
         rolled = "" if self.roll is None else f", rolled {math.degrees(self.roll):.4g} degrees"
-        return f"look_at {written(self.target)} from {self.distance[0]:.4g} to {self.distance[1]:.4g} m{rolled}"
+        seen = ", visible" if self.visible else ""
+        return f"look_at {written(self.target)} from {self.distance[0]:.4g} to {self.distance[1]:.4g} m{rolled}{seen}"
 
     @property
     def body(self) -> str:
@@ -201,6 +212,26 @@ class LookAt(Region):
         approach = dot(offset, (x, y, z)) / np.maximum(norm(offset), CLOSEST)
         rolled = () if self.roll is None else (roll_rate(pose, twist),)
         return approach, *off_axis_rates(pose, twist, offset, (x, y, z)), *rolled
+
+    def admitted(self, problem: Problem, states: States) -> BoolArray:
+        """Return which states (N,) see the target, if it must be visible; else all."""
+        if not self.visible:
+            return super().admitted(problem, states)
+        return sees_target(problem.world, problem.model, states, self.target)
+
+    def why_refused(self, count: int) -> str:
+        """Return a text: the target is hidden in ``count`` states, and a remedy."""
+        return (
+            f"obstacles or the robot itself hide its target in all of {count} states; move the target, give other "
+            "distances, or leave visible out"
+        )
+
+    def describe(self) -> dict[str, Any]:
+        """Return the name and the parameters as JSON, without ``visible`` if it is not required."""
+        told = super().describe()
+        if not self.visible:
+            del told[self.name]["visible"]
+        return told
 
     def _off_roll(self, pose: Pose) -> Column:
         """Return the roll error (M,), rad; 0 if the camera looks straight up or down."""

@@ -43,6 +43,7 @@ EASED, RAISED = 0.2, 5.0
 LEAST_DAMPING, MOST_DAMPING = 1e-9, 1e6  # steps with more damping are negligible: a local optimum
 APART = 1e-3  # m, in the measure of a space: nearer states count as one
 DEGREE = math.radians(1)
+ROUNDS = 5  # draws without a new accepted state after which no more are tried
 LEAST_SEEDS = 200  # random states from which descents begin together
 Place = tuple[float, float, float]
 
@@ -233,16 +234,22 @@ class Region(GoalDefaults, ABC):
         count = checked_count(count)
         model, rng = problem.model, np.random.default_rng(rng)
         sought = InverseKinematics(model, sampled_space(model, problem.world), self)
-        found, nearest = np.zeros((0, len(sought.space.names))), (np.inf, np.inf)
+        found, nearest, fruitless = np.zeros((0, len(sought.space.names))), (np.inf, np.inf), 0
+        refused = 0
         while len(found) < count:
             rows = self._descend_from(sought, rng, max(count, LEAST_SEEDS))
             metres, radians = sought.miss(sought.states(rows))
             best = int(np.argmin(metres + radians))
             nearest = min(nearest, (float(metres[best]), float(radians[best])), key=sum)
             known, there = len(found), (metres <= self.tolerances[0]) & (radians <= self.tolerances[1])
-            found = sought.distinct(np.concatenate([found, rows[there]]))
-            if len(found) == known:
+            admitted = self.admitted(problem, sought.states(rows[there]))
+            refused += int((~admitted).sum())
+            found = sought.distinct(np.concatenate([found, rows[there][admitted]]))
+            fruitless += len(found) == known
+            if fruitless and (fruitless >= ROUNDS or admitted.all()):
                 break
+        if not len(found) and refused:
+            raise QueryError(f"the goal {self} cannot be reached: {self.why_refused(refused)}")
         if not len(found):
             off = f"{nearest[0]:.2g} m and {np.degrees(nearest[1]):.2g} degrees off"
             raise QueryError(
@@ -250,6 +257,14 @@ class Region(GoalDefaults, ABC):
                 f"{', '.join(self.widened)}"
             )
         return sought.states(found[:count])
+
+    def admitted(self, problem: Problem, states: States) -> BoolArray:
+        """Return which states (N,) within the bounds are accepted in the problem's world; here all."""
+        return np.ones(states.size, dtype=bool)
+
+    def why_refused(self, count: int) -> str:
+        """Return a text: why ``count`` states within the bounds are not accepted, and a remedy."""
+        return f"{count} states within its bounds are refused"
 
     @property
     def widened(self) -> tuple[str, ...]:

@@ -23,6 +23,7 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import trajectory_costs
 from hpop.goals import GoalSet
+from hpop.goals.sight import reached_in
 from hpop.motions import States, free_along, is_curve
 from hpop.planners.base import Candidates
 from hpop.runtime.status import Status
@@ -186,7 +187,7 @@ def _faults_of_ends(problem: Problem, table: MotionTable) -> list[str]:
     reasons = [""] * table.counts.size
     first, last = table.states.take(table.first), table.states.take(table.last)
     for fault, wrong in (
-        ("misses the goal", ~problem.target.reached(model, last)),
+        ("misses the goal", ~reached_in(problem.world, problem.target, model, last)),
         ("misses the start", ~GoalSet((problem.start,)).reached(model, first)),
         ("leaves the map", table.through(~on_map(problem, table.states))),
     ):

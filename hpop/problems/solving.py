@@ -47,7 +47,7 @@ SOME_WITH_MEMORY = 40  # as SOME, with criteria of the whole trajectory, which t
 
 def notes_on_targets(world: World, model: Model, goal: Goal, trajectories: Sequence[Trajectory]) -> tuple[str, ...]:
     """Return notes for the user on trajectories at whose end an obstacle hides the target of a look_at goal."""
-    looks = [(look, look.looked_at) for look in goal.alternatives() if look.looked_at is not None]
+    looks = [(look, look.looked_at) for look in goal.alternatives() if look.looked_at is not None and not look.visible]
     if not looks or not len(trajectories):
         return ()
     names = model.space.names
@@ -62,7 +62,8 @@ def notes_on_targets(world: World, model: Model, goal: Goal, trajectories: Seque
             x, y, z = target
             notes.append(
                 f"an obstacle hides the target ({x:g}, {y:g}, {z:g}) of look_at at the end of "
-                f"{share or 'all trajectories'}: check its position and height, or list the criterion 'occlusion'"
+                f"{share or 'all trajectories'}: check its position and height, require visible: true, or list the "
+                "criterion 'occlusion'"
             )
     return tuple(notes)
 

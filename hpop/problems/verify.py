@@ -15,6 +15,7 @@ from hpop.criteria.base import Criterion
 from hpop.criteria.costs import trajectory_costs
 from hpop.criteria.visits import Visit, in_stop
 from hpop.goals import Tour
+from hpop.goals.sight import reached_in
 from hpop.models.execution import clearance_radius
 from hpop.motions import Motions, States, free_along
 from hpop.motions.states import Values
@@ -276,7 +277,7 @@ def _suspects(problem: Problem, table: MotionTable) -> BoolArray:
     if problem.target.listed:
         suspects |= ~np.any([_Miss.of(problem, goal, last).none for goal in problem.goals], axis=0)
     else:
-        suspects |= ~problem.target.reached(problem.model, last)
+        suspects |= ~reached_in(problem.world, problem.target, problem.model, last)
     doubtful = np.zeros(len(table), dtype=bool)
     for index, law, start, end in table.by_law():
         doubtful[index] = problem.model.doubtful(law, start, end)
@@ -337,7 +338,7 @@ def _end_faults(problem: Problem, trajectory: Trajectory, offset: float) -> Iter
     if not _Miss.of(problem, problem.start, first).none.all():
         yield "does not begin at the start"
     if not problem.target.listed:
-        if not problem.target.reached(problem.model, last).all():
+        if not reached_in(problem.world, problem.target, problem.model, last).all():
             yield "does not end at the goal"
         return
     misses = (_Miss.of(problem, goal, last) for goal in problem.goals)

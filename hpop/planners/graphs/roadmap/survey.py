@@ -13,6 +13,7 @@ from hpop.base.arrays import FloatArray, IntArray
 from hpop.errors import QueryError
 from hpop.goals import GoalSet
 from hpop.goals.region import sampled_space
+from hpop.goals.sight import reached_in
 from hpop.motions import States, StateSpace
 from hpop.planners.graphs.roadmap.guides import Connections, Guide, guides
 from hpop.planners.graphs.roadmap.links import START
@@ -73,7 +74,7 @@ class Survey:
 
         free  number of samples, whose node numbers lie between those of start and goals
         """
-        at_goal = self.problem.target.reached(self.problem.model, self.start)[0]
+        at_goal = reached_in(self.problem.world, self.problem.target, self.problem.model, self.start)[0]
         return [START, *self.goal_nodes(free)] if at_goal else self.goal_nodes(free)
 
 
