@@ -130,8 +130,7 @@ class LookAt(Region):
                           effect if the camera looks straight up or down, within 1e-6 rad
     angle_tolerance  rad  largest error of the view: root of the sum of squares of the target's angle from the middle of
                           the view and of the roll error
-
-    visible               whether the target must be visible at the goal: obstacles and the robot itself hide at most
+    visible          whether the target must be visible at the goal: obstacles and the robot itself hide at most
                           half of a ball of 5 cm radius about it. Solids within this ball do not hide it
 
     On the way to the goal the target may be hidden; the criterion ``occlusion`` measures this. Unless ``visible`` is
