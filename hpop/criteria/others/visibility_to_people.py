@@ -48,7 +48,11 @@ class VisibilityToPeople:
         return m.integrate(lambda s: expected(people, self._unseen, s.base.x, s.base.y, clock(s, people)))
 
     def _unseen(self, person: Person, x: Column, y: Column, t: Column | None) -> Column:
-        """Return the mean weight (N,), 0 to 1, with which a person does not see a robot at (x, y) at times t, s."""
+        """Return the cost per second (N,), 0 to 1, of a robot at (x, y) near a person at times t, s.
+
+        It is 0 straight ahead of the person and beyond ``range``, and largest close behind. For an uncertain position
+        of the person it is the mean.
+        """
         ahead, left = in_frame(person, x, y, t)
         distance, deviation = hypot(ahead, left), person.deviation(t)
         apart = distance > 0

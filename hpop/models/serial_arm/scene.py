@@ -90,7 +90,7 @@ def _body(solid: Solid) -> _Body:
 
 
 def _parts(solid: Solid) -> tuple[FloatArray, float, float]:
-    """Return the three sets that add up to a solid's shape: points, m, in its own frame, radius of disc and of ball."""
+    """Return three sets whose Minkowski sum is a solid's shape: points in its frame, radius of a disc, of a ball, m."""
     match solid.shape:
         case Box(size=size):
             signs = np.array(np.meshgrid([-0.5, 0.5], [-0.5, 0.5], [-0.5, 0.5])).reshape(3, 8).T

@@ -71,7 +71,8 @@ class Layout(NamedTuple):
 
     @classmethod
     def of(cls, bounds: PathBounds, needed: BoolArray, place: NDArray[np.int32]) -> Layout:
-        """Return the layout for needed nodes, a mask (n,); ``place`` (n,) is the place of each node."""
+        """Return the layout for needed nodes, a mask (n,); ``place`` (n,) is the place of each node,
+        see :class:`.TimedGraph`."""
         n = len(needed)
         calm = np.where(needed, bounds.calm, np.int32(NOTHING))
         between = np.maximum(calm - bounds.earliest + 1, 0)

@@ -150,7 +150,8 @@ def track(trajectory: Trajectory) -> dict[str, Any]:
 def rates(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -> dict[str, Any] | None:
     """Return the rates of criteria along the executed trajectory as JSON; None without motion or criteria.
 
-    ``times`` (m+1,), s, bound merged pieces; ``values`` has m rates for each criterion, see :func:`merged_rates`.
+    ``times`` (m+1,), s, bound groups of consecutive pieces; ``values`` has m rates for each criterion, see
+    :func:`merged_rates`.
     """
     run = trajectory.execution()
     if not len(run) or not criteria:
