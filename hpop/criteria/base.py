@@ -48,7 +48,7 @@ class Criterion(Protocol):
     """Cost of motions that planners minimise, with all that planners and fronts need to know about it.
 
     name       name in the registry
-    group      P, C, R or O
+    group      P (performance), C (comfort), R (robot) or O (others near the robot)
     unit       unit of the cost, SI; "1" for a count or a share
     aggregate  how a trajectory's cost follows from those of its motions: "sum"; "time-mean" (sum divided by duration);
                "max" (worst moment); "trajectory" (only defined for the trajectory as a whole)

@@ -1,6 +1,6 @@
 """Answers of a study: each participant's file of events, and tables, matrices and choices of all participants.
 
-Answers on the disk are never changed or removed.
+Nothing here changes or removes answers on the disk; :mod:`.leaving` deletes those of a participant who withdraws.
 """
 
 from __future__ import annotations

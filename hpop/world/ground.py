@@ -174,7 +174,7 @@ class Ground:
 
     obstacles            upright prisms, including one round each solid; these come last
     raster               occupancy cells, or None
-    extent               shapely polygon, m: where the robot must stay; default: the image's rectangle, or the
+    extent               shapely polygon, m: where the robot must stay; default: the raster's rectangle, or the
                          bounding box of the obstacles
     outside_is_obstacle  whether the area beyond the extent obstructs the camera (at the heights of the raster's
                          cells; at all heights without a raster)

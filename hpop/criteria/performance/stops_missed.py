@@ -1,4 +1,4 @@
-"""Missed stops: the number of optional stops of a tour that a trajectory does not visit."""
+"""Missed stops: the number, or total weight, of a tour's optional stops that a trajectory does not visit."""
 
 from __future__ import annotations
 

@@ -217,8 +217,8 @@ class Prepared:
 
     Guarantees: :meth:`paths` returns the same front as :func:`pareto_paths` on the graph without the closed arcs.
 
-    Cost: groups and bounds are computed once, and bounds are repaired after each closing and opening. A search then
-    takes only the time for its labels. The first search that needs joint bounds repairs them, as its limits allow.
+    Cost: groups of turns and bounds are computed once, and bounds are repaired after each closing and opening. A search
+    then takes only the time for its labels. The first search that needs joint bounds repairs them, as its limits allow.
 
     >>> graph = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 5], [1, 5], [9, 1]])
     >>> prepared = Prepared(graph, 2)

@@ -57,7 +57,7 @@ class Layout(NamedTuple):
     needed  (n,)      mask of the nodes that may be on a new solution
     calm    (n,)      last tick L(v) at which a departure can meet a change (:mod:`.calm`); NOTHING if not needed
     offset  (n,)      the row of node v at tick t is offset[v] + t up to tick L(v), afterwards v
-    order   (w,)      nodes with rows up to L(v), grouped by place
+    order   (w,)      nodes with rows up to L(v), grouped by place (nodes at one position)
     first   (p + 1,)  index in `order` of the first node of each place
     size    number of rows
     """
@@ -71,8 +71,7 @@ class Layout(NamedTuple):
 
     @classmethod
     def of(cls, bounds: PathBounds, needed: BoolArray, place: NDArray[np.int32]) -> Layout:
-        """Return the layout for needed nodes, a mask (n,); ``place`` (n,) is the place of each node,
-        see :class:`.TimedGraph`."""
+        """Return the layout for needed nodes, a mask (n,); ``place`` (n,) is that of :class:`.TimedGraph`."""
         n = len(needed)
         calm = np.where(needed, bounds.calm, np.int32(NOTHING))
         between = np.maximum(calm - bounds.earliest + 1, 0)

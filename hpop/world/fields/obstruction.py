@@ -54,8 +54,8 @@ class RasterBalls:
     raster               occupied cells, with their heights
     radius               m, of the ball
     camera_z             m, height of the ball's centre; without effect if the cells have unlimited height
-    outside_is_obstacle  whether the plane beyond the image counts as occupied
-    pad                  cells to add on every side of the image
+    outside_is_obstacle  whether the plane beyond the raster counts as occupied
+    pad                  cells to add on every side of the raster
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class RasterBalls:
     def spans(self, rows: slice, columns: slice) -> list[tuple[int, int]]:
         """Return the range of rows and the range of columns of cells that the balls of a tile reach, end excluded.
 
-        They count from the first row and column of the image, and may extend beyond the image. The tile is given by its
+        They count from the first row and column of the raster, and may extend beyond it. The tile is given by its
         rows and columns in the result, which has ``pad`` more cells on every side.
         """
         border = self._border
@@ -94,7 +94,7 @@ class RasterBalls:
         ]
 
     def _cells(self, rows: slice, columns: slice) -> FloatArray:
-        """Return the occupancy, 0 or 1, of the cells that a tile reaches (:meth:`spans`), also beyond the image."""
+        """Return the occupancy, 0 or 1, of the cells that a tile reaches (:meth:`spans`), also beyond the raster."""
         cells, spans = self._raster.cells, self.spans(rows, columns)
         out = np.full([stop - start for start, stop in spans], float(self._outside))
         inside = [(max(start, 0), min(stop, size)) for (start, stop), size in zip(spans, cells.shape, strict=True)]

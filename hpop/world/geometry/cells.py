@@ -1,8 +1,8 @@
 """Free space among occupancy cells. Its border comes directly from the cells, so that a few changed cells cost little.
 
-Free cells end at the border of the image. Other blocked regions, such as keep-out zones, bound a second free space; the
-clearance of a point is the smaller of its clearances in both. Values equal those of :class:`.planar.FreeSpace`, which
-is built as soon as the region, its edges, or distances of blocked points are needed.
+Free cells end at the border of the raster. Other blocked regions, such as keep-out zones, bound a second free space;
+the clearance of a point is the smaller of its clearances in both. Values equal those of :class:`.planar.FreeSpace`,
+which is built as soon as the region, its edges, or distances of blocked points are needed.
 """
 
 from __future__ import annotations

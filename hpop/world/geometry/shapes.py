@@ -245,7 +245,7 @@ class Raster:
         return self.z_min, self.z_max
 
     def to_world(self, column: Column, row: Column) -> tuple[Any, Any]:
-        """Convert points, in cells from the lower-left corner of the image, to world coordinates (m)."""
+        """Convert points, in cells from the lower-left corner of the raster, to world coordinates (m)."""
         dx, dy = rotate(column * self.resolution, row * self.resolution, self.origin[2])
         return dx + self.origin[0], dy + self.origin[1]
 

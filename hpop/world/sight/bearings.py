@@ -65,7 +65,8 @@ class Bearings:
     """Distances to the nearest surface along world bearings, on a grid, as cubic B-splines (see `Field`).
 
     directions  (B, 2)     (cos, sin) of bearing 2 pi b / B, from the x axis
-    distances   (H, W, B)  m   row 0 at the lowest y, padded as in `Field`; at most `REACH`, 0 inside an obstacle
+    distances   (H, W, B)  m   row 0 at the lowest y, with `PAD` copies of the border on each side; at most `REACH`,
+                           0 inside an obstacle
     spacing     float      m
     origin      (x, y)     m   where distances[PAD, PAD] was sampled
 
