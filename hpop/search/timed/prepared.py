@@ -53,8 +53,8 @@ class PreparedTimed:
 
     Accepts: any :class:`TimedGraph`, 1 to 6 costs, each a sum or a maximum.
 
-    Guarantees: :meth:`paths` returns the same front as :func:`.timed_paths` on a graph whose tables begin at the tick of
-    the query.
+    Guarantees: :meth:`paths` returns the same front as :func:`.timed_paths` on a graph whose tables begin at the tick
+    of the query.
 
     Cost: bounds are computed once, for all these nodes and ticks. A search then takes only the time for its labels.
 
