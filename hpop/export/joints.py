@@ -102,7 +102,11 @@ def moveit(given: Exported) -> bytes:
 
 
 def _yaml(given: Exported, within: str, *, end: str = "") -> bytes:
-    """Return a JointTrajectory as YAML, within fields that are separated by ": ", with lines of text at the end."""
+    """Return the exported joints as a JointTrajectory in YAML.
+
+    within  names of the fields that enclose it, from the outermost, separated by ": "; "" for none
+    end     lines of YAML to write after it
+    """
     message = joint_trajectory_message(given.joints)
     lines = [f"# {line}" for line in given.statement(AXES)]
     indent = ""

@@ -18,7 +18,7 @@ CSV_AXES = (
 
 @export_format("csv", suffix=".csv", axes=CSV_AXES)
 def pose_csv(given: Exported) -> bytes:
-    """Return a table of poses, or of joints, in the world's frame, for spreadsheets and scripts.
+    """Return a table of poses in the world's frame, or of joints, for spreadsheets and scripts.
 
     Columns for poses:
 

@@ -156,7 +156,7 @@ def nanoseconds(times: FloatArray) -> IntArray:
 
 
 def sample_times(duration: float, rate: float, what: str = "poses") -> FloatArray:
-    """Return times every 1/rate seconds, and the end; ``what`` is sampled, for messages.
+    """Return times every 1/rate seconds from 0, and the end, s; ``what`` names the samples in messages.
 
     Raises OptionError for an invalid rate, and one that gives over a million times.
     """

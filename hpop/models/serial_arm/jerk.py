@@ -37,7 +37,9 @@ class _Executed(NamedTuple):
 
 @checked_arguments
 def jerk_limited(trajectory: Trajectory, jerk: Jerk) -> _Executed:
-    """Return a trajectory along an equal path, timed so that no joint exceeds a jerk, with its times at the states.
+    """Return a trajectory along the same path, slowed down so that no joint exceeds its largest jerk.
+
+    The times at which it passes the planned states are returned too.
 
     trajectory  reaches of a serial arm, and holds
     jerk        rad/s³ or m/s³, largest jerk of all joints, or of each by name
@@ -80,9 +82,10 @@ def jerk_limited(trajectory: Trajectory, jerk: Jerk) -> _Executed:
 
 
 def _share_knots(speed: float, acceleration: float, jerk: float) -> list[tuple[float, float, float]]:
-    """Return the phases of a share from 0 to 1, each by its duration, s, and the share and its speed at the end.
+    """Return the phases of a motion in which the share of the way done grows from 0 to 1, from rest to rest.
 
-    The limits are those of the share: 1/s, 1/s² and 1/s³.
+    Each has its duration, s, and the share and its speed, 1/s, at the end. Limits are those of the share: 1/s, 1/s²
+    and 1/s³.
     """
     ramp = min(acceleration / jerk, (speed / jerk) ** 0.5)  # time in which the acceleration grows
     speeding = ramp + (speed / acceleration if speed * jerk > acceleration**2 else ramp)
