@@ -25,6 +25,8 @@ COLLISION_DEFAULTS: dict[str, Any] = {
     "is_uncompiled": False,
     "posture_matters": False,
     "turn_part": 0.0,
+    "projected": None,
+    "constraint": "",
     "differs": lambda collision, before, x, y, within: np.ones(x.shape, dtype=np.bool_),
 }
 """Values of a collision's optional members."""
@@ -43,6 +45,9 @@ class Collision(Protocol):
     posture_matters  for robots in the plane: True if collisions depend on states other than x, y and yaw; default False
     turn_part        angle, rad. If a turn in place is cut at multiples of this angle, the turn is free exactly where
                      all its pieces are; default 0, if there is no such angle
+    projected        method: takes states (N,), returns states moved so that they fulfil a constraint of the robot, as
+                     far as possible; default None, no constraint
+    constraint       what motions must keep besides being free, and how this is checked, for certificates; default ""
     differs          for robots in the plane, method: takes the collision test in an earlier world, positions (P,) and a
                      distance, m; returns a mask (P,): where collisions within it may have changed; default all True
     """
@@ -68,6 +73,12 @@ class WholeCollision(Collision, Protocol):
 
     @property
     def is_uncompiled(self) -> bool: ...
+
+    @property
+    def projected(self) -> Callable[[States], States] | None: ...
+
+    @property
+    def constraint(self) -> str: ...
 
     @property
     def posture_matters(self) -> bool: ...

@@ -17,7 +17,7 @@ from hpop.criteria.visits import Visit, in_stop
 from hpop.goals import Tour
 from hpop.goals.sight import reached_in
 from hpop.models.execution import clearance_radius
-from hpop.motions import Motions, States, free_along
+from hpop.motions import Motions, States, collision_of, free_along
 from hpop.motions.states import Values
 from hpop.planners.judgement import on_map
 from hpop.problems.evaluation import claimable, criteria_of
@@ -76,7 +76,9 @@ def verify(
             )
         ]
     faults += _visit_faults(problem, front)
-    faults += [f"trajectory {i} collides" for i in np.flatnonzero(~_free(problem, table, say))]
+    kept = collision_of(problem.model, problem.world).constraint
+    wrong = "collides, or does not keep its orientation" if kept else "collides"
+    faults += [f"trajectory {i} {wrong}" for i in np.flatnonzero(~_free(problem, table, say))]
     return [*faults, *_contacts(problem, front, say)]
 
 

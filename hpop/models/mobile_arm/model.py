@@ -320,6 +320,8 @@ def _check_parts(arm: Any, base: Any) -> None:
     """Raise ModelError for an arm and a base that cannot form a mobile arm."""
     if not isinstance(arm, SerialArm):
         raise ModelError(f"arm must be a serial arm, arm=SerialArm(...), got {shown(arm)}")
+    if arm.keep is not None:
+        raise ModelError("an arm on a base cannot keep an orientation; leave keep out, or plan for the arm alone")
     if not isinstance(base, PlanarModel) or not base.provides >= CARRIES:
         raise ModelError(
             f"base must be a model in the plane without joints, such as base=DifferentialDrive(...), got {shown(base)}"

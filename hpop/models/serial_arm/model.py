@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, cast
 
@@ -24,6 +24,7 @@ from hpop.models.serial_arm.arm_file import ArmFile, read_arm
 from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, frames, levers
 from hpop.models.serial_arm.collision import SAMPLES, ArmCollision, always_touching
 from hpop.models.serial_arm.judge import ArmJudge
+from hpop.models.serial_arm.keep import KeepingCollision, KeepingJudge, KeptAxis
 from hpop.models.serial_arm.kinematics import Kinematics
 from hpop.models.serial_arm.laws import ArmBody, JointLaw, JointSpline, Reach, doubtful, faults
 from hpop.models.serial_arm.xml import pose_of
@@ -57,6 +58,9 @@ class SerialArm(Model):
     fixed          rad or m   values, by name, of joints that do not move; other joints outside the chain are at 0, or
                               at the limit nearest to 0
     field_of_view  rad        (horizontal, vertical) angles of view, or None for all round
+    velocity_scaling          share of the speeds in the URDF that the arm uses, above 0 up to 1
+    keep                      orientation kept in all states and motions: {"body": "tool", "axis": (0, 0, 1), "angle":
+                              (0, 0.3)} keeps the tool's z axis within 0 to 0.3 rad of ``direction``, up by default
 
     The arm has two motion laws. In a "reach" it moves from rest to rest along a straight line in joint space: at each
     moment all joints have done equal shares of their changes. A "spline" is a cubic function of time between two knots.
@@ -75,6 +79,8 @@ class SerialArm(Model):
     base: Placed = HERE
     fixed: dict[str, float] = field(default_factory=dict)
     field_of_view: FieldOfView | None = None
+    velocity_scaling: float = 1.0
+    keep: dict[str, Any] | None = None
     _arm: ArmFile = field(init=False, repr=False)
     _records: dict[str, Any] = field(init=False, repr=False)
 
@@ -100,6 +106,10 @@ class SerialArm(Model):
             fixed=fixed,
             acceleration=acceleration,
         )
+        scaling = real(
+            "velocity_scaling", self.velocity_scaling, LEAST_SCALING, 1, "a share of the speeds", error=ModelError
+        )
+        arm = arm._replace(chain=replace(arm.chain, speed=scaling * arm.chain.speed))
         records = {"urdf": record(paths["urdf"], *arm.hashes)}
         if arm.srdf_hash is not None:
             records["srdf"] = record(paths["srdf"], arm.srdf_hash)
@@ -117,6 +127,8 @@ class SerialArm(Model):
             "base": tuple(float(number) for number in self.base),
             "fixed": fixed,
             "field_of_view": checked_field_of_view(self.field_of_view),
+            "velocity_scaling": float(scaling),
+            "keep": None if self.keep is None else KeptAxis.from_spec(self.keep).described(),
             "_arm": arm,
             "_records": records,
         }
@@ -171,11 +183,12 @@ class SerialArm(Model):
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on assumptions about the arm, to be printed with every front."""
-        return self._arm.notes + tuple(
+        notes = self._arm.notes + tuple(
             f"the links {shown(one)} and {shown(other)} touch in each of {SAMPLES:,} random states, so they are not "
             "tested for collision with each other; to decide which links may touch, give an SRDF file (srdf)"
             for one, other in sorted(self.always_touching)
         )
+        return notes if self.kept is None else (*notes, f"in all states and motions, {self.kept}")
 
     @property
     def provides(self) -> frozenset[str]:
@@ -208,6 +221,11 @@ class SerialArm(Model):
         chain = self.chain
         of_chain = (chain.names, tuple(chain.speed.tolist()), tuple(chain.acceleration.tolist()))
         return {"reach": Reach(*of_chain), "spline": JointSpline(*of_chain)}
+
+    @cached_property
+    def kept(self) -> KeptAxis | None:
+        """Orientation that the arm keeps, or None."""
+        return None if self.keep is None else KeptAxis.from_spec(self.keep)
 
     # Motion
 
@@ -290,11 +308,13 @@ class SerialArm(Model):
 
     def collision(self, world: World) -> ArmCollision:
         """Return the collision test for planning: on convex shapes, with proofs that whole motions are free."""
-        return ArmCollision(self.chain, self.parts, self.apart, world)
+        given = (self.chain, self.parts, self.apart, world)
+        return ArmCollision(*given) if self.kept is None else KeepingCollision(*given, self.kept, self)
 
     def judge(self, world: World) -> ArmJudge:
         """Return the collision test for verification: python-fcl at states between which no part moves over 1 mm."""
-        return ArmJudge(self.chain, self.parts, self.apart, world)
+        given = (self.chain, self.parts, self.apart, world)
+        return ArmJudge(*given) if self.kept is None else KeepingJudge(*given, self.kept)
 
     def describe(self) -> dict[str, Any]:
         """Return name and parameters for JSON, enough to build an equal arm; files are given by path and SHA-256."""
@@ -306,10 +326,15 @@ class SerialArm(Model):
             arm["fixed"] = dict(self.fixed)
         if self.field_of_view is not None:
             arm["field_of_view"] = list(self.field_of_view)
+        if self.velocity_scaling != 1.0:
+            arm["velocity_scaling"] = self.velocity_scaling
+        if self.keep is not None:
+            arm["keep"] = self.keep
         return {self.name: arm}
 
 
 SLOWEST = 1e-6
+LEAST_SCALING = 1e-3
 WORDS = {"urdf": "URDF", "srdf": "SRDF"}
 
 

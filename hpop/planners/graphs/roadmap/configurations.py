@@ -271,6 +271,8 @@ def configuration_roadmap(
     if not problem.target.listed:
         name += f", {goals.size} free states of the goal ({ends_and_guides.goal_count} found, {GOAL_STATES} sought)"
         chosen = {**chosen, "goal_states": goals.size, "goal_states_found": ends_and_guides.goal_count}
+    if kept := connections.collision.constraint:
+        name += f", on which {kept}"
     return ConfigurationRoadmap(
         model,
         problem.world,
@@ -303,6 +305,7 @@ def guide_roadmap(ends_and_guides: Survey, spending: Spending) -> ConfigurationR
     It can be searched quickly, and every roadmap with samples contains it.
     """
     free = len(ends_and_guides.inner)
+    kept = ends_and_guides.connections.collision.constraint
     return ConfigurationRoadmap(
         ends_and_guides.problem.model,
         ends_and_guides.problem.world,
@@ -312,7 +315,8 @@ def guide_roadmap(ends_and_guides: Survey, spending: Spending) -> ConfigurationR
         ),
         guide_links(ends_and_guides.guides, ends_and_guides.goal_nodes(free)),
         ends_and_guides.target_nodes(free),
-        name=f"{len(ends_and_guides.guides)} guides of {free} states (seed {ends_and_guides.seed})",
+        name=f"{len(ends_and_guides.guides)} guides of {free} states (seed {ends_and_guides.seed})"
+        + (f", on which {kept}" if kept else ""),
         chosen={"trees": ends_and_guides.pairs, "seed": ends_and_guides.seed},
         spending=spending,
     )

@@ -16,6 +16,7 @@ import numpy as np
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.math import wrap
 from hpop.motions import Motions, States, StateSpace
+from hpop.motions.model import collision_of
 from hpop.planners.graphs.arcs import REACHED
 from hpop.planners.spending import Spending
 
@@ -49,7 +50,7 @@ class Connections:
     def __init__(self, problem: Problem, space: StateSpace) -> None:
         """Prepare the collision checks; ``space`` defines the columns of states, and distances."""
         self.world, self.model, self.space = problem.world, problem.model, space
-        self.collision = problem.model.collision(problem.world)
+        self.collision = collision_of(problem.model, problem.world)
         self.weights = np.array(space.weights)
         self.turns = np.array([name in space.turning for name in space.names])
 
@@ -60,6 +61,11 @@ class Connections:
     def rows(self, states: States) -> FloatArray:
         """Convert states to rows (n, k)."""
         return np.stack([np.asarray(getattr(states, name), float) for name in self.space.names], axis=-1)
+
+    def projected(self, rows: FloatArray) -> FloatArray:
+        """Return rows of states (n, k), moved so that they fulfil the robot's constraint, if it has one."""
+        project = self.collision.projected
+        return rows if project is None else self.rows(project(self.states(rows)))
 
     def differences(self, a: FloatArray, b: FloatArray) -> FloatArray:
         """Return the differences b - a of rows of states; angles differ by half a turn at most."""
@@ -124,6 +130,8 @@ class Tree:
             begin, np.repeat(targets, len(SHARES), axis=0)
         )
         ends = begin + steps
+        short = np.tile(np.array(SHARES) < 1.0, pairs.size)
+        ends[short] = self.connections.projected(ends[short])
         free = self.connections.free(begin, ends) if self.onward else self.connections.free(ends, begin)
         free = free.reshape(pairs.size, len(SHARES))
         grown, first = free.any(axis=1), free.argmax(axis=1)
@@ -165,7 +173,7 @@ def guides(
         if step >= last or not waiting.size:
             break
         growing, opposite = trees[step % 2], trees[1 - step % 2]
-        targets = connections.rows(connections.space.sample(rng, waiting.size))
+        targets = connections.projected(connections.rows(connections.space.sample(rng, waiting.size)))
         new, _ = growing.grow(waiting, targets)
         grown = np.flatnonzero(new >= 0)
         if not grown.size:

@@ -288,7 +288,7 @@ def _free_draws(connections: Connections, draw: Rows, number: int, spending: Spe
     parts, count = [np.zeros((0, len(connections.weights)))], 0
     for _ in range(DRAWS * math.ceil(number / at_once)):
         spending.check("configurations were drawn")
-        rows = draw(at_once)
+        rows = connections.projected(draw(at_once))
         parts.append(rows[connections.collision.states_free(connections.states(rows))])
         count += len(parts[-1])
         if count >= number:

@@ -17,6 +17,7 @@ from hpop.base.scalars import set_python_values
 from hpop.base.text import counted
 from hpop.criteria.costs import trajectory_costs
 from hpop.errors import UnsupportedCriterion
+from hpop.motions import collision_of
 from hpop.planners.base import Candidates, planner
 from hpop.planners.judgement import trusted
 from hpop.planners.objectives import Objectives, edge_objectives
@@ -237,7 +238,7 @@ class _SplineRun:
         paths = self.warm.trajectories
         quanta = np.array([criterion.quantum for criterion in criteria])
         names = ", ".join(criteria[j].name for j in job.smooth)
-        left = len(paths) - len(outcomes)
+        left, kept = len(paths) - len(outcomes), collision_of(job.problem.model, job.problem.world).constraint
         return Candidates(
             objectives=criteria,
             trajectories=(*(spline.trajectory for _, spline in splines), *paths),
@@ -249,7 +250,7 @@ class _SplineRun:
             certificate=(
                 f"spline: {counted(len(splines), 'spline')}, each proved free of collisions and no worse than its path "
                 f"in ({names}), and {counted(len(paths), 'path')}{f', {left} not smoothed yet' if left else ''}; local "
-                f"improvements, not proved to be optimal{self.objectives.certificate}"
+                f"improvements, not proved to be optimal{self.objectives.certificate}{f'; {kept}' if kept else ''}"
             ),
             provenance=(
                 *({"planner": NAME, **spline.provenance, "warm_start": path} for path, spline in splines),
