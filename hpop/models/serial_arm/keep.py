@@ -115,7 +115,7 @@ class KeptAxis(Region):
         """Return the axis in the world."""
         parts = zip(pose.ahead, pose.left, pose.up, strict=True)
         x, y, z = (sum(a * b for a, b in zip(self.axis, part, strict=True)) for part in parts)
-        return cast(Vector, (x, y, z))
+        return x, y, z
 
     # Along motions
 
@@ -181,7 +181,7 @@ class KeptAxis(Region):
 def _fastest(law: Law, name: str, start: States, end: States) -> FloatArray:
     """Return the largest derivative (M,) of a joint by the share of the motion done, rad."""
     if law.kind == "reach":
-        return np.abs(getattr(end, name) - getattr(start, name))
+        return np.asarray(np.abs(getattr(end, name) - getattr(start, name)))
     lasts = sum(phase.duration for phase in law.phases(start, end))
     return np.asarray(cast(JointLaw, law).extremes(name, start, end).speed * lasts)
 
