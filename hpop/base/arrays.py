@@ -67,6 +67,36 @@ def inserted(values: NDArray[N], before: IntArray, rows: NDArray[N]) -> NDArray[
     return np.concatenate([*parts, values[begin:]])
 
 
+def tiled(values: NDArray[N], layers: int, step: int = 0) -> NDArray[N]:
+    """Return an array (m,) repeated ``layers`` times, with l * ``step`` added to repetition l.
+
+    >>> tiled(np.array([1, 2]), 2, 5).tolist()
+    [1, 2, 6, 7]
+    """
+    return (values + step * np.arange(layers, dtype=values.dtype)[:, None]).ravel()
+
+
+def inserted_in_layers(
+    values: NDArray[N], layers: int, before: IntArray, rows: NDArray[N], step: int = 0
+) -> NDArray[N]:
+    """Return the result of :func:`inserted` for an array that is first repeated, as by :func:`tiled`.
+
+    >>> inserted_in_layers(np.array([1, 2]), 2, np.array([1, 2]), np.array([7, 8]), 10).tolist()
+    [1, 7, 2, 8, 11, 12]
+    """
+    if layers == 1:
+        return inserted(values, before, rows)
+    size, places = len(values), before + np.arange(before.size)
+    merged = np.empty((layers * size + before.size, *values.shape[1:]), values.dtype)
+    is_old = np.ones(len(merged), dtype=np.bool_)
+    merged[places], is_old[places] = rows, False
+    for layer in range(layers):
+        first, last = layer * size, (layer + 1) * size - 1
+        part = slice(first + np.searchsorted(before, first, "right"), last + np.searchsorted(before, last, "right") + 1)
+        merged[part][is_old[part]] = values + values.dtype.type(layer * step)
+    return merged
+
+
 def numbered(counts: IntArray) -> tuple[IntArray, IntArray]:
     """Return the group of each element and its index within the group, for consecutive groups of sizes ``counts``.
 

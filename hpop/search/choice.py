@@ -91,8 +91,8 @@ def _is_raised(graph: Graph, j: int, index: int, groups: Groups) -> bool:
     """
     if groups.column == index:
         return bool(groups.dearest[:, j].any())
-    turns = graph.costs[:, index] > 0
-    return bool(graph.costs[:, j].max(where=turns, initial=0))
+    costs = graph.distinct_costs
+    return bool(costs[:, j].max(where=costs[:, index] > 0, initial=0))
 
 
 def _by_spread(samples: IntArray, least: IntArray) -> list[int]:
@@ -120,6 +120,6 @@ def _with_turn_free_first(graph: Graph, by_spread: list[int], groups: Groups) ->
     the time of the reverse order, and less memory.
     """
     free = [j for j in by_spread if groups.column >= 0 and not groups.dearest[:, j].any()]
-    sample = graph.costs[:SAMPLE]
+    _, sample = graph.ends_and_costs(np.arange(min(SAMPLE, graph.arcs)))
     free.sort(key=lambda j: (graph.aggregates[j] == "max", -len(distinct(sample[:, j]))))
     return (*free, *(j for j in by_spread if j not in free))

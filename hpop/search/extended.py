@@ -1,25 +1,26 @@
-"""Graph that adds a few nodes and arcs to a large one, its base, without copying the arrays of the base.
+"""Graph that repeats a base graph in layers and adds nodes and arcs, without copying the arrays of the base.
 
-A query adds its start and goals to a graph that other queries use as well. With groups of turns, the exact search reads
-arcs of the base in place. Otherwise the arrays of all arcs are copied when they are first read.
+A query adds its start and goals to a graph that other queries use as well. A tour has a layer for each set of visited
+stops, and arcs that lead to later layers. The exact search reads arcs of the base in place. Other searches read arrays
+of all arcs, which are made when they are first read.
 """
 
 from __future__ import annotations
 
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import IntArray, N, inserted, numbered
+from hpop.base.arrays import IntArray, N, copied, inserted_in_layers, numbered, tiled
 from hpop.search.graph import Graph
 
 
 class AddedArcs(NamedTuple):
     """Arcs that a graph adds to its base, sorted by tail; they follow the arcs of the base at each tail.
 
-    before  (j,)    index in the arrays of the base before which each arc is inserted
+    before  (j,)    index in the arrays of the base, repeated for each layer, before which each arc is inserted
     heads   (j,)    int32, node to which each arc leads
     costs   (j, k)  costs of each arc
     """
@@ -35,33 +36,49 @@ class AddedArcs(NamedTuple):
 
 
 class ExtendedGraph(Graph):
-    """Graph that adds nodes and arcs to its :attr:`base`; ``added`` has these arcs."""
+    """Graph that repeats its :attr:`base` in layers, and adds nodes and arcs.
+
+    Node v of the base, which has n nodes, is node l * n + v of layer l; added nodes follow the last layer.
+
+    added   the added arcs
+    layers  number of layers
+    """
 
     added: AddedArcs
+    layers: int = 1
 
     @classmethod
-    def of(cls, base: Graph, part: Graph) -> ExtendedGraph:
-        """Return the graph with the nodes and arcs of ``base``, and the added ones of ``part``.
+    def of(cls, base: Graph, part: Graph, layers: int = 1) -> ExtendedGraph:
+        """Return the graph with the nodes and arcs of ``base`` in each layer, and the added ones of ``part``.
 
-        The nodes of ``part`` are those of the base and then the added ones; its arcs are only the added ones.
+        The nodes of ``part`` are those of all layers and then the added ones; its arcs are only the added ones.
         """
-        rows = np.append(base.indptr, np.full(part.nodes - base.nodes, base.arcs))
+        rows = tiled(base.indptr[:-1], layers, base.arcs)
+        rows = np.append(rows, np.full(part.nodes + 1 - len(rows), layers * base.arcs))
         indptr = _read_only(rows + part.indptr)
         graph = object.__new__(cls)
         vars(graph).update(aggregates=base.aggregates, labels=None, edges=None, turns=base.turns, base=base)
         added = AddedArcs(np.repeat(rows[1:], np.diff(part.indptr)), part.heads, part.costs)
-        vars(graph).update(indptr=indptr, added=added, largest=np.maximum(base.largest, part.largest))
+        largest = np.maximum(base.largest, part.largest)
+        vars(graph).update(indptr=indptr, added=added, largest=largest, layers=layers)
         return graph
+
+    def over(self, base: Graph, costs: IntArray) -> Graph:
+        """Return the same graph with other costs: those of ``base``, which has the same arcs, and of the added arcs."""
+        tails = np.searchsorted(self.indptr, self.added.places, side="right") - 1
+        arcs = tails, self.added.heads.astype(np.int64), costs
+        return copied(base.extended(self.nodes, *arcs, is_reused=True, layers=self.layers), turns=self.turns)
 
     @cached_property
     def heads(self) -> NDArray[np.int32]:
         """Heads (m,) of all arcs, copied when they are first read."""
-        return _read_only(inserted(self._base.heads, self.added.before, self.added.heads))
+        added = self.added.before, self.added.heads
+        return _read_only(inserted_in_layers(self._base.heads, self.layers, *added, self._base.nodes))
 
     @cached_property
     def costs(self) -> IntArray:
         """Costs (m, k) of all arcs, copied when they are first read."""
-        return _read_only(inserted(self._base.costs, self.added.before, self.added.costs))
+        return _read_only(inserted_in_layers(self._base.costs, self.layers, self.added.before, self.added.costs))
 
     @cached_property
     def arc(self) -> NDArray[np.int32]:
@@ -72,7 +89,7 @@ class ExtendedGraph(Graph):
         """Return the same graph as a plain Graph that owns all its arrays and has no base."""
         graph = object.__new__(Graph)
         own = {"heads": self.heads, "costs": self.costs, "arc": self.arc, "base": None}
-        vars(graph).update({name: value for name, value in vars(self).items() if name != "added"} | own)
+        vars(graph).update({name: value for name, value in vars(self).items() if name not in ("added", "layers")} | own)
         return graph
 
     @property
@@ -89,19 +106,35 @@ class ExtendedGraph(Graph):
         is_added = np.append(places, -1)[own] == arcs
         heads, costs = np.empty(arcs.shape, np.int32), np.empty((*arcs.shape, self.criteria), np.int64)
         heads[is_added], costs[is_added] = self.added.heads[own[is_added]], self.added.costs[own[is_added]]
-        inner = (arcs - own)[~is_added]
-        heads[~is_added], costs[~is_added] = self.base.heads[inner], self.base.costs[inner]
+        layer, inner = np.divmod((arcs - own)[~is_added], max(1, self.base.arcs))
+        heads[~is_added], costs[~is_added] = self.base.ends_and_costs(inner)
+        heads[~is_added] += (layer * self.base.nodes).astype(np.int32)
         return heads, costs
 
     @property
-    def rows_of_turns(self) -> tuple[IntArray, NDArray[np.int32], IntArray, IntArray]:
-        """Offsets, heads, costs of arcs with all turns within groups among them; offsets of this graph's own arcs.
+    def distinct_costs(self) -> IntArray:
+        """Costs (r, k) of the arcs of one layer and of the added arcs, without copying other arcs."""
+        if self.base is None or "costs" in vars(self):
+            return super().distinct_costs
+        return np.concatenate([self.base.distinct_costs, self.added.costs])
 
-        The first three are the arrays of the base, as added arcs are no turns within groups; so nothing is copied.
+    @property
+    def tables(self) -> tuple[NDArray[Any], ...]:
+        """Arrays that define the graph; if it has several layers, the arcs of one and the added arcs."""
+        if self.base is None or self.layers == 1:
+            return super().tables
+        return (self.indptr, *self.base.tables, *self.added)
+
+    @property
+    def rows_of_turns(self) -> tuple[IntArray, NDArray[np.int32], IntArray, IntArray, int]:
+        """Arrays of the base: see :attr:`.Graph.rows_of_turns`.
+
+        Added arcs are no turns within groups, so nothing is copied.
         """
         if self.base is None or "costs" in vars(self):
             return super().rows_of_turns
-        return self.base.indptr, self.base.heads, self.base.costs, self.indptr
+        indptr, heads, costs, *_ = self.base.rows_of_turns
+        return indptr, heads, costs, self.indptr, self.base.nodes
 
     def costs_of_path(self, nodes: IntArray, column: int, remaining: IntArray) -> IntArray:
         """Return all costs (k,) of a path through the given nodes (N,), which is least in the cost of ``column``.

@@ -268,7 +268,14 @@ class Graph:
         return replace(self, indptr=indptr, heads=heads, costs=costs, arc=stays)
 
     def extended(
-        self, nodes: int, tails: IntArray, heads: IntArray, costs: IntArray, *, is_reused: bool = False
+        self,
+        nodes: int,
+        tails: IntArray,
+        heads: IntArray,
+        costs: IntArray,
+        *,
+        is_reused: bool = False,
+        layers: int = 1,
     ) -> Graph:
         """Return a larger graph without labels. New nodes get the next numbers; new arcs follow the old arcs of a node.
 
@@ -276,6 +283,7 @@ class Graph:
 
         Parameters
         ----------
+        layers : number of copies of this graph in the result; a node v has the number l * n + v in copy l
         nodes : number of nodes of the result, old and new
         tails, heads : (j,) of the new arcs, sorted by tail
         costs : (j, k) of the new arcs
@@ -286,9 +294,9 @@ class Graph:
         """
         from hpop.search.extended import ExtendedGraph  # it imports this module
 
-        nodes = whole("nodes", nodes, self.nodes, MOST_NODES, "a number of nodes", error=GraphError)
+        nodes = whole("nodes", nodes, layers * self.nodes, MOST_NODES, "a number of nodes", error=GraphError)
         part = Graph.from_arcs(nodes, tails, heads, costs, aggregates=self.aggregates)  # these alone are checked
-        graph = ExtendedGraph.of(self, part)
+        graph = ExtendedGraph.of(self, part, layers)
         _check_sums(graph)
         return graph if is_reused else graph.copied()
 
@@ -297,9 +305,23 @@ class Graph:
         return self.heads[arcs], self.costs[arcs]
 
     @property
-    def rows_of_turns(self) -> tuple[IntArray, NDArray[np.int32], IntArray, IntArray]:
-        """Offsets, heads, costs of arcs with all turns within groups among them; offsets of this graph's own arcs."""
-        return self.indptr, self.heads, self.costs, self.indptr
+    def distinct_costs(self) -> IntArray:
+        """Costs (r, k) among which those of each arc are."""
+        return self.costs
+
+    @property
+    def tables(self) -> tuple[NDArray[Any], ...]:
+        """Arrays that define the arcs and their costs."""
+        return self.indptr, self.heads, self.costs
+
+    @property
+    def rows_of_turns(self) -> tuple[IntArray, NDArray[np.int32], IntArray, IntArray, int]:
+        """Arcs of one layer with all turns within groups among them, and where they are in this graph.
+
+        Offsets, heads and costs of these arcs, offsets of the arcs of this graph, and number of nodes of a layer. A
+        node has these arcs before others.
+        """
+        return self.indptr, self.heads, self.costs, self.indptr, self.nodes
 
     @cached_property
     def cache(self) -> dict[Hashable, Any]:

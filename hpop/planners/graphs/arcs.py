@@ -137,18 +137,32 @@ def graph_with_tie_break(graph: Graph, turned: NDArray[np.int8], spending: Spend
     columns = summed_columns(graph)
     if not columns or not turned.any() or any(_charges_every_turn(graph, j, turned) for j in columns):
         return None
-    spending.check(COPIED, graph.costs.nbytes)
-    costs, first = graph.costs.copy(), columns[0]
-    for part in blocks(graph.arcs):
-        costs[part, first] *= TIE_TURNS
-        costs[part, first] += turned[part]
-    costs.setflags(write=False)  # so that the graph does not copy them
+    spending.check(COPIED, graph.distinct_costs.nbytes)
     try:
-        broken = replace(graph, costs=costs)
+        broken = _with_ties_broken(graph, turned, columns[0])
     except GraphError:  # sums would overflow: the graph is too large for a tie-break
         return None
-    spending.hold(costs.nbytes, COPIED)
+    spending.hold(broken.distinct_costs.nbytes, COPIED)
     return broken
+
+
+def _with_ties_broken(graph: Graph, turned: NDArray[np.int8], column: int) -> Graph:
+    """Return a graph with cost * TIE_TURNS + turns in ``column``; if it has layers, they share these costs."""
+    if isinstance(graph, ExtendedGraph) and graph.base is not None and graph.layers > 1:
+        costs = graph.added.costs.copy()
+        costs[:, column] = costs[:, column] * TIE_TURNS + turned[graph.added.places]
+        return graph.over(_with_ties_broken(graph.base, _turned_in_base(graph, turned), column), costs)
+    costs = graph.costs.copy()
+    for part in blocks(graph.arcs):
+        costs[part, column] *= TIE_TURNS
+        costs[part, column] += turned[part]
+    costs.setflags(write=False)  # so that the graph does not copy them
+    return replace(graph, costs=costs)
+
+
+def _turned_in_base(graph: ExtendedGraph, turned: NDArray[np.int8]) -> NDArray[np.int8]:
+    """Return the numbers of turns in the arcs of the graph's base, given those ``turned`` (m,) in all its arcs."""
+    return np.delete(turned, graph.added.places)[: (turned.size - graph.added.before.size) // graph.layers]
 
 
 def summed_columns(graph: Graph) -> list[int]:
@@ -162,7 +176,7 @@ def _charges_every_turn(graph: Graph, column: int, turned: NDArray[np.int8]) -> 
         return not any(((graph.costs[part, column] == 0) & (turned[part] > 0)).any() for part in blocks(graph.arcs))
     added, cache, name = graph.added, graph.base.cache, ("charges every turn", column)
     if name not in cache:
-        cache[name] = _charges_every_turn(graph.base, column, np.delete(turned, added.places))
+        cache[name] = _charges_every_turn(graph.base, column, _turned_in_base(graph, turned))
     charged: BoolArray = (added.costs[:, column] > 0) | (turned[added.places] == 0)
     return cache[name] and bool(charged.all())
 

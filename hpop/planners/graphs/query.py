@@ -322,7 +322,7 @@ class Query:
         """Free the memory of the graph copy that breaks ties, after its last search."""
         broken: Graph | None = vars(self).pop("graph_with_tie_break", None)
         if broken is not None:
-            self.space.spending.release(broken.costs.nbytes)
+            self.space.spending.release(broken.distinct_costs.nbytes)
 
     def with_fewest_turns(self, search: Callable[[Graph], ParetoPaths]) -> ParetoPaths:
         """Run a search such that, of paths with equal costs, one with the fewest turns is returned.

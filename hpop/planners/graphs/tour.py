@@ -15,12 +15,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, IntArray, N, copied, inserted_in_layers
 from hpop.criteria.base import Criterion, index_of_role
 from hpop.criteria.costs import motion_costs
 from hpop.criteria.visits import missed_weights, weight_of
@@ -140,24 +140,17 @@ class TourGraph(TrajectoryGraph):
         kinds += [(layer, NONE, skipped, NONE) for layer, skipped in self.tour.endings if skipped]
         return {kind: row for row, kind in enumerate(kinds)}
 
-    @cached_property
+    @property
     def rows(self) -> IntArray:
         """Row pointers (N + 1,): the arcs that leave node u have the indices rows[u] to rows[u + 1] - 1."""
-        degrees = np.append(
-            np.tile(np.diff(self.inner.rows), len(self.tour.layers)), np.zeros(len(self.goals), np.int64)
-        )
-        degrees += np.bincount(self._climbs[0], minlength=self.size)
-        return np.append(np.zeros(1, np.int64), np.cumsum(degrees))
+        degrees = np.tile(np.diff(self.inner.rows), len(self.tour.layers))
+        degrees = np.append(degrees, np.zeros(len(self.goals), np.int64))
+        return np.append(np.zeros(1, np.int64), np.cumsum(degrees + np.bincount(self._climbs[0], minlength=self.size)))
 
     @property
     def heads(self) -> NDArray[np.int32]:
         """Head node (m,) of each arc."""
-        count = self.inner.size
-        heads = self.in_layers(self.inner.heads, np.zeros(self._before.size, np.int32))
-        for layer in range(1, len(self.tour.layers)):
-            heads[self.rows[layer * count] : self.rows[(layer + 1) * count]] += np.int32(layer * count)
-        heads[self._before + np.arange(self._before.size)] = self._climbs[1]
-        return cast(NDArray[np.int32], heads)
+        return self.in_layers(self.inner.heads, self._climbs[1].astype(np.int32), self.inner.size)
 
     @cached_property
     def _before(self) -> IntArray:
@@ -166,21 +159,13 @@ class TourGraph(TrajectoryGraph):
         layers, states = np.divmod(self._climbs[0], count)
         return np.asarray(layers * inner[-1] + inner[states + 1])
 
-    def in_layers(self, inner: NDArray[Any], climbs: NDArray[Any]) -> NDArray[Any]:
+    def in_layers(self, inner: NDArray[N], climbs: NDArray[N], step: int = 0) -> NDArray[N]:
         """Merge the values of arcs into one array (m, ...), in the order of all arcs of the tour graph.
 
-        inner   values of the arcs of the inner graph, repeated in every layer
+        inner   values of the arcs of the inner graph, repeated in every layer; layer l gets l * ``step`` more
         climbs  values (c, ...) of the arcs between layers, or one value (1, ...) for all of them
         """
-        size, climbed = self.inner.size, self._before + np.arange(self._before.size)
-        values = np.empty((int(self.rows[-1]), *inner.shape[1:]), inner.dtype)
-        is_inner = np.ones(len(values), dtype=np.bool_)
-        is_inner[climbed] = False
-        values[climbed] = climbs
-        for layer in range(len(self.tour.layers)):
-            part = slice(self.rows[layer * size], self.rows[(layer + 1) * size])
-            values[part][is_inner[part]] = inner
-        return values
+        return inserted_in_layers(inner, len(self.tour.layers), self._before, climbs, step)
 
     def _origins(self, arcs: IntArray) -> IntArray:
         """Return the index of the inner graph's arc for each arc of the tour graph; NONE for arcs between layers.
@@ -199,20 +184,19 @@ class TourGraph(TrajectoryGraph):
         stops that they skip.
         """
         inner = self.inner.graph(criteria)
-        layers, count = len(self.tour.layers), self.inner.size
-        bytes_ = layers * (inner.arcs * (8 * len(criteria) + ARC) + 8 * count)
-        doing = f"the {layers} layers of the tour ({self.size:,} nodes) were built"
-        self.spending.hold(bytes_, doing)
+        doing = f"the {len(self.tour.layers)} layers of the tour ({self.size:,} nodes) were built"
+        self.spending.hold(8 * self.size + self._before.size * (8 * len(criteria) + ARC), doing)
         return self.layered(inner, criteria)
 
     def layered(self, inner: Graph, criteria: Sequence[Criterion]) -> Graph:
-        """Return the search graph, given the inner graph with its costs by the criteria."""
-        heads = self.heads
-        costs = self.in_layers(inner.costs, self._climb_costs(criteria))
-        for array in (heads, costs, self.rows):
-            array.setflags(write=False)
-        graph = Graph.from_csr(self.rows, heads, costs, aggregates=inner.aggregates)
-        return replace(graph, turns=index_of_role("turns", criteria))
+        """Return the search graph, given the inner graph with its costs by the criteria.
+
+        All layers share the arcs of the inner graph, see :class:`hpop.search.extended.ExtendedGraph`.
+        """
+        tails, heads, _, _ = self._climbs
+        arcs = tails, heads, self._climb_costs(criteria)
+        graph = inner.extended(self.size, *arcs, is_reused=True, layers=len(self.tour.layers))
+        return copied(graph, turns=index_of_role("turns", criteria))
 
     def _climb_costs(self, criteria: Sequence[Criterion]) -> IntArray:
         """Return the costs (c, k), in quanta, of the arcs between layers: standing at stops, and skipping stops."""
@@ -253,7 +237,7 @@ class TourGraph(TrajectoryGraph):
     @property
     def turned(self) -> NDArray[np.int8]:
         """Count (m,) of each arc by which searches break ties: that of the inner graph, 0 for arcs between layers."""
-        return cast(NDArray[np.int8], self.in_layers(self.inner.turned, np.zeros(self._before.size, np.int8)))
+        return self.in_layers(self.inner.turned, np.zeros(1, np.int8))
 
     # Checks
 

@@ -322,9 +322,8 @@ def _array_header(name: Any, dtype: Any, shape: Any) -> tuple[str, np.dtype[Any]
 
 def fingerprint(graph: Graph, *question: Any) -> str:
     """Return a hash that identifies a query: of its graph and of all parts of ``question`` (numbers, texts, arrays)."""
-    tables = (graph.indptr, graph.heads, graph.costs)
     checksum = hashlib.blake2b(digest_size=CHECKSUM)
-    for part in (graph.aggregates, *tables, *question):
+    for part in (graph.aggregates, *graph.tables, *question):
         array = isinstance(part, np.ndarray)
         checksum.update(repr((part.dtype.str, part.shape) if array else part).encode() + b"\n")
         if array:

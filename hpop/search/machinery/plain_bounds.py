@@ -184,7 +184,8 @@ def _reversed(graph: Graph, groups: Groups, clock: Clock) -> tuple[IntArray, NDA
         return arcs
     n, k, m = graph.nodes, graph.criteria, len(groups.heads)
     begin, tails, weights = np.zeros(n + 2, np.int64), np.empty(m, np.int32), np.empty((k, m), np.int64)
-    clock.call(sort_arcs_by_head, groups.start, groups.heads, groups.origin, graph.costs, begin, tails, weights)
+    costs, rows = groups.costs_of_arcs(graph)
+    clock.call(sort_arcs_by_head, groups.start, groups.heads, rows, costs, begin, tails, weights)
     arcs = begin[:-1], tails, weights
     if clock.budget.max_memory is None and tails.nbytes + weights.nbytes <= CACHED:
         graph.cache["reversed"] = arcs

@@ -28,7 +28,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import IntArray, inserted, numbered
+from hpop.base.arrays import IntArray, inserted, inserted_in_layers, numbered, tiled
 from hpop.runtime.compiled import kernel, lean
 from hpop.search.extended import ExtendedGraph
 from hpop.search.graph import Graph
@@ -70,7 +70,9 @@ class Groups:
     start       (n + 1,)  the plain arcs of the node with the new number v are start[v] : start[v + 1]
     heads       (m,)      heads of the plain arcs, in new numbers
     origin      (m,)      indices of the plain arcs in the graph
-    plain       (m, k)    costs of the plain arcs of a graph whose arcs are not copied from its base, or None
+    plain       (p, k)    costs of the plain arcs of a graph whose arcs are not copied from its base, or None; the
+                          layers of a graph share them
+    priced      (m,)      row of each plain arc in ``plain``, or None
     """
 
     column: int
@@ -85,18 +87,18 @@ class Groups:
     heads: NDArray[np.int32]
     origin: NDArray[np.int32]
     plain: IntArray | None = None
+    priced: NDArray[np.int32] | None = None
 
     @property
     def nbytes(self) -> int:
         """Size of all arrays, bytes."""
-        arrays = (self.nodes, self.new_number, self.rows, self.dearest, self.turns, self.start, self.heads, self.origin)
-        return sum(array.nbytes for array in arrays) + (0 if self.plain is None else self.plain.nbytes)
+        return sum(array.nbytes for array in vars(self).values() if isinstance(array, np.ndarray))
 
     def costs_of_arcs(self, graph: Graph) -> tuple[IntArray, NDArray[np.int32]]:
         """Return a table of arc costs, and the row of this table for each plain arc (m,)."""
-        if self.plain is None:
+        if self.plain is None or self.priced is None:
             return graph.costs, self.origin
-        return self.plain, np.arange(len(self.plain), dtype=np.int32)
+        return self.plain, self.priced
 
     @classmethod
     def of(cls, graph: Graph, clock: Clock) -> Self:
@@ -114,56 +116,67 @@ class Groups:
     @classmethod
     def of_turns(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
         """Return the groups of turns with ``column`` as index, or None if these turns form no groups."""
-        if not isinstance(graph, ExtendedGraph) or graph.base is None or not _turns_are_at_ends(graph, column):
-            if ("groups", column) in graph.cache:
+        base = graph.base if isinstance(graph, ExtendedGraph) else None
+        if isinstance(graph, ExtendedGraph) and base is not None and (graph.layers > 1 or _keeps_groups(graph, column)):
+            name = ("groups", column)
+            if name not in base.cache:
+                base.cache[name] = cls.of_turns(base, column, clock)
+            groups: Self | None = base.cache[name]
+            if groups is None:  # then the layers have no groups either
                 return None
-            own = cls._computed(graph, column, clock)
-            if own is None:
-                graph.cache["groups", column] = None  # of graphs with groups the cache belongs to graphs that extend it
-            return own
-        cache = graph.base.cache
-        name = ("groups", column)
-        if name not in cache:
-            cache[name] = cls._computed(graph.base, column, clock)
-        groups: Self | None = cache[name]
-        if groups is None:
-            return None
-        copies = 1 if ("plain arcs", column) in cache else 2  # one is cached
-        check_room(clock, groups.nbytes + copies * groups.origin.size * graph.criteria * graph.base.costs.itemsize)
-        return groups._with_added_nodes(graph, graph.base)
+            if graph.layers == 1 or _keeps_groups(graph, column):
+                return groups._extended(graph, base, clock)
+        if ("groups", column) in graph.cache:
+            known: Self | None = graph.cache["groups", column]
+            return known
+        own = cls._computed(graph, column, clock)
+        if own is None:
+            graph.cache["groups", column] = None  # of graphs with groups the cache belongs to graphs that extend it
+        return own
 
-    def _with_added_nodes(self, graph: ExtendedGraph, base: Graph) -> Self:
-        """Return the groups of a graph that adds start and goal nodes to ``base``, the graph of these groups.
+    def _extended(self, graph: ExtendedGraph, base: Graph, clock: Clock) -> Self:
+        """Return the groups of a graph that repeats and extends ``base``, the graph of these groups.
 
         Each added node is a group of its own; the groups of the base stay as they are.
         """
-        more, j, added = graph.nodes - base.nodes, graph.added.places, graph.added
-        ends = np.arange(base.nodes, graph.nodes)
-        rows = np.zeros((more, GROUP_COLUMNS), np.int64)
-        rows[:, OFFSET], rows[:, SIZE] = ends, 1
-        rows[:, TURNS] = max(0, self.turns.shape[1] - 1)  # they do not turn
-        new_number = np.concatenate([self.new_number, ends])
+        name = ("plain arcs", self.column)
+        copies = 1 if name in base.cache else 2  # one is cached
+        shared = self.turns.nbytes + copies * self.origin.size * graph.criteria * base.indptr.itemsize
+        check_room(clock, graph.layers * (self.nbytes - self.turns.nbytes) + shared)
+        if name not in base.cache:
+            costs, rows = self.costs_of_arcs(base)
+            base.cache[name] = costs[rows]
+        plain, layers, n, m = base.cache[name], graph.layers, base.nodes, len(self.heads)
+        j, added = graph.added.places, graph.added
+        ends = np.arange(layers * n, graph.nodes)
+        ends_as_groups = np.zeros((len(ends), GROUP_COLUMNS), np.int64)
+        ends_as_groups[:, OFFSET], ends_as_groups[:, SIZE] = ends, 1
+        ends_as_groups[:, TURNS] = max(0, self.turns.shape[1] - 1)  # they do not turn
+        rows = np.tile(self.rows, (layers, 1))
+        rows[:, OFFSET] = tiled(self.rows[:, OFFSET], layers, n)
+        new_number = np.concatenate([tiled(self.new_number, layers, n), ends])
         tails = np.searchsorted(graph.indptr, j, side="right") - 1
         order = np.argsort(new_number[tails], kind="stable")
-        at = np.append(self.start, np.full(more, self.start[-1]))
+        at = np.append(tiled(self.start[:-1], layers, m), np.full(len(ends) + 1, layers * m))
         before = at[new_number[tails[order]] + 1]
-        shift = graph.indptr[: base.nodes] - base.indptr[:-1]  # of the arcs of each node of the base
-        origin = self.origin + np.repeat(shift[self.nodes], np.diff(self.start)).astype(np.int32)
+        shift = graph.indptr[: layers * n].reshape(layers, n) - base.indptr[:-1]  # of the arcs of each node
+        origin = (self.origin + np.repeat(shift[:, self.nodes], np.diff(self.start), axis=1).astype(np.int32)).ravel()
         counts = np.bincount(new_number[tails], minlength=graph.nodes)
-        zeros = np.zeros((more, graph.criteria), np.int64)
-        name = ("plain arcs", self.column)
-        if name not in base.cache:
-            base.cache[name] = base.costs[self.origin]
+        zeros = np.zeros((len(ends), graph.criteria), np.int64)
+        own = np.arange(m, dtype=np.int32)
+        plain = np.concatenate([plain, added.costs])
+        plain.setflags(write=False)  # as the costs of a graph, for which kernels are compiled
         return replace(
             self,
-            nodes=np.concatenate([self.nodes, ends]),
+            nodes=np.concatenate([tiled(self.nodes, layers, n), ends]),
             new_number=new_number,
-            rows=np.concatenate([self.rows, rows]),
-            dearest=np.concatenate([self.dearest, zeros]),
+            rows=np.concatenate([rows, ends_as_groups]),
+            dearest=np.concatenate([*[self.dearest] * layers, zeros]),
             start=at + np.append(0, np.cumsum(counts)),
-            heads=inserted(self.heads, before, new_number[added.heads[order]].astype(np.int32)),
+            heads=inserted_in_layers(self.heads, layers, before, new_number[added.heads[order]].astype(np.int32), n),
             origin=inserted(origin, before, j[order].astype(np.int32)),
-            plain=inserted(base.cache[name], before, added.costs[order]),
+            plain=plain,
+            priced=inserted_in_layers(own, layers, before, (m + order).astype(np.int32)),
         )
 
     def unshared(self) -> Self:
@@ -172,12 +185,12 @@ class Groups:
         Each group gets its own columns of turn costs. Costs of plain arcs are read from the graph's own table.
         """
         if not self.turns.size:
-            return replace(self, plain=None)
+            return replace(self, plain=None, priced=None)
         rows = self.rows.copy()
         group, pair = numbered(self.rows[:, SIZE] ** 2)
         rows[:, TURNS] = np.cumsum(rows[:, SIZE] ** 2) - rows[:, SIZE] ** 2
         turns = self.turns[:, np.append(self.rows[group, TURNS] + pair, self.turns.shape[1] - 1)]
-        return replace(self, rows=rows, turns=turns, plain=None)
+        return replace(self, rows=rows, turns=turns, plain=None, priced=None)
 
     @classmethod
     def _computed(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
@@ -206,6 +219,8 @@ class Groups:
         if groups is not None:
             check_room(clock, groups.nbytes)
             return groups
+        if isinstance(graph, ExtendedGraph) and graph.base is not None and graph.layers > 1:
+            return cls.single_nodes(graph.base, clock)._extended(graph, graph.base, clock)
         rows = np.zeros((graph.nodes, GROUP_COLUMNS), np.int64)
         rows[:, OFFSET], rows[:, SIZE] = np.arange(graph.nodes), 1
         groups = cls._with_arcs(graph, -1, 0, np.arange(graph.nodes), rows, graph.arcs, clock)
@@ -233,18 +248,25 @@ class Groups:
         return cls(column, step, nodes, new_number, rows, dearest, alike, turns, start, heads[:m], origin[:m])
 
 
-def _turns_are_at_ends(graph: ExtendedGraph, column: int) -> bool:
-    """Return whether added turns are only at added start and goal nodes, so that the base's groups stay valid.
+def _keeps_groups(graph: ExtendedGraph, column: int) -> bool:
+    """Return whether the groups of the graph's base, with turns in ``column``, are groups of this graph.
 
-    A turn is an arc with a positive cost in ``column``. It must leave an added node that no added arc enters, or enter
-    an added node that no added arc leaves.
+    A turn is an arc with a positive cost in ``column``. An added turn must leave an added node that no added arc
+    enters, or enter an added node that no added arc leaves. Of layers, added arcs must leave only nodes that arcs
+    leave in the base, and enter only nodes that arcs enter in the base, or added nodes.
     """
-    assert graph.base is not None
-    added = graph.added
+    base, added = graph.base, graph.added
+    assert base is not None
+    n = graph.layers * base.nodes
     tails, heads = np.searchsorted(graph.indptr, added.places, side="right") - 1, added.heads
-    first = (tails >= graph.base.nodes) & ~np.isin(tails, heads)
-    last = (heads >= graph.base.nodes) & ~np.isin(heads, tails)
-    return bool((first | last)[added.costs[:, column] > 0].all())
+    first, last = (tails >= n) & ~np.isin(tails, heads), (heads >= n) & ~np.isin(heads, tails)
+    if not (first | last)[added.costs[:, column] > 0].all():
+        return False
+    if graph.layers == 1:
+        return True
+    is_left, is_entered = np.diff(base.indptr) > 0, np.zeros(base.nodes, np.bool_)
+    is_entered[base.heads] = True
+    return bool(is_left[tails[tails < n] % base.nodes].all() and is_entered[heads[heads < n] % base.nodes].all())
 
 
 @lean

@@ -138,9 +138,7 @@ class Staircase(JointSearch):
         plain = (groups.nodes, groups.rows, groups.dearest, groups.start, groups.heads, rows)
         tables = (self.is_target, self.nodes, self.group_table, self.start, self.arcs, self.heads, self.origin)
         m = clock.call(fill_tables, costs, np.array(order, np.int64), h, plain, *tables)
-        self.arcs, self.heads, self.origin = self.arcs[:m], self.heads[:m], self.origin[:m]
-        if groups.plain is not None:
-            self.origin = groups.origin[self.origin]
+        self.arcs, self.heads, self.origin = self.arcs[:m], self.heads[:m], groups.origin[self.origin[:m]]
         self._make_goal_staircase(width)
         self.share = np.full((len(self.groups.rows), self.width), self._empty_steps(1)[0])
         self.stairs = self._empty_steps(1 << 14)

@@ -55,9 +55,9 @@ def fill_tables(
     is_target  (n,)      mask of nodes, in the numbering of the groups
     table, group_table, arcs  output: the three tables
     start      (n + 1,)  output: offsets of the arcs of nodes
-    arc_heads, origin    (m,)  output: heads of the arcs, and their rows in `costs`
+    arc_heads, origin    (m,)  output: heads of the arcs, and their indices among the plain arcs of the groups
     """
-    nodes, rows, dearest, plain_start, plain_heads, plain_origin = groups
+    nodes, rows, dearest, plain_start, plain_heads, priced = groups
     m = 0
     for g in range(len(rows)):
         group_table[g, ROW] = -1
@@ -76,9 +76,9 @@ def fill_tables(
                     continue
                 arcs[m, HEAD] = v
                 arc_heads[m] = v
-                origin[m] = plain_origin[a]
+                origin[m] = a
                 for j in range(3):
-                    arcs[m, j + 1] = costs[plain_origin[a], order[j]] if order[j] >= 0 else 0
+                    arcs[m, j + 1] = costs[priced[a], order[j]] if order[j] >= 0 else 0
                 m += 1
     start[len(nodes)] = m
     return m
@@ -161,6 +161,7 @@ def trace_paths(
     heads: NDArray[np.int32],
     costs: IntArray,
     first: IntArray,
+    count: int,
     index: int,
     arc_tails: NDArray[np.int32],
     arc_heads: NDArray[np.int32],
@@ -178,8 +179,9 @@ def trace_paths(
     the arcs of all paths to `steps`, path after path, each from its last arc to its first, as far as there is room, and
     the end of each path in this array to `ends` (n,). Returns the length that `steps` needs.
 
-    indptr, heads, costs  arcs that include the turns of groups; `index` is the column of the index cost
+    indptr, heads, costs  arcs of one layer that include the turns of groups; `index` is the column of the index cost
     first                 (n + 1,) offsets of the arcs of the whole graph, where each node has these arcs before others
+    count                 number of nodes of a layer
     arc_tails, arc_heads, origin  nodes of the plain arcs, and their indices in the graph
     nodes                 (n,)  node of the graph for each node of the search
     closed, source        closed labels, to which labels refer as parents; node at which paths begin
@@ -199,10 +201,10 @@ def trace_paths(
             label = closed[(label >> 32) - 1]
             at = np.int64(arc_heads[(label & 0xFFFFFFFF) - 1]) if label != 0 else source
             if at != tail:
-                u, v = nodes[at], nodes[tail]
+                u, v = nodes[at] % count, nodes[tail] % count
                 for b in range(indptr[u], indptr[u + 1]):
                     if size < len(steps) and heads[b] == v and costs[b, index] > 0:
-                        steps[size] = first[u] + b - indptr[u]
+                        steps[size] = first[nodes[at]] + b - indptr[u]
                 size += 1
         ends[i] = size
     return size

@@ -1,0 +1,83 @@
+"""Graphs that repeat a base in layers, as tours need them: against graphs with copies of all arcs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hpop.search import Graph, pareto_paths, supported_paths
+from tests.search.test_extended import turning, with_ends
+
+LAYERS = 4
+
+
+def streets(rng: np.random.Generator, criteria: int) -> Graph:
+    """Return a strongly connected random graph without turns; the last cost is the worst of a path."""
+    n = 60
+    ring = np.arange(n), (np.arange(n) + 1) % n
+    tails, heads = (np.append(own, rng.integers(0, n, 150)) for own in ring)
+    costs = rng.integers(1, 40, (tails.size, criteria))
+    return Graph.from_arcs(n, tails, heads, costs, aggregates=["sum"] * (criteria - 1) + ["max"])
+
+
+def in_layers(base: Graph, rng: np.random.Generator, *, is_reused: bool, climbing: int = 0) -> Graph:
+    """Return a graph with LAYERS copies of a base, arcs that lead to later copies, and two more nodes.
+
+    climbing  largest cost of the arcs between copies
+    """
+    n, more = base.nodes, 2
+    tails = np.sort(rng.integers(0, (LAYERS - 1) * n, 12 * LAYERS))
+    heads = tails % n + rng.integers(tails // n + 1, LAYERS) * n
+    last = np.sort(rng.integers((LAYERS - 1) * n, LAYERS * n, 4))
+    tails, heads = np.append(tails, last), np.append(heads, LAYERS * n + np.arange(4) % more)
+    costs = rng.integers(0, climbing + 1, (tails.size, base.criteria))
+    return base.extended(LAYERS * n + more, tails, heads, costs, is_reused=is_reused, layers=LAYERS)
+
+
+def made(kind: str, seed: int, *, is_reused: bool) -> Graph:
+    rng = np.random.default_rng(seed)
+    match kind:
+        case "turns":
+            return in_layers(turning(rng, alike=seed % 2 == 0), rng, is_reused=is_reused)
+        case "turns with ends":
+            base = with_ends(turning(rng, alike=seed % 2 == 0), rng, is_reused=True)
+            return in_layers(base, rng, is_reused=is_reused)
+        case "climbs that turn":
+            return in_layers(turning(rng, alike=True), rng, is_reused=is_reused, climbing=1)
+        case "three costs":
+            return in_layers(streets(rng, 3), rng, is_reused=is_reused, climbing=9)
+        case _:
+            return in_layers(streets(rng, 4), rng, is_reused=is_reused, climbing=9)
+
+
+KINDS = ["turns", "turns with ends", "climbs that turn", "three costs", "four costs"]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(3))
+def test_arcs_of_layers_are_those_of_copies(kind, seed):
+    layered, copied = (made(kind, seed, is_reused=is_reused) for is_reused in (True, False))
+    arcs = np.random.default_rng(seed).permutation(copied.arcs)
+    heads, costs = layered.ends_and_costs(arcs)
+    assert not {"heads", "costs"} & vars(layered).keys()
+    assert (heads == copied.heads[arcs]).all()
+    assert (costs == copied.costs[arcs]).all()
+    assert {tuple(cost) for cost in layered.distinct_costs.tolist()} == {tuple(cost) for cost in copied.costs.tolist()}
+    for name in ("nodes", "indptr", "heads", "costs", "arc", "largest"):
+        assert np.array_equal(getattr(layered, name), getattr(copied, name)), name
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("options", [{}, {"eps": 0.1}, {"method": "general"}], ids=str)
+@pytest.mark.parametrize("seed", range(4))
+def test_fronts_of_layers_are_those_of_copies(kind, options, seed):
+    layered, copied = (made(kind, seed, is_reused=is_reused) for is_reused in (True, False))
+    source, targets = seed, [copied.nodes - 1, copied.nodes - 2]
+    shared, whole = (pareto_paths(graph, source, targets, **options) for graph in (layered, copied))
+    assert shared.costs.tolist() == whole.costs.tolist()
+    assert shared.stats.method == whole.stats.method
+    assert shared.stats.labels_generated == whole.stats.labels_generated
+    assert len(whole)
+    for i, path in enumerate(shared.places):
+        assert path.tolist() == whole.places[i].tolist()
+        assert shared.nodes(i).tolist() == whole.nodes(i).tolist()
