@@ -73,12 +73,12 @@ class ExtendedGraph(Graph):
     def heads(self) -> NDArray[np.int32]:
         """Heads (m,) of all arcs, copied when they are first read."""
         added = self.added.before, self.added.heads
-        return _read_only(inserted_in_layers(self._base.heads, self.layers, *added, self._base.nodes))
+        return _read_only(inserted_in_layers(self.layer.heads, self.layers, *added, self.layer.nodes))
 
     @cached_property
     def costs(self) -> IntArray:
         """Costs (m, k) of all arcs, copied when they are first read."""
-        return _read_only(inserted_in_layers(self._base.costs, self.layers, self.added.before, self.added.costs))
+        return _read_only(inserted_in_layers(self.layer.costs, self.layers, self.added.before, self.added.costs))
 
     @cached_property
     def arc(self) -> NDArray[np.int32]:
@@ -93,9 +93,20 @@ class ExtendedGraph(Graph):
         return graph
 
     @property
-    def _base(self) -> Graph:
+    def layer(self) -> Graph:
+        """The base, which each layer repeats."""
         assert self.base is not None
         return self.base
+
+    @property
+    def offsets_of_added(self) -> IntArray:
+        """Offsets (n + 1,) among the added arcs of those of each node."""
+        return np.searchsorted(self.added.places, self.indptr)
+
+    def places_in_layer(self, layer: IntArray, arcs: IntArray) -> IntArray:
+        """Return the indices (N,) in this graph of arcs of the base in given layers; both arguments are (N,)."""
+        places = layer * self.layer.arcs + arcs
+        return places + np.searchsorted(self.added.before, places, side="right")
 
     def ends_and_costs(self, arcs: IntArray) -> tuple[NDArray[np.int32], IntArray]:
         """Return the heads (N,) and costs (N, k) of N arcs, given by their indices, without copying other arcs."""

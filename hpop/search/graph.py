@@ -15,6 +15,15 @@ from hpop.base.arrays import BoolArray, IntArray
 from hpop.base.options import whole
 from hpop.base.text import shown
 from hpop.errors import GraphError
+from hpop.search.graph_arrays import (
+    MAX_INDEX,
+    MAX_SUM,
+    aggregates_of,
+    check_range,
+    integers,
+    make_read_only,
+    stable_order,
+)
 from hpop.search.networks import Edges, network_arrays, unknown_label
 
 if TYPE_CHECKING:
@@ -23,8 +32,6 @@ if TYPE_CHECKING:
 
 MAX_COSTS = 6
 MOST_NODES = 100_000_000  # even without arcs they take 800 MB
-MAX_INDEX = 2**31 - 2  # nodes and arcs are counted in 32 bits
-MAX_SUM = 2**59  # so that a path cost, a bound of its remaining cost and two more arcs fit a key of 62 bits
 AGGREGATES = ("sum", "max")
 
 
@@ -66,10 +73,10 @@ class Graph:
     base: Graph | None = field(default=None, init=False)  # not kept by `replace`
 
     def __post_init__(self) -> None:
-        indptr = _integers(self.indptr, "indptr", np.int64)
-        costs = _integers(self.costs, "costs", np.int64)
-        heads = _integers(self.heads, "heads", np.int32)
-        arc = _integers(self.arc, "arc", np.int32)
+        indptr = integers(self.indptr, "indptr", np.int64)
+        costs = integers(self.costs, "costs", np.int64)
+        heads = integers(self.heads, "heads", np.int32)
+        arc = integers(self.arc, "arc", np.int32)
         n, m = len(indptr) - 1, len(heads)
         if indptr.ndim != 1 or n < 1:
             raise GraphError(f"indptr must be a vector of n + 1 offsets, n at least 1; got {indptr.shape}")
@@ -83,7 +90,7 @@ class Graph:
             raise GraphError(
                 f"costs must have a row for each of the {m} arcs and 1 to {MAX_COSTS} columns, got {costs.shape}"
             )
-        _check_range(heads, n, "heads")
+        check_range(heads, n, "heads")
         if m and costs.min() < 0:
             row, column = np.argwhere(costs < 0)[0]
             raise GraphError(f"costs must be non-negative, got {costs[row, column]} at arc {row}, cost {column}")
@@ -137,23 +144,23 @@ class Graph:
         [[4], [3]]
         """
         n = whole("n", n, 1, MOST_NODES, "a number of nodes", error=GraphError)
-        tails_ = _integers(tails, "tails", np.int64)
-        heads_ = _integers(heads, "heads", np.int64)
-        costs_ = _integers(costs, "costs", np.int64)
+        tails_ = integers(tails, "tails", np.int64)
+        heads_ = integers(heads, "heads", np.int64)
+        costs_ = integers(costs, "costs", np.int64)
         if tails_.ndim != 1 or tails_.shape != heads_.shape or costs_.shape[:1] != tails_.shape:
             raise GraphError(
                 "tails, heads and costs must have one row for each arc, "
                 f"got {tails_.shape}, {heads_.shape} and {costs_.shape}"
             )
-        _check_range(tails_, n, "tails")
+        check_range(tails_, n, "tails")
         order = np.arange(len(tails_), dtype=np.int32)
         if (tails_[1:] < tails_[:-1]).any():
-            order = _stable_order(tails_)
+            order = stable_order(tails_)
             heads_, costs_ = heads_[order], costs_[order]
         indptr = np.zeros(n + 1, np.int64)
         np.cumsum(np.bincount(tails_, minlength=n), out=indptr[1:])
-        kinds = _aggregates(aggregates, costs_)
-        _make_read_only(indptr, heads_, costs_, order)
+        kinds = aggregates_of(aggregates, costs_)
+        make_read_only(indptr, heads_, costs_, order)
         return cls(indptr, cast(Any, heads_), costs_, cast(Any, order), kinds)
 
     @classmethod
@@ -175,10 +182,10 @@ class Graph:
         >>> Graph.from_csr([0, 1, 1], [1], [[7, 2]], aggregates=["sum", "max"]).aggregates
         ('sum', 'max')
         """
-        costs_ = _integers(costs, "costs", np.int64)
+        costs_ = integers(costs, "costs", np.int64)
         order = np.arange(len(costs_) if costs_.ndim else 0, dtype=np.int32)
-        kinds = _aggregates(aggregates, costs_)
-        _make_read_only(costs_, order)
+        kinds = aggregates_of(aggregates, costs_)
+        make_read_only(costs_, order)
         return cls(cast(Any, indptr), cast(Any, heads), costs_, order, kinds)
 
     @classmethod
@@ -264,7 +271,7 @@ class Graph:
         stays = np.flatnonzero(~left_out).astype(np.int32)
         before = np.append(0, np.cumsum(left_out))
         indptr, heads, costs = self.indptr - before[self.indptr], self.heads[stays], self.costs[stays]
-        _make_read_only(indptr, heads, costs, stays)
+        make_read_only(indptr, heads, costs, stays)
         return replace(self, indptr=indptr, heads=heads, costs=costs, arc=stays)
 
     def extended(
@@ -359,57 +366,6 @@ class Graph:
         quanta = (f"{quantum:g}" for quantum in self.edges.quanta)
         named = zip(self.aggregates, self.edges.names, quanta, strict=True)
         return tuple(f"{aggregate} of {name} in {quantum}" for aggregate, name, quantum in named)
-
-
-def _integers(values: ArrayLike, name: str, dtype: Any) -> NDArray[Any]:
-    """Return whole numbers as a contiguous array, copied unless read-only and of this dtype; else raise GraphError."""
-    try:
-        array = np.asarray(values)
-    except ValueError as error:  # rows of different lengths
-        raise GraphError(f"{name} must be an array of integers: {error}") from None
-    if array.size == 0:
-        return np.zeros(array.shape, dtype)
-    if array.dtype.kind == "f":
-        raise GraphError(
-            f"{name} must be integers, got {array.dtype}: choose a quantum and quantise first, "
-            f"for example np.rint({name} / quantum).astype(np.int64)"
-        )
-    if array.dtype.kind not in "iu":
-        raise GraphError(f"{name} must be integers that fit 64 bits, got {array.dtype}")
-    largest = MAX_INDEX if dtype is np.int32 else MAX_SUM
-    wider = array.dtype.itemsize > np.dtype(dtype).itemsize or array.dtype.kind == "u"
-    if wider and (array.max() > largest or array.min() < -largest):
-        beyond = array.max() if array.max() > largest else array.min()
-        raise GraphError(f"{name} must not exceed {largest} in size, got {beyond}")
-    if array.dtype == dtype and array.flags.c_contiguous and not array.flags.writeable:
-        return array
-    return np.array(array, dtype, order="C")
-
-
-def _make_read_only(*arrays: NDArray[Any]) -> None:
-    """Mark new arrays as read-only, so that Graph takes them without a copy."""
-    for array in arrays:
-        array.setflags(write=False)
-
-
-def _stable_order(nodes: IntArray) -> NDArray[np.int32]:
-    """Return the stable order that sorts node numbers, by two fast radix sorts of their 16-bit halves."""
-    order = np.argsort((nodes & 0xFFFF).astype(np.uint16), kind="stable").astype(np.int32)
-    if nodes.max() > 0xFFFF:
-        order = order[np.argsort((nodes[order] >> 16).astype(np.uint16), kind="stable")]
-    return order
-
-
-def _check_range(nodes: IntArray, n: int, name: str) -> None:
-    if len(nodes) and (nodes.min() < 0 or nodes.max() >= n):
-        at = int(np.flatnonzero((nodes < 0) | (nodes >= n))[0])
-        raise GraphError(f"{name} must be nodes from 0 to {n - 1}, got {nodes[at]} at arc {at}")
-
-
-def _aggregates(aggregates: Sequence[str] | None, costs: IntArray) -> tuple[str, ...]:
-    if aggregates is None:
-        return ("sum",) * (costs.shape[1] if costs.ndim == 2 else 0)
-    return (aggregates,) if isinstance(aggregates, str) else tuple(aggregates)
 
 
 def _check_sums(graph: Graph) -> None:

@@ -294,5 +294,5 @@ def main_kernels(aggregates: Sequence[str], turns: int) -> tuple[Any, Any]:
     turns       column of the cost that counts turns, or -1
     """
     is_staircase = turns >= 0 and len(aggregates) == 3
-    advance = staircase.kernel.advance if is_staircase else general.search.advance
+    advance = staircase.kernel.advance if is_staircase else general.kernel.advance
     return advance, advance if "max" in aggregates else supported.weighted_path.weighted_path

@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hpop.runtime.status import Budget, Status
 from hpop.search import Graph, pareto_paths, supported_paths
+from hpop.search.general.search import General
+from hpop.search.machinery.bounds import lower_bounds
+from hpop.search.machinery.slices import Clock
+from hpop.search.machinery.turns import Groups
 from tests.search.test_extended import turning, with_ends
 
 LAYERS = 4
@@ -81,3 +86,58 @@ def test_fronts_of_layers_are_those_of_copies(kind, options, seed):
     for i, path in enumerate(shared.places):
         assert path.tolist() == whole.places[i].tolist()
         assert shared.nodes(i).tolist() == whole.nodes(i).tolist()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_other_searches_and_bounds_on_costs_give_the_fronts_of_copies(kind):
+    layered, copied = (made(kind, 1, is_reused=is_reused) for is_reused in (True, False))
+    ends = 1, [copied.nodes - 1, copied.nodes - 2]
+    whole = pareto_paths(copied, *ends)
+    middle = np.median(whole.costs, axis=0).astype(int).tolist()
+    for bounds in ([middle[0], *[None] * (len(middle) - 1)], [*[None] * (len(middle) - 1), middle[-1]]):
+        fronts = [pareto_paths(graph, *ends, at_most=bounds).costs.tolist() for graph in (layered, copied)]
+        assert fronts[0] == fronts[1]
+    left_out = np.random.default_rng(1).random(copied.arcs) < 0.1
+    fronts = [pareto_paths(graph.without(left_out), *ends).costs.tolist() for graph in (layered, copied)]
+    assert fronts[0] == fronts[1]
+    if "max" not in copied.aggregates:
+        fronts = [supported_paths(graph, *ends).costs.tolist() for graph in (layered, copied)]
+        assert fronts[0] == fronts[1]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("method", ["auto", "general"])
+def test_a_stopped_search_in_layers_resumes_from_its_checkpoint(kind, method, tmp_path):
+    layered = made(kind, 2, is_reused=True)
+    ends, file = (2, [layered.nodes - 1, layered.nodes - 2]), tmp_path / "search"
+    whole = pareto_paths(layered, *ends, method=method)
+    half = Budget(max_labels=whole.stats.labels_generated // 2)
+    stopped = pareto_paths(layered, *ends, method=method, budget=half, checkpoint=file)
+    assert stopped.status is Status.LABEL_LIMIT
+    again = made(kind, 2, is_reused=True)
+    resumed = pareto_paths(again, *ends, method=method, checkpoint=file)
+    assert resumed.costs.tolist() == whole.costs.tolist()
+    assert "costs" not in vars(again) or kind in ("turns with ends", "climbs that turn")
+
+
+def nbytes(degree: int, layers: int) -> int:
+    """Return the size of the arrays of a graph in layers, and of the tables of a general search on it."""
+    rng, n = np.random.default_rng(0), 50
+    tails, heads = np.repeat(np.arange(n), degree), rng.integers(0, n, n * degree)
+    base = Graph.from_arcs(n, tails, heads, rng.integers(1, 9, (n * degree, 4)))
+    climbs = np.arange(layers - 1) * n
+    graph = base.extended(
+        layers * n, climbs, climbs + n, np.ones((layers - 1, 4), np.int64), is_reused=True, layers=layers
+    )
+    clock, target = Clock(Budget(), None), np.array([graph.nodes - 1])
+    groups = Groups.of(graph, clock)
+    h, _, _ = lower_bounds(graph, 0, target, clock, groups)
+    search = General(graph, 0, target, h, (0, 1, 2, 3), groups, clock)
+    arrays = [*vars(graph).values(), *graph.added, *search.arrays()]
+    return sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))
+
+
+def test_memory_of_more_layers_depends_on_their_nodes_and_not_on_their_arcs():
+    more = [nbytes(degree, 64) - nbytes(degree, 32) for degree in (4, 40)]
+    assert abs(more[1] - more[0]) < 32 * 50 * 2, "less than 2 bytes for each node, with 36 more arcs"
+    assert more[0] < 32 * 50 * 100

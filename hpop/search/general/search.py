@@ -31,214 +31,48 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, IntArray
-from hpop.runtime.compiled import lean
+from hpop.search.extended import ExtendedGraph
+from hpop.search.general.kernel import advance
 from hpop.search.general.tables import (
     SET_COLUMNS,
-    SIZE,
     add_all_to_sets,
     add_to_set,
     build_tables,
     checksum_of_sets,
-    is_covered,
-    numbers_needed,
     trace_paths,
 )
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import ANYTHING, EXACT, Precision
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.heap_search import HeapSearch
-from hpop.search.machinery.kernels import WORD_BITS, drop_first, least_covered, push
-from hpop.search.machinery.labels import Nodes, check_solutions, enter_in_batches, retrace
+from hpop.search.machinery.kernels import WORD_BITS, least_covered
+from hpop.search.machinery.labels import (
+    ONE_LAYER,
+    Nodes,
+    check_solutions,
+    enter_in_batches,
+    retrace,
+)
 from hpop.search.machinery.slices import (
-    CLOSED,
-    DONE,
-    FRONT,
-    HEAP,
     INT32_LIMIT,
     KEYS,
-    N_CLOSED,
-    N_EXPANDED,
-    N_FRONT,
-    N_GENERATED,
-    N_OPEN,
     N_ROWS,
     ROWS,
-    SLICE,
     Clock,
 )
 from hpop.search.machinery.turns import SIZE as GROUP_SIZE
 from hpop.search.machinery.turns import Groups
 
 MAX_KEY = 2**WORD_BITS - 1
-WORD, SORTED = 8, 256  # numbers of members that count as one elementary step, in a plain and in a sorted set
-
-
-@lean
-def extend_label(
-    g: NDArray[Any],
-    arcs: NDArray[Any],
-    a: int,
-    nodes: NDArray[Any],
-    x: int,
-    is_max: NDArray[np.bool_],
-    after: NDArray[Any],
-    f: NDArray[Any],
-) -> None:
-    """Extend a label (partial path) with costs g (k,) by arc a to node x; write new costs to `after`, estimate to f.
-
-    arcs, nodes  tables of :func:`.general.tables.build_tables`
-    is_max       (k,)  True for a cost that is a maximum
-    after, f     (k,)  output: costs, and costs with the lower bounds of the remaining costs
-    """
-    for j in range(len(g)):
-        if is_max[j]:
-            after[j] = max(g[j], arcs[a, j + 1], nodes[x, j])
-            f[j] = after[j]
-        else:
-            after[j] = g[j] + arcs[a, j + 1]
-            f[j] = after[j] + nodes[x, j]
-
-
-@lean
-def advance(
-    counters: IntArray,
-    work: int,
-    rise: IntArray,
-    fan: int,
-    start: IntArray,
-    plain: IntArray,
-    arcs: NDArray[Any],
-    nodes: NDArray[Any],
-    is_target: NDArray[np.uint8],
-    is_max: NDArray[np.bool_],
-    sets: IntArray,
-    pool: NDArray[Any],
-    source: int,
-    plan: tuple[IntArray, IntArray, IntArray, int],
-    keys: IntArray,
-    values: IntArray,
-    closed: IntArray,
-    front: IntArray,
-    solutions: IntArray,
-    eps: float,
-    tolerance: IntArray,
-    bound: int,
-    scratch: tuple[IntArray, tuple[NDArray[Any], ...]],
-) -> int:
-    """Run the search for a slice of `work` steps: take labels (partial paths) from the heap, and extend them.
-
-    It ends early if the heap is empty, if all its labels exceed `bound`, or if an array is full. Returns the code of
-    the reason (:mod:`.machinery.slices`).
-    All arrays belong to :class:`General`, and are changed in place.
-
-    start, plain, arcs, nodes           tables of :func:`.general.tables.build_tables`
-    is_target, is_max, source           mask of nodes; mask of costs that are maxima; node at which paths begin
-    sets, pool                          sets of vectors (:mod:`.general.tables`), the last for the front
-    rise, fan, plan, keys, values       heap, see :class:`.HeapSearch`
-    counters, closed, front, solutions  labels and front, see :class:`.Search`
-    eps, tolerance, bound               precision of the front, and upper bound of the first cost
-    scratch                             a key and five vectors (k,)
-    """
-    word, shift, limit, words = plan
-    key, (f, g, turned, moved, reach) = scratch
-    k = len(word)
-    per_step = SORTED if k == 3 else WORD
-    size = counters[N_OPEN]
-    done = counters[N_CLOSED]
-    goal = len(sets) - 1
-    code = SLICE
-    while work > 0:
-        if size == 0:
-            code = DONE
-            break
-        value = values[0]
-        arc = (value & 0xFFFFFFFF) - 1
-        v = np.int64(arcs[arc, 0]) if arc >= 0 else source
-        tight = False
-        for j in range(k):
-            f[j] = (keys[word[j]] >> shift[j]) & limit[j]
-            g[j] = f[j] if is_max[j] else f[j] - nodes[v, j]
-            tight |= g[j] + rise[j] > limit[j]
-        if f[0] > bound:  # as are all later labels
-            code = DONE
-            break
-        at_goal = sets[goal, SIZE]
-        work -= 1 + (at_goal + sets[v, SIZE]) // per_step
-        if is_covered(sets, pool, goal, f) or is_covered(sets, pool, v, f):
-            drop_first(keys, values, size, words)
-            size -= 1
-            continue
-        if size + fan > len(values):
-            code = HEAP
-            break
-        if done + plain[v] - start[v] >= len(closed):
-            code = CLOSED
-            break
-        if counters[N_FRONT] == len(solutions):
-            code = FRONT
-            break
-        room = numbers_needed(sets, goal if is_target[v] else v, k)
-        for a in range(start[v], plain[v]):
-            room += numbers_needed(sets, np.int64(arcs[a, 0]), k)
-        if counters[N_ROWS] + room > len(pool):
-            code = ROWS
-            break
-        if tight:
-            code = KEYS
-            break
-        drop_first(keys, values, size, words)
-        size -= 1
-        counters[N_EXPANDED] += 1
-        if is_target[v]:
-            for j in range(k):
-                reach[j] = least_covered(f[j], eps, tolerance[j])
-            counters[N_ROWS] = add_to_set(sets, pool, goal, reach, counters[N_ROWS])
-            at = counters[N_FRONT]
-            for j in range(k):
-                front[at, j] = f[j]
-            solutions[at] = value
-            counters[N_FRONT] = at + 1
-            continue
-        counters[N_ROWS] = add_to_set(sets, pool, v, f, counters[N_ROWS])
-        closed[done] = value
-        done += 1
-        parent = done
-        for b in range(start[v] - 1, plain[v]):  # the label itself, and after each turn
-            u, now = v, g
-            if b >= start[v]:
-                u, now = np.int64(arcs[b, 0]), turned
-                extend_label(g, arcs, b, nodes, u, is_max, turned, f)
-                work -= 1 + (at_goal + sets[u, SIZE]) // per_step
-                if is_covered(sets, pool, u, f) or is_covered(sets, pool, goal, f):
-                    continue
-                counters[N_ROWS] = add_to_set(sets, pool, u, f, counters[N_ROWS])
-                closed[done] = (parent << 32) | (b + 1)
-                done += 1
-            for a in range(plain[u], start[u + 1]):
-                x = np.int64(arcs[a, 0])
-                extend_label(now, arcs, a, nodes, x, is_max, moved, f)
-                work -= 1 + sets[x, SIZE] // per_step
-                if is_covered(sets, pool, x, f):
-                    continue
-                work -= at_goal // per_step
-                if is_covered(sets, pool, goal, f):
-                    continue
-                for w in range(words):
-                    key[w] = 0
-                for j in range(k):
-                    key[word[j]] |= np.int64(f[j]) << shift[j]
-                push(keys, values, size, words, key, (done << 32) | (a + 1))
-                size += 1
-                counters[N_GENERATED] += 1
-    counters[N_OPEN] = size
-    counters[N_CLOSED] = done
-    return code
 
 
 class General(HeapSearch):
     """Search of one query on one graph, by the kernel :func:`advance`.
 
-    Its tables are those of :func:`.general.tables.build_tables`, with costs in the order of the search.
+    table   (m + c, 1 + k)  head and costs of each arc of a layer, in the order of the search (:func:`.build_tables`),
+                            then of each arc between layers
+    nodes   (n, k)          lower bounds of the remaining costs; if there are layers, -1 at nodes that reach no target
+    shared                  layers that share the arcs, see :func:`.labels.row_of`
     """
 
     def __init__(
@@ -255,7 +89,7 @@ class General(HeapSearch):
     ) -> None:
         self.source, self.order, self.precision = source, order, precision
         reached = h[0] < UNREACHABLE
-        k, n, m = graph.criteria, graph.nodes, graph.arcs
+        k, n = graph.criteria, graph.nodes
         columns = np.array(order, np.int64)
         most = graph.largest[columns]
         farthest = h.max(axis=1, where=reached, initial=0)[columns]
@@ -265,19 +99,17 @@ class General(HeapSearch):
         small = 4 * (max(f) + max(rise)) < INT32_LIMIT and not any(INT32_LIMIT < b < ANYTHING for b in at_most)
         self.dtype: type[Any] = np.int32 if small else np.int64
         self.is_max = np.array([graph.aggregates[j] == "max" for j in order])
-        self.table = np.empty((m, 1 + k), self.dtype)
         self.nodes = np.empty((n, k), self.dtype)
-        self.origin = np.empty(m, np.int32)
+        for i, j in enumerate(order):
+            self.nodes[:, i] = np.where(h[j] < UNREACHABLE, h[j], 0)
         self.is_target = np.zeros(n, np.uint8)
         self.is_target[targets] = 1
-        sizes = groups.rows[:, GROUP_SIZE]
-        group = np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)[groups.new_number]
-        tables = (columns, h, self.is_target, turn, group, self.table, self.nodes, self.origin)
-        self.start, self.plain = clock.call(build_tables, graph.indptr, graph.heads, graph.costs, *tables)
+        self._fill_table(graph, columns, reached, turn, groups, clock)
         self.sets = np.zeros((n + 1, SET_COLUMNS), np.int64)
         self.pool = np.zeros(1024, self.dtype)
         turns, plain = self.plain - self.start[:-1], self.start[1:] - self.plain
-        super().__init__(f, rise, (1 + int(turns.max())) * int(plain.max()))
+        most_plain = int(plain.max()) + int(np.diff(self.shared[-1]).max(initial=0))
+        super().__init__(f, rise, (1 + int(turns.max())) * most_plain)
         self.most = at_most[order[0]] if at_most else ANYTHING
         for j in range(1, k):  # a bound is represented by a solution that exceeds it by 1 in this cost, 0 in others
             if not at_most or at_most[order[j]] == ANYTHING:
@@ -286,6 +118,38 @@ class General(HeapSearch):
             beyond[j] = at_most[order[j]] + 1
             room = (self.sets, self.pool, n, beyond, int(self.counters[N_ROWS]))
             self.counters[N_ROWS] = clock.call(add_to_set, *room)
+
+    def _fill_table(
+        self, graph: Graph, columns: IntArray, reached: BoolArray, turn: int, groups: Groups, clock: Clock
+    ) -> None:
+        """Fill the table of arcs, with those of one layer if the graph has layers.
+
+        columns  columns of the costs in the order of the search
+        reached  (n,)  mask of nodes that reach a target
+        turn     column of the cost that turns raise, or -1
+        """
+        self.layered = graph if isinstance(graph, ExtendedGraph) and graph.layers > 1 else None
+        layer, self.shared, is_last, added = graph, ONE_LAYER, self.is_target, None
+        if self.layered is not None:
+            layer, added, layers = self.layered.layer, self.layered.added, self.layered.layers
+            self.nodes[~reached, 0] = -1
+            in_layers = slice(layers * layer.nodes)
+            reached = reached[in_layers].reshape(layers, -1).any(axis=0)
+            is_last = is_last[in_layers].reshape(layers, -1).max(axis=0)
+        sizes = groups.rows[:, GROUP_SIZE]
+        group = np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)[groups.new_number[: layer.nodes]]
+        self.table = np.empty((layer.arcs + (0 if added is None else len(added.heads)), 1 + len(columns)), self.dtype)
+        self.origin = np.empty(layer.arcs, np.int32)
+        masks = ~reached, is_last, turn, group
+        arcs = layer.indptr, layer.heads, layer.costs, columns
+        self.start, self.plain = clock.call(build_tables, *arcs, *masks, self.table, self.origin)
+        if self.layered is None or added is None:
+            return
+        m, ends = int(self.start[-1]), graph.nodes - layers * layer.nodes
+        self.table = self.table[: m + len(added.heads)]
+        self.table[m:, 0], self.table[m:, 1:] = added.heads, added.costs[:, columns]
+        self.start, self.plain = (np.append(offsets, np.full(ends, m)) for offsets in (self.start, self.plain))
+        self.shared = layer.nodes, m, layers, self.layered.offsets_of_added.astype(np.int32)
 
     def advance(self, clock: Clock, work: int) -> int:
         """Run the kernel for ``work`` elementary steps, and return its code."""
@@ -316,11 +180,13 @@ class General(HeapSearch):
             self.precision.of(self.order),
             self.most,
             scratch,
+            self.shared,
         )
         return int(code)
 
     def close(self, arcs: BoolArray) -> None:
-        """Close the marked arcs (m,) of the graph before a search: they become loops, which no path uses."""
+        """Close the marked arcs (m,) of a graph without layers before a search: they become loops, never used."""
+        assert self.layered is None
         rows = np.flatnonzero(arcs[self.origin[: self.start[-1]]])
         self.table[rows, 0] = np.searchsorted(self.start, rows, side="right") - 1
 
@@ -329,7 +195,7 @@ class General(HeapSearch):
         f = np.zeros((len(values), len(self.order)), self.dtype)
         most = np.full(f.shape[1], INT32_LIMIT if self.dtype is np.int32 else MAX_KEY)
         graph = (self.start, self.table[:, 0], self.table[:, 1:], self.nodes, self.is_target, self.is_max)
-        return clock.call(retrace, values, closed, *graph, self.source, most, at, f), f
+        return clock.call(retrace, values, closed, *graph, self.source, self.shared, most, at, f), f
 
     def widen(self) -> bool:
         """Store costs in 64 bits from now on; return False if they have 64 bits already."""
@@ -361,7 +227,7 @@ class General(HeapSearch):
 
     def arrays(self) -> list[NDArray[Any]]:
         """Return the tables of the graph, the sets and the heap, so that their bytes are counted."""
-        tables = [self.table, self.nodes, self.origin, self.start, self.plain, self.is_target]
+        tables = [self.table, self.nodes, self.origin, self.start, self.plain, self.is_target, self.shared[-1]]
         return [*tables, self.sets, self.pool, *super().arrays()]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
@@ -388,5 +254,13 @@ class General(HeapSearch):
 
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
         """Return the path of each solution label, as indices of arcs in the graph, from the source on."""
-        ends, steps = clock.call(trace_paths, self.origin, self.closed, labels)
+        ends, steps = clock.call(trace_paths, self.closed, labels)
+        if self.layered is None:
+            steps = self.origin[steps]
+        else:
+            m, layers = self.shared[1:3]
+            within = steps < layers * m
+            layer, row = np.divmod(steps[within], max(1, m))
+            steps[~within] = self.layered.added.places[steps[~within] - layers * m]
+            steps[within] = self.layered.places_in_layer(layer, self.origin[row])
         return [part[::-1] for part in np.split(steps, ends)[:-1]]

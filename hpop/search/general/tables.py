@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import IntArray
 from hpop.runtime.compiled import kernel, lean
-from hpop.search.machinery.bounds import UNREACHABLE
 
 
 @kernel
@@ -23,28 +22,26 @@ def build_tables(
     heads: NDArray[np.int32],
     costs: IntArray,
     order: IntArray,
-    h: IntArray,
+    left_out: NDArray[np.bool_],
     is_target: NDArray[np.uint8],
     turn: int,
     group: NDArray[np.int32],
     arcs: NDArray[Any],
-    nodes: NDArray[Any],
     origin: NDArray[np.int32],
 ) -> tuple[IntArray, IntArray]:
-    """Fill the tables of nodes and arcs that a search reads, with costs in its order.
+    """Fill the table of the arcs of one layer that a search reads, with costs in its order.
 
-    Loops and arcs to nodes that reach no target are left out. The arcs of each node begin with its turns, except turns
-    to targets, which come among the other arcs.
+    Loops and arcs to nodes that are left out are left out. The arcs of each node begin with its turns, except turns to
+    targets, which come among the other arcs.
 
-    indptr, heads, costs  arcs of the graph, see :class:`.Graph`
+    indptr, heads, costs  arcs of a layer of the graph, see :class:`.Graph`
     order      (k,)       columns of the graph's costs, in the order of the search
-    h          (k, n)     lower bounds of the remaining costs, columns as in the graph
-    is_target  (n,)       mask of nodes
+    left_out   (n,)       mask of nodes
+    is_target  (n,)       mask of nodes that are targets in some layer
     turn                  column of the cost that turns raise; -1: no arc counts as a turn
     group      (n,)       group of each node; turns are arcs within a group
     arcs       (m, 1 + k) output: head and costs of each arc
-    nodes      (n, k)     output: lower bounds of the remaining costs of each node
-    origin     (m,)       output: index of each arc in the graph
+    origin     (m,)       output: index of each arc in the layer
 
     Returns the offsets (n + 1,) of the arcs of each node, and the offsets (n,) of its first arc that is no turn.
     """
@@ -53,15 +50,13 @@ def build_tables(
     plain = np.zeros(n, np.int64)
     m = 0
     for u in range(n):
-        for j in range(len(order)):
-            nodes[u, j] = h[order[j], u] if h[order[j], u] < UNREACHABLE else 0
         start[u] = m
         for at_once in (True, False):
             if not at_once:
                 plain[u] = m
             for a in range(indptr[u], indptr[u + 1]):
                 v = heads[a]
-                if v == u or h[0, v] >= UNREACHABLE:
+                if v == u or left_out[v]:
                     continue
                 if at_once != (turn >= 0 and costs[a, turn] > 0 and group[u] == group[v] and not is_target[v]):
                     continue
@@ -75,14 +70,13 @@ def build_tables(
 
 
 @kernel
-def trace_paths(origin: NDArray[np.int32], closed: IntArray, labels: IntArray) -> tuple[IntArray, IntArray]:
+def trace_paths(closed: IntArray, labels: IntArray) -> tuple[IntArray, IntArray]:
     """Follow labels (partial paths, (n,)) back to the source, to find the arcs of their paths.
 
-    origin  (m,)  index in the graph of each arc of the search
     closed  closed labels, to which labels refer as parents
 
     Returns the end (n,) of each path in the second array, and this array (N,): the arcs of all paths, path after path,
-    each from its last arc to its first.
+    each from its last arc to its first, by the numbers that labels have.
     """
     ends = np.empty(len(labels), np.int64)
     steps = np.empty(1024, np.int64)
@@ -92,7 +86,7 @@ def trace_paths(origin: NDArray[np.int32], closed: IntArray, labels: IntArray) -
         while label != 0:
             if size == len(steps):
                 steps = np.concatenate((steps, np.empty_like(steps)))
-            steps[size] = origin[(label & 0xFFFFFFFF) - 1]
+            steps[size] = (label & 0xFFFFFFFF) - 1
             size += 1
             label = closed[(label >> 32) - 1]
         ends[i] = size

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.base.arrays import IntArray
-from hpop.runtime.compiled import kernel
+from hpop.runtime.compiled import kernel, lean
 from hpop.search.machinery.kernels import precedes
 
 Nodes: TypeAlias = NDArray[np.int32]
@@ -142,6 +142,37 @@ def _are_in_order(rows: NDArray[Any]) -> bool:
     return bool((less | equal).all())
 
 
+# The layers of a graph (:class:`hpop.search.extended.ExtendedGraph`) share the table of the m arcs of one layer, of n
+# nodes. Further rows of the table are the arcs that lead to other layers; `more` has the offsets of those of each node,
+# counted from row m. A label refers to row a of layer l as arc l * m + a, and to row m + i as arc `layers` * m + i. A
+# graph without layers is one layer, of which only this count matters.
+
+
+ONE_LAYER = 0, 0, 1, np.zeros(1, np.int32)
+
+
+@lean
+def row_of(arc: int, shared: Any) -> tuple[int, int]:
+    """Return the row of an arc in the table of arcs, and what must be added to the head that is there.
+
+    shared  n, m, layers and more, see above
+    """
+    n, m, layers, _ = shared
+    if layers == 1 or arc < m:
+        return arc, 0
+    if arc >= layers * m:
+        return arc - (layers - 1) * m, 0
+    layer = arc // m
+    return arc - layer * m, layer * n
+
+
+@lean
+def layer_of(node: int, shared: Any) -> int:
+    """Return the layer of a node, the last one for nodes after all layers; for `shared` see :func:`row_of`."""
+    n, _, layers, _ = shared
+    return 0 if layers == 1 or node < n else min(node // n, layers - 1)
+
+
 @kernel
 def retrace(
     values: IntArray,
@@ -153,6 +184,7 @@ def retrace(
     is_last: NDArray[np.uint8],
     is_max: NDArray[np.bool_],
     source: int,
+    shared: Any,
     most: IntArray,
     at: NDArray[np.int32],
     f: NDArray[Any],
@@ -165,14 +197,16 @@ def retrace(
     heads    (m,)      heads of these arcs
     arcs     (m, k)    costs of these arcs
     h        (v, k)    lower bounds of the remaining costs of nodes; an estimate is the cost so far plus this bound, for
-                       a maximum the larger of both
+                       a maximum the larger of both; negative at nodes that labels do not reach
     is_last  (v,)      nodes at which a path ends: targets
     is_max   (k,)      True for a cost that is a maximum over the arcs
     source             node at which paths begin
+    shared             layers that share the arcs, see :func:`row_of`
     most     (k,)      largest estimates that fit
 
     Returns n, or i if label i is invalid, or -1 - i if the costs of label i are too large.
     """
+    n, m, layers, more = shared
     for i in range(len(values)):
         value = values[i]
         if value == 0:  # the source
@@ -183,10 +217,17 @@ def retrace(
                     return -1 - i
             continue
         parent, a = (value >> 32) - 1, (value & 0xFFFFFFFF) - 1
-        if not 0 <= parent < min(i, closed) or not 0 <= a < len(heads):
+        if not 0 <= parent < min(i, closed) or not 0 <= a < len(heads) + (layers - 1) * m:
             return i
-        u, v = np.int64(at[parent]), np.int64(heads[a])
-        if is_last[u] > 0 or not start[u] <= a < start[u + 1]:
+        arc = a
+        a, shift = row_of(arc, shared)
+        u, v = np.int64(at[parent]), np.int64(heads[a]) + shift
+        layer = layer_of(u, shared)
+        if layers > 1 and a >= m:
+            leaves = more[u] <= a - m < more[u + 1]
+        else:
+            leaves = arc - a == layer * m and start[u - layer * n] <= a < start[u - layer * n + 1]
+        if is_last[u] > 0 or not leaves or h[v, 0] < 0:
             return i
         at[i] = v
         for j in range(len(is_max)):

@@ -22,7 +22,8 @@ from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.options import whole
 from hpop.base.text import shown
 from hpop.errors import GraphError, OptionError
-from hpop.search.graph import MAX_SUM, Graph
+from hpop.search.graph import Graph
+from hpop.search.graph_arrays import MAX_SUM
 from hpop.search.machinery.approximation import ANYTHING
 
 MOST_BOUND = 2**63 - 1

@@ -15,7 +15,7 @@ from hpop.base.arrays import IntArray
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.heap_search import HeapSearch
-from hpop.search.machinery.labels import Nodes, Unsound, enter_in_batches, retrace
+from hpop.search.machinery.labels import ONE_LAYER, Nodes, Unsound, enter_in_batches, retrace
 from hpop.search.machinery.slices import N_FRONT, ROWS, Clock
 from hpop.search.mean.kernel import advance, checksum_of_blocks, enter_all
 from hpop.search.mean.limits import MeanLimits
@@ -91,7 +91,7 @@ class CappedMean(HeapSearch):
         f = np.zeros((len(values), len(self.order)), np.int64)
         passed = np.zeros_like(self.is_target)  # a walk may go on from a target
         graph = (self.graph.indptr, self.graph.heads, self.costs, self.h, passed, self.is_max)
-        return clock.call(retrace, values, closed, *graph, self.source, self.limits.most, at, f), f
+        return clock.call(retrace, values, closed, *graph, self.source, ONE_LAYER, self.limits.most, at, f), f
 
     def enter(
         self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solution_labels: NDArray[Any], clock: Clock

@@ -25,6 +25,7 @@ from hpop.base.options import MOST, real
 from hpop.frontier import is_nondominated
 from hpop.runtime.status import Budget, ProgressCallback, Status
 from hpop.search.choice import choose_method, choose_order
+from hpop.search.extended import ExtendedGraph
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import Precision
 from hpop.search.machinery.bounds import PILES, UNREACHABLE, costs_of_least_paths, costs_to_go
@@ -232,7 +233,10 @@ class Prepared:
     def __init__(
         self, graph: Graph, target: Hashable | Iterable[Hashable], *, progress: ProgressCallback | None = None
     ) -> None:
-        self.graph = checked_graph(graph)
+        graph = checked_graph(graph)
+        if isinstance(graph, ExtendedGraph) and graph.layers > 1:
+            graph = graph.copied()  # as an arc of a layer can be closed alone
+        self.graph = graph
         self.targets = checked_targets(graph, target)
         self.is_target = np.zeros(graph.nodes, np.bool_)
         self.is_target[self.targets] = True

@@ -180,8 +180,7 @@ def trace_paths(
     the end of each path in this array to `ends` (n,). Returns the length that `steps` needs.
 
     indptr, heads, costs  arcs of one layer that include the turns of groups; `index` is the column of the index cost
-    first                 (n + 1,) offsets of the arcs of the whole graph, where each node has these arcs before others
-    count                 number of nodes of a layer
+    first, count          (n + 1,) offsets of all arcs of all layers, of which a node has these first; nodes of a layer
     arc_tails, arc_heads, origin  nodes of the plain arcs, and their indices in the graph
     nodes                 (n,)  node of the graph for each node of the search
     closed, source        closed labels, to which labels refer as parents; node at which paths begin
