@@ -75,6 +75,8 @@ class General(HeapSearch):
     shared                  layers that share the arcs, see :func:`.labels.row_of`
     """
 
+    layered: ExtendedGraph | None
+
     def __init__(
         self,
         graph: Graph,
@@ -128,28 +130,29 @@ class General(HeapSearch):
         reached  (n,)  mask of nodes that reach a target
         turn     column of the cost that turns raise, or -1
         """
-        self.layered = graph if isinstance(graph, ExtendedGraph) and graph.layers > 1 else None
-        layer, self.shared, is_last, added = graph, ONE_LAYER, self.is_target, None
-        if self.layered is not None:
-            layer, added, layers = self.layered.layer, self.layered.added, self.layered.layers
+        layer, added = graph, None
+        is_left_out: BoolArray = ~reached
+        is_last: NDArray[np.uint8] = self.is_target
+        self.layered, self.shared = None, ONE_LAYER
+        if isinstance(graph, ExtendedGraph) and graph.layers > 1:
+            self.layered, layer, added = graph, graph.layer, graph.added
             self.nodes[~reached, 0] = -1
-            in_layers = slice(layers * layer.nodes)
-            reached = reached[in_layers].reshape(layers, -1).any(axis=0)
-            is_last = is_last[in_layers].reshape(layers, -1).max(axis=0)
+            last = graph.layers * layer.nodes
+            is_left_out = np.asarray(is_left_out[:last].reshape(graph.layers, -1).all(axis=0))
+            is_last = np.asarray(is_last[:last].reshape(graph.layers, -1).max(axis=0))
         sizes = groups.rows[:, GROUP_SIZE]
         group = np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)[groups.new_number[: layer.nodes]]
         self.table = np.empty((layer.arcs + (0 if added is None else len(added.heads)), 1 + len(columns)), self.dtype)
         self.origin = np.empty(layer.arcs, np.int32)
-        masks = ~reached, is_last, turn, group
+        masks = is_left_out, is_last, turn, group
         arcs = layer.indptr, layer.heads, layer.costs, columns
         self.start, self.plain = clock.call(build_tables, *arcs, *masks, self.table, self.origin)
-        if self.layered is None or added is None:
-            return
-        m, ends = int(self.start[-1]), graph.nodes - layers * layer.nodes
-        self.table = self.table[: m + len(added.heads)]
-        self.table[m:, 0], self.table[m:, 1:] = added.heads, added.costs[:, columns]
-        self.start, self.plain = (np.append(offsets, np.full(ends, m)) for offsets in (self.start, self.plain))
-        self.shared = layer.nodes, m, layers, self.layered.offsets_of_added.astype(np.int32)
+        if self.layered is not None and added is not None:
+            m, ends = int(self.start[-1]), graph.nodes - last
+            self.table = self.table[: m + len(added.heads)]
+            self.table[m:, 0], self.table[m:, 1:] = added.heads, added.costs[:, columns]
+            self.start, self.plain = (np.append(offsets, np.full(ends, m)) for offsets in (self.start, self.plain))
+            self.shared = layer.nodes, m, self.layered.layers, self.layered.offsets_of_added.astype(np.int32)
 
     def advance(self, clock: Clock, work: int) -> int:
         """Run the kernel for ``work`` elementary steps, and return its code."""
@@ -262,5 +265,5 @@ class General(HeapSearch):
             within = steps < layers * m
             layer, row = np.divmod(steps[within], max(1, m))
             steps[~within] = self.layered.added.places[steps[~within] - layers * m]
-            steps[within] = self.layered.places_in_layer(layer, self.origin[row])
+            steps[within] = self.layered.places_in_layer(layer, self.origin[row].astype(np.int64))
         return [part[::-1] for part in np.split(steps, ends)[:-1]]
