@@ -168,6 +168,7 @@ class WeightedSum:
                 if in_stages and not built.part and (first is None or not first.trajectories):
                     first = family.first_answer("weighted-sum", built, objectives)
                 query = built_query(built, objectives, began)
+                query.hold_copies()
                 if built.part:
                     share = spending.share(max(QUICK, SHARE * query.build_seconds))
                     found = query.first_answer("weighted-sum", share)

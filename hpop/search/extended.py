@@ -130,6 +130,12 @@ class ExtendedGraph(Graph):
         return np.concatenate([self.base.distinct_costs, self.added.costs])
 
     @property
+    def bytes_to_copy(self) -> int:
+        """Size of the arrays of all arcs that are not made yet."""
+        are_made = self.base is None or "costs" in vars(self)
+        return 0 if are_made else self.arcs * (2 * np.dtype(np.int32).itemsize + self.criteria * self.indptr.itemsize)
+
+    @property
     def tables(self) -> tuple[NDArray[Any], ...]:
         """Arrays that define the graph; if it has several layers, the arcs of one and the added arcs."""
         if self.base is None or self.layers == 1:

@@ -317,6 +317,11 @@ class Graph:
         return self.costs
 
     @property
+    def bytes_to_copy(self) -> int:
+        """Size of the arrays of all arcs that are not made yet; searches other than the exact one make them."""
+        return 0
+
+    @property
     def tables(self) -> tuple[NDArray[Any], ...]:
         """Arrays that define the arcs and their costs."""
         return self.indptr, self.heads, self.costs

@@ -27,6 +27,7 @@ from hpop.planners.graphs.assemble import (
     search_stats,
     static_plans,
 )
+from hpop.planners.graphs.tour import TourGraph
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.needs import refuse_moving
 from hpop.planners.objectives import Objectives
@@ -249,6 +250,8 @@ class Query:
         """
         exactly = "max" in self.graph.aggregates or self.free is not None
         quickly &= self.free is None
+        if quickly or not exactly:
+            self.hold_copies()
 
         def search(graph: Graph) -> ParetoPaths:
             if quickly:
@@ -316,7 +319,14 @@ class Query:
 
     def break_ties(self) -> None:
         """Make ``graph_with_tie_break`` now, not on first use, so that its memory is counted before the search."""
+        if self.free is not None:
+            self.hold_copies()
         _ = self.graph_with_tie_break
+
+    def hold_copies(self) -> None:
+        """Count the memory of the arrays of all layers of a tour, before a search that reads them makes them."""
+        if isinstance(self.space, TourGraph):
+            self.space.spending.hold(self.graph.bytes_to_copy, "the layers of the tour were copied")
 
     def drop_ties(self) -> None:
         """Free the memory of the graph copy that breaks ties, after its last search."""

@@ -125,6 +125,7 @@ def exact_mean(
     """
     graph, quanta, at_most = query.graph, query.quanta, query.at_most()
     column = _capped_column(query, detour)
+    query.hold_copies()
     progress = spending.limits.progress
     alone = Graph.from_csr(graph.indptr, graph.heads, graph.costs[:, [column]])
     shortest = pareto_paths(
