@@ -67,9 +67,7 @@ def main(folder: Path = Path("out/07_mobile_arm"), samples: int = 800) -> hpop.F
     for name in front.names:
         best = front.best(name)
         costs = ", ".join(f"{cost} {value:.2f}" for cost, value in best.costs.items())
-        print(
-            f"least {name}: {costs}; {best.item.kinds.count('move')} drives, {best.item.kinds.count('reach')} reaches"
-        )
+        print(f"least {name}: {costs}; {best.item.kinds.count('run')} drives, {best.item.kinds.count('reach')} reaches")
 
     # Save the front, and draw the map, the view from the side, and the joints over time.
     folder.mkdir(parents=True, exist_ok=True)

@@ -147,13 +147,14 @@ def test_a_head_that_turns_back_trades_rotation_for_looking_where_one_drives(tmp
 
 
 @pytest.mark.proof
-def test_a_base_drives_an_arm_to_a_shelf_in_several_ways(tmp_path, monkeypatch):
+def test_a_base_drives_an_arm_to_a_shelf_in_several_ways(tmp_path, monkeypatch, capsys):
     def save_map(problem, front, folder):
         """One of its pictures."""
         draw_map(problem, front).savefig(folder / "map.png", dpi=40)
 
     monkeypatch.setattr("hpop.view.save_pictures", save_map)
     front = example("07_mobile_arm.py").main(tmp_path, samples=100)
+    assert "; 0 drives" not in capsys.readouterr().out
     assert len(front) > 1
     model = front.trajectories[0].model
     assert load_scenario(EXAMPLES / "mobile_arm.yaml").problem.model == model

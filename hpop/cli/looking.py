@@ -75,7 +75,8 @@ def look(
 ) -> None:
     """Draw a map or scenario, before planning.
 
-    The picture, in metres, shows free space, start, goal, people, landmarks and zones. If the start or goal is blocked,
+    The picture, in metres, shows free space, start, goal, people, landmarks and zones. For an arm, a second picture,
+    NAME_look_side.png, shows it from the side, with heights. If the start or goal is blocked,
     the nearest free position is printed (exit code 5). If no path leads from the start to a goal, that is printed too
     (exit code 6). For a MAP, start and goal are those that `hpop new` would try first.
     """
@@ -99,9 +100,12 @@ def look(
     seen = looked(problem, f"{path.name}: {_size(problem)}")
     with results.output_errors(f"cannot write {out}", "choose another --out"):
         hpop.view.save.save_figure(seen.figure, out, DPI)
+        side = None if seen.side is None else out.with_stem(f"{out.stem}_side")
+        if seen.side is not None and side is not None:
+            hpop.view.save.save_figure(seen.side, side, DPI)
     for note in (*problem.world.notes, *problem.notes, *seen.notes):
         echo(f"note: {note}")
-    echo(f"written to {out}")
+    echo(f"written to {out}" + ("" if side is None else f", and the view from the side to {side}"))
     if seen.refused:
         raise QueryError("\n".join(seen.refused))
     if seen.no_way:

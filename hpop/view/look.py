@@ -25,6 +25,7 @@ from hpop.view.map import draw_frame, draw_headed_ends
 from hpop.view.marks import draw_stops, draw_targets, end_poses
 from hpop.view.page import WHOLE, Handle, lay_out, new_figure, paragraphs
 from hpop.view.robot import LOOK, from_above, outlines_at
+from hpop.view.side import draw_side_of_ends
 from hpop.view.silhouettes import draw_map_obstacles
 from hpop.view.style import camera_heights, plain
 
@@ -43,12 +44,14 @@ class MapLook(NamedTuple):
     """Picture of a problem before planning, with a verdict on its start and goals.
 
     figure   the picture
+    side     view from the side, with heights, for a robot with bodies in space, such as an arm; else None
     refused  reasons why the start or a goal is blocked, with the nearest free position; empty if all are free
     notes    how much of the map is free, which goals are cut off, and which stops of a tour may be impossible to visit
     no_way   whether start and goals are free, but no goal is in the same part of free space as the start
     """
 
     figure: Figure
+    side: Figure | None
     refused: tuple[str, ...]
     notes: tuple[str, ...]
     no_way: bool
@@ -110,7 +113,9 @@ def look(problem: Problem, title: str) -> MapLook:
     notes = [] if free is None else _notes(free, apart)
     notes += [f"a plan may refuse this tour: {reason}" for reason in reasons_not_visited(problem)]
     no_way = 0 < len(apart) == len(ends) - 1
-    return MapLook(_map_figure(problem, title, free, [*refused, *notes], better), tuple(refused), tuple(notes), no_way)
+    figure = _map_figure(problem, title, free, [*refused, *notes], better)
+    side = draw_side_of_ends(problem, title) if model.bodies(ends["start"]) else None
+    return MapLook(figure, side, tuple(refused), tuple(notes), no_way)
 
 
 def _ends(problem: Problem) -> dict[str, States]:

@@ -62,11 +62,14 @@ def corners_of(outlines: Sequence[BaseGeometry]) -> FloatArray:
 
 def draw_robot(axes: Axes, outlines: Sequence[BaseGeometry], named: Sequence[Mark]) -> list[Patch]:
     """Draw the robot's outlines at both ends of the first named trajectory; return the legend entry."""
-    if not outlines:
-        return []
+    return draw_outlines(axes, outlines, f"the robot at both ends: {named[0].names[0]}") if outlines else []
+
+
+def draw_outlines(axes: Axes, outlines: Sequence[BaseGeometry], label: str) -> list[Patch]:
+    """Draw outlines of the robot; return the legend entry, with a label."""
     paths = [outline(geometry) for geometry in outlines]
     axes.add_collection(PathCollection(paths, zorder=2.5, gid="robot", **LOOK), autolim=False)
-    return [Patch(**LOOK, label=f"the robot at both ends: {named[0].names[0]}")]
+    return [Patch(**LOOK, label=label)]
 
 
 REACH = 0.045  # length of a wedge, as a share of the map's longer side

@@ -15,6 +15,7 @@ from matplotlib.patches import Patch
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray
+from hpop.motions.states import Values
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
@@ -34,7 +35,15 @@ from hpop.view.page import (
     stretch_of,
     title_of,
 )
-from hpop.view.robot import corners_of, draw_cones, draw_robot, robot_outlines, sight_entry
+from hpop.view.robot import (
+    corners_of,
+    draw_cones,
+    draw_outlines,
+    draw_robot,
+    outlines_at,
+    robot_outlines,
+    sight_entry,
+)
 from hpop.view.silhouettes import PathSurroundings, Section, draw_silhouettes, ends_of
 from hpop.view.style import NORMAL, SMALL, Heights, camera_path, drawn_rows, marks, plain, whole_ticks
 from hpop.world.content.content import Landmark
@@ -120,10 +129,50 @@ def draw_side(
     places = [tuple(place) for place in section.flattened(goals).tolist()]
     symbols += draw_ends(axes, section.flattened(start).tolist(), places, ("", goal_words(problem, len(goals))))
     _draw_frame(axes, view, section)
+    draw_caption(axes, "From the side: paths of the camera")
     if ax is not None:
         return lay_on(axes, front, bars=bars, lines=lines)
     said = {"title": title_of(front), "claim": claim_of(front)}
     return lay_out(axes, view, **said, bars=bars, lines=lines, symbols=symbols)
+
+
+@plain
+def draw_side_of_ends(problem: Problem, title: str) -> Figure:
+    """Draw a robot with a body in space, such as an arm, from the side before planning: at the start and listed goals.
+
+    The direction of view is horizontal, at right angles to the line from the camera's start to goals and targets.
+    """
+    model, space = problem.model, problem.model.space
+    states = [space.state(problem.start), *(space.state(goal, free=space.angles) for goal in _whole_goals(problem))]
+    start, goals = end_positions(problem)
+    ends = np.concatenate([[start], goals, np.reshape(targets_of(problem), (-1, 3))])
+    section = Section.along([ends])
+    placed = np.concatenate([pose[:, :3, 3] for state in states for _, pose in model.bodies(state)])
+    around = PathSurroundings.of([ends, placed])
+    solid, drives = around.silhouettes(problem.world, section), "base" in model.provides
+    robots = [each for state in states for each in outlines_at(model, state, section.flattened)]
+    view = _view(np.concatenate([section.flattened(ends), corners_of(robots)]), ends_of(solid), drives)
+    axes = new_figure(1.0, 1.0, layout=None).add_axes(WHOLE, label="side")
+    symbols: list[Handle] = [
+        *draw_silhouettes(axes, solid, view, "obstacle, in front of the robot or behind"),
+        *(_draw_floor(axes, view) if drives else ()),
+        *_draw_landmarks(axes, problem.world.content.landmarks, section, view),
+        *draw_outlines(axes, robots, f"the robot at the start{' and the goals' if len(states) > 1 else ''}"),
+        *draw_targets(axes, problem, section.flattened),
+        *draw_stops(axes, problem, section.flattened),
+    ]
+    places = [tuple(place) for place in section.flattened(goals).tolist()]
+    symbols += draw_ends(axes, section.flattened(start).tolist(), places, ("", goal_words(problem, len(goals))))
+    _draw_frame(axes, view, section)
+    draw_caption(axes, f"From the side, with the camera at S{' and G' if len(goals) else ''}")
+    return lay_out(axes, view, title=title, claim="", bars=(), lines=(), symbols=symbols)
+
+
+def _whole_goals(problem: Problem) -> Iterator[Values]:
+    """Yield the listed goals without free values."""
+    for goal in problem.goals if problem.target.listed else ():
+        if None not in goal:
+            yield goal
 
 
 def _view(points: FloatArray, solid: Heights, drives: bool) -> View:
@@ -172,4 +221,3 @@ def _draw_frame(axes: Axes, view: View, section: Section) -> None:
     axes.tick_params(labelsize=SMALL)
     whole_ticks(axes.xaxis, False, most=9)
     whole_ticks(axes.yaxis, False, most=6)
-    draw_caption(axes, "From the side: paths of the camera")

@@ -132,14 +132,17 @@ def draw_map_obstacles(axes: Axes, problem: Problem, heights: Heights, view: Vie
     return [Patch(**LOOK, label="obstacle of any height")]
 
 
-def draw_silhouettes(axes: Axes, found: Sequence[Polygon], view: View) -> list[Patch]:
+BESIDE = "obstacle among the paths or beside\nthem, in front of them or behind"
+
+
+def draw_silhouettes(axes: Axes, found: Sequence[Polygon], view: View, label: str = BESIDE) -> list[Patch]:
     """Draw outlines of obstacles lightly, since they may be before or behind the paths; return the legend entry."""
     shown = shapely.box(view.x_min - 1.0, view.y_min - 1.0, view.x_max + 1.0, view.y_max + 1.0)
     outlines = [shapely.get_coordinates(shapely.intersection(shown, one)) for one in found if shown.intersects(one)]
     if not outlines:
         return []
     axes.add_collection(PolyCollection(outlines, zorder=1.0, gid="silhouettes", **LOOK), autolim=False)
-    return [Patch(**LOOK, label="obstacle among the paths or beside\nthem, in front of them or behind")]
+    return [Patch(**LOOK, label=label)]
 
 
 def ends_of(found: Sequence[Polygon]) -> Heights:

@@ -8,7 +8,9 @@ import shapely
 
 import hpop
 from hpop.view.look import look
+from hpop.world import Box, Solid, pose_at
 from hpop.world.content.content import Landmark, Person, Zone
+from tests.models.serial_arm.arms import arm6
 
 ROBOT = hpop.DifferentialDrive(radius=0.25)
 HALL = hpop.World.from_polygons([shapely.box(4, 0, 4.2, 6)], extent=shapely.box(0, 0, 10, 6))
@@ -91,3 +93,25 @@ def test_robots_beyond_the_plane_are_drawn_where_they_start(name):
     assert found.refused == ()
     assert drawn(found.figure, "robot")
     assert drawn(found.figure, "targets")
+
+
+def test_an_arm_is_seen_from_the_side_with_heights():
+    """The outline spans the heights of the bodies at the start and the goal; letters are where the camera is."""
+    arm = arm6()
+    start, goal = (-0.27, 0.74, 1.73, 0.87, -0.05, -0.82), (0, 0.1, 0.2, 0, 0, 0)
+    world = hpop.World.from_solids([Solid(Box((0.3, 1.0, 0.02)), pose_at((0.65, 0, 0.36)), "board")])
+    figure = look(hpop.Problem(world, arm, start, goal, ["duration"]), "an arm").side
+    (axes,) = figure.axes
+    (drawn,) = [each for each in axes.collections if each.get_gid() == "robot"]
+    highest = max(path.vertices[:, 1].max() for path in drawn.get_paths())
+    states = hpop.motions.States(**dict(zip(arm.joints, np.array([start, goal]).T, strict=True)))
+    corners = [Solid(shape, pose).corners for shape, poses in arm.bodies(states) for pose in poses]
+    assert highest == pytest.approx(max(points[:, 2].max() for points in corners), abs=0.02)
+    assert axes.get_ylim()[0] < 0.0 < highest < axes.get_ylim()[1]
+    assert axes.get_ylabel().startswith("height (m)")
+    camera = arm.pose("camera", states)
+    letters = {text.get_text(): text for text in axes.texts if text.get_text() in ("S", "G")}
+    assert sorted(letters) == ["G", "S"]
+    assert letters["S"].get_position()[1] == pytest.approx(camera.z[0], abs=0.02)
+    assert letters["G"].get_position()[1] == pytest.approx(camera.z[1], abs=0.02)
+    assert seen().side is None  # a robot without bodies in space
