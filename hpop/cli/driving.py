@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from hpop.drive import Execution, Moment, Options
     from hpop.drive.script import Happening
 
-DEADLINE = 0.2
 DPI = 150
 PICTURE, RECORD = "drive.png", "drive.json"
 
@@ -39,10 +38,8 @@ PICTURE, RECORD = "drive.png", "drive.json"
 @click.option(
     "--deadline",
     type=click.FloatRange(0),
-    default=DEADLINE,
     metavar="S",
-    show_default=True,
-    help="Processor time of the search for options after an event, s.",
+    help="Processor time of the search for options after an event, s. [0.2, with a tour 2]",
 )
 @click.option(
     "--speed",
@@ -57,7 +54,7 @@ def drive(
     folder: Path,
     events: Path,
     row: str | None,
-    deadline: float,
+    deadline: float | None,
     speed: float | None,
     out: Path | None,
     imports: tuple[str, ...],

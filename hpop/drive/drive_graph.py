@@ -20,12 +20,15 @@ from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
 from hpop.drive.closings import Closing, chains_closed, closed_arcs, no_way_out, states_by_place
 from hpop.drive.known_routes import KnownRoutes
+from hpop.drive.plan import speed_of
 from hpop.frontier import is_nondominated
 from hpop.motions import Motions, States
+from hpop.motions.laws import SPEED
 from hpop.planners.base import Candidates
 from hpop.planners.graphs.assemble import assemble, claim_with_known_paths, search_stats
 from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED, with_ends
 from hpop.planners.graphs.query import Query
+from hpop.planners.graphs.speeds import with_speeds
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.tour_stops import with_stop_states
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
@@ -47,15 +50,6 @@ if TYPE_CHECKING:
 SAMPLED = 200  # arcs nearest to a change, evaluated to find the criteria that depend on it
 CACHED = ("_places", "_finder", "tails")  # cached values that depend only on states and arcs of the graph
 OF_PEOPLE = frozenset({"people", "moving people", "groups"})  # requirements of criteria that depend on people
-
-
-def bare(world: World) -> World:
-    """Return a world without its people and named keep-out zones, because these may change during a drive."""
-    content = world.content
-    zones = tuple(zone for zone in content.zones if not (zone.kind == "keep-out" and zone.name))
-    if not content.people and len(zones) == len(content.zones):
-        return world
-    return world.with_content(landmarks=content.landmarks, zones=zones)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,12 +84,13 @@ class DriveGraph:
         """Build the graph from the start of a problem to its goal; ``inner`` is a graph of states in the bare world.
 
         The bare world has no people and no named areas; ``closings`` are the closed areas of the problem. States of a
-        tour's stops are those of the graph ``like``, if it is given. Raises QueryError if the start, the goal or a stop
-        cannot be joined to the graph.
+        tour's stops are those of the graph ``like``, if it is given; then the robot may come to the start at any of
+        several speeds. Raises QueryError if the start, the goal or a stop cannot be joined to the graph.
         """
         began = time.perf_counter()
-        space, start, goals = with_ends(inner, problem, inner.reach(problem))
-        space = with_stop_states(space, problem, like)
+        ends = with_ends(inner, problem, inner.reach(problem))
+        ends = ends._replace(space=with_stop_states(ends.space, problem, like))
+        space, start, goals = with_speeds(ends, inner.model, objectives.optimised, moving=like is not None)
         costed = space if inner.world is problem.world else space.costed_in(problem.world)
         graph = costed.graph(objectives.optimised)
         query = Query(space, objectives, graph, start, goals, build_seconds=time.perf_counter() - began)
@@ -107,13 +102,15 @@ class DriveGraph:
 
         Criteria and closed areas stay those of this graph. The problem must have the goal of the drive.
         """
-        joined = DriveGraph.laid_out(self.name, self.inner, problem, self.query.objectives, like=self.query.space)
+        joined = DriveGraph.laid_out(
+            self.name, self.inner, problem, self.query.objectives, like=self.query.space.one_layer
+        )
         return replace(joined, closings=self.closings, masks=self.masks, reading=self.reading)
 
     @property
     def inner(self) -> StateGraph:
         """The graph of states, without joined start and goal."""
-        states = self.query.space.states_alone
+        states = self.query.space.one_layer.states_alone
         assert states is not None  # the query was laid out on one
         return states
 
@@ -141,16 +138,15 @@ class DriveGraph:
     @cached_property
     def closed(self) -> BoolArray:
         """Mask (m,) of the closed arcs of the graph, including arcs that join start and goal to it."""
-        space = self.query.space
+        chains = self.query.space.one_layer.joins
         inner = np.zeros(self.inner.arcs.heads.size, dtype=np.bool_)
         for mask in self.masks:
             inner[mask] = True
-        if space.joins is None:
-            return inner
-        joins = np.zeros(space.joins.tails.size, dtype=np.bool_)
-        for closing in self.closings:
-            joins |= chains_closed(space.joins, closing)
-        return space.with_joins(inner, joins)
+        joins = np.zeros(0 if chains is None else chains.tails.size, dtype=np.bool_)
+        if chains is not None:
+            for closing in self.closings:
+                joins |= chains_closed(chains, closing)
+        return self.query.space.with_joins(inner, joins)
 
     # Changes
 
@@ -216,15 +212,22 @@ class DriveGraph:
         return KDTree(_points(self.inner, self._places[0]))
 
     def nodes(self, states: States) -> IntArray:
-        """Return the nodes (N,) of the graph, without start and goal, at states (N,); -1 where there is no node."""
+        """Return the nodes (N,) of the graph, without start and goal, at states (N,); -1 where there is no node.
+
+        With several speeds, the nodes are those for the column ``speed`` of the states; without it, those at rest.
+        """
         space = self.inner.model.space
         own = States(**{name: getattr(states, name) for name in space.names})
-        nearest = self._finder.query(_points(self.inner, own))[1]
+        nearest = np.asarray(self._finder.query(_points(self.inner, own))[1], np.int64)
         states_there = self._places[0].take(nearest)
         same = np.ones(nearest.size, dtype=np.bool_)
         for name, off in space.differences(own, states_there).items():
             same &= np.abs(off) <= (HEADING_TOLERANCE if name in space.angles else UNMOVED)
-        return np.where(same, nearest, -1)
+        return np.where(same, self.query.space.in_layer(nearest, speed_of(states)), -1)
+
+    def beginning(self, state: States) -> int:
+        """Return the node of the start at the speed of a state (1,)."""
+        return self.query.start + int(self.query.space.in_layer(np.zeros(1, np.int64), speed_of(state))[0])
 
     def arcs_of(self, trajectories: Sequence[Trajectory]) -> list[IntArray]:
         """Return for each trajectory the arcs of its last part on the graph, up to a goal; [] if it ends elsewhere."""
@@ -234,10 +237,9 @@ class DriveGraph:
         """Return for each trajectory the arcs as :meth:`arcs_of`, and the indices of its states at their tails."""
         if not trajectories:
             return []
-        names = self.inner.model.space.names
-        nodes = self.nodes(
-            States(**{name: np.concatenate([getattr(t.states, name) for t in trajectories]) for name in names})
-        )
+        columns = {n: [getattr(t.states, n) for t in trajectories] for n in self.inner.model.space.names}
+        columns |= {SPEED: [speed_of(t.states) for t in trajectories]}
+        nodes = self.nodes(States(**{name: np.concatenate(each) for name, each in columns.items()}))
         ends = np.cumsum([len(t) + 1 for t in trajectories])
         return [self._arcs_along(own) for own in np.split(nodes, ends[:-1])]
 
@@ -258,11 +260,10 @@ class DriveGraph:
         nodes = nodes[places]
         last, final = nodes.size - 1, np.zeros(0, np.int64)
         if nodes[last] not in self.query.goals:  # a join of up to three motions leads to a goal beside the graph
-            beside = [goal for goal in self.query.goals if goal >= self.inner.size]
-            for last in range(nodes.size - 2, max(nodes.size - 5, -1), -1):
-                tail = np.full(len(beside), nodes[last])
-                final = self._arcs(tail, np.array(beside, np.int64))[:1] if nodes[last] >= 0 else final
-                if final.size and final[0] >= 0:
+            longest = 3 + 2 * (self.query.space.one_layer is not self.query.space)  # with changes of speed
+            for last in range(nodes.size - 2, max(nodes.size - 2 - longest, -1), -1):
+                final = self._join_to_goal(int(nodes[last])) if nodes[last] >= 0 else final
+                if final.size:
                     break
             else:
                 return np.zeros(0, np.int64), np.zeros(0, np.int64)
@@ -271,6 +272,24 @@ class DriveGraph:
         first = breaks[-1] + 1 if breaks.size else 0
         arcs = np.concatenate([arcs[first:], final])
         return arcs, places[first : first + arcs.size]
+
+    def _join_to_goal(self, node: int) -> IntArray:
+        """Return the arcs of a join from a node to a goal beside the graph; [] if there is none.
+
+        With several speeds, these are two arcs (:mod:`hpop.planners.graphs.speeds`), of the fastest copy of the join.
+        """
+        begin, end = self.graph.indptr[node : node + 2].tolist()
+        (first,), heads = self.query.space.in_layer(np.array([self.inner.size]), np.zeros(1)), self.graph.heads
+        beside = [goal for goal in self.query.goals if goal >= first]
+        for arc in reversed(range(begin, end)):
+            if heads[arc] in beside:
+                return np.array([arc])
+            if (
+                self.query.space.is_join(heads[[arc]].astype(np.int64))[0]
+                and heads[self.graph.indptr[heads[arc]]] in beside
+            ):
+                return np.array([arc, self.graph.indptr[heads[arc]]])
+        return np.zeros(0, np.int64)
 
     def _arcs(self, tails: IntArray, heads: IntArray) -> IntArray:
         """Return the arcs (N,) between pairs of nodes; -1 where there is none."""

@@ -6,6 +6,7 @@ drive can be repeated from its event log.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -23,17 +24,15 @@ from hpop.drive.options import Commit, LeavePoints, Option, Options, PlanCompari
 from hpop.drive.plan import SAME, Plan, between, closed_trajectories, held, joined, part
 from hpop.drive.remaining_front import front_of_rest
 from hpop.drive.replanning import Replanner, ReplanResult
-from hpop.drive.stop_log import StopLog, refuse_moving_tour
+from hpop.drive.stop_log import StopLog, refuse_among_people
 from hpop.drive.storage import Change, deadline_of, written
 from hpop.drive.surroundings import DriveSurroundings
 from hpop.drive.wishes import NOTICE, PATIENCE, Wish, adapted, wished
 from hpop.errors import DriveError
 from hpop.frontier.choices import Preferring
-from hpop.motions import States
 from hpop.motions.states import StateSpec
 from hpop.planners.base import Planner
 from hpop.planners.graphs.timed.safety import LEAVING
-from hpop.planners.needs import refuse_speeds
 from hpop.problems.front import Point
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person
@@ -41,8 +40,6 @@ from hpop.world import Person
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-DEADLINE = 0.2
-"""Default deadline for options, s."""
 SHIFT = 0.01
 """Least delay or lead of the robot, s, that shifts the plan in time."""
 
@@ -81,8 +78,7 @@ class Execution(StopLog):
         notice: float = NOTICE,
         preference: Preferring | None = None,
     ) -> None:
-        refuse_moving_tour(problem)
-        refuse_speeds(problem, "a drive")
+        refuse_among_people(problem)
         self.problem, self.planner, self.choice, self.ways = problem, planner, choice, tuple(ways)
         super().__init__(begin)
         self.patience = real("patience", patience, 0, 1, "a share", error=DriveError)
@@ -112,7 +108,7 @@ class Execution(StopLog):
         Call it if time is simulated. Otherwise, among moving people, :meth:`options` returns known plans until then.
         """
         self._lay_out(now := self._now() if now is None else now)
-        for deadline in (0.0, DEADLINE) if self.surroundings.moving else ():
+        for deadline in (0.0, None) if self.surroundings.moving else ():
             if not (commit := self.commit(now, deadline)).arrives:
                 self._replanner.ready(self.surroundings, commit)
 
@@ -153,14 +149,14 @@ class Execution(StopLog):
         self._note("seen", now, state=list(space.values(measured)))
         return progress.moment(now)
 
-    def commit(self, now: float, deadline: float = DEADLINE) -> Commit:
+    def commit(self, now: float, deadline: float | None = None) -> Commit:
         """Return the first place of the plan, at least ``deadline`` s from now, where the robot may change its plan.
 
         This is the end of a straight move or hold, where all plans go straight on or stop to turn. If the robot stands
         (at the start, at the goal, or before a closed area), it is the place where it stands.
         """
         now, plan, lag = self._time(now), self._progress.plan, self._progress.lag
-        t = now + deadline_of(deadline) - lag
+        t = now + deadline_of(deadline, self.problem) - lag
         driven = plan.driven
         place = plan.next_arrival(t)
         at_end = place == len(driven)
@@ -168,7 +164,7 @@ class Execution(StopLog):
         stands = t - float(driven.times[place]) if at_end and not arrives else 0.0
         stands = max(stands, plan.stops_for) if stands > 0.0 else 0.0
         time = lag + float(driven.times[place]) + stands
-        states = States(**{name: getattr(driven.states, name) for name in self.problem.model.space.names})
+        states = plan.states
         times = lag + driven.times[plan.arrivals]
         soon = (times > time + SAME) & (times <= time + LEAVING)
         later = LeavePoints(times[soon], states.take(plan.arrivals[soon]))
@@ -177,17 +173,17 @@ class Execution(StopLog):
 
     # Options
 
-    def options(self, now: float, deadline: float = DEADLINE) -> Options:
+    def options(self, now: float, deadline: float | None = None) -> Options:
         """Return the front of remaining plans from the next place where the plan may change (:meth:`commit`).
 
         It includes the present plan if that is open.
 
-        deadline  s of processor time of this thread for the search. Known plans need no search, so a deadline of 0
-                  returns them; a missing plan is at most a factor 1 + gap better. After a change of people, the same
-                  number of seconds of real time is spent on rebuilding the graph. If that is not enough, the options
-                  are the known plans that are open and clear of people, and the gap is infinite
+        deadline  s of processor time of this thread for the search, by default 0.2, and 2 along a tour. Known plans
+                  need no search, so a deadline of 0 returns them; a missing plan is at most a factor 1 + gap better.
+                  After a change of people, the same number of seconds of real time is spent on rebuilding the graph. If
+                  that is not enough, the options are known plans that are open and clear of people; the gap is infinite
         """
-        deadline, now = deadline_of(deadline), self._told(now)
+        deadline, now = deadline_of(deadline, self.problem), self._told(now)
         self._note_visits(now)
         options, result = self._options(now, deadline, None)
         self._note("options", now, deadline=deadline, answer=result.answer)
@@ -201,7 +197,7 @@ class Execution(StopLog):
         now = self._told(now)
         self._note_visits(now)
         self._note("options", now, deadline=deadline, answer=answer)
-        return self._options(now, deadline_of(deadline), answer, again=True)[0]
+        return self._options(now, deadline_of(deadline, self.problem), answer, again=True)[0]
 
     def _options(
         self, now: float, deadline: float, answer: Any, *, again: bool = False
@@ -236,7 +232,7 @@ class Execution(StopLog):
     ) -> tuple[Options, ReplanResult]:
         """Return options from a commit (place where the plan may change) on, and the search result behind them."""
         surroundings, plan = self.surroundings, self._progress.plan
-        begins = float(plan.driven.times[commit.place])
+        begins = min(float(plan.driven.times[commit.place]), math.inf if plan.stops is None else plan.stops)
         remaining = between(plan.announced, begins, plan.announced.duration)
         present = remaining if plan.stops is None and not commit.stands else None
         problem = surroundings.at(commit.state, commit.time)
@@ -372,7 +368,7 @@ class Execution(StopLog):
         if isinstance(people, Iterable) and not isinstance(people, str):
             people = given["people"] = tuple(people)
         after = before.changed(now, what, given[what], name, groups)
-        refuse_moving_tour(after.problem)
+        refuse_among_people(after.problem)
         new = [closing for closing in after.closed if closing not in before.closed]
         refuse_covered(new, self.problem.model, self._progress.state(now))
         talk = after.problem.world.content.groups
@@ -388,7 +384,7 @@ class Execution(StopLog):
         invalid = closed_trajectories([] if self._latest is None else self._latest.ways, new)
         invalid |= self._latest is not None and not progress.plan.begins_with(self._latest.compared.before)
         announced = Plan(progress.plan.announced)
-        stops = None if cut.stops is None else progress.lag + cut.stops
+        stops = None if cut.stops is None else progress.lag + progress.plan.end
         times = announced.driven.times[announced.arrivals]
         brakes = cut.stops is not None and np.abs(times - cut.stops).min() > SAME
         safe = None if cut.safe is None else progress.lag + cut.safe

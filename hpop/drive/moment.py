@@ -170,7 +170,7 @@ class DriveProgress:
         A stretch is a part with one world, and with one lag: the time of the drive at which the plan began. The new one
         replaces the last stretch if that begins no earlier.
         """
-        begins, last = motion_ends(self.plan.announced, self.planned(now)), self.stretches[-1]
+        begins, last = self.plan.motion_ends(self.planned(now)), self.stretches[-1]
         if last.begins >= begins - SAME:
             self.stretches.pop()
             begins = last.begins
@@ -181,18 +181,15 @@ class DriveProgress:
         self._stand(now)
         if surroundings.people != self.surroundings.people:
             self.plan = self.plan.among_others()
-        begins = motion_ends(self.plan.announced, self.planned(now))
+        begins = self.plan.motion_ends(self.planned(now))
         self.stretches.append(Stretch(surroundings, begins, self.lag))
         return self.cut(now)
 
     def _stand(self, now: float) -> None:
-        """Insert a hold into the plan for the time that the robot has stood before what is in the way."""
-        plan = self.plan
-        stood = now - self.lag - plan.end
-        if plan.stops is not None and stood > SAME:
-            before = held(until(plan.announced, plan.stops), max(stood, plan.stops_for))
-            remaining = between(plan.announced, plan.stops, plan.announced.duration)
-            self.plan = Plan(joined(before, remaining), before.duration)
+        """Insert a stop into the plan, for the time that the robot has stood before what is in the way."""
+        plan, stood = self.plan, now - self.lag - self.plan.end
+        if plan.stops is not None and now - self.lag - plan.stops > SAME:
+            self.plan = Plan(*plan.waiting(max(stood, plan.stops_for) if stood > SAME else 0.0))
 
     def cut(self, now: float) -> Cut:
         """Stop the plan before closed areas and people in the way; return how far it is open."""
@@ -256,9 +253,9 @@ class Moment:
         """
         criteria = self._stretches[-1].surroundings.problem.criteria
         plan, end = self._plan, self.planned
-        if self.stands:
-            plan = Plan(held(plan.driven, self.now - self._lag - end))
-            end = plan.end
+        if plan.stops is not None and end > plan.stops - SAME:
+            plan = Plan(held(plan.driven, self.now - self._lag - end) if self.stands else plan.driven)
+            end = plan.end if self.stands else end
         costs = past(plan, end, self._stretches, criteria)
         return {criterion.name: costs.cost(criterion) for criterion in criteria}
 
@@ -270,8 +267,9 @@ class Moment:
         plan, t, problem = self._plan, self.planned, self._stretches[-1].surroundings.problem
         announced, stood = plan.announced, self.now - self._lag - plan.end
         if self.stands and stood > SAME:
-            before = held(plan.driven, stood)
-            announced, t = joined(before, between(announced, plan.end, announced.duration)), before.duration
+            announced, t = plan.waiting(stood)
+        elif plan.stops is not None and t > plan.stops:
+            announced = plan.waiting(0.0)[0]
         return self._tour.after(announced, t, self._lag, problem)
 
     @property

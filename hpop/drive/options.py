@@ -17,6 +17,7 @@ from hpop.base.arrays import FloatArray
 from hpop.base.scalars import is_whole
 from hpop.base.text import shown
 from hpop.drive.closings import Closing
+from hpop.drive.plan import speed_of
 from hpop.errors import DriveError
 from hpop.frontier.choices import Preferring
 from hpop.motions import HOLD, States, laws_of
@@ -34,7 +35,7 @@ class PerceivedMotion(NamedTuple):
     """Motions that a person aboard perceives as one: consecutive straight moves, or a single other motion.
 
     kind        kind of its motion law; "straight" for moves
-    change      change of each state variable
+    change      change of each state variable, and of the speed if the model has several
     begin, end  s, from the beginning of the trajectory
     """
 
@@ -46,7 +47,11 @@ class PerceivedMotion(NamedTuple):
 
 def perceived_motions(trajectory: Trajectory) -> list[PerceivedMotion]:
     """Return the motions of a trajectory as a person aboard perceives them, in order."""
-    steps = np.stack([np.diff(getattr(trajectory.states, name)) for name in trajectory.model.space.names], axis=1)
+    columns = [
+        *(getattr(trajectory.states, name) for name in trajectory.model.space.names),
+        speed_of(trajectory.states),
+    ]
+    steps = np.diff(np.stack(columns, axis=1), axis=0)
     motions, laws = list[PerceivedMotion](), laws_of(trajectory.model)
     for i, kind in enumerate(trajectory.kinds):
         moves = "x" in laws[kind].varies

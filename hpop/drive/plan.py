@@ -13,13 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpop.base.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.drive.closings import Closing
 from hpop.errors import DriveError
 from hpop.models.laws import Turn
 from hpop.motions import HOLD, Collision, States, is_curve, laws_of
 from hpop.motions.by_law import batches, extras
-from hpop.motions.laws import CLOCK, LONGEST
+from hpop.motions.laws import CHANGE, CLOCK, LONGEST, SPEED
 from hpop.trajectories.contacts import STEP, first_contact
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person, World
@@ -72,8 +72,28 @@ def motion_ends(trajectory: Trajectory, t: float) -> float:
     return float(trajectory.times[min(int(np.searchsorted(trajectory.times, t - SAME)), len(trajectory))])
 
 
+def speed_of(states: States) -> FloatArray:
+    """Return the speed (N,), m/s, at states of a plan for a model with several speeds; 0 for other models."""
+    speeds: FloatArray = getattr(states, SPEED, np.zeros(states.size))
+    return speeds
+
+
+def at_speed(trajectory: Trajectory, speed: float) -> Trajectory:
+    """Return a trajectory that ends at a speed, m/s: if need be, a change of speed follows."""
+    speeds = speed_of(trajectory.states)
+    if abs(speeds[-1] - speed) <= SAME or CHANGE not in laws_of(trajectory.model):
+        return trajectory
+    kinds = (*trajectory.kinds, CHANGE)
+    columns = {name: np.append(column, column[-1]) for name, column in trajectory.states.__dict__.items()}
+    columns[SPEED] = np.append(speeds, speed)
+    names = (*trajectory.model.space.names, *extras(trajectory.model, kinds))
+    return Trajectory(trajectory.model, States(**{name: columns[name] for name in names}), kinds, trajectory.punctual)
+
+
 def joined(first: Trajectory, second: Trajectory) -> Trajectory:
     """Join two trajectories; the second begins where the first ends, up to whole turns of angles.
+
+    If it begins at another speed, a change of speed is inserted.
 
     Raises DriveError if the second begins at another state.
     """
@@ -85,12 +105,15 @@ def joined(first: Trajectory, second: Trajectory) -> Trajectory:
                 f"a plan must begin where the plan before it ends, but {name} differs by {off[0]:g}; give a trajectory "
                 "that begins there"
             )
+    first = at_speed(first, float(speed_of(second.states)[0]))
     kinds = first.kinds + second.kinds
     columns = {}
     for name in space.names:
         before, after = getattr(first.states, name), getattr(second.states, name)
         turns = round((before[-1] - after[0]) / (2 * np.pi)) if name in space.turning else 0
         columns[name] = np.concatenate([before, after[1:] + 2 * np.pi * turns])
+    if SPEED in extras(model, kinds):
+        columns[SPEED] = np.concatenate([speed_of(first.states), speed_of(second.states)[1:]])
     if CLOCK in extras(model, kinds):
         before, after = (getattr(t.states, CLOCK, np.zeros(len(t) + 1)) for t in (first, second))
         columns[CLOCK] = np.concatenate([before, before[-1] + after[1:] - after[0]])
@@ -139,15 +162,40 @@ class Plan:
                 f"has {', '.join(curves)}: follow the polyline from which it was smoothed"
             )
 
-    @property
+    @cached_property
     def end(self) -> float:
         """The planned time, s, from which the robot stands: at the goal, or before a closed area or a person."""
-        return self.announced.duration if self.stops is None else self.stops
+        return self.announced.duration if self.stops is None else self.stops + self.ramp_at(self.stops)
 
     @cached_property
     def driven(self) -> Trajectory:
-        """The trajectory that the robot follows: up to the goal, or up to the stop before a closed area or a person."""
-        return self.announced if self.stops is None else until(self.announced, self.stops)
+        """The trajectory that the robot follows: up to the goal, or up to the stop before a closed area or a person.
+
+        A model with several speeds changes to rest there.
+        """
+        return self.announced if self.stops is None else at_speed(until(self.announced, self.stops), 0.0)
+
+    def waiting(self, seconds: float) -> tuple[Trajectory, float]:
+        """Return the announced trajectory with a stop of ``seconds`` where the plan stops, and the time when it ends.
+
+        The robot stops before a closed area or a person. Both times are planned times, s.
+        """
+        assert self.stops is not None
+        before = held(self.driven, seconds)
+        return joined(before, between(self.announced, self.stops, self.announced.duration)), before.duration
+
+    def motion_ends(self, t: float) -> float:
+        """Return the time, s, at which the motion under way at time ``t``, s, ends."""
+        return motion_ends(self.announced if self.stops is None or t <= self.stops else self.driven, t)
+
+    def ramp_at(self, t: float) -> float:
+        """Return the time, s, of a planned change to rest at time ``t``, s; 0 for a model with one speed."""
+        law = laws_of(self.announced.model).get(CHANGE)
+        if law is None or SPEED not in self.announced.states.names:
+            return 0.0
+        state = self.announced.at(t)
+        rest = States(**state.__dict__ | {SPEED: np.zeros(1)})
+        return float(sum(phase.duration for phase in law.phases(state, rest))[0])
 
     @cached_property
     def arrivals(self) -> IntArray:
@@ -160,6 +208,13 @@ class Plan:
         after = [0] + [i + 1 for i, kind in enumerate(kinds) if "x" in laws_of(self.driven.model)[kind].varies]
         after += [i + 1 for i, kind in enumerate(kinds) if kind == HOLD.kind]
         return np.unique([*after, len(kinds)])
+
+    @property
+    def states(self) -> States:
+        """The states of `driven`, with their speeds if the model has several."""
+        states, names = self.driven.states, self.driven.model.space.names
+        speeds = {SPEED: speed_of(states)} if CHANGE in self.driven.model.laws else {}
+        return States(**{name: getattr(states, name) for name in names}, **speeds)
 
     @property
     def ramp(self) -> float:
@@ -186,16 +241,27 @@ class Plan:
 
         In a straight run it brakes over v²/2a m, at most up to the end of the run; a turn or a hold is completed.
         """
-        motions, laws = self.announced, laws_of(self.announced.model)
-        if t >= self.end - SAME or not len(motions):
-            return self.end
+        motions, laws, speeds = self.announced, laws_of(self.announced.model), speed_of(self.announced.states)
+        last_time = motions.duration if self.stops is None else self.stops
+        if t >= last_time - SAME or not len(motions):
+            return last_time
         i = int(np.searchsorted(motions.times, t + SAME, side="right")) - 1
         if "x" not in laws[motions.kinds[i]].varies:
-            return float(motions.times[i + 1])
+            if speeds[i + 1] == 0.0:
+                return float(motions.times[i + 1])
+            t, i = float(motions.times[i + 1]), i + 1  # a change to a speed; it cannot stand before it moves
         last = i
-        while last + 1 < len(motions) and "x" in laws[motions.kinds[last + 1]].varies:
+        while last + 1 < len(motions) and ("x" in laws[motions.kinds[last + 1]].varies or speeds[last + 2] > 0.0):
             last += 1
-        return float(min(t + self.ramp, motions.times[last + 1]))  # v/2a at cruise speed makes v²/2a
+        if SPEED not in motions.states.names:
+            return float(min(t + self.ramp, motions.times[last + 1]))  # v/2a at cruise speed makes v²/2a
+        x, y, times = (column[i : last + 2] for column in (motions.states.x, motions.states.y, motions.times))
+        way = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
+        stop = float(speeds[i]) * (t - float(times[0]) + self.ramp_at(t))
+        j = max(1, int(np.searchsorted(way, stop)))  # of changes in place, the time before them
+        if j == way.size:
+            return float(times[-1])
+        return float(times[j - 1] + (stop - way[j - 1]) / (way[j] - way[j - 1]) * (times[j] - times[j - 1]))
 
     def nearest_time(self, state: States, t: float) -> float:
         """Return the planned time, s, near ``t``, at which the plan passes nearest to a measured state (1,).

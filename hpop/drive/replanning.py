@@ -267,7 +267,7 @@ class Replanner:
         node = int(untimed.nodes(commit.state)[0])
         if node < 0:
             untimed = untimed.from_beside(now.at(commit.state, commit.time))
-            node = untimed.query.start
+            node = untimed.beginning(commit.state)
         options = self.planner.time_options
         if options.arrive_by is not None:  # counted from when the robot left
             left = options.arrive_by - (now.since - self._began)
@@ -331,13 +331,13 @@ class Replanner:
             layered = self._tours.at(graph, problem.tour)
             if node < 0:
                 layered = layered.from_beside(problem)
-                node = layered.base.query.start
+                node = layered.base.beginning(commit.state)
             graph, node = layered, layered.node(node, problem.tour)
             if answer is None:
                 known, prepared = self._tours.known(layered, node), self._tours.prepared(layered)
         elif node < 0:
             graph = graph.from_beside(problem)
-            node, prepared = graph.query.start, graph.prepared() if answer is None else None
+            node, prepared = graph.beginning(commit.state), graph.prepared() if answer is None else None
         elif answer is None:
             assert self._routes is not None
             last = graph.known_routes(self._last_paths)

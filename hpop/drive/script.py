@@ -16,7 +16,7 @@ from hpop.base.registry import planners
 from hpop.base.scalars import is_whole
 from hpop.base.text import shown
 from hpop.drive.closings import Closing
-from hpop.drive.execution import DEADLINE, Execution
+from hpop.drive.execution import Execution
 from hpop.drive.options import Option, Options
 from hpop.drive.plan import until
 from hpop.drive.stop_log import NOTED
@@ -115,7 +115,7 @@ class Happening:
 
 
 @checked_arguments
-def performed(drive: Execution, events: Iterable[Event], *, deadline: float = DEADLINE) -> Iterator[Happening]:
+def performed(drive: Execution, events: Iterable[Event], *, deadline: float | None = None) -> Iterator[Happening]:
     """Perform a script of events in a drive, and yield the effect of each.
 
     After an event the robot may also change its plan by itself. ``deadline`` is the processor time for options, s.
@@ -130,7 +130,7 @@ def performed(drive: Execution, events: Iterable[Event], *, deadline: float = DE
         yield _happened(drive, event, deadline)
 
 
-def _happened(drive: Execution, event: Event, deadline: float) -> Happening:
+def _happened(drive: Execution, event: Event, deadline: float | None) -> Happening:
     moment = drive.at(event.at)
     if moment.arrived:
         raise DriveError(

@@ -124,8 +124,14 @@ class EventLog:
         self.record.append(json.loads(line))
 
 
-def deadline_of(seconds: float) -> float:
-    """Return a checked deadline, s; DriveError for an invalid one."""
+DEADLINE, TOUR_DEADLINE = 0.2, 2.0
+"""Default deadline for options, s: without a tour, and along a tour, whose graph has a copy for each set of stops."""
+
+
+def deadline_of(seconds: float | None, problem: Problem) -> float:
+    """Return a checked deadline, s, or the default for None; DriveError for an invalid one."""
+    if seconds is None:
+        return DEADLINE if problem.tour is None else TOUR_DEADLINE
     return float(real("deadline", seconds, 0, MOST, "a time in s", error=DriveError))
 
 

@@ -17,7 +17,7 @@ from hpop.base.arrays import FloatArray
 from hpop.base.scalars import is_whole
 from hpop.base.text import shown
 from hpop.drive.closings import Closing, named_areas, to_close, to_open
-from hpop.drive.drive_graph import OF_PEOPLE, bare
+from hpop.drive.drive_graph import OF_PEOPLE
 from hpop.errors import DriveError, did_you_mean
 from hpop.models.execution import clearance_radius
 from hpop.motions import States
@@ -29,6 +29,15 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
 GONE = 1e5  # m: a person that far away has no effect
+
+
+def bare(world: World) -> World:
+    """Return a world without its people and named keep-out zones, because these may change during a drive."""
+    content = world.content
+    zones = tuple(zone for zone in content.zones if not (zone.kind == "keep-out" and zone.name))
+    if not content.people and len(zones) == len(content.zones):
+        return world
+    return world.with_content(landmarks=content.landmarks, zones=zones)
 
 
 @dataclass(frozen=True, eq=False)

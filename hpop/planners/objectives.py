@@ -10,7 +10,7 @@ import numpy as np
 
 from hpop.base.arrays import Column, FloatArray, IntArray
 from hpop.criteria.base import Criterion, Group, index_of_role
-from hpop.criteria.costs import stand_in_of
+from hpop.criteria.costs import motion_costs, stand_in_of
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.motions import Motions
 
@@ -186,3 +186,8 @@ def quantised(costs: FloatArray, criterion: Criterion) -> IntArray:
             f"{criterion.quantum}; give the problem a larger quantum in quanta"
         )
     return np.ceil(costs / criterion.quantum - WHOLE).astype(np.int64)
+
+
+def motion_quanta(motions: Motions, criteria: Sequence[Criterion]) -> IntArray:
+    """Return the costs (M, k) of motions, in quanta."""
+    return np.stack([quantised(motion_costs(criterion, motions), criterion) for criterion in criteria], axis=1)

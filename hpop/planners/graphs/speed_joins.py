@@ -92,6 +92,11 @@ class JoinCopies:
         return rows, np.arange(rows.size) - np.repeat(np.cumsum(counts) - counts, counts) + 1
 
     @property
+    def rows(self) -> IntArray:
+        """Index (c,) of the join of which each is a copy."""
+        return self._copies[0]
+
+    @property
     def tails(self) -> IntArray:
         """Node (c,) of the inner graph at which each copy begins."""
         return self._copies[0] if self.inner.joins is None else self.inner.joins.tails[self._copies[0]]

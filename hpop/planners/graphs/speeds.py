@@ -16,37 +16,39 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
 from hpop.base.options import LEAST
 from hpop.criteria.base import Criterion
-from hpop.criteria.costs import motion_costs
 from hpop.errors import ModelError, QueryError
 from hpop.models.speeds import checked_speeds, neighbouring
 from hpop.motions import Model, Motions, States, laws_of
 from hpop.motions.laws import CHANGE, SPEED
 from hpop.planners.graphs.arcs import blocks
+from hpop.planners.graphs.direct_changes import needless_nodes
 from hpop.planners.graphs.joined_ends import Ends
 from hpop.planners.graphs.speed_joins import JoinCopies, at_speed
 from hpop.planners.graphs.state_graph import ARC, StateGraph
-from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph, aggregates
-from hpop.planners.objectives import quantised
+from hpop.planners.graphs.trajectory_graph import N, Stretches, TrajectoryGraph, aggregates
+from hpop.planners.objectives import motion_quanta
 from hpop.search import Graph
 
-SAME = 1e-9  # relative difference of equal costs: rounding
+if TYPE_CHECKING:
+    from hpop.world import World
 
 
-def with_speeds(ends: Ends, model: Model, criteria: Sequence[Criterion]) -> Ends:
+def with_speeds(ends: Ends, model: Model, criteria: Sequence[Criterion], *, moving: bool = False) -> Ends:
     """Return the graph of speeds, made from a graph that contains start and goals, for the speed classes of the model.
 
     If the model has no speed classes, return the given graph.
 
     ends      graph of states; start and goals are among its nodes
     criteria  costs that the search minimises
+    moving    whether the robot may also come to a start beside the graph at a speed, and then stops there
 
     Raises QueryError for a graph whose arcs are not known motion by motion, such as a roadmap of configurations, and
     ModelError for a model whose speeds do not rise or whose laws have no change of speed.
@@ -65,7 +67,8 @@ def with_speeds(ends: Ends, model: Model, criteria: Sequence[Criterion]) -> Ends
             f"{space.words} has no states at which a speed could change; give the model one speed, or plan on a "
             "lattice or on a roadmap of positions"
         )
-    layered = SpeedGraph(space.model, space.world, space, speeds, tuple(criteria), spending=space.spending)
+    slowed = start if moving and start >= space.states_alone.size else None
+    layered = SpeedGraph(space.model, space.world, space, speeds, tuple(criteria), slowed, spending=space.spending)
     return Ends(layered, layered.node(start), [layered.node(goal) for goal in goals])
 
 
@@ -79,11 +82,13 @@ class SpeedGraph(TrajectoryGraph):
     inner     graph of states, with start and goals among its nodes
     speeds    m/s, rising: the classes
     criteria  costs that the search minimises
+    slowed    start beside the graph at which paths may begin at a speed; then they change to rest there. None for none
     """
 
     inner: TrajectoryGraph
     speeds: tuple[float, ...]
     criteria: tuple[Criterion, ...]
+    slowed: int | None = None
 
     @property
     def _alone(self) -> StateGraph:
@@ -92,22 +97,49 @@ class SpeedGraph(TrajectoryGraph):
         return alone
 
     @property
-    def _layers(self) -> int:
+    def layers(self) -> int:
+        """Number of layers: one for each class, and one at rest."""
         return len(self.speeds) + 1
 
     @property
-    def _speed_of(self) -> FloatArray:
+    def speed_of(self) -> FloatArray:
         """Speed of each layer, m/s."""
         return np.array([0.0, *self.speeds])
 
     def node(self, state: int, layer: int = 0) -> int:
         """Return the node of a state of the inner graph in a layer; by default at rest."""
-        return state * self._layers + layer
+        return state * self.layers + layer
 
     @cached_property
     def size(self) -> int:
         """Number of nodes."""
-        return self.inner.size * self._layers + len(self._joins)
+        return self.inner.size * self.layers + len(self._joins)
+
+    @property
+    def one_layer(self) -> TrajectoryGraph:
+        """The inner graph, without layers."""
+        return self.inner
+
+    def in_layer(self, states: IntArray, speeds: FloatArray) -> IntArray:
+        """Return the nodes (N,) of states of the inner graph (N,), each in the layer nearest to its speed, m/s (N,)."""
+        return np.asarray(states * self.layers + np.abs(speeds[:, None] - self.speed_of).argmin(axis=1))
+
+    def is_join(self, nodes: IntArray) -> BoolArray:
+        """Return a mask (N,): True for the nodes of joins."""
+        return np.asarray(nodes >= self.inner.size * self.layers)
+
+    def costed_in(self, world: World) -> SpeedGraph:
+        """Return a graph with the same arcs, whose costs are computed in another world; arcs are not checked again."""
+        return copied(self, {"_joins", "collision"}, inner=self.inner.costed_in(world), world=world)
+
+    def with_joins(self, inner: NDArray[N], joins: NDArray[N]) -> NDArray[N]:
+        """Merge values of arcs of the graph of states (a,), for all speeds, and of its joins (j,) into one array (m,).
+
+        It is in the order of all arcs; changes of speed have the value 0.
+        """
+        slower = np.tile(inner[self._in_place_and_moves[1]], len(self.speeds) - 1)
+        none, last = (np.zeros(size, inner.dtype) for size in (self._changes[0].size, 1 + self._slowing[0].size))
+        return np.concatenate([inner, slower, none, joins[self._joins.rows], last])[self._arcs[2]]
 
     @property
     def words(self) -> str:
@@ -137,18 +169,12 @@ class SpeedGraph(TrajectoryGraph):
         return {**self.inner.counts, "speeds": len(self.speeds)}
 
     def _states_of(self, nodes: IntArray) -> IntArray:
-        """Return the state (N,) of the inner graph at each node.
-
-        For the node of a join (connection of start or goal to the graph), it is the state to which the join leads.
-        """
-        last, heads = self.inner.size * self._layers, np.append(self._joins.heads, 0)
-        return np.where(nodes < last, nodes // self._layers, heads[np.clip(nodes - last, 0, len(self._joins))])
+        """Return the state (N,) of the inner graph at each node; at the node of a join, that to which the join leads."""
+        last, heads = self.inner.size * self.layers, np.append(self._joins.heads, 0)
+        return np.where(nodes < last, nodes // self.layers, heads[np.clip(nodes - last, 0, len(self._joins))])
 
     def states(self, ids: IntArray) -> States:
-        """Return the robot's states (N,) at some nodes, without speeds.
-
-        For the node of a join (connection of start or goal to the graph), it is the state to which the join leads.
-        """
+        """Return the robot's states (N,) at some nodes, without speeds; at a join, that to which the join leads."""
         return self.inner.states(self._states_of(ids))
 
     def inside(self, nodes: list[int]) -> list[int]:
@@ -157,7 +183,7 @@ class SpeedGraph(TrajectoryGraph):
 
     def at_rest(self, ids: IntArray) -> BoolArray:
         """Return which nodes (N,) are in the layer of rest."""
-        return np.asarray((ids < self.inner.size * self._layers) & (ids % self._layers == 0))
+        return np.asarray(~self.is_join(ids) & (ids % self.layers == 0))
 
     @cached_property
     def _joins(self) -> JoinCopies:
@@ -171,10 +197,9 @@ class SpeedGraph(TrajectoryGraph):
         """Row pointers (N + 1,), heads (m,), and for each arc (m,) its row in the table of costs.
 
         The table has a row for each arc of the graph of states, its moves at the fastest speed, then for its moves at
-        each slower speed, for changes of speed at its states, for copies of joins (connections of start and goals), and
-        a row of zeros.
+        each slower speed, for changes of speed, for copies of joins, a row of zeros, and changes at the start.
         """
-        alone, count = self._alone, self._layers
+        alone, count = self._alone, self.layers
         tails, heads = np.repeat(np.arange(alone.size), np.diff(alone.rows)), alone.heads.astype(np.int64)
         in_place, moves = self._in_place_and_moves
         fastest = count - 1
@@ -185,8 +210,7 @@ class SpeedGraph(TrajectoryGraph):
             numbers = row + np.arange(moves.size)
             parts.append((tails[moves] * count + layer, heads[moves] * count + layer, numbers))
             row += moves.size
-        state, pair = np.divmod(np.arange(alone.size * len(self._pairs)), len(self._pairs))
-        since, until = self._pairs[pair].T
+        state, since, until = self._changes
         parts.append((state * count + since, state * count + until, row + np.arange(state.size)))
         row += state.size
         joins = self._joins
@@ -197,6 +221,8 @@ class SpeedGraph(TrajectoryGraph):
         late = joins.heads >= alone.size
         parts.append((joins.tails * count + joins.begins, middle, np.where(late, free, paid)))
         parts.append((middle, joins.heads * count + joins.ends, np.where(late, paid, free)))
+        state, since, until = self._slowing
+        parts.append((state * count + since, state * count, row + len(joins) + 1 + np.arange(since.size)))
         all_tails, all_heads, rows = (np.concatenate(column) for column in zip(*parts, strict=True))
         order = np.argsort(all_tails, kind="stable")
         pointers = np.append(0, np.cumsum(np.bincount(all_tails, minlength=self.size)))
@@ -209,9 +235,18 @@ class SpeedGraph(TrajectoryGraph):
         return np.flatnonzero(~has_speed), np.flatnonzero(has_speed)
 
     @cached_property
-    def _pairs(self) -> IntArray:
-        """Changes of speed (p, 2) that are possible at each state: the layers before and after each of them."""
-        return neighbouring(len(self.speeds))
+    def _changes(self) -> tuple[IntArray, IntArray, IntArray]:
+        """Changes of speed at all states, as three arrays (c,): the state, and the layers before and after."""
+        pairs = neighbouring(len(self.speeds))
+        state, pair = np.divmod(np.arange(self._alone.size * len(pairs)), len(pairs))
+        since, until = pairs[pair].T
+        return state, since, until
+
+    @property
+    def _slowing(self) -> tuple[IntArray, IntArray, IntArray]:
+        """Changes to rest at a start to which the robot comes at a speed, as `_changes`."""
+        since = np.arange(1, 1 if self.slowed is None else self.layers)
+        return np.full(since.size, self.slowed or 0), since, 0 * since
 
     @property
     def rows(self) -> IntArray:
@@ -232,10 +267,10 @@ class SpeedGraph(TrajectoryGraph):
         """
         alone, (_, moves) = self._alone, self._in_place_and_moves
         turned = [alone.turned, np.zeros((len(self.speeds) - 1) * moves.size, np.int8)]
-        until = self._pairs[:, 1]
-        of_pairs = 1 + np.where(until > 0, len(self.speeds) - until, 0).astype(np.int8)
-        turned.append(np.tile(of_pairs, alone.size))
-        return np.concatenate([*turned, self._joins.turned, np.zeros(1, np.int8)])[self._arcs[2]]
+        until = self._changes[2]
+        turned.append(1 + np.where(until > 0, len(self.speeds) - until, 0).astype(np.int8))
+        last = np.zeros(1, np.int8), np.ones(self._slowing[0].size, np.int8)
+        return np.concatenate([*turned, self._joins.turned, *last])[self._arcs[2]]
 
     # Costs
 
@@ -246,8 +281,8 @@ class SpeedGraph(TrajectoryGraph):
         doing = f"{self.words} was built"
         self.spending.hold(rows.size * (8 * len(criteria) + 2 * ARC), doing)
         nothing = np.zeros((1, len(criteria)), np.int64)
-        table = np.concatenate([inner.costs, self._own_costs(criteria), self._joins.costs(criteria), nothing])
-        costs = table[rows]
+        own = self._own_costs(criteria), self._joins.costs(criteria), nothing
+        costs = np.concatenate([inner.costs, *own, self._change_costs(self._slowing, criteria)])[rows]
         for array in (pointers, heads, costs):
             array.setflags(write=False)
         return Graph.from_csr(pointers, heads, costs, aggregates=aggregates(criteria))
@@ -269,7 +304,7 @@ class SpeedGraph(TrajectoryGraph):
         missing = [j for j, column in enumerate(columns) if column is None]
         if missing:
             some = [criteria[j] for j in missing]
-            found = np.concatenate([*self._slower_costs(some), self._change_costs(some)])
+            found = np.concatenate([*self._slower_costs(some), self._change_costs(self._changes, some)])
             for j, column in zip(missing, found.T, strict=True):
                 columns[j] = np.ascontiguousarray(column)
                 name = self._alone.cache_name(criteria[j])
@@ -286,23 +321,24 @@ class SpeedGraph(TrajectoryGraph):
                 costs = np.empty((part.stop - part.start, len(criteria)), np.int64)
                 for arcs, motions in alone.motions_of(moves[part]):
                     start, end = (at_speed(states, speed) for states in (motions.start, motions.end))
-                    costs[np.searchsorted(moves[part], arcs)] = _costs(replace(motions, start=start, end=end), criteria)
+                    costs[np.searchsorted(moves[part], arcs)] = motion_quanta(
+                        replace(motions, start=start, end=end), criteria
+                    )
                 return costs
 
             yield np.concatenate([np.zeros((0, len(criteria)), np.int64), *self._each(of_moves, moves.size)])
 
-    def _change_costs(self, criteria: Sequence[Criterion]) -> IntArray:
-        """Return the costs (c, k) of all changes of speed at all states of the graph of states."""
-        alone, count = self._alone, len(self._pairs)
+    def _change_costs(self, changes: tuple[IntArray, ...], criteria: Sequence[Criterion]) -> IntArray:
+        """Return the costs (c, k) of changes of speed, given as `_changes`."""
 
         def of_changes(part: slice) -> IntArray:
-            state, pair = np.divmod(np.arange(part.start, part.stop), count)
-            states = alone.states(state)
-            start, end = (at_speed(states, self._speed_of[layer]) for layer in self._pairs[pair].T)
-            return _costs(Motions(self.world, self.model, self.model.laws[CHANGE], start, end), criteria)
+            state, *layers = (column[part] for column in changes)
+            states = self.inner.states(state)
+            start, end = (at_speed(states, self.speed_of[layer]) for layer in layers)
+            return motion_quanta(Motions(self.world, self.model, self.model.laws[CHANGE], start, end), criteria)
 
         nothing = np.zeros((0, len(criteria)), np.int64)
-        return np.concatenate([nothing, *self._each(of_changes, alone.size * count)])
+        return np.concatenate([nothing, *self._each(of_changes, changes[0].size)])
 
     def _each(self, work: Any, size: int) -> Iterator[IntArray]:
         return self.spending.each(work, blocks(size), f"{self.words} was built")
@@ -313,23 +349,22 @@ class SpeedGraph(TrajectoryGraph):
         """Return n trajectories, not yet checked, through nodes (N,), with speeds.
 
         The node of a join (connection of start or goal) is replaced by the states in which its motions end, and the
-        node after it is left out. Nodes of slower classes are left out too, where one change from or to rest replaces
-        several (:meth:`_passed`).
+        node after it is left out, as are nodes of slower classes where one change from or to rest replaces several.
         """
-        last, space = self.inner.size * self._layers, self.model.space
+        last, space = self.inner.size * self.layers, self.model.space
         pointers, ends, end_kinds, end_turns = self._joins.waypoints
-        join = ids >= last
+        join = self.is_join(ids)
         copy = np.where(join, ids - last, 0)
         counts = np.where(join, np.diff(pointers, append=0)[copy], 1)
         behind = np.append(False, join[:-1])
         behind[np.cumsum(sizes)[:-1]] = False
-        counts[behind | self._passed(ids, sizes)] = 0
+        counts[behind | needless_nodes(self, ids, sizes)] = 0
         owner = np.repeat(np.arange(ids.size), counts)  # node of each state
         within = np.arange(owner.size) - np.repeat(np.cumsum(counts) - counts, counts)
         of_join = join[owner]
         plain, at = ids[owner[~of_join]], pointers[copy[owner[of_join]]] + within[of_join]
-        states, columns = self.inner.states(plain // self._layers), dict[str, FloatArray]()
-        states = at_speed(states, self._speed_of[plain % self._layers])
+        states, columns = self.inner.states(plain // self.layers), dict[str, FloatArray]()
+        states = at_speed(states, self.speed_of[plain % self.layers])
         for name in (*space.names, SPEED):
             columns[name] = np.empty(owner.size)
             columns[name][~of_join], columns[name][of_join] = getattr(states, name), getattr(ends, name)[at]
@@ -343,43 +378,6 @@ class SpeedGraph(TrajectoryGraph):
         lengths = np.bincount(path, counts, minlength=sizes.size).astype(np.int64)
         laws = [laws_of(self.model)[kind] for kind in self.kinds]
         return Stretches.through(space, laws, States(**columns), kinds, lengths, turns)
-
-    def _passed(self, ids: IntArray, sizes: IntArray) -> BoolArray:
-        """Return a mask of the nodes (N,) of paths that can be left out, since one change of speed replaces several.
-
-        A path may change from rest to a fast class, or back, by way of slower classes at one state. One direct change
-        replaces these changes if it costs as much in each criterion. Arguments as for :meth:`stretches`.
-        """
-        layer, joins = ids % self._layers, ids >= self.inner.size * self._layers
-        same = (np.diff(ids // self._layers) == 0) & ~(joins[1:] | joins[:-1])  # a change of speed
-        same[np.cumsum(sizes)[:-1] - 1] = False  # not from one path to the next
-        rises, falls = same & (np.diff(layer) > 0), same & (np.diff(layer) < 0)
-        begins, middle, ends = layer[:-2], layer[1:-1], layer[2:]
-        upwards = self._is_one_change(ids[1:-1], rises[:-1] & rises[1:], 0 * begins, middle, ends)
-        downwards = self._is_one_change(ids[1:-1], falls[:-1] & falls[1:], begins, middle, 0 * ends)
-        passed = np.zeros(ids.size, dtype=np.bool_)
-        for _ in range(self._layers - 2):  # from rest onwards, and towards rest
-            at_rest = (layer == 0) | passed
-            passed[1:-1] |= at_rest[:-2] & upwards | at_rest[2:] & downwards
-        return passed
-
-    def _is_one_change(self, nodes: IntArray, some: BoolArray, *layers: IntArray) -> BoolArray:
-        """Return a mask of nodes (n,) where one change from the first to the last of three layers replaces two changes.
-
-        It does so if it costs as much as the two changes, by way of the second layer, in each criterion. Only nodes in
-        the mask ``some`` are checked; for others the result is False.
-        """
-        result, own = some.copy(), np.flatnonzero(some)
-        if not own.size:
-            return result
-        states, law = self.inner.states(nodes[own] // self._layers), laws_of(self.model)[CHANGE]
-        at = [at_speed(states, self._speed_of[layer[own]]) for layer in layers]
-        whole, *parts = (Motions(self.world, self.model, law, at[i], at[j]) for i, j in ((0, 2), (0, 1), (1, 2)))
-        for criterion in self.criteria:
-            paid = [motion_costs(criterion, part) for part in parts]
-            by_way = np.maximum(*paid) if criterion.aggregate == "max" else sum(paid)
-            result[own] &= np.isclose(motion_costs(criterion, whole), by_way, rtol=SAME, atol=SAME * criterion.quantum)
-        return result
 
     def _kinds_into(self, ids: IntArray, rows: IntArray) -> IntArray:
         """Return the kind (p,) of the motion that leads to each of p nodes of paths; any kind for first nodes.
@@ -398,10 +396,5 @@ class SpeedGraph(TrajectoryGraph):
 
     def what_separates(self, start: int, goals: list[int]) -> str:
         """Return the reason why no path leads from start to goals, as text: that of the inner graph."""
-        (begin, *ends) = self._states_of(np.array([start, *goals], np.int64)).tolist()
+        begin, *ends = self._states_of(np.array([start, *goals], np.int64)).tolist()
         return self.inner.what_separates(begin, ends)
-
-
-def _costs(motions: Motions, criteria: Sequence[Criterion]) -> IntArray:
-    """Return the costs (M, k) of motions, in quanta."""
-    return np.stack([quantised(motion_costs(criterion, motions), criterion) for criterion in criteria], axis=1)

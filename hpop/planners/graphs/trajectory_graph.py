@@ -267,6 +267,19 @@ class TrajectoryGraph(ABC):
         """
         return None
 
+    @property
+    def one_layer(self) -> TrajectoryGraph:
+        """The graph itself, without layers for speeds."""
+        return self
+
+    def in_layer(self, states: IntArray, speeds: FloatArray) -> IntArray:
+        """Return the nodes (N,) of states of `one_layer` (N,) at speeds (N,), m/s."""
+        return states
+
+    def is_join(self, nodes: IntArray) -> BoolArray:
+        """Return a mask (N,): True for nodes that stand for a join, between its ends; there are none by default."""
+        return np.zeros(nodes.size, dtype=np.bool_)
+
     def inside(self, nodes: list[int]) -> list[int]:
         """Return the nodes with each added start or goal replaced by the states to which it is connected."""
         return nodes

@@ -20,7 +20,7 @@ import hpop
 from hpop.criteria import trajectory_cost
 from hpop.criteria.costs import trajectory_costs
 from hpop.errors import QueryError
-from hpop.motions import States
+from hpop.motions import States, laws_of
 from hpop.planners.lattice import Lattice
 from hpop.planners.spending import Limits
 from hpop.problems.problem import Problem
@@ -122,11 +122,11 @@ class Oracle:
                 stops = self.paid("speed_change", (gx, gy, ahead, speed), (gx, gy, ahead, 0.0))
                 yield None, self.counted(*turns, *starts, move, stops)
 
-    def front(self, start: tuple[float, float]) -> set[Costs]:
-        """Return the non-dominated costs from a start with heading 0, at rest."""
+    def front(self, start: tuple[float, float], heading: int = 0, number: int = 0) -> set[Costs]:
+        """Return the non-dominated costs from a start with a heading and a speed, by their numbers."""
         nothing = (0,) * len(self.problem.criteria)
         labels, found = defaultdict[Node, set[Costs]](set), set[Costs]()
-        heap: list[tuple[Costs, Node | None]] = [(nothing, (*start, 0, 0))]
+        heap: list[tuple[Costs, Node | None]] = [(nothing, (*start, heading, number))]
         order = {heap[0]}
         while heap:
             cost, node = heapq.heappop(heap)
@@ -222,7 +222,7 @@ def executed_as_planned(trajectory: Trajectory) -> None:
 def classes_kept(trajectory: Trajectory, run: Trajectory, times: Any, speed: Any) -> None:
     """Check that the execution is nowhere faster than the class that is planned there."""
     passed = trajectory.model.execution(trajectory)[1]
-    moves = np.array(["x" in trajectory.model.laws[kind].varies for kind in trajectory.kinds], dtype=bool)
+    moves = np.array(["x" in laws_of(trajectory.model)[kind].varies for kind in trajectory.kinds], dtype=bool)
     for i in np.flatnonzero(moves).tolist():
         within = (times > passed[i]) & (times < passed[i + 1])
         assert speed[within].max(initial=0.0) <= trajectory.states.speed[i] + 1e-6

@@ -16,7 +16,7 @@ import hpop
 from hpop.base.arrays import Column
 from hpop.cli.report import print_front
 from hpop.criteria.base import criterion
-from hpop.errors import HpopError, ModelError, QueryError, UnsupportedModel
+from hpop.errors import ModelError, QueryError, UnsupportedModel
 from hpop.models import PanTilt
 from hpop.models.base import Mount, Part, PlanarModel, plane_space
 from hpop.models.laws import Spin, Turn
@@ -280,13 +280,14 @@ def test_planners_for_one_speed_say_which_ones_choose(planner: str) -> None:
         problem(criteria=("duration", "length")).solve(planner)
 
 
-def test_people_who_move_and_drives_are_refused() -> None:
+def test_people_who_move_are_refused() -> None:
     walking = WORLD.with_content(people=[hpop.Person(6, 5, 0, velocity=(0.5, 0.0))])
     with pytest.raises(QueryError, match="lattice among moving people drives at one speed"):
         problem(criteria=("duration", "length"), world=walking).solve(LATTICE)
     asked = problem(criteria=("duration", "length"))
-    with pytest.raises(HpopError, match="a drive drives at one speed"):
-        hpop.follow(asked, asked.solve({"lattice": {"step": 1.0}}), 0)
+    drive = hpop.follow(asked, asked.solve({"lattice": {"step": 1.0}}), 0)
+    with pytest.raises(QueryError, match="a drive among moving people drives at one speed"):
+        drive.world(1.0, people=walking.content.people)
 
 
 def trajectory(*rows: tuple[float, float, float], kinds: tuple[str, ...]) -> Trajectory:
