@@ -142,11 +142,10 @@ class DriveGraph:
         inner = np.zeros(self.inner.arcs.heads.size, dtype=np.bool_)
         for mask in self.masks:
             inner[mask] = True
-        joins = np.zeros(0 if chains is None else chains.tails.size, dtype=np.bool_)
-        if chains is not None:
-            for closing in self.closings:
-                joins |= chains_closed(chains, closing)
-        return self.query.space.with_joins(inner, joins)
+        if chains is None:
+            return self.query.space.with_joins(inner, inner[:0])
+        joins = [np.zeros(chains.tails.size, np.bool_), *(chains_closed(chains, area) for area in self.closings)]
+        return self.query.space.with_joins(inner, np.any(joins, axis=0))
 
     # Changes
 
@@ -279,15 +278,12 @@ class DriveGraph:
         With several speeds, these are two arcs (:mod:`hpop.planners.graphs.speeds`), of the fastest copy of the join.
         """
         begin, end = self.graph.indptr[node : node + 2].tolist()
-        (first,), heads = self.query.space.in_layer(np.array([self.inner.size]), np.zeros(1)), self.graph.heads
-        beside = [goal for goal in self.query.goals if goal >= first]
+        space, heads = self.query.space, self.graph.heads
+        beside = [goal for goal in self.query.goals if goal >= space.in_layer(np.array([self.inner.size]), np.zeros(1))]
         for arc in reversed(range(begin, end)):
             if heads[arc] in beside:
                 return np.array([arc])
-            if (
-                self.query.space.is_join(heads[[arc]].astype(np.int64))[0]
-                and heads[self.graph.indptr[heads[arc]]] in beside
-            ):
+            if space.is_join(heads[[arc]].astype(np.int64))[0] and heads[self.graph.indptr[heads[arc]]] in beside:
                 return np.array([arc, self.graph.indptr[heads[arc]]])
         return np.zeros(0, np.int64)
 

@@ -28,6 +28,7 @@ from hpop.world.content.people import described_person
 
 if TYPE_CHECKING:
     from hpop.drive.execution import Execution
+    from hpop.problems.problem import Problem
 
 SCHEMA, VERSION = "hpop-drive", 1
 SIZE_LIMIT = 512 * 1024**2  # bytes
