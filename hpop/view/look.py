@@ -57,11 +57,23 @@ class MapLook(NamedTuple):
     no_way: bool
 
 
+WORSE: dict[str, Any] = BETTER | {"marker": "X", "markerfacecolor": "#d62728"}
+
+
 @plain
 def _map_figure(
-    problem: Problem, title: str, free: FreeMap | None, text: Sequence[str], better: Sequence[States]
+    problem: Problem,
+    title: str,
+    free: FreeMap | None,
+    text: Sequence[str],
+    better: Sequence[States],
+    doubtful: Sequence[tuple[float, float]],
 ) -> Figure:
-    """Draw the picture of `look`; ``better`` are the nearest free states to blocked ones, ``text`` is written below."""
+    """Draw the picture of `look`, with ``text`` below.
+
+    better    nearest free states to blocked ones
+    doubtful  positions, m, of stops that a plan may refuse
+    """
     view = view_of(problem)
     axes = new_figure(1.0, 1.0, layout=None).add_axes(WHOLE, label="look")
     axes.set_facecolor("white")
@@ -78,6 +90,10 @@ def _map_figure(
         axes.plot(state.x, state.y, zorder=8.5, gid="usable", **BETTER)
     if better:
         symbols.append(Line2D([], [], label="nearest collision-free position", **BETTER))
+    for x, y in doubtful:
+        axes.plot(x, y, zorder=8.5, gid="doubtful stop", **WORSE)
+    if doubtful:
+        symbols.append(Line2D([], [], label="stop that a plan may refuse", **WORSE))
     draw_frame(axes, view)
     half = (len(symbols) + 1) // 2
     return lay_out(
@@ -111,9 +127,12 @@ def look(problem: Problem, title: str) -> MapLook:
     free = FreeMap.of(model, world)
     apart = [] if free is None or refused else _apart(free, ends)
     notes = [] if free is None else _notes(free, apart)
-    notes += [f"a plan may refuse this tour: {reason}" for reason in reasons_not_visited(problem)]
+    reasons = reasons_not_visited(problem)
+    notes += [f"a plan may refuse this tour: {reason}" for reason in reasons.values()]
+    stops = () if problem.tour is None else problem.tour.stops
+    doubtful = [place for i in reasons if (place := stops[i].place(world)) is not None]
     no_way = 0 < len(apart) == len(ends) - 1
-    figure = _map_figure(problem, title, free, [*refused, *notes], better)
+    figure = _map_figure(problem, title, free, [*refused, *notes], better, doubtful)
     side = draw_side_of_ends(problem, title) if model.bodies(ends["start"]) else None
     return MapLook(figure, side, tuple(refused), tuple(notes), no_way)
 

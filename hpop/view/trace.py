@@ -202,7 +202,10 @@ def _shade(axes: Axes, trajectory: Trajectory, motions: BoolArray, colour: str, 
 
 
 def _name_visits(panels: Sequence[Axes], problem: Problem, trajectory: Trajectory) -> None:
-    """Write number and name of each visited stop into the first panel; draw a line for a visit without dwell."""
+    """Write number and name of each visited stop into the panel of the speed, which is 0 during a dwell.
+
+    A visit without dwell is a line in all panels.
+    """
     if problem.tour is None:
         return
     (found,) = all_visits(problem.tour, problem.world, [trajectory], missed_weights(problem.criteria))
@@ -211,9 +214,9 @@ def _name_visits(panels: Sequence[Axes], problem: Problem, trajectory: Trajector
             for axes in panels:
                 axes.axvline(visit.begin, color=STOP, linestyle=":", linewidth=0.9, zorder=0.6, gid="visit")
         name = printable(f"{visit.stop + 1} {problem.tour.names[visit.stop]}")
-        panels[0].text(
+        panels[-2].text(
             0.5 * (visit.begin + visit.end), 0.96, name if len(name) <= NAME else f"{name[: NAME - 1].rstrip()}…",
-            transform=panels[0].get_xaxis_transform(), rotation=90, ha="center", va="top", gid="visit",
+            transform=panels[-2].get_xaxis_transform(), rotation=90, ha="center", va="top", gid="visit",
             fontsize=SMALL, color=STOP, path_effects=HALO, zorder=4,
         )  # fmt: skip
 

@@ -54,7 +54,11 @@ def test_stops_that_a_plan_would_refuse_are_noted() -> None:
     stops = [{"landmark": "in the wall", "within": 0.1}, {"at": (4.1, 5.0), "within": 0.2, "name": "on the wall"}]
     stops += [{"landmark": "in the wall", "within": 2.0, "name": "seen"}, {"at": (2.0, 2.0), "within": 0.5}]
     problem = hpop.Problem(world, ROBOT, (1, 1, 0), (3, 5, None), ["length"], tour=hpop.Tour(stops, order="any"))
-    _, first, second = look(problem, "a hall").notes
+    found = look(problem, "a hall")
+    _, first, second = found.notes
+    crosses = [tuple(line.get_xydata()[0]) for line in found.figure.axes[0].lines if line.get_gid() == "doubtful stop"]
+    assert crosses == [(4.1, 3.0), (4.1, 5.0)]
+    assert "stop that a plan may refuse" in texts(found.figure)
     assert "may refuse this tour: stop 'in the wall' cannot be visited" in first
     assert "may refuse this tour: stop 'on the wall' cannot be visited" in second
     with pytest.raises(hpop.errors.QueryError, match="stop 'in the wall' cannot be visited"):

@@ -29,7 +29,7 @@ def front(problem):
 
 def test_a_trace_names_each_visit_in_the_middle_of_its_dwell(problem, front):
     row = next(row for row in range(len(front)) if len(visit_order(front, row).split()) == 4)
-    axes = draw_trace(problem, front.trajectories[row]).axes[0]
+    axes = draw_trace(problem, front.trajectories[row]).axes[-2]
     texts = {text.get_text(): text.get_position()[0] for text in axes.texts if text.get_gid() == "visit"}
     assert set(texts) == {"1 east", "2 north", "3 vase", "4 passed"}
     for visit in front.provenance[row]["visits"]:
@@ -54,10 +54,10 @@ def test_a_long_name_is_cut_and_a_problem_without_a_tour_has_no_names(problem, f
     named = hpop.Problem(
         problem.world, problem.model, problem.start, (2, 4, None), ["turns"], tour=hpop.Tour(stops[:2], order="any")
     )
-    texts = [text.get_text() for text in draw_trace(named, front.trajectories[0]).axes[0].texts]
+    texts = [text.get_text() for text in draw_trace(named, front.trajectories[0]).axes[-2].texts]
     assert {"1 the cabine…", "2 north"} <= set(texts)
     plain = hpop.Problem(problem.world, problem.model, problem.start, (2, 4, None), ["turns"])
-    texts = draw_trace(plain, front.trajectories[0]).axes[0].texts
+    texts = draw_trace(plain, front.trajectories[0]).axes[-2].texts
     assert [text for text in texts if text.get_gid() == "visit"] == []
 
 

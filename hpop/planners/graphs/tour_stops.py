@@ -173,17 +173,18 @@ def drawn_states(problem: Problem, stop: TourStop) -> States:
     return states.take(np.flatnonzero(usable)[:DRAWN])
 
 
-def reasons_not_visited(problem: Problem) -> list[str]:
-    """Return why stops of the problem's tour may be impossible to visit: those of which no random state is free.
+def reasons_not_visited(problem: Problem) -> dict[int, str]:
+    """Return, by index, why stops of the problem's tour may be impossible to visit: no random state of theirs is free.
 
     A planner may still have a free state at such a stop.
     """
-    reasons = list[str]()
-    for stop in () if problem.tour is None else problem.tour.stops:
+    reasons = dict[int, str]()
+    for i, stop in enumerate(() if problem.tour is None else problem.tour.stops):
         try:
-            reasons += [] if drawn_states(problem, stop).size else [_reason(problem, stop)]
+            if not drawn_states(problem, stop).size:
+                reasons[i] = _reason(problem, stop)
         except QueryError as error:
-            reasons.append(str(error))
+            reasons[i] = str(error)
     return reasons
 
 
