@@ -194,8 +194,7 @@ class Plan:
         if law is None or SPEED not in self.announced.states.names:
             return 0.0
         state = self.announced.at(t)
-        rest = States(**state.__dict__ | {SPEED: np.zeros(1)})
-        return float(sum(phase.duration for phase in law.phases(state, rest))[0])
+        return float(law.phases(state, States(**state.__dict__ | {SPEED: np.zeros(1)}))[0].duration[0])
 
     @cached_property
     def arrivals(self) -> IntArray:
@@ -204,17 +203,16 @@ class Plan:
         These are the first and the last state, and all states at which a straight move or hold ends: there all plans
         go straight on or stop to turn.
         """
-        kinds = self.driven.kinds
-        after = [0] + [i + 1 for i, kind in enumerate(kinds) if "x" in laws_of(self.driven.model)[kind].varies]
-        after += [i + 1 for i, kind in enumerate(kinds) if kind == HOLD.kind]
-        return np.unique([*after, len(kinds)])
+        kinds, laws = self.driven.kinds, laws_of(self.driven.model)
+        after = [i + 1 for i, kind in enumerate(kinds) if "x" in laws[kind].varies or kind == HOLD.kind]
+        return np.unique([0, *after, len(kinds)])
 
     @property
     def states(self) -> States:
         """The states of `driven`, with their speeds if the model has several."""
-        states, names = self.driven.states, self.driven.model.space.names
-        speeds = {SPEED: speed_of(states)} if CHANGE in self.driven.model.laws else {}
-        return States(**{name: getattr(states, name) for name in names}, **speeds)
+        states, model = self.driven.states, self.driven.model
+        columns = {name: getattr(states, name) for name in model.space.names}
+        return States(**columns | ({SPEED: speed_of(states)} if CHANGE in model.laws else {}))
 
     @property
     def ramp(self) -> float:

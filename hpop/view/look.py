@@ -130,7 +130,7 @@ def look(problem: Problem, title: str) -> MapLook:
     reasons = reasons_not_visited(problem)
     notes += [f"a plan may refuse this tour: {reason}" for reason in reasons.values()]
     stops = () if problem.tour is None else problem.tour.stops
-    doubtful = [place for i in reasons if (place := stops[i].place(world)) is not None]
+    doubtful = [at for i in reasons if (at := stops[i].place(world)) is not None]
     no_way = 0 < len(apart) == len(ends) - 1
     figure = _map_figure(problem, title, free, [*refused, *notes], better, doubtful)
     side = draw_side_of_ends(problem, title) if model.bodies(ends["start"]) else None

@@ -169,7 +169,7 @@ class SpeedGraph(TrajectoryGraph):
         return {**self.inner.counts, "speeds": len(self.speeds)}
 
     def _states_of(self, nodes: IntArray) -> IntArray:
-        """Return the state (N,) of the inner graph at each node; at the node of a join, that to which the join leads."""
+        """Return the state (N,) of the inner graph at each node; at a join, the state to which it leads."""
         last, heads = self.inner.size * self.layers, np.append(self._joins.heads, 0)
         return np.where(nodes < last, nodes // self.layers, heads[np.clip(nodes - last, 0, len(self._joins))])
 
