@@ -223,6 +223,23 @@ def excess(vector: FloatArray, least: FloatArray) -> float:
 
 
 @lean
+def nearest(front: FloatArray, least: FloatArray, first: int, enough: float) -> tuple[float, int]:
+    """Return the least excess of a vector of the front (n, k) over an estimate `least` (k,), and the vector's index.
+
+    Vector `first` is tried before all others. The first one whose excess is at most `enough` is returned.
+    """
+    best, at = excess(front[first], least), first
+    if best > enough:
+        for r in range(len(front)):
+            gap_of_vector = excess(front[r], least)
+            if gap_of_vector < best:
+                best, at = gap_of_vector, r
+                if best <= enough:
+                    break
+    return best, at
+
+
+@lean
 def largest_gap(front: FloatArray, estimates: FloatArray, most: float) -> float:
     """Return the least gap such that each estimate (m, k) has a vector of the front (n, k) within (1 + gap) times it.
 
@@ -232,16 +249,7 @@ def largest_gap(front: FloatArray, estimates: FloatArray, most: float) -> float:
     gap = 0.0
     last = 0
     for i in range(len(estimates)):
-        if excess(front[last], estimates[i]) <= gap:
-            continue
-        best = np.inf
-        for r in range(len(front)):
-            gap_of_vector = excess(front[r], estimates[i])
-            if gap_of_vector < best:
-                best = gap_of_vector
-                last = r
-                if best <= gap:
-                    break
+        best, last = nearest(front, estimates[i], last, gap)
         gap = max(gap, best)
         if gap >= most:
             break

@@ -177,15 +177,18 @@ class PreparedRun:
         """Return the smallest gap of costs (n, k) to missing paths that the exact or the approximate search proves."""
         if self.exact is None:
             return proven_gap(costs, self.prepared.bounds[:, self.source][None], math.inf)
-        gap = GAP if self.is_approximate_complete else math.inf
+        front, gap = costs[:, list(self.order)], GAP if self.is_approximate_complete else math.inf
         if self.approximate is not None and not self.is_approximate_complete:
-            gap = max(GAP, proven_gap(costs, self._in_graph_columns(self.approximate.estimates()), gap))
-        estimates, front = self.exact.estimates(), costs[:, list(self.order)]
-        gap = min(gap, proven_gap(front, estimates[:, : len(self.order)], gap))
-        if isinstance(self.exact, Staircase) and self.exact.layers.size:
-            fixed, each = CLOSER
-            if clock.remaining > fixed + each * len(estimates):
-                gap = self.exact.closer_gap(front, gap, estimates, front[:0], clock)
+            gap = max(GAP, self._gap_of(self.approximate, front, gap, clock))
+        return min(gap, self._gap_of(self.exact, front, gap, clock))
+
+    def _gap_of(self, search: Search, front: IntArray, gap: float, clock: DeadlineClock) -> float:
+        """Return the gap that a search proves for a front (n, k), columns in its order; any more than `gap` will do."""
+        estimates, (fixed, each) = search.estimates(), CLOSER
+        gap = proven_gap(front, estimates[:, : len(self.order)], gap)
+        in_time = clock.remaining > fixed + each * len(estimates)
+        if in_time and isinstance(search, Staircase) and (search.layers.size or search.hull):
+            gap = search.closer_gap(front, gap, estimates, front[:0], clock)
         return gap
 
     def _in_graph_columns(self, table: IntArray) -> IntArray:

@@ -19,11 +19,10 @@ from hpop.runtime.compiled import kernel, lean
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import ANYTHING, Precision, thin_front
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
-from hpop.search.machinery.kernels import least_covered
 from hpop.search.machinery.labels import Unsound, is_heap
 from hpop.search.machinery.slices import N_EXPANDED, N_FRONT, N_GENERATED, Clock, Search
 from hpop.search.machinery.turns import Groups, NoRoom
-from hpop.search.staircase.labels import UncoveredCorners
+from hpop.search.staircase.labels import UncoveredCorners, least_estimates
 from hpop.search.staircase.tables import H_FIRST, H_REST
 from hpop.search.staircase.turn_hull import LANES, ROOM, HullBounds, IntLanes, TurnHull, directions, turn_hull
 
@@ -340,7 +339,7 @@ class JointSearch(BucketSearch):
         self.front = np.concatenate([self.front[:size], costs[rows], np.zeros((64, 3), np.int64)])
         self.solutions = np.concatenate([self.solutions[:size], -1 - np.arange(len(rows)), np.zeros(64, np.int64)])
         self.counters[N_FRONT] += len(rows)
-        ahead = self._least_covered(costs[rows])
+        ahead = least_estimates(costs[rows], self.precision.eps, self.tolerance)
         ahead = ahead[ahead[:, 0].argsort()]
         no_corners = np.zeros((0, 0, LANES), np.int32), np.zeros(0, np.int64)
         reached, scratch = np.zeros(1, np.int64), np.zeros((2, LANES), np.int32)
@@ -378,21 +377,19 @@ class JointSearch(BucketSearch):
         clock.peak = max(clock.peak, memory + silent.peak)
         return costs, hull_paths
 
-    def _least_covered(self, costs: IntArray) -> IntArray:
-        """Return the least estimate (n, 3), a lower bound of a path's costs, that each vector (n, 3) covers.
-
-        A vector covers what is at least as large in every cost, within the precision.
-        """
-        eps, tolerance = float(self.precision.eps), self.tolerance.tolist()
-        table = [[least_covered(c, eps, t) for c, t in zip(row, tolerance, strict=True)] for row in costs.tolist()]
-        return np.array(table, np.int64).reshape(-1, 3)
-
     def _update_corners(self, hull: HullBounds, clock: Clock) -> None:
-        """Compute the corners of the region of costs that the front does not cover, within the query's bounds."""
+        """Compute the corners of the region of costs that the front does not cover within the precision."""
         self.corners_size = int(self.counters[N_FRONT])
-        covered = self._least_covered(self.front[: self.corners_size])
+        covered = least_estimates(self.front[: self.corners_size], self.precision.eps, self.tolerance)
+        self.hull = self.with_corners(hull, covered, clock)
+
+    def with_corners(self, hull: HullBounds, covered: IntArray, clock: Clock) -> HullBounds:
+        """Return joint bounds with the corners of the region that solutions and the query's bounds leave uncovered.
+
+        covered  (p, 3)  least estimate that each solution covers, see :func:`.least_estimates`
+        """
         if self.at_most:
             beyond = np.diag([self.at_most[j] + 1 for j in self.order])
             covered = np.concatenate([covered, beyond[beyond.max(axis=1) <= ANYTHING]])
         corners = UncoveredCorners.of(covered, hull.weights, clock)
-        self.hull = hull._replace(corners=corners.values, last=corners.last)
+        return hull._replace(corners=corners.values, last=corners.last)

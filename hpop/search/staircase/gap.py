@@ -6,10 +6,15 @@ gap to f can be 1 where the true gap is 0.2. The bounds h_m of :func:`.staircase
 label have n turns and the rest cost d so far. A path with m further turns has n + m turns in all, and a rest cost of at
 least d + h_m. So one estimate for each m, instead of f, bounds all paths that begin with the label. Estimates that the
 staircase of the solutions covers are left out: nothing is missing there.
+
+A search within a precision has joint bounds (:mod:`.turn_hull`) instead. They bound first and rest cost together, so
+their gap is found by halving: a gap is proven if they show that the front, each vector divided by 1 + gap, covers all
+paths through open labels (:func:`.staircase.labels.may_improve`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,8 +22,23 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.runtime.compiled import lean
-from hpop.search.machinery.kernels import excess
+from hpop.search.machinery.kernels import excess, nearest
+from hpop.search.machinery.slices import Clock
+from hpop.search.staircase.labels import least_estimates, may_improve
 from hpop.search.staircase.tables import H_INDEX, H_REST
+from hpop.search.staircase.turn_hull import HullBounds
+
+CLOSE = 0.01  # a gap of joint bounds is at most this part larger than the least that they prove
+LARGEST = 2.0**20  # a gap that is not shown to be smaller counts as infinite
+
+
+@lean
+def last_node(label: int, heads: NDArray[np.int32], source: int) -> int:
+    """Return the last node of a label (partial path); arguments as in :func:`gap_by_turns`."""
+    arc = (label & 0xFFFFFFFF) - 1
+    if arc >= len(heads):  # a turn to a target
+        return arc - len(heads)
+    return np.int64(heads[arc]) if arc >= 0 else np.int64(source)  # type: ignore[return-value]  # as all kernels' indices
 
 
 @lean
@@ -29,9 +49,9 @@ def gap_by_turns(
     heads: NDArray[np.int32],
     source: int,
     nodes: NDArray[Any],
+    bound: int,
     layers: NDArray[Any],
     goal: NDArray[Any],
-    bound: int,
     most: float,
     least: FloatArray,
 ) -> float:
@@ -41,9 +61,9 @@ def gap_by_turns(
     labels, estimates  (m,), (m, 3)  open labels (partial paths) and their estimates
     heads              heads of the plain arcs (no turns), of which labels name the last
     source             node at which paths begin
-    nodes, layers      table of nodes, and bounds by remaining turns (:func:`.staircase.tables.costs_by_turns`)
+    nodes, bound       table of nodes, and upper bound of the first cost
+    layers             bounds by remaining turns (:func:`.staircase.tables.costs_by_turns`)
     goal               staircase of the solutions
-    bound              upper bound of the first cost
     most               gap that is proven already; the computation stops when it is reached
     least              (3,)  scratch
     """
@@ -54,12 +74,7 @@ def gap_by_turns(
         least[0], least[1], least[2] = estimates[i, 0], estimates[i, 1], estimates[i, 2]
         if estimates[i, 0] > bound or excess(front[last], least) <= gap:
             continue
-        arc = (labels[i] & 0xFFFFFFFF) - 1
-        v = np.int64(source)
-        if arc >= len(heads):  # a turn to a target
-            v = arc - len(heads)
-        elif arc >= 0:
-            v = np.int64(heads[arc])
+        v = last_node(labels[i], heads, source)
         fewest = np.int64(nodes[v, H_INDEX])
         n, d = estimates[i, 1] - fewest, estimates[i, 2] - nodes[v, H_REST]
         before = np.int64(-1)
@@ -72,17 +87,61 @@ def gap_by_turns(
             if goal[min(turns, end)] <= rest:
                 continue
             least[1], least[2] = turns, rest
-            if excess(front[last], least) <= gap:
-                continue
-            best = np.inf
-            for r in range(len(front)):
-                gap_of_vector = excess(front[r], least)
-                if gap_of_vector < best:
-                    best = gap_of_vector
-                    last = r
-                    if best <= gap:
-                        break
+            best, last = nearest(front, least, last, gap)
             gap = max(gap, best)
             if gap >= most:
                 return most
+    return gap
+
+
+@lean
+def first_uncovered(
+    begin: int,
+    labels: IntArray,
+    estimates: IntArray,
+    heads: NDArray[np.int32],
+    source: int,
+    nodes: NDArray[Any],
+    bound: int,
+    hull: Any,
+) -> int:
+    """Return the first label, from `begin` on, that may lead to a path that no solution covers; m if there is none.
+
+    hull  fields of :class:`.HullBounds`, with the corners of the region that is not covered
+
+    Other arguments as in :func:`gap_by_turns`.
+    """
+    layers, weights, corners, last, _, _, scratch = hull
+    for i in range(begin, len(labels)):
+        f0, f1, f2 = estimates[i, 0], estimates[i, 1], estimates[i, 2]
+        v = last_node(labels[i], heads, source)
+        fewest = np.int64(nodes[v, H_INDEX])
+        if f0 <= bound and may_improve(v, f1 - fewest, f0, f2, fewest, layers, weights, corners, last, scratch):
+            return i
+    return len(labels)
+
+
+def gap_by_joint_bounds(
+    front: IntArray,
+    with_corners: Callable[[IntArray], HullBounds],
+    tables: tuple[Any, ...],
+    least: float,
+    gap: float,
+    clock: Clock,
+) -> float:
+    """Return a gap that joint bounds prove for a front (n, 3), from `least` to `gap`; `gap` must be proven already.
+
+    with_corners  takes the least estimate (n, 3) that each vector covers, and returns joint bounds with corners
+    tables        arguments `labels` to `bound` of :func:`first_uncovered`
+    """
+    low = middle = least
+    begin, exactly = 0, np.zeros(3, np.int64)
+    while low < LARGEST and gap - low > CLOSE * low:
+        hull = with_corners(least_estimates(front, middle, exactly))
+        uncovered = int(clock.call(first_uncovered, begin, *tables, tuple(hull)))
+        if uncovered == len(tables[0]):
+            gap = middle
+        else:  # labels before this one are covered within every larger gap
+            low, begin = middle, uncovered
+        middle = (low + gap) / 2 if np.isfinite(gap) else 2 * low + 1
     return gap

@@ -242,6 +242,16 @@ class UncoveredCorners:
         return cls(values, last)
 
 
+def least_estimates(costs: IntArray, eps: float, tolerance: IntArray) -> IntArray:
+    """Return the least estimate (n, 3), a lower bound of a path's costs, that each vector (n, 3) covers.
+
+    A vector covers what is at least as large in every cost, within `eps` and `tolerance` (3,).
+    """
+    within = tolerance.tolist()
+    table = [[least_covered(c, float(eps), t) for c, t in zip(row, within, strict=True)] for row in costs.tolist()]
+    return np.array(table, np.int64).reshape(-1, 3)
+
+
 @kernel
 def fill_corners(covered: IntArray, weights: FloatArray, values: IntLanes, last: IntArray) -> None:
     """Compute the fields `values` and `last` of :class:`UncoveredCorners`, which are written.

@@ -28,6 +28,7 @@ remain that the bounds cannot prove to be covered (:mod:`.staircase.labels`): of
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,7 @@ from hpop.search.machinery.slices import (
 )
 from hpop.search.machinery.turns import OFFSET, SIZE, Groups
 from hpop.search.staircase.buckets import JointSearch
-from hpop.search.staircase.gap import gap_by_turns
+from hpop.search.staircase.gap import gap_by_joint_bounds, gap_by_turns
 from hpop.search.staircase.kernel import advance
 from hpop.search.staircase.labels import checksum_of_stairs, enter_all, enter_goal, retrace
 from hpop.search.staircase.tables import (
@@ -251,25 +252,28 @@ class Staircase(JointSearch):
             self.take_turn_bounds(layers)
 
     def closer_gap(self, front: IntArray, gap: float, estimates: IntArray, least: IntArray, clock: Clock) -> float:
-        """Return a gap of a front (n, 3) to missing vectors, proven by bounds for each number of further turns.
+        """Return a gap of a front (n, 3) to missing vectors, at most ``gap``, which is proven already.
 
-        It is at most ``gap``, which is proven already. Call this only when the search has stopped: missing bounds are
-        computed, unless known paths show that no smaller gap is true.
+        Call this only when the search has stopped: without joint bounds, missing bounds by turns are computed, unless
+        known paths show that no smaller gap is true.
 
         estimates  (m, 3)  those of open labels, see :meth:`estimates`; all columns are in the order of the search
         least      (p, 3)  costs of known paths that the front need not have
         """
-        if not len(front) or self.order[2] < 0 or proven_gap(front, least) >= gap:
+        if not len(front) or self.order[2] < 0 or (true := proven_gap(front, least)) >= gap:
             return gap
-        if not self.layers.size and (self.hull or not self.has_tried_bounds):
+        tables = (np.concatenate(self.open_labels()), estimates, self.heads, self.source, self.nodes, self.most)
+        if self.hull:
+            with_corners = partial(self.with_corners, self.hull, clock=clock)
+            return gap_by_joint_bounds(front, with_corners, tables, max(true, self.precision.eps), gap, clock)
+        if not self.layers.size and not self.has_tried_bounds:
             self._compute_turn_bounds(clock, min(LAYERS, int(front[:, 1].max()) + 2))  # more turns differ little
             clock.peak = max(clock.peak, self.memory())
         if not self.layers.size:
             return gap
-        labels, scratch = np.concatenate(self.open_labels()), np.empty(3)
-        tables = (self.heads, self.source, self.nodes, self.layers, self.goal, self.most)
-        found = (front.astype(np.float64), labels, estimates)
-        return float(clock.call(gap_by_turns, *found, *tables, gap, scratch))
+        return float(
+            clock.call(gap_by_turns, front.astype(np.float64), *tables, self.layers, self.goal, gap, np.empty(3))
+        )
 
     def take_turn_bounds(self, layers: NDArray[Any]) -> None:
         """Use bounds (n, m) for each number of remaining turns from now on, see :func:`.costs_by_turns`."""
