@@ -52,6 +52,7 @@ FIRST, SECOND = 0.4, 0.7  # shares of the limits at which the approximate search
 SOON, REPAIRED, LATE = 0.15, 0.55, 0.95  # shares if joint bounds are repaired: begin, end of the repair, end
 GAP = 0.1  # relative precision of the approximate search
 CLOSER = 350e-6, 15e-9  # s, and s for each open label (partial path), to prove a closer gap by bounds by turns
+JOINTLY = 15e-3, 1e-6  # the same by joint bounds
 AHEAD = 150e-9  # s for each node, that the approximate search needs before its first label
 
 
@@ -184,11 +185,12 @@ class PreparedRun:
 
     def _gap_of(self, search: Search, front: IntArray, gap: float, clock: DeadlineClock) -> float:
         """Return the gap that a search proves for a front (n, k), columns in its order; any more than `gap` will do."""
-        estimates, (fixed, each) = search.estimates(), CLOSER
+        estimates = search.estimates()
         gap = proven_gap(front, estimates[:, : len(self.order)], gap)
-        in_time = clock.remaining > fixed + each * len(estimates)
-        if in_time and isinstance(search, Staircase) and (search.layers.size or search.hull):
-            gap = search.closer_gap(front, gap, estimates, front[:0], clock)
+        if isinstance(search, Staircase) and (search.layers.size or search.hull):
+            fixed, each = JOINTLY if search.hull else CLOSER
+            if clock.remaining > fixed + each * len(estimates):
+                gap = search.closer_gap(front, gap, estimates, front[:0], clock)
         return gap
 
     def _in_graph_columns(self, table: IntArray) -> IntArray:
