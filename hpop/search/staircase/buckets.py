@@ -381,15 +381,17 @@ class JointSearch(BucketSearch):
         """Compute the corners of the region of costs that the front does not cover within the precision."""
         self.corners_size = int(self.counters[N_FRONT])
         covered = least_estimates(self.front[: self.corners_size], self.precision.eps, self.tolerance)
-        self.hull = self.with_corners(hull, covered, clock)
+        self.hull = hull
+        self.hull = self.with_corners(covered, clock)
 
-    def with_corners(self, hull: HullBounds, covered: IntArray, clock: Clock) -> HullBounds:
-        """Return joint bounds with the corners of the region that solutions and the query's bounds leave uncovered.
+    def with_corners(self, covered: IntArray, clock: Clock) -> HullBounds:
+        """Return the joint bounds with the corners of the region that solutions and the query's bounds leave uncovered.
 
         covered  (p, 3)  least estimate that each solution covers, see :func:`.least_estimates`
         """
         if self.at_most:
             beyond = np.diag([self.at_most[j] + 1 for j in self.order])
             covered = np.concatenate([covered, beyond[beyond.max(axis=1) <= ANYTHING]])
-        corners = UncoveredCorners.of(covered, hull.weights, clock)
-        return hull._replace(corners=corners.values, last=corners.last)
+        assert self.hull is not None
+        corners = UncoveredCorners.of(covered, self.hull.weights, clock)
+        return self.hull._replace(corners=corners.values, last=corners.last)

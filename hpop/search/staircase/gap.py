@@ -123,7 +123,7 @@ def first_uncovered(
 
 def gap_by_joint_bounds(
     front: IntArray,
-    with_corners: Callable[[IntArray], HullBounds],
+    with_corners: Callable[[IntArray, Clock], HullBounds],
     tables: tuple[Any, ...],
     least: float,
     gap: float,
@@ -137,7 +137,7 @@ def gap_by_joint_bounds(
     low = middle = least
     begin, exactly = 0, np.zeros(3, np.int64)
     while low < LARGEST and gap - low > CLOSE * low:
-        hull = with_corners(least_estimates(front, middle, exactly))
+        hull = with_corners(least_estimates(front, middle, exactly), clock)
         uncovered = int(clock.call(first_uncovered, begin, *tables, tuple(hull)))
         if uncovered == len(tables[0]):
             gap = middle

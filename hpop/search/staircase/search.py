@@ -28,7 +28,6 @@ remain that the bounds cannot prove to be covered (:mod:`.staircase.labels`): of
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -264,16 +263,14 @@ class Staircase(JointSearch):
             return gap
         tables = (np.concatenate(self.open_labels()), estimates, self.heads, self.source, self.nodes, self.most)
         if self.hull:
-            with_corners = partial(self.with_corners, self.hull, clock=clock)
-            return gap_by_joint_bounds(front, with_corners, tables, max(true, self.precision.eps), gap, clock)
+            return gap_by_joint_bounds(front, self.with_corners, tables, max(true, self.precision.eps), gap, clock)
         if not self.layers.size and not self.has_tried_bounds:
             self._compute_turn_bounds(clock, min(LAYERS, int(front[:, 1].max()) + 2))  # more turns differ little
             clock.peak = max(clock.peak, self.memory())
         if not self.layers.size:
             return gap
-        return float(
-            clock.call(gap_by_turns, front.astype(np.float64), *tables, self.layers, self.goal, gap, np.empty(3))
-        )
+        vectors = front.astype(np.float64)
+        return float(clock.call(gap_by_turns, vectors, *tables, self.layers, self.goal, gap, np.empty(3)))
 
     def take_turn_bounds(self, layers: NDArray[Any]) -> None:
         """Use bounds (n, m) for each number of remaining turns from now on, see :func:`.costs_by_turns`."""
