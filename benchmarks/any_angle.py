@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import time
 from pathlib import Path
 from typing import Any
@@ -93,7 +94,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--step", type=float, default=0.25)
     parser.add_argument("--samples", type=int, default=500)
-    parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data")
+    parser.add_argument("--data", type=Path, default=Path(os.environ.get("HPOP_DATA", ROOT.parent / "shared" / "data")))
     parser.add_argument("--out", type=Path, help="JSON file; printed in any case")
     options = parser.parse_args()
     result = {name: compared(asked, options.step, options.samples) for name, asked in problems(options.data).items()}

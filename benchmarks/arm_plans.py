@@ -115,9 +115,10 @@ def splines(problem: hpop.Problem, paths: Sequence[Trajectory], minimise: int | 
     for path in paths:
         watch = Watch()
         outcome = job.solve(path)
-        row: dict[str, Any] = {"seconds": watch.seconds(), "splines": len(outcome.found or ())}
-        if outcome.found:
-            before, after = costed(problem.criteria, [path, outcome.found[0].trajectory], problem)
+        improved = outcome.candidate or ()
+        row: dict[str, Any] = {"seconds": watch.seconds(), "splines": len(improved)}
+        if improved:
+            before, after = costed(problem.criteria, [path, improved[0].trajectory], problem)
             row["costs_over_those_of_the_path"] = (after / before).tolist()
         rows.append(row)
     return rows

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import statistics
 import time
 from pathlib import Path
@@ -169,7 +170,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("out/bench/epsilon_constraint.json"))
     parser.add_argument("--step", type=float, default=0.25)
-    parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data")
+    parser.add_argument("--data", type=Path, default=Path(os.environ.get("HPOP_DATA", ROOT.parent / "shared" / "data")))
     options = parser.parse_args()
     result: dict[str, Any] = {"convergence": convergence(museum_problem("m160"))}
     robot = hpop.DifferentialDrive(radius=0.3, camera_height=1.2)

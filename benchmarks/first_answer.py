@@ -73,7 +73,12 @@ MAPS: dict[str, tuple[dict[str, Any], float, list[Any], list[Any]]] = {
 def main() -> None:
     """Run what the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data", help="folder with the maps")
+    parser.add_argument(
+        "--data",
+        type=Path,
+        default=Path(os.environ.get("HPOP_DATA", ROOT.parent / "shared" / "data")),
+        help="folder with the maps",
+    )
     parser.add_argument("--map", choices=list(MAPS), nargs="+", default=list(MAPS))
     parser.add_argument("--out", type=Path, help="JSON file; printed in any case")
     arguments = parser.parse_args()

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import time
 from pathlib import Path
 from typing import Any
@@ -98,7 +99,7 @@ def main() -> None:
     parser.add_argument("--step", type=float, default=0.5)
     parser.add_argument("--weights", type=int, default=50)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data")
+    parser.add_argument("--data", type=Path, default=Path(os.environ.get("HPOP_DATA", ROOT.parent / "shared" / "data")))
     options = parser.parse_args()
     robot = hpop.DifferentialDrive(radius=0.3, camera_height=1.2)
     museum = hpop.World.from_geojson(ROOT / "examples" / "museum.geojson")

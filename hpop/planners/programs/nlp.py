@@ -5,9 +5,12 @@ Only the programs use these approximations. The costs of a front are computed wi
 
 from __future__ import annotations
 
+import ctypes
+import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -24,6 +27,7 @@ from hpop.world.fields.field import Field, GridPoints
 from hpop.world.fields.symbols import Quadratics
 from hpop.world.ground import WHOLE, Heights
 
+OPENBLAS = "libcasadi-tp-openblas.so.0"  # of CasADi's wheels for Linux
 ROUNDING = 0.02  # rad: below this angle the timing of turns is smoothed
 
 
@@ -36,6 +40,27 @@ def require_ipopt(planner: str) -> None:
             f"{planner} needs the solver IPOPT, which this installation of CasADi does not have; install CasADi's own "
             "wheel (pip install --force-reinstall casadi), or use planner 'lattice'"
         )
+
+
+def ipopt(name: str, program: dict[str, Any], options: dict[str, Any]) -> Any:
+    """Return CasADi's solver by IPOPT for a nonlinear program, as :func:`casadi.nlpsol` does, held against Ctrl-C.
+
+    The linear algebra of all such solvers then uses one thread: the matrices are so small that others only wait.
+    """
+    import casadi
+
+    with interrupts_held():
+        solver = casadi.nlpsol(name, "ipopt", program, options)
+        _use_one_thread()
+    return solver
+
+
+@cache
+def _use_one_thread() -> None:
+    """Limit CasADi's own OpenBLAS to one thread, where its wheel has one; other copies of OpenBLAS stay as they are."""
+    with suppress(OSError, AttributeError):  # other wheels of CasADi have other linear algebra
+        loaded = ctypes.CDLL(OPENBLAS, mode=os.RTLD_NOLOAD | os.RTLD_LAZY)
+        loaded.openblas_set_num_threads(1)
 
 
 def vector(column: Column, size: int) -> Any:

@@ -25,7 +25,7 @@ from hpop.motions.symbolic import lift
 from hpop.planners.needs import in_plane, one_goal, reaches
 from hpop.planners.programs.criteria import on_symbols
 from hpop.planners.programs.epsilon_constraint.descent import PolylineMotions, sparse
-from hpop.planners.programs.nlp import SparseWorld, below_hinge, moments, vector
+from hpop.planners.programs.nlp import SparseWorld, below_hinge, ipopt, moments, vector
 from hpop.planners.programs.outcome import BUILDING, SOLVING, Deadline
 from hpop.planners.programs.polyline import Polyline, PolylineStructure
 from hpop.runtime.interrupts import interrupts_held
@@ -209,8 +209,7 @@ class PolylineProgram:
         size = program["x"].numel() * program["g"].numel()
         self.deadline.check(BUILDING, ahead=BUILDS * size)
         stopping = self.deadline.stopping(program["x"].numel(), program["g"].numel())
-        with interrupts_held():
-            solver = casadi.nlpsol("polyline", "ipopt", program, _OPTIONS | stopping)
+        solver = ipopt("polyline", program, _OPTIONS | stopping)
         honest = [tops.get(j, cost) for j, cost in enumerate(costs)]  # the maximum itself, which a slack may exceed
         outputs = [casadi.horzcat(x, y), casadi.vertcat(*honest), casadi.horzcat(*maxima)]
         values = casadi.Function("values", [variables, parameters], outputs)

@@ -23,6 +23,7 @@ from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.models.driven import Drive
 from hpop.motions import States
 from hpop.planners.needs import in_plane, on_wheels, reaches
+from hpop.planners.programs.nlp import ipopt
 from hpop.planners.programs.outcome import Deadline
 from hpop.planners.programs.smoothing.interval import NODES, Bounds, Interval, made_feasible
 from hpop.planners.programs.smoothing.phases import OPTIONS, SOLVER_OPTIONS, SUCCESS, Guess, Phases
@@ -116,12 +117,7 @@ class _Formulas:
 
     def solver(self, options: Mapping[str, Any]) -> Any:
         """Return an IPOPT solver for the program; ``options`` may replace its exact second derivatives."""
-        import casadi
-
-        with interrupts_held():
-            return casadi.nlpsol(
-                "driven", "ipopt", self.program, {**self.derivatives, **OPTIONS, **self.stopping, **options}
-            )
+        return ipopt("driven", self.program, {**self.derivatives, **OPTIONS, **self.stopping, **options})
 
 
 @dataclass(frozen=True, eq=False)
