@@ -75,7 +75,9 @@ def picked(
         else:
             point, why = part.knee(), "the knee, a compromise: the deepest point of the front's bend"
     except UnknownColumnError as error:
-        hint = "; on the command line --wish NAME=NUMBER does that" * ("only reported" in str(error))
+        hint = "; on the command line --wish NAME=NUMBER finds the point nearest to a value" * (
+            "only reported" in str(error)
+        )
         hint += "; --also NAME adds a criterion to these" * ("has no column" in str(error))
         raise UnknownName(f"{error}{hint}") from None
     except (FrontError, IndexError) as error:

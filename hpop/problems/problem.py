@@ -60,7 +60,7 @@ class Problem:
     pictures use that world. ``read_seconds``, s, and ``read_memory``, bytes, are the time and memory spent on reading
     files; a planner's limits include them.
 
-    Raises QueryError, CriterionError or UnknownName for invalid arguments.
+    Raises MapError, ModelError, QueryError, CriterionError or UnknownName for invalid arguments.
     """
 
     world: World

@@ -230,7 +230,8 @@ def _acceleration(robot: Robot, joint: UrdfJoint, given: float | Mapping[str, fl
         return given
     if joint.name not in given:
         raise robot.file.error(
-            f"acceleration must have a value for each joint, but has none for {shown(joint.name)}; add one"
+            "the option acceleration of the arm must have a value for each joint, but has none for "
+            f"{shown(joint.name)}; add one there"
         )
     return given[joint.name]
 

@@ -265,6 +265,6 @@ class FixedStops:
 def _value(value: float, unit: str) -> str:
     """Return a coordinate of a state as text; "any" if it is not determined, that is, NaN.
 
-    The value is in degrees if ``unit`` is "rad".
+    If ``unit`` is "rad", the value must be in degrees already: only "deg" is written behind it.
     """
     return "any" if math.isnan(value) else f"{value + 0.0:.4g}{' deg' if unit == 'rad' else ''}"

@@ -154,7 +154,7 @@ class Staircase(JointSearch):
         """Close arcs before a search: the marked arcs (m,) of the graph, and all turns of the marked groups (g,).
 
         Closed arcs get a larger rest cost than any solution, so that every dominance test rejects paths with them. If
-        turns of a group differ in cost, the caller must also have raised the costs of closed turns in its groups.
+        turns of a group differ in cost, the caller must also have raised the costs of closed turns in ``self.groups``.
         """
         self.closed_arcs = arcs
         infinite = self._empty_steps(1)[0]

@@ -125,7 +125,10 @@ def propagate_calm_ticks(
     above: NDArray[np.int32],
     below: NDArray[np.int32],
 ) -> None:
-    """Compute L(v) of all nodes from the last changes of their arcs, backward over arcs, latest ticks first.
+    """Compute for all nodes the tick L(v) after which no path from v meets a change, from the changes of single nodes.
+
+    L(v) is the larger of v's own last change and, over its arcs to nodes u, L(u) less the duration of the arc. Nodes
+    are taken in order of their ticks, the latest first.
 
     begin, tails, ticks  arcs sorted by head: offsets (n + 1,), tails and durations (m,)
     calm   (n,)      last changes of the nodes' own arcs before the call, L(v) afterwards

@@ -79,7 +79,11 @@ class RayMeetings(NamedTuple):
 
 
 class SurfaceLook(NamedTuple):
-    """Appearance of surfaces for the compiled functions: colours (3,), and factors on them; see `surfaces`."""
+    """Appearance of surfaces for the compiled functions; the constants are those of `surfaces`.
+
+    Colours are (3,). ``pitch``, ``line`` and ``skirting`` are lengths and ``haze`` is a distance, m; ``light`` is a unit
+    vector; the others are factors on colours.
+    """
 
     floor: Rgb
     outside: Rgb

@@ -161,7 +161,10 @@ def _ground(
         check_joinable([part.area for part in areas], str(path))
         rooms = [PlanRoom(part.feature, part.area) for part in areas if kind_of(part.feature) not in SOLID]
         if not rooms:
-            raise MapError(f"{path} has no room: its polygons are walls or columns. Give polygons: obstacles.")
+            raise MapError(
+                f"{path}: polygons: rooms needs a polygon that is a room, but all are walls or columns. Give "
+                "polygons: obstacles."
+            )
         walls_of = [part.area for part in (*lines, *(each for each in areas if kind_of(each.feature) in SOLID))]
         free, solid = walled(rooms, plan.doors, walls_of, width or WALL_WIDTH, noted)
         size = f"{counted(len(rooms), 'room')} with walls {width or WALL_WIDTH:g} m thick"

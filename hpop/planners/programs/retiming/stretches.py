@@ -255,8 +255,8 @@ def _stretch(run: Trajectory, motions: Sequence[int], coordinates: Coordinates) 
     steps = np.diff(times) * (pace[:-1] + 4.0 * within + pace[1:]) / 6.0  # Simpson's rule
     if (steps <= 0.0).any() or (pace[1:-1] < REST).any():
         raise OptionError(
-            f"motion {motions[0]} of the trajectory, a {run.kinds[motions[0]]}, stands on its way, so its path has no "
-            "direction there; split it into motions that begin and end where the robot stands"
+            f"the robot stands somewhere within motions {motions[0]} to {motions[-1]} of the trajectory, so its path "
+            "has no direction there; split the motion at that place"
         )
     half = np.diff(times) * (5.0 * pace[:-1] + 8.0 * within - pace[1:]) / 24.0 / steps  # share of a step at its middle
     slopes, halfway = np.zeros_like(rates), between / within[:, None]
