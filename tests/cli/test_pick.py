@@ -128,7 +128,7 @@ def test_what_cannot_be_picked_ends_in_one_message(
         (["--row", "1", "--at-most", "turns=5"], "--row names one trajectory"),
         (["--row", "-1"], "--row"),
         (["--at-most", "turns=5", "--at-most", "turns=6"], "give each name once"),
-        (["--least", ","], "expected NAME or NAME,NAME"),
+        (["--least", ","], "expected names separated by commas"),
     ],
 )
 def test_wrong_usage_is_told(run: Run, folder: Path, arguments: list[str], said: str) -> None:
@@ -187,7 +187,7 @@ def test_further_criteria_are_shown_with_a_front_and_leave_it_as_it_is(run: Run,
 
 @pytest.mark.parametrize(
     ("also", "code", "said"),
-    [("sicknes", 7, "Did you mean 'sickness'?"), ("personal_space", 8, "requires people"), (",", 2, "expected NAME")],
+    [("sicknes", 7, "Did you mean 'sickness'?"), ("personal_space", 8, "requires people"), (",", 2, "expected names separated")],
 )
 def test_further_criteria_that_cannot_be_are_told(run: Run, folder: Path, also: str, code: int, said: str) -> None:
     result = run("show", folder, "--also", also)

@@ -81,8 +81,8 @@ class RayMeetings(NamedTuple):
 class SurfaceLook(NamedTuple):
     """Appearance of surfaces for the compiled functions; the constants are those of `surfaces`.
 
-    Colours are (3,). ``pitch``, ``line`` and ``skirting`` are lengths and ``haze`` is a distance, m; ``light`` is a unit
-    vector; the others are factors on colours.
+    Colours are (3,). ``pitch``, ``line`` and ``skirting`` are lengths and ``haze`` is a distance, m; ``light`` is a
+    unit vector; the others are factors on colours.
     """
 
     floor: Rgb

@@ -84,7 +84,7 @@ def test_walls_and_columns_that_are_polygons_are_solid_and_doors_that_are_polygo
     world = World.from_geojson(geojson_file(tmp_path, *ROOMS, column, wall, door), polygons="rooms")
     assert clear(world, (1.5, 1.5), (6, 3.2), (9, 3.2)) == [0, 0, 0]
     assert clear(world, (7.5, 3.2)) == pytest.approx([0.5])
-    with pytest.raises(MapError, match="its polygons are walls or columns"):
+    with pytest.raises(MapError, match="but all are walls or columns"):
         World.from_geojson(geojson_file(tmp_path, column, wall), polygons="rooms")
 
 

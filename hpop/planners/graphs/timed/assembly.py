@@ -118,7 +118,7 @@ class _Assembly:
         if not last / self.clock.tick + 2 < MAX_TICKS:
             raise OptionError(
                 f"people must move for less than {MAX_TICKS:,} time steps of {self.clock.tick:g} s, got {settled:,.0f} "
-                "s; set horizon of the problem, 'until' of the people, or 'arrive_by' or a larger 'clock' of the planner"
+                "s; set horizon of the problem, until= of the people, or arrive_by or a larger clock of the planner"
             )
         return self.clock.up_to(last) + 1
 
