@@ -187,7 +187,11 @@ def test_further_criteria_are_shown_with_a_front_and_leave_it_as_it_is(run: Run,
 
 @pytest.mark.parametrize(
     ("also", "code", "said"),
-    [("sicknes", 7, "Did you mean 'sickness'?"), ("personal_space", 8, "requires people"), (",", 2, "expected names separated")],
+    [
+        ("sicknes", 7, "Did you mean 'sickness'?"),
+        ("personal_space", 8, "requires people"),
+        (",", 2, "expected names separated"),
+    ],
 )
 def test_further_criteria_that_cannot_be_are_told(run: Run, folder: Path, also: str, code: int, said: str) -> None:
     result = run("show", folder, "--also", also)
