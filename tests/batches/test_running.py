@@ -3,10 +3,12 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
 
 import numpy as np
 import pytest
@@ -16,7 +18,7 @@ import hpop
 from hpop.batches import Results, batch
 from hpop.batches.results import JOURNAL
 from hpop.batches.running import DIED
-from hpop.errors import OptionError, ScenarioError
+from hpop.errors import OptionError, OutputError, ScenarioError
 from hpop.runtime.sweep import dask, ray
 from hpop.trajectories.trajectory import Trajectory
 from tests.batches.deadly import DeadlyLength
@@ -181,3 +183,49 @@ def test_ray_workers_solve_the_same(tmp_path):
     with ray("local") as executor:
         there = costs_of(batch(asked, LATTICE, out=tmp_path / "there", executor=executor))
     assert {case: rows.tolist() for case, rows in there.items()} == {case: rows.tolist() for case, rows in here.items()}
+
+
+@contextmanager
+def cluster(port):
+    """Run a Dask scheduler and a worker as processes of their own; kill both at the end."""
+    with ExitStack() as stack:
+        for role in (
+            ["scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"],
+            ["worker", f"tcp://127.0.0.1:{port}", "--nthreads", "1", "--no-dashboard", "--no-nanny"],
+        ):
+            command = [sys.executable, "-m", "distributed.cli.dask_" + role[0], *role[1:]]
+            process = stack.enter_context(subprocess.Popen(command, stderr=subprocess.DEVNULL))
+            stack.callback(process.kill)
+            if role[0] == "scheduler":
+                scheduler = process
+        yield scheduler
+
+
+@pytest.mark.proof
+def test_a_batch_goes_on_after_its_scheduler_was_killed_and_started_again(tmp_path):
+    pytest.importorskip("distributed")
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        port = unused.getsockname()[1]
+    asked = problems([(x, y, None) for x in (5, 6, 7) for y in (1, 2, 3, 4, 5)])
+    here = costs_of(batch(asked, LATTICE, out=tmp_path / "here"))
+    with cluster(port) as scheduler:
+
+        def kill(progress):
+            if progress.done == 4:
+                scheduler.kill()
+
+        with (
+            pytest.raises(OutputError, match="running the batch again continues from there"),
+            dask(f"tcp://127.0.0.1:{port}") as executor,
+        ):
+            batch(asked, LATTICE, out=tmp_path / "there", executor=executor, progress=kill)
+    before = costs_of(Results(tmp_path / "there"))
+    assert 4 <= len(before) < 15
+    seen = []
+    with cluster(port), dask(f"tcp://127.0.0.1:{port}") as executor:
+        done = batch(asked, LATTICE, out=tmp_path / "there", executor=executor, progress=seen.append)
+    assert seen[0].done == len(before)
+    assert {case: rows.tolist() for case, rows in costs_of(done).items()} == {
+        case: rows.tolist() for case, rows in here.items()
+    }
