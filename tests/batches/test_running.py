@@ -229,3 +229,25 @@ def test_a_batch_goes_on_after_its_scheduler_was_killed_and_started_again(tmp_pa
     assert {case: rows.tolist() for case, rows in costs_of(done).items()} == {
         case: rows.tolist() for case, rows in here.items()
     }
+
+
+@pytest.mark.proof
+def test_a_ray_cluster_of_two_nodes_solves_the_same_also_if_one_node_is_lost(tmp_path):
+    pytest.importorskip("ray")
+    from ray.cluster_utils import Cluster
+
+    asked = problems([(x, y, None) for x in (5, 6, 7) for y in (1, 2, 3, 4, 5)])
+    here = costs_of(batch(asked, LATTICE, out=tmp_path / "here"))
+    nodes = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
+    second = nodes.add_node(num_cpus=1)
+
+    def lose(progress):
+        if progress.done == 4:
+            nodes.remove_node(second, allow_graceful=False)
+
+    try:
+        with ray(nodes.address) as executor:
+            there = costs_of(batch(asked, LATTICE, out=tmp_path / "there", executor=executor, progress=lose))
+    finally:
+        nodes.shutdown()
+    assert {case: rows.tolist() for case, rows in there.items()} == {case: rows.tolist() for case, rows in here.items()}
