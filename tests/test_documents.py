@@ -100,6 +100,7 @@ def preference(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def here(tmp_path: Path, preference: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return a folder in which the arm's files lie, as the pages name them."""
     (tmp_path / "arm").symlink_to(ROOT / "examples/arm")
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
     for name in ("arm6.urdf", "arm6.srdf"):
         (tmp_path / name).symlink_to(ROOT / "examples/arm" / name)
     (tmp_path / "p07.json").symlink_to(preference)
