@@ -201,10 +201,13 @@ def parameters(cls: Any, listed: dict[str, str]) -> list[dict[str, str]]:
     source = "\n".join(inspect.getsource(one) for one in cls.__mro__ if dataclasses.is_dataclass(one))
     rows = []
     for field in dataclasses.fields(cls):
+        if not field.init:  # it is computed
+            continue
         default = field.default if field.default_factory is dataclasses.MISSING else field.default_factory()
         shown = "none; give it" if default is dataclasses.MISSING else number(default)
         said = re.search(rf"^ +{field.name}: .*?  # (.+)$", source, re.MULTILINE)
         meaning = listed.get(field.name) or (said.group(1).replace("``", "`") if said else "")
+        meaning = re.sub(r":[a-z]+:`[~.]?([^`]+)`", r"`\1`", meaning)
         rows.append({"parameter": f"`{field.name}`", "default": shown, "meaning": meaning})
     if not any(row["meaning"] for row in rows):
         rows = [{key: row[key] for key in ("parameter", "default")} for row in rows]

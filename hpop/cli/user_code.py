@@ -39,7 +39,7 @@ HOME = Path(__file__).parents[1]
 """Folder of the package hpop."""
 FIRST = ("hpop.cli.report", "hpop.scenario")
 """Modules that import the libraries."""
-FORM = "give FILE.py, or a MODULE that Python can import from this folder"
+FORM = "give FILE.py, or a MODULE that Python can import from the current folder"
 
 
 def register(specs: Iterable[str]) -> None:
@@ -169,7 +169,7 @@ def _placed(file: Path) -> str:
     if os.path.isdir(file):
         raise OwnCodeError(
             f"cannot import {str(file)!r}: it is a folder; give a file in it, such as {file / 'NAME.py'}, or a MODULE "
-            "that Python can import from this folder"
+            "that Python can import from the current folder"
         )
     if not os.path.isfile(file):
         raise OwnCodeError(f"cannot import {str(file)!r}: there is no such file; {FORM}")
@@ -222,7 +222,7 @@ def _reported(error: BaseException, spec: str, *, is_file: bool) -> HpopError:
     if isinstance(error, SystemExit):
         way_out = "; put code that runs it as a program below if __name__ == '__main__'"
     elif isinstance(error, ImportError) and "relative import" in text:
-        way_out = "; the file is part of a package: give PACKAGE.MODULE, as imported from this folder"
+        way_out = "; the file is part of a package: give PACKAGE.MODULE, as imported from the current folder"
     else:
         way_out = "" if place or is_file else f"; {FORM}"
     return OwnCodeError(f"cannot import {spec!r}: {what}{way_out}")

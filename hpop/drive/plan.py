@@ -224,8 +224,8 @@ class Plan:
     def stops_for(self) -> float:
         """Least time, s, for which a robot stands after a stop.
 
-        It is 0 unless the plan is punctual (made among moving people). The execution of a punctual plan brakes, and so
-        stands later than planned; this is the time by which it is late.
+        It is 0 unless the plan is punctual (made among moving people). The execution of a punctual plan brakes, so it
+        comes to rest later than planned, by this time: a shorter hold would end before the robot stands.
         """
         return self.ramp if self.announced.punctual else 0.0
 

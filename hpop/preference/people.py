@@ -105,7 +105,10 @@ class People:
         """
         if strange := sorted({*(profile or {})} - {*self.names}):
             known = ", ".join(self.names) or "none"
-            raise StudyError(f"no profile has {', '.join(map(shown, strange))}; their profiles have: {known}")
+            raise StudyError(
+                f"no earlier participant has {', '.join(map(shown, strange))} in the profile; "
+                f"their profiles have: {known}"
+            )
         found = self._log_concentrations(self._design(self._table))
         logs = np.clip(self._design(self._profile_values(profile or {})[None]) @ found, *LOGS)[0]
         random = (sum(person.random for person in self.preferences) + 1.0) / (len(self) + 5.0)  # as Prior, at first

@@ -200,7 +200,7 @@ def _parse_answer(given: Any, k: int) -> PairAnswer:
     """Check and return an answer about two points with k costs."""
     first, second, chosen, costs, weight = parts(given, "an answer", _ANSWER)
     if len(costs) != 2 or not all(isinstance(one, list) for one in costs):
-        raise ValueError("costs of an answer that are not those of two rows")
+        raise ValueError("costs of an answer that are not two lists of numbers")
     pair = tuple(
         tuple(_bounded_column(one, "the costs of an answer", k, -MOST_COST, MOST_COST).tolist()) for one in costs
     )

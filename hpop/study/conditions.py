@@ -82,7 +82,7 @@ def lettered_conditions(
     """Assign random letters to rows, baselines and the still view; return the conditions in the order of the letters.
 
     rows       rows by number or name; VIEW adds the still view
-    kind       kind of the stimuli: "ride" or "video"
+    kind       kind of the stimuli but the still view: "ride" or "video"
     baselines  further trajectories
     """
     found = [_named_row(front, row) for row in rows if row != VIEW]

@@ -107,8 +107,8 @@ def draw_sight(
     They are drawn at the start, at even distances along the path, and at the goal. A wedge that looks up or down is
     shorter. Where the robot stands, the view with which it continues is drawn.
 
-    tour  draws wedges where the robot stands for a while, as at the stops of a tour; a camera that always looks ahead
-          has only these
+    tour  draws wedges also where the robot stands for a while, as at the stops of a tour; if there is such a place and
+          the camera always looks ahead, the wedges along the path are left out
     """
     if "base" not in trajectory.model.provides:
         draw_cones(axes, trajectory, colour, view, from_above, zorder=zorder, gid=gid)

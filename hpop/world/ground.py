@@ -336,7 +336,8 @@ class Ground:
 
         Parameters
         ----------
-        rest : extent less all blocked regions except the cells, or None if only cells block
+        rest : free space if the cells blocked nothing: the extent less all other blocked regions; None if only cells
+            block
         closed : region closed to the robot, in addition to the obstacles of the layer, m
         before : free space of other cells on the same grid; its index is reused
         """

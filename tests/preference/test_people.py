@@ -93,7 +93,7 @@ def test_comfort_and_preference_are_not_pooled() -> None:
         People(asked)
     with pytest.raises(StudyError, match="one for each person, got 1"):
         People(asked[:1] * 2, [{"mssq": 1.0}])
-    with pytest.raises(StudyError, match="no profile has 'age'; their profiles have: mssq"):
+    with pytest.raises(StudyError, match="no earlier participant has 'age' in the profile; their profiles have: mssq"):
         People(asked[:1], [{"mssq": 1.0}]).prior({"age": 3})
     with pytest.raises(StudyError, match="at least one person"):
         People([])

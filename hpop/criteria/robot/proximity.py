@@ -27,7 +27,7 @@ class Proximity:
     2012).
 
     Deviations: d counts as at least ``least``, so that the cost is finite. It is read from the world's distance grid,
-    also in nonlinear programs, and differs from the exact distance by at most 0.82 of a cell (see ``clearance``). Among
+    also in nonlinear programs, and differs from the exact distance by at most 0.82 of a cell. Among
     boxes the cost is within 1 % of that of exact distances. Quadrature intervals are at most half of ``least`` long,
     but at least an eighth of a cell. If a path runs into an obstacle, where d falls below ``least``, their error is at
     most 1e-3.

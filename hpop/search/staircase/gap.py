@@ -131,8 +131,9 @@ def gap_by_joint_bounds(
 ) -> float:
     """Return a gap that joint bounds prove for a front (n, 3), from `least` to `gap`; `gap` must be proven already.
 
-    with_corners  takes the least estimate (n, 3) that each vector covers, and returns joint bounds with corners
-    tables        arguments `labels` to `bound` of :func:`first_uncovered`
+    with_corners  function of the least vectors (n, 3) that the front covers within a gap, and of a clock; it returns
+                  joint bounds with the corners of the region that these vectors do not cover
+    tables        the arguments (labels, ..., bound) of :func:`first_uncovered`, in its order
     """
     low = middle = least
     begin, exactly = 0, np.zeros(3, np.int64)

@@ -73,7 +73,7 @@ class HullBounds(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TurnHull:
-    """Joint bounds of the first and the rest cost: the least weighted remaining costs of all nodes, for LANES weights.
+    """Joint bounds of the two costs besides turns: the least weighted remaining costs of all nodes, for LANES weights.
 
     weights  (LANES, 2)         weights of the two costs; each of the first two rows weighs one cost alone
     layers   (m, nodes, LANES)  the bounds for at most 0, 1, ... turns, the last for any number; stored as the excess
@@ -102,7 +102,7 @@ class TurnHull:
         """Return the nodes that the best paths from a source pass, for all weights and numbers of turns.
 
         groups              groups of nodes joined by turns
-        columns             columns of the first and the rest cost
+        columns             columns of the two costs besides turns
         nodes, start, arcs  tables of the staircase search
         source              node in the numbering of the groups
         """
@@ -127,7 +127,7 @@ class TurnHull:
 def directions(typical: tuple[int, int]) -> FloatArray:
     """Return the weights (LANES, 2) of two costs: each cost alone, then mixtures with logarithmically spaced ratios.
 
-    typical  first and rest cost of a whole path, by which weights are scaled
+    typical  values of the two costs for a whole path, by which weights are scaled
     """
     first, rest = (UNIT / max(1, t) for t in typical)
     mixtures = [(first / (1 + r), rest * r / (1 + r)) for r in np.geomspace(1 / SPREAD, SPREAD, LANES - 2)]

@@ -92,7 +92,7 @@ class TrackFile:
 
 
 class Tracks(dict[Hashable, Track]):
-    """Tracks by id, in the order of the file.
+    """Tracks by id, in the order of the file, or in that of ``ids`` where these were given.
 
     notes  on all that was left out, repaired or assumed
     """
