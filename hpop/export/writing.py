@@ -140,8 +140,12 @@ def save(
         first, *others = failed.values()
         for other in others:
             first.add_note(str(other))
+        missing = f"not written: {', '.join(failed)}"
         if written:
-            first.add_note(f"other formats are written to {target}: {', '.join(path.name for path in written)}")
+            names = ", ".join(path.name for path in written)
+            first.add_note(f"other formats are written to {target}: {names}; {missing}")
+        elif others:
+            first.add_note(missing)
         raise first
     return written
 

@@ -107,6 +107,7 @@ def test_where_one_of_several_formats_fails_the_others_are_written(tmp_path):
     assert raised.value.__notes__[1].startswith(
         f"other formats are written to {tmp_path / 'out'}: row_0.csv, row_0.tum, row_0"
     )
+    assert raised.value.__notes__[1].endswith("; not written: no_such_extra, broken")
     about = json.loads((tmp_path / "out/row_0.about.json").read_text())
     assert [file["format"] for file in about["files"]] == ["csv", "tum"]
     with pytest.raises(ZeroDivisionError):
