@@ -144,7 +144,7 @@ def test_type_checkers_see_hpop_where_it_is_installed_for_editing(tmp_path: Path
 
 IMPORT = re.compile(r"^[ \t]*(?:from (\w+)[\w.]* import |import (\w+)[\w.]*(?: as \w+)?(?:  #.*)?$)", re.MULTILINE)
 CALL = re.compile(r"\b(?:import_module|library|__import__)\(\s*\"(\w+)")
-CALLED = {"PIL": "pillow", "fcl": "python-fcl", "yaml": "pyyaml"}  # what PyPI calls a module
+CALLED = {"PIL": "pillow", "collada": "pycollada", "fcl": "python-fcl", "yaml": "pyyaml"}  # names at PyPI
 
 
 def imported() -> set[str]:

@@ -21,7 +21,7 @@ KINDS = ("<f8", "<i8", "|i1")
 """NumPy kinds of the arrays that may be returned."""
 DISK = 1024**3
 """Largest temporary file, in bytes: some libraries unpack compressed data into one."""
-MODULES = ("bag", "dxf", "pdf")
+MODULES = ("bag", "dxf", "pdf", "pieces")
 
 
 class ChildRefused(Exception):

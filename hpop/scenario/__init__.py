@@ -4,7 +4,7 @@
 
     world:
       ros_map: {path: office/map.yaml}      # or movingai, geojson, image, dxf, pdf, ros_bag, polygons, moveit_scene,
-                                            # solids, a reader of an installed package
+                                            # point_cloud, solids, a reader of an installed package
     model:
       differential_drive: {radius: 0.3, camera_height: 1.2}
     start: [2.0, 3.0, 0]                    # x m, y m, yaw rad, or "90 deg"; or by name, {x: 2.0, y: 3.0, yaw: 0}

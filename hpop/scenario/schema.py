@@ -185,7 +185,7 @@ class Polygons(_Strict):
 
 
 class MoveItScene(MapFile):
-    """Planning scene of MoveIt or MotionBenchMaker, in YAML."""
+    """Planning scene of MoveIt or MotionBenchMaker, in YAML or in MoveIt's text format."""
 
 
 class CylinderSize(_Strict):
@@ -193,6 +193,12 @@ class CylinderSize(_Strict):
 
     radius: float = Field(gt=0)  # m
     length: float = Field(gt=0)  # m, along z
+
+
+class PointCloud(MapFile):
+    """Point cloud in PLY or PCD; ``resolution`` is the side of the cells that cover its points, m."""
+
+    resolution: float = Field(gt=0)  # m, side of a cell
 
 
 class SolidEntry(_Strict):
@@ -227,6 +233,7 @@ class WorldSection(_Strict):
     pdf: PDF | None = None
     polygons: Polygons | None = None
     moveit_scene: MoveItScene | None = None
+    point_cloud: PointCloud | None = None
     solids: Solids | None = None
 
 

@@ -28,6 +28,7 @@ from hpop.world.files import by_names, place_seen_from, places_found_from
 from hpop.world.geometry.shapes import MAX_CELLS, Obstacle, Raster, check_size
 from hpop.world.geometry.solids import Solid
 from hpop.world.ground import Ground, Heights
+from hpop.world.link_rules import LinkRules
 
 if TYPE_CHECKING:
     from hpop.world.world import World
@@ -126,6 +127,7 @@ def describe(world: World) -> dict[str, Any]:
         "extent": _geometry(world.extent),
         "outside_is_obstacle": world.outside_is_obstacle,
         "notes": [by_names(note) for note in world.notes],
+        **({"link_rules": world.link_rules.describe()} if world.link_rules else {}),
         **content,
     }
 
@@ -321,7 +323,9 @@ def _from_geometry(data: Mapping[str, Any]) -> World:
         outside_is_obstacle=bool(data["outside_is_obstacle"]),
         solids=tuple(Solid.build(solid) for solid in data.get("solids", ())),
     )
-    return World(ground, _polygons(data["keep_out"]), tuple(str(note) for note in data["notes"]))
+    notes, rules = tuple(str(note) for note in data["notes"]), data.get("link_rules")
+    found = LinkRules() if rules is None else LinkRules.build(rules)
+    return World(ground, _polygons(data["keep_out"]), notes, link_rules=found)
 
 
 def _prism(prism: Obstacle) -> dict[str, Any]:

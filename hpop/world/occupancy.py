@@ -10,18 +10,20 @@ import numpy as np
 from shapely.geometry import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
-from hpop.base.arrays import BoolArray, copied
+from hpop.base.arrays import BoolArray, FloatArray, copied
 from hpop.base.options import real, whole
 from hpop.base.text import shown
 from hpop.errors import MapError
 from hpop.world.fields.field import TiledField
 from hpop.world.geometry.cells import CellSpace, changed_blocks, on_one_grid
 from hpop.world.geometry.shapes import Raster, check_heights
+from hpop.world.geometry.voxels import FINEST, boxes_of, voxels_of
 from hpop.world.ground import WHOLE, Ground, Heights
 
 if TYPE_CHECKING:
     from hpop.world.world import World
 
+COARSEST = 1e3  # m, largest side of a cell for points
 UNKNOWN, MOST = -1, 100  # values of a nav_msgs/OccupancyGrid
 THRESHOLDS = (19, 65)  # percent up to which a cell is free, and from which it is occupied, as in map_saver
 
@@ -51,6 +53,41 @@ class FromCells:
         raster = Raster(occupied, resolution, origin, *check_heights(height))
         ground = Ground(raster=raster, outside_is_obstacle=outside_is_obstacle)
         return cls(ground, MultiPolygon() if keep_out is None else keep_out)  # type: ignore[call-arg]  # a World
+
+    @classmethod
+    def from_points(cls, points: FloatArray, resolution: float, *, extent: BaseGeometry | None = None) -> Self:
+        """Build a world from points (N, 3) in space, m, such as those of a depth camera: boxes that cover them all.
+
+        The boxes are the cells of a grid that contain points, merged; ``resolution`` is the side of a cell, m. Points
+        without finite coordinates are left out. What lies between points farther apart than a cell is not covered.
+        By default the extent is the bounding box of the boxes, 1 m larger on each side.
+
+        >>> import hpop
+        >>> world = hpop.World.from_points([(0.01, 0.02, 0.5), (0.14, 0.05, 0.55), (2.0, 0.0, 0.0)], 0.1)
+        >>> [(solid.shape.size, solid.pose[:3, 3].round(3).tolist()) for solid in world.ground.solids]
+        [((0.1, 0.1, 0.1), [2.05, 0.05, 0.05]), ((0.2, 0.1, 0.1), [0.1, 0.05, 0.55])]
+        """
+        try:
+            given = np.asarray(points, np.float64)
+        except (TypeError, ValueError):
+            given = np.empty(0)
+        if given.ndim != 2 or given.shape[1] != 3:
+            raise MapError(f"points must be an array (N, 3), x, y, z in m; got {shown(points)}.")
+        resolution = real("resolution", resolution, FINEST, COARSEST, "the side of a cell in m", error=MapError)
+        finite = given[np.isfinite(given).all(axis=1)]
+        if not len(finite):
+            raise MapError(f"points must have finite coordinates, got {len(given):,} points and none that has.")
+        cells = voxels_of(finite, resolution)
+        solids = boxes_of(cells, resolution)
+        left_out = f"; {len(given) - len(finite):,} without finite coordinates are left out" * (
+            len(finite) < len(given)
+        )
+        note = (
+            f"{len(finite):,} points fill {len(cells):,} cells of {resolution:g} m, merged into {len(solids):,} boxes"
+            f"{left_out}; what lies between points that are farther apart is not covered"
+        )
+        world = cls.from_solids(solids, extent=extent)  # type: ignore[attr-defined]  # a World
+        return replace(world, notes=(note, *world.notes))  # type: ignore[no-any-return]
 
     @classmethod
     def from_occupancy_grid(

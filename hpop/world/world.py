@@ -30,6 +30,7 @@ from hpop.world.geometry.planar import FreeSpace, without
 from hpop.world.geometry.shapes import Obstacle, Raster, prisms_of
 from hpop.world.geometry.solids import MARGIN, Solid, check_solids
 from hpop.world.ground import WHOLE, Cache, Ground, Heights, Layer, check_area, union
+from hpop.world.link_rules import LinkRules
 from hpop.world.occupancy import FromCells
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ class World(FromCells, FromFiles):
     keep_out  shapely geometry, m: closed to the robot, invisible to the camera
     notes     warnings to print: parts that a reader left out or repaired, and solids that are no upright prisms
     content   people, landmarks and zones; see `with_content`
+    link_rules  rules of a planning scene for an arm's links: padding, scale, pairs that may touch
     source    description of the files that the world was read from, see `describe`; None for other worlds
 
     Values derived from these fields are computed on first use, cached (:mod:`hpop.world.ground`), and not pickled.
@@ -59,6 +61,7 @@ class World(FromCells, FromFiles):
     keep_out: BaseGeometry = field(default_factory=MultiPolygon)
     notes: tuple[str, ...] = ()
     content: Content = field(default_factory=Content)
+    link_rules: LinkRules = field(default_factory=LinkRules)
     source: Mapping[str, Any] | None = field(default=None, init=False)
     cache: Cache = field(init=False)
 

@@ -46,6 +46,7 @@ from hpop.models.rigid import (
 from hpop.models.serial_arm import SerialArm
 from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, frames, levers
 from hpop.models.serial_arm.collision import SAMPLES
+from hpop.models.serial_arm.enlarged import pairs_apart
 from hpop.models.serial_arm.kinematics import Kinematics
 from hpop.models.serial_arm.laws import ArmBody, Reach
 from hpop.models.serial_arm.laws import faults as joint_faults
@@ -182,6 +183,10 @@ class MobileArm(OnBase, Model):
         """Pairs of links that are not tested for collision with each other; the base counts as a link."""
         return self.arm.apart | self._touching
 
+    def _apart_in(self, world: World) -> frozenset[Pair]:
+        """Return the pairs of links that are not tested with each other under the rules of a world."""
+        return pairs_apart(self.parts, self.apart, self.arm.touching | self._touching, world.link_rules)
+
     @cached_property
     def _touching(self) -> frozenset[Pair]:
         return touching_platform(self.arm.chain, self.arm.parts, self.arm.apart, self.platform)
@@ -299,7 +304,7 @@ class MobileArm(OnBase, Model):
 
     def collision(self, world: World) -> MobileCollision:
         """Return the collision test for planning: of the base in the plane, with proofs for the links."""
-        links = Links(self.chain, self.parts, self.apart, world)
+        links = Links(self.chain, self.parts, self._apart_in(world), world)
         return MobileCollision(PlanarCollision(self.platform, world), links, self.platform, world)
 
     def judge(self, world: World) -> BaseAndLinks:
@@ -307,7 +312,7 @@ class MobileArm(OnBase, Model):
 
         States are sampled every 5 cm or 3 degrees for the base, and every 1 mm for the links.
         """
-        links = LinksJudge(self.chain, self.parts, self.apart, world)
+        links = LinksJudge(self.chain, self.parts, self._apart_in(world), world)
         return BaseAndLinks(SolidCollision(self.platform, world), links)
 
     def describe(self) -> dict[str, Any]:

@@ -1,36 +1,35 @@
-"""Arm from its URDF and SRDF files: the chain of joints up to the tip, solids, named states, file hashes and notes.
-
-Notes are sentences for the user on oddities in the files. An SRDF is often written for several variants of a robot, so
-links and joints that it names need not exist. Since a misspelt name looks like such a name, both give a note.
-"""
+"""Arm from its URDF and SRDF files: the chain of joints up to the tip, solids, named states, file hashes and notes."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import combinations
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from hpop.base.arrays import FloatArray
 from hpop.base.text import shown
-from hpop.errors import ModelError, did_you_mean
+from hpop.errors import did_you_mean
+from hpop.models.serial_arm.arm_notes import (
+    invalid_limit_notes,
+    missing_collision_notes,
+    passive_joint_notes,
+    unknown_name_notes,
+)
 from hpop.models.serial_arm.chain import ArmPart, Chain, FrameMount, Pair, pair_of
-from hpop.models.serial_arm.meshes import hulls, mesh_bytes, mesh_path
+from hpop.models.serial_arm.meshes import ReadMeshes, Way, read_meshes
 from hpop.models.serial_arm.urdf import Robot, Semantics, UrdfJoint, UrdfMesh, read_srdf, read_urdf
 from hpop.world.files import sha256
-from hpop.world.geometry.solids import Hull, Solid
+from hpop.world.geometry.solids import Solid
 
 MOVING = ("revolute", "prismatic", "continuous")
 LONGEST_MIMICRY = 20
 """Longest sequence of joints that mimic the next one; a longer sequence may be a circle."""
 Place = tuple[int, FloatArray]
 """Number of a frame of the chain, and a pose (4, 4) in this frame."""
-MOST_NAMED = 8
-"""Largest number of names in a note."""
 Values = tuple[float, ...]
 NO_SRDF = "states get their names from an SRDF, and no file was given as srdf"
 ROUNDED = 5e-4
@@ -115,18 +114,25 @@ def displacement(joint: UrdfJoint, value: float) -> FloatArray:
     return pose
 
 
-def parts_of(robot: Robot, places: Mapping[str, Place], hulls: Callable[[UrdfMesh], list[Hull]]) -> Iterator[ArmPart]:
+def parts_of(
+    robot: Robot,
+    places: Mapping[str, Place],
+    meshes: ReadMeshes,
+    padding: float | Mapping[str, float],
+) -> Iterator[ArmPart]:
     """Yield the collision solids of all links, each in the frame of the chain that carries it.
 
-    places  frame and pose of each link
-    hulls   reads a mesh file and returns its convex pieces
+    places   frame and pose of each link
+    meshes   convex hulls of the meshes
+    padding  m, of all links, or of each by name
     """
     for link, geometries in robot.links.items():
         frame, pose = places[link]
+        padded = padding.get(link, 0.0) if isinstance(padding, Mapping) else padding
         for geometry in geometries:
             shape = geometry.shape
-            for solid in hulls(shape) if isinstance(shape, UrdfMesh) else [shape]:
-                yield ArmPart(link, frame, Solid(solid, pose @ geometry.pose, link))
+            for solid in meshes.of(shape) if isinstance(shape, UrdfMesh) else [shape]:
+                yield ArmPart(link, frame, Solid(solid, pose @ geometry.pose, link), padded)
 
 
 def touching_by_design(robot: Robot, places: Mapping[str, Place]) -> frozenset[Pair]:
@@ -236,78 +242,24 @@ def _acceleration(robot: Robot, joint: UrdfJoint, given: float | Mapping[str, fl
     return given[joint.name]
 
 
-def unknown_name_notes(robot: Robot, semantics: Semantics) -> Iterator[str]:
-    """Yield a note for the user on links, joints and groups that an SRDF names, but that are defined nowhere."""
-    links = {link for pair in semantics.disabled | semantics.enabled for link in pair} | semantics.lonely
-    if strange := sorted(links - robot.links.keys()):
-        yield _unknown_note("lists pairs of links with", strange, robot.links)
-    joints = {joint for values in semantics.states.values() for joint in values} - semantics.loose
-    if strange := sorted(joints - robot.joints.keys()):
-        yield _unknown_note("has named states with values for the joints", strange, robot.joints)
-    for state, group in sorted(semantics.grouped):
-        if group not in semantics.groups:
-            near = did_you_mean(group, semantics.groups)
-            yield (
-                f"the named state {shown(state)} of the SRDF belongs to the group {shown(group)}, which the SRDF does "
-                f"not define.{near} Its groups: {_names_text(sorted(semantics.groups)) or 'none'}"
-            )
-
-
-def passive_joint_notes(joints: Iterable[str], semantics: Semantics) -> Iterator[str]:
-    """Yield a note for the user on joints of the arm that the SRDF calls passive (not driven by a motor)."""
-    if passive := sorted(semantics.passive & {*joints}):
-        yield (
-            f"the SRDF says that no motor drives the joints {_names_text(passive)} (passive_joint), but they are "
-            f"planned to move: give their values in fixed, as {{{passive[0]}: 0.0}}"
-        )
-
-
-def invalid_limit_notes(robot: Robot) -> Iterator[str]:
-    """Yield a note for the user on each joint with contradictory limits, some of which are ignored."""
-    yield from (joint.doubt for joint in robot.joints.values() if joint.doubt)
-
-
-def missing_collision_notes(robot: Robot) -> Iterator[str]:
-    """Yield a note for the user on links that are not tested for collisions, because they have no geometry for it."""
-    if not any(robot.links.values()):
-        yield "no link of the URDF has <collision> geometry: motions of the arm are not checked for collisions"
-    elif bare := sorted(robot.bare):
-        yield (
-            f"the links {_names_text(bare)} have <visual> but no <collision> geometry in the URDF: they are not "
-            "checked for collisions"
-        )
-
-
-def _unknown_note(what: str, strange: list[str], known: Iterable[str]) -> str:
-    """Return a note on names in the SRDF that the URDF does not have; ``what`` says where the SRDF uses them."""
-    near = "".join(did_you_mean(name, known) for name in strange[:MOST_NAMED])
-    return (
-        f"the SRDF {what} {_names_text(strange)}, which the URDF does not have: is it the SRDF of another robot?{near}"
-    )
-
-
-def _names_text(names: list[str]) -> str:
-    """Return names as text, separated by commas; after eight names, only the number of the others."""
-    more = [f"{len(names) - MOST_NAMED:,} more"] if len(names) > MOST_NAMED else []
-    return ", ".join([*map(shown, names[:MOST_NAMED]), *more])
-
-
 class ArmFile(NamedTuple):
     """Arm as read from its files.
 
-    chain    moving joints, with the bodies "tool" and "camera"
-    parts    collision solids of the links
-    apart    pairs of links that are not tested for collision: they touch by design, or the SRDF excludes them
-    notes    sentences for the user on oddities in the files that do not prevent their use
-    states   values of the chain's joints, by the name of each named state
-    unnamed  reason why a name is no usable state, by name: states of the SRDF that lack a joint's value; without an
-             SRDF, one reason for all names, under ""
-    hashes   SHA-256 of the URDF, then of each collision mesh, in the order in which the URDF first names them
+    chain     moving joints, with the bodies "tool" and "camera"
+    parts     collision solids of the links
+    touching  pairs of links that touch by design, and so are not tested for collision
+    apart     pairs of links that are not tested for collision: they touch by design, or the SRDF excludes them
+    notes     sentences for the user on oddities in the files that do not prevent their use
+    states    values of the chain's joints, by the name of each named state
+    unnamed   reason why a name is no usable state, by name: states of the SRDF that lack a joint's value; without an
+              SRDF, one reason for all names, under ""
+    hashes    SHA-256 of the URDF, then of each collision mesh, in the order in which the URDF first names them
     srdf_hash  SHA-256 of the SRDF, or None
     """
 
     chain: Chain
     parts: tuple[ArmPart, ...]
+    touching: frozenset[Pair]
     apart: frozenset[Pair]
     notes: tuple[str, ...]
     states: Mapping[str, Values]
@@ -326,6 +278,8 @@ def read_arm(
     base: FloatArray,
     fixed: Mapping[str, float],
     acceleration: float | Mapping[str, float],
+    padding: float | Mapping[str, float] = 0.0,
+    way: Way = "hull",
 ) -> ArmFile:
     """Read an arm from its files.
 
@@ -336,41 +290,37 @@ def read_arm(
     base          (4, 4)  pose of the root link in the world
     fixed         values of joints that do not move
     acceleration  rad/s² or m/s², largest acceleration of all joints, or of each by name
+    padding       m, distance that all links, or each by name, keep from obstacles beyond the usual distance
+    way           what to do with meshes that are not convex, one of ``WAYS``
 
     Raises ModelError for missing or invalid files.
     """
     robot = read_urdf(urdf)
     assembly = assemble(robot, tip, base, fixed, acceleration)
-    hashes = {robot.file.path: sha256(robot.file.data)}
-    pieces: dict[tuple[Path, tuple[float, ...]], list[Hull]] = {}
-
-    def mesh_hulls(mesh: UrdfMesh) -> list[Hull]:
-        try:
-            path = mesh_path(mesh, robot.file.path.parent, packages)
-            key = (path, tuple(mesh.scale.tolist()))
-            if key not in pieces:
-                data = mesh_bytes(path)
-                hashes[path] = sha256(data)
-                pieces[key] = hulls(data, path, mesh.scale)
-        except ModelError as error:
-            raise robot.file.error(f"the collision geometry of link {shown(mesh.link)}: {error}") from None
-        return pieces[key]
-
-    parts = tuple(parts_of(robot, assembly.places, mesh_hulls))
+    meshes = read_meshes(robot, packages, way)
+    hashes = {robot.file.path: sha256(robot.file.data), **meshes.hashes}
+    for name in padding if isinstance(padding, Mapping) else ():
+        if name not in robot.links:
+            raise robot.file.error(
+                f"padding must name links of this file, got {shown(name)}; its links are "
+                f"{', '.join(map(shown, robot.links))}." + did_you_mean(name, robot.links)
+            )
+    parts = tuple(parts_of(robot, assembly.places, meshes, padding))
     tool = assembly.chain.mounts["tool"]
     mounts = {"tool": tool, "camera": FrameMount(tool.frame, tool.pose @ camera)}
     chain = replace(assembly.chain, mounts=mounts)
-    apart, semantics = touching_by_design(robot, assembly.places), None if srdf is None else read_srdf(srdf)
+    touching, semantics = touching_by_design(robot, assembly.places), None if srdf is None else read_srdf(srdf)
+    apart = touching
     if semantics is not None:
         solid = [link for link, shapes in robot.links.items() if shapes]
         apart |= semantics.apart(solid)
-    notes = (*missing_collision_notes(robot), *invalid_limit_notes(robot))
+    notes = (*missing_collision_notes(robot), *invalid_limit_notes(robot), *meshes.notes)
     if semantics is not None:
         notes = (*notes, *unknown_name_notes(robot, semantics), *passive_joint_notes(chain.names, semantics))
     states = {} if semantics is None else _named_states(chain, semantics)
     unnamed = {"": NO_SRDF} if semantics is None else _incomplete_states(chain, semantics)
     srdf_hash = None if semantics is None else sha256(semantics.file.data)
-    return ArmFile(chain, parts, apart, notes, states, unnamed, tuple(hashes.values()), srdf_hash)
+    return ArmFile(chain, parts, touching, apart, notes, states, unnamed, tuple(hashes.values()), srdf_hash)
 
 
 def _named_states(chain: Chain, semantics: Semantics) -> dict[str, Values]:

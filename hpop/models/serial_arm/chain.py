@@ -77,14 +77,16 @@ class Chain:
 class ArmPart:
     """Collision part of an arm: a solid on one of its links.
 
-    link   name of the link
-    frame  number, 0 to n, of the frame that carries the solid
-    solid  shape of the solid, and its pose in that frame
+    link     name of the link
+    frame    number, 0 to n, of the frame that carries the solid
+    solid    shape of the solid, and its pose in that frame
+    padding  m, distance that the link keeps from obstacles, in addition to the usual distance
     """
 
     link: str
     frame: int
     solid: Solid
+    padding: float = 0.0
 
 
 def frames(chain: Chain, states: States) -> list[FloatArray]:

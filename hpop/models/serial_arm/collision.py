@@ -18,6 +18,7 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, numbered
 from hpop.models import serial_arm
 from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, pair_of
+from hpop.models.serial_arm.enlarged import enlarged_parts
 from hpop.models.serial_arm.scene import ArmScene, paired, scene_of, within_reach
 from hpop.motions import Law, Motions, Separations, States, is_coupled, slopes
 from hpop.world.geometry.solids import Solid
@@ -52,6 +53,9 @@ class ArmCollision:
     so each state of a free motion is free. A blocked motion comes closer than 1 mm somewhere. A motion with a smallest
     distance between 0.5 and 1 mm may be called free or blocked.
 
+    Links that the arm or the scene pads or scales are tested with obstacles as enlarged links
+    (:mod:`hpop.models.serial_arm.enlarged`), and with each other as they are.
+
     A curved motion, such as a spline, is cut into pieces. The chord of each piece is tested, and its largest distance
     from the piece is subtracted. This is exact if second derivatives change linearly, as those of cubic splines do.
     Joints are compared with their limits at the ends of pieces.
@@ -75,23 +79,30 @@ class ArmCollision:
 
     def _scene_with_pairs(self) -> ArmScene:
         """Return the arrays of all bodies; pairs are links that may not touch, and links with obstacles in reach."""
-        scene = scene_of(self.chain, self.parts, self._solids)
+        larger = enlarged_parts(self.parts, self.world.link_rules)
+        scene = scene_of(self.chain, self.parts, self._solids, [*larger.values()])
         inside = within_reach(scene, self.chain, NEAR)
+        body = dict(zip(larger, range(len(self.parts) + len(self._solids), len(scene.frames)), strict=True))
+        outer = ((body.get(a, a), b) for a, b in self._outer_pairs())
         own = [
             (a, b)
             for (a, one), (b, other) in combinations(enumerate(self.parts), 2)
             if one.frame != other.frame and pair_of(one.link, other.link) not in self.apart
         ]
-        return paired(scene, [*own, *((a, b) for a, b in self._outer_pairs() if inside[a, b])])
+        return paired(scene, [*own, *((a, b) for a, b in outer if inside[a, b])])
 
     def _outer_pairs(self) -> Iterator[tuple[int, int]]:
-        """Yield all pairs of a moving part of the arm and a solid of the world, as numbers of bodies."""
-        size = len(self.parts)
-        return ((a, size + b) for a, b in product(range(size), range(len(self._solids))) if self.parts[a].frame)
+        """Yield all pairs of a moving part of the arm and a solid that it must not touch, as numbers of bodies."""
+        size, may_touch = len(self.parts), self.world.link_rules.may_touch
+        return (
+            (a, size + b)
+            for (a, part), (b, solid) in product(enumerate(self.parts), enumerate(self._solids))
+            if part.frame and not may_touch(part.link, solid.name)
+        )
 
     @cached_property
     def _outer_scene(self) -> ArmScene:
-        """Arrays for clearances: pairs of a moving part and any solid of the world, without pairs of two links."""
+        """Arrays for clearances: pairs of a moving part, not enlarged, and a solid that it must not touch."""
         return paired(self._scene, [*self._outer_pairs()])
 
     @property
@@ -169,10 +180,14 @@ class ArmCollision:
         return f"{names[1]} touches {names[0]}, or is closer than {1000 * KEPT:g} mm. Choose other joint values"
 
     def _body_name(self, body: int) -> str:
-        """Return the name of a body for messages: "the link NAME" or "the obstacle NAME"."""
-        if body < len(self.parts):
+        """Return the name of a body for messages: "the link NAME", "the obstacle NAME", "the enlarged link NAME"."""
+        size, solids = len(self.parts), len(self._solids)
+        if body < size:
             return f"the link {self.parts[body].link!r}"
-        return f"the obstacle {self._solids[body - len(self.parts)].name!r}"
+        if body < size + solids:
+            return f"the obstacle {self._solids[body - size].name!r}"
+        larger = [*enlarged_parts(self.parts, self.world.link_rules).values()]
+        return f"the link {larger[body - size - solids].link!r}, enlarged by its padding or scale,"
 
     def _limit_reason(self, row: FloatArray) -> str:
         """Return a text on the first joint that is beyond its limits in a row of joint values (n,)."""

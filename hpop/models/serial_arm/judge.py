@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.models.serial_arm.chain import ArmPart, Chain
+from hpop.models.serial_arm.enlarged import enlarged_parts
 from hpop.motions import Motions, States
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere
 
@@ -124,7 +125,10 @@ class ArmJudge:
     def _corners(self) -> FloatArray:
         """Corners (P, 4, 8), in homogeneous coordinates, of a bounding box of each part, in the frame of its shape."""
         signs = np.array(list(product((-1.0, 1.0), repeat=3)))
-        corners = [np.c_[signs * _half_sides(part.solid), np.ones(8)].T for part in self.parts]
+        sides = [_half_sides(part.solid) for part in self.parts]
+        for a, larger in self._enlarged.items():
+            sides[a] = np.maximum(sides[a], _half_sides(larger.solid) + larger.padding)
+        corners = [np.c_[signs * side, np.ones(8)].T for side in sides]
         return np.array(corners).reshape(-1, 4, 8)
 
     # Contacts
@@ -141,7 +145,22 @@ class ArmJudge:
             for (a, one), (b, other) in combinations(enumerate(self.parts), 2)
             if one.frame != other.frame and tuple(sorted((one.link, other.link))) not in self.apart
         ]
-        return own + [(a, b) for a in range(size) if self.parts[a].frame for b in range(size, len(self._objects))]
+        may_touch = self.world.link_rules.may_touch
+        return own + [
+            (a, size + b)
+            for a, part in enumerate(self.parts)
+            for b, solid in enumerate(self._solids)
+            if part.frame and not may_touch(part.link, solid.name)
+        ]
+
+    @cached_property
+    def _enlarged(self) -> dict[int, ArmPart]:
+        return enlarged_parts(self.parts, self.world.link_rules)
+
+    @cached_property
+    def _larger_objects(self) -> dict[int, Any]:
+        """Objects of fcl, by number of part, that take the place of parts in tests with solids of the world."""
+        return {a: fcl.CollisionObject(_geometry(p.solid), fcl.Transform()) for a, p in self._enlarged.items()}
 
     @cached_property
     def _solids(self) -> tuple[Solid, ...]:
@@ -170,13 +189,15 @@ class ArmJudge:
         poses  (P, S, 3, 4)  of the parts
         come   (objects, S)  m, how far each object has moved up to each step
         """
-        one, other = self._objects[a], self._objects[b]
+        one, other, ball = self._objects[a], self._objects[b], 0.0
+        if b >= len(poses) and a in self._enlarged:
+            one, ball = self._larger_objects[a], self._enlarged[a].padding
         together, step = come[a] + come[b], 0
         while step < together.size:
             one.setTransform(_transform(poses[a, step]))
             if b < len(poses):
                 other.setTransform(_transform(poses[b, step]))
-            distance = fcl.distance(one, other, self._request, fcl.DistanceResult())
+            distance = fcl.distance(one, other, self._request, fcl.DistanceResult()) - ball
             if distance <= 0.0:
                 return True
             step = max(step + 1, int(np.searchsorted(together, together[step] + SURE * distance - STEP)))

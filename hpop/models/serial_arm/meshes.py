@@ -1,202 +1,238 @@
-"""Reader of mesh files of a URDF: each mesh must consist of convex pieces, and is returned as convex hulls.
-
-Files are read by trimesh, and only from the URDF's folder and the folders of packages that the user names.
-"""
+"""Meshes of a URDF as convex hulls: of the whole mesh, or of its convex pieces."""
 
 from __future__ import annotations
 
-import io
-import os
-from collections.abc import Mapping
+import importlib.util
+from collections import OrderedDict
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from hpop.base.arrays import FloatArray, IntArray
-from hpop.base.text import printable, shown
-from hpop.errors import ModelError, did_you_mean
-from hpop.models.serial_arm.urdf import UrdfMesh
-from hpop.models.serial_arm.xml import file_bytes
+from hpop.base.arrays import FloatArray
+from hpop.base.text import shown
+from hpop.errors import MapError, ModelError
+from hpop.models.serial_arm.convex import ConvexBody, convex_body, depth, enclosing, gap, is_convex, pieces_of
+from hpop.models.serial_arm.mesh_files import Surface, mesh_bytes, mesh_error, mesh_path, read_surface
+from hpop.models.serial_arm.urdf import Robot, UrdfMesh
+from hpop.world.files import extract, sha256
 from hpop.world.geometry.solids import Hull
 
-MOST_BYTES = 50_000_000
-"""Largest mesh file that is read."""
-MOST_FACES = 20_000
-"""Largest number of faces of a mesh; finer meshes are meant for pictures and are slow to check for convexity."""
+Way = Literal["hull", "decompose", "exact"]
+WAYS: tuple[Way, ...] = ("hull", "decompose", "exact")
+"""Ways to treat meshes that are not convex: their hull, a decomposition into convex pieces, or an error."""
+MOST_FACES = {"exact": 20_000, "hull": 1_000_000, "decompose": 1_000_000}
+"""Largest number of faces of a mesh, by the way it is treated."""
+FINE = 20_000
+"""Number of faces up to which the hull of a convex mesh is not simplified."""
 MOST_BODIES = 64
 """Largest number of convex pieces of a mesh."""
-DEEPEST = 1e-3
-"""A mesh counts as convex if no point of its surface is deeper than this, m, inside its convex hull."""
-SAME = 1e-6
-"""Tolerance for equal vertices, as a share of a mesh's size; many files repeat the vertices for each face."""
-KINDS = ("stl", "obj", "ply", "off")
+MOST_PIECES = 16
+"""Largest number of pieces into which a mesh is cut."""
+MOST_KEPT = 256
+"""Largest number of meshes whose hulls are kept in memory for arms that are read later."""
+MOST_SAID = 8
+"""Largest number of meshes that a note or an error names."""
 
 
-def mesh_path(mesh: UrdfMesh, folder: Path, packages: Mapping[str, str]) -> Path:
-    """Return the path of a mesh file that a URDF names.
+class MeshHulls(NamedTuple):
+    """Convex hulls that stand for a mesh.
 
-    folder    folder of the URDF
-    packages  folders of packages, by name
-
-    Raises ModelError if the file is not within the folder of the URDF or of the named package.
+    pieces  the hulls
+    added   what they add to a mesh that is not convex, in words: volume and largest gap; "" for a convex mesh
+    widest  m, largest distance of a point of the hull from the mesh, about; 0 for a convex mesh
     """
-    kind, _, rest = mesh.name.partition("://")
-    if rest and kind == "package":
-        package, _, rest = rest.partition("/")
-        if package not in packages:
-            raise ModelError(
-                f"the folder of package {shown(package)} must be given for the mesh {shown(mesh.name)}; give it in "
-                f"packages, as {{{printable(package)[:80]}: FOLDER}}" + did_you_mean(package, packages)
-            )
-        folder = Path(packages[package])
-    elif rest and kind != "file":
-        raise ModelError(f"a mesh in a URDF must be the path of a file, or package://NAME/..., got {shown(mesh.name)}")
-    else:
-        rest = rest or mesh.name
-    path = folder / rest
-    try:
-        real, inside = (Path(os.path.realpath(p)) for p in (path, folder))
-    except (OSError, ValueError):
-        raise ModelError(
-            f"a mesh in a URDF must be the path of a file, but {shown(mesh.name)} is no valid path; correct the URDF"
-        ) from None
-    if not real.is_relative_to(inside):
-        raise ModelError(
-            f"the mesh {shown(mesh.name)} is not in the folder {shown(str(folder))}. Meshes elsewhere are read from "
-            "packages only: write package://NAME/... in the URDF, and give the folder in packages, as {NAME: FOLDER}"
+
+    pieces: tuple[Hull, ...]
+    added: str = ""
+    widest: float = 0.0
+
+
+class ReadMeshes(NamedTuple):
+    """Meshes of a robot.
+
+    hulls   by name of the file in the URDF and by scale
+    hashes  SHA-256 of the files, by path
+    notes   sentences for the user on meshes that are not convex
+    """
+
+    hulls: Mapping[tuple[str, tuple[float, ...]], tuple[Hull, ...]]
+    hashes: Mapping[Path, str]
+    notes: tuple[str, ...]
+
+    def of(self, mesh: UrdfMesh) -> tuple[Hull, ...]:
+        """Return the hulls of a mesh of the robot."""
+        return self.hulls[mesh.name, tuple(mesh.scale.tolist())]
+
+
+_kept: OrderedDict[tuple[Any, ...], MeshHulls] = OrderedDict()
+
+
+def read_meshes(robot: Robot, packages: Mapping[str, str], way: Way) -> ReadMeshes:
+    """Read all meshes of a robot's collision geometry; ModelError, which names all that cannot be used."""
+    found: dict[tuple[str, tuple[float, ...]], tuple[Hull, ...]] = {}
+    hashes: dict[Path, str] = {}
+    faults: dict[str, str] = {}
+    hollow: dict[str, MeshHulls] = {}
+    for mesh in _meshes(robot):
+        key = mesh.name, tuple(mesh.scale.tolist())
+        if key in found:
+            continue
+        try:
+            path = mesh_path(mesh, robot.file.path.parent, packages)
+            data = mesh_bytes(path)
+            hashes[path] = sha256(data)
+            read = _hulls_once((hashes[path], *key[1]), data, path, mesh.scale, way)
+        except ModelError as error:
+            alike = str(error).replace(shown(mesh.name), "")  # as for all meshes of a package without a folder
+            faults.setdefault(alike, f"the collision geometry of link {shown(mesh.link)}: {error}")
+            continue
+        found[key] = read.pieces
+        if read.added:
+            hollow[path.name] = read
+    if faults:
+        said = [*faults.values()]
+        more = [f"and {len(said) - MOST_SAID} more"] if len(said) > MOST_SAID else []
+        several = f"{len(said)} of its meshes cannot be used. " if len(said) > 1 else ""
+        raise robot.file.error(several + ". ".join([*said[:MOST_SAID], *more]))
+    return ReadMeshes(found, hashes, tuple(_notes(hollow, way)))
+
+
+def _meshes(robot: Robot) -> Iterator[UrdfMesh]:
+    for geometries in robot.links.values():
+        yield from (geometry.shape for geometry in geometries if isinstance(geometry.shape, UrdfMesh))
+
+
+def _notes(hollow: Mapping[str, MeshHulls], way: Way) -> Iterator[str]:
+    """Yield a note on meshes that are not convex, the one with the widest gap first."""
+    if hollow:
+        ordered = sorted(hollow, key=lambda name: -hollow[name].widest)
+        listed = [f"{shown(name)} {hollow[name].added}" for name in ordered[:MOST_SAID]]
+        more = [f"{len(hollow) - MOST_SAID} more"] if len(hollow) > MOST_SAID else []
+        stands = "their convex hulls stand" if way == "hull" else "convex pieces stand"
+        closer = "; meshes: decompose fits closer" if way == "hull" else ""
+        yield (
+            f"{stands} for meshes that are not convex: {', '.join([*listed, *more])}. Motions that need the filled "
+            f"gaps are not found{closer}"
         )
-    return path
 
 
-def hulls(data: bytes, path: Path, scale: FloatArray) -> list[Hull]:
-    """Return the convex pieces of a mesh file as hulls, in m.
+def _hulls_once(content: tuple[Any, ...], data: bytes, path: Path, scale: FloatArray, way: Way) -> MeshHulls:
+    """Return the hulls of a mesh, which are kept for meshes of equal ``content`` (hash and scale)."""
+    key = (*content, path.suffix.lower(), way)
+    if key not in _kept:
+        _kept[key] = hulls(data, path, scale, way)
+        while len(_kept) > MOST_KEPT:
+            _kept.popitem(last=False)
+    _kept.move_to_end(key)
+    return _kept[key]
+
+
+def hulls(data: bytes, path: Path, scale: FloatArray, way: Way = "hull") -> MeshHulls:
+    """Return the convex hulls that stand for a mesh file.
 
     data   bytes of the file
     path   its path, for the type of the file and for messages
     scale  (3,) factors of the coordinates
+    way    what to do with a mesh that is not convex and does not consist of separate convex pieces
 
-    Raises ModelError if a piece is not convex, or if the file cannot be read or is too large.
+    Raises ModelError if the file cannot be read or is too large, and for ``way`` "exact" if a piece is not convex.
     """
-    mesh = _load_mesh(data, path)
-    deepest = _depth(mesh, scale, path)
-    bodies = [mesh] if deepest <= DEEPEST else mesh.split(only_watertight=False)
-    if len(bodies) > MOST_BODIES:
-        raise _error(path, f"expected at most {MOST_BODIES} pieces, found {len(bodies)}")
-    if deepest > DEEPEST and not (len(bodies) > 1 and all(_is_convex(body, scale, path) for body in bodies)):
-        raise _error(
+    surface = read_surface(data, path, scale, MOST_FACES[way])
+    whole = _solid(surface.vertices, path)
+    if is_convex(surface.corners, whole):
+        return MeshHulls((Hull(_simple(surface, whole).points),))
+    if (pieces := _convex_pieces(surface, path)) is not None:
+        return MeshHulls(tuple(Hull(piece.points) for piece in pieces))
+    if way == "exact":
+        raise mesh_error(
             path,
             "it must be convex or consist of separate convex pieces, but its surface lies up to "
-            f"{deepest:.3g} m inside its convex hull; cut it into convex pieces (CoACD and V-HACD do that), and give "
-            "each a <collision> element with its own file; or use boxes, cylinders and spheres, or the mesh's convex "
-            "hull if that is not too large",
+            f"{depth(surface.corners, whole):.3g} m inside its convex hull; give meshes: hull, to use its convex hull, "
+            "or meshes: decompose, to cut it into convex pieces; or use boxes, cylinders and spheres",
         )
-    return [Hull(_hull(np.asarray(body.vertices) * scale, path).points) for body in bodies]
+    bodies, reason = _decomposed(surface, path) if way == "decompose" else ([], "")
+    if not 0.0 < sum(body.volume for body in bodies) < whole.volume:
+        bodies = [enclosing(whole)]
+    return _filled(surface, bodies, reason)
 
 
-def _load_mesh(data: bytes, path: Path) -> Any:
-    """Return a mesh file as a mesh of trimesh, with equal vertices merged; it may consist of several pieces."""
-    try:
-        import trimesh  # installed by the extra hpop[arm]
-    except ImportError:
+def _decomposed(surface: Surface, path: Path) -> tuple[list[ConvexBody], str]:
+    """Return at most 16 convex bodies that together contain the surface of a mesh; or none, and the reason.
+
+    CoACD cuts the mesh, in a process of its own with limits of time and memory. Its pieces may leave out parts of the
+    surface. So each triangle is given to the piece that it sticks out of least, and this piece grows to contain it.
+    """
+    if importlib.util.find_spec("coacd") is None:
         raise ModelError(
-            f"reading the mesh {shown(str(path), 400)} needs trimesh, which is not installed; run pip install "
-            "'hpop[arm]', or use boxes, cylinders and spheres, which need no package"
-        ) from None
-    kind = path.suffix[1:].lower()
-    if kind not in KINDS:
-        raise _error(
-            path,
-            f"a mesh file must be of type {', '.join(KINDS)}, got {shown(path.suffix)}; convert it with Blender, or a "
-            ".dae with trimesh and pycollada: trimesh.load(FILE, force='mesh').export('mesh.stl')",
+            "meshes: decompose needs coacd, which is not installed; run pip install 'hpop[arm]', or give meshes: hull"
         )
+    data = surface.vertices.astype("<f8").tobytes() + surface.faces.astype("<i8").tobytes()
+    options = {"vertices": len(surface.vertices), "most": MOST_PIECES}
     try:
-        mesh: Any = trimesh.load(io.BytesIO(data), file_type=kind, force="mesh", process=True, skip_materials=True)
-        faces, vertices = len(mesh.faces), np.asarray(mesh.vertices, float)
-    except Exception as error:  # trimesh may raise any error for a damaged file
-        hint = "export it as STL, with triangles only"
-        raise _error(path, f"it cannot be read ({printable(error)[:80]}); {hint}") from None
-    if vertices.ndim != 2 or vertices.shape[1] != 3:
-        raise _error(path, "its vertices must have three coordinates each")
-    if not 0 < faces <= MOST_FACES:
-        raise _error(
-            path,
-            f"expected 1 to {MOST_FACES:,} faces, found {faces:,}; decimate it (trimesh's simplify_quadric_decimation, "
-            "MeshLab and Blender do), or use its convex hull, a box or a cylinder if that is not too large"
-            if faces
-            else f"expected 1 to {MOST_FACES:,} faces, found none; export the mesh again",
-        )
-    if not np.isfinite(vertices).all():
-        raise _error(path, "its coordinates must be finite numbers")
-    joined = _merge_vertices(vertices, np.asarray(mesh.faces))
-    return trimesh.Trimesh(*joined, process=False)
+        answer = extract("pieces", path, data, options)
+    except MapError:
+        return [], "not cut into pieces within the limits of time and memory, "
+    ends = np.cumsum(answer.words["sizes"])[:-1]
+    pieces = [body for part in np.split(answer.arrays["points"], ends) if (body := convex_body(part)) is not None]
+    if not pieces:
+        return [], "no pieces found, "
+    beyond = [_farthest(surface, body) for body in pieces]
+    owner = np.argmin(beyond, axis=0)
+    grown = []
+    for number, body in enumerate(pieces):
+        corners = surface.corners[owner == number].reshape(-1, 3)
+        grown.append(enclosing(_solid(np.concatenate([body.points, corners]), path)))
+    return grown, ""
 
 
-def _merge_vertices(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
-    """Return the vertices (V, 3) and faces (F, 3) of a mesh without repeated vertices, flat faces or repeated faces."""
-    size = float(np.ptp(vertices[faces].reshape(-1, 3), axis=0).max()) or 1.0
-    _, first, number = np.unique(np.rint(vertices / (SAME * size)), axis=0, return_index=True, return_inverse=True)
-    corners = number.reshape(-1)[faces]
-    solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
-    _, once = np.unique(np.sort(corners[solid], axis=1), axis=0, return_index=True)
-    kept = corners[solid][np.sort(once)]
-    used, places = np.unique(kept, return_inverse=True)
-    return vertices[first][used], places.reshape(-1, 3)
+def _farthest(surface: Surface, body: ConvexBody) -> FloatArray:
+    """Return how far, m, each face (F,) of a mesh sticks out of the planes of a convex body."""
+    out = np.empty(len(surface.vertices))
+    for part in np.array_split(np.arange(len(out)), 1 + len(out) * len(body.planes) // 10**7):
+        out[part] = (surface.vertices[part] @ body.planes[:, :3].T + body.planes[:, 3]).max(axis=1)
+    farthest: FloatArray = np.maximum(out, 0.0)[surface.faces].max(axis=1)
+    return farthest
 
 
-class _Convex(NamedTuple):
-    """Convex hull of points.
+def _filled(surface: Surface, bodies: Sequence[ConvexBody], reason: str) -> MeshHulls:
+    """Return convex bodies that stand for a mesh, with what they add to it; ``reason`` begins the words on that."""
+    widest = gap(surface.corners, bodies[0]) if len(bodies) == 1 else 0.0
+    a, b, c = (surface.corners - surface.vertices.mean(axis=0)).transpose(1, 0, 2)
+    volume, filled = abs(float(np.einsum("ij,ij->", np.cross(a, b), c))) / 6, sum(body.volume for body in bodies)
+    share = f"+{100 * (filled / volume - 1):.0f} % volume, " if 0 < volume <= filled else ""
+    pieces = tuple(Hull(body.points) for body in bodies)
+    what = f"gaps up to {1000 * widest:.2g} mm" if len(bodies) == 1 else f"{len(bodies)} pieces"
+    return MeshHulls(pieces, f"({reason}{share}{what})", widest)
 
-    points  (V, 3)  its corners
-    planes  (P, 4)  its faces: normal n and offset d, with n·x + d <= 0 for points x inside
-    """
 
-    points: FloatArray
-    planes: FloatArray
+def _simple(surface: Surface, body: ConvexBody) -> ConvexBody:
+    """Return the hull of a convex mesh; of one with very many faces, a simpler body that encloses it."""
+    return enclosing(body) if len(surface.faces) > FINE else body
 
 
-def _hull(points: FloatArray, path: Path) -> _Convex:
+def _convex_pieces(surface: Surface, path: Path) -> list[ConvexBody] | None:
+    """Return the hulls of the pieces of a mesh, if it consists of at most 64 separate convex pieces; else None."""
+    if not 1 < pieces_of(surface.faces) <= MOST_BODIES:
+        return None
+    import trimesh  # installed by the extra hpop[arm]
+
+    found = []
+    for piece in trimesh.Trimesh(*surface, process=False).split(only_watertight=False):
+        vertices, faces = np.asarray(piece.vertices, float), np.asarray(piece.faces)
+        body = convex_body(vertices)
+        if body is None or not is_convex(vertices[faces], body):
+            return None
+        found.append(body)
+    return found if len(found) > 1 else None
+
+
+def _solid(points: FloatArray, path: Path) -> ConvexBody:
     """Return the convex hull of points (N, 3); ModelError, about the file ``path``, if they are in one plane."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    try:
-        found = ConvexHull(points)
-    except (QhullError, ValueError):
-        raise _error(
+    body = convex_body(points)
+    if body is None:
+        raise mesh_error(
             path, "a mesh must be a solid, but it is flat or has fewer than four vertices; use a thin box instead"
-        ) from None
-    return _Convex(points[found.vertices], found.equations)
-
-
-def _depth(mesh: Any, scale: FloatArray, path: Path) -> float:
-    """Return how deep, m, the surface of a mesh lies inside its convex hull at most; 0 for a convex mesh.
-
-    The depth is measured at the corners, and at the midpoints of faces and edges.
-    """
-    corners = np.asarray(mesh.vertices, float)[np.asarray(mesh.faces)] * scale  # (F, 3, 3)
-    planes = _hull(corners.reshape(-1, 3), path).planes
-    sides = 0.5 * (corners + np.roll(corners, 1, axis=1))
-    points = np.concatenate([corners.mean(axis=1), sides.reshape(-1, 3), corners.reshape(-1, 3)])
-    deepest = 0.0
-    for part in np.array_split(points, 1 + points.shape[0] * planes.shape[0] // 10**7):
-        depths = -(part @ planes[:, :3].T + planes[:, 3]).max(axis=1)
-        deepest = max(deepest, float(depths.max(initial=0.0)))
-    return deepest
-
-
-def _is_convex(piece: Any, scale: FloatArray, path: Path) -> bool:
-    """Return whether a connected piece of a mesh is a convex solid; a flat piece is not."""
-    try:
-        return _depth(piece, scale, path) <= DEEPEST
-    except ModelError:
-        return False
-
-
-def _error(path: Path, said: str) -> ModelError:
-    """Return a ModelError about a mesh file."""
-    return ModelError(f"the mesh {shown(str(path), 400)}: {said}")
-
-
-def mesh_bytes(path: Path) -> bytes:
-    """Return the bytes of a mesh file; ModelError if it cannot be read or is too large."""
-    return file_bytes(path, "mesh", MOST_BYTES)
+        )
+    return body

@@ -12,24 +12,33 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, cast
 import numpy as np
 
 from hpop.base.arrays import BoolArray, Column, FloatArray
-from hpop.base.math import not_radians
-from hpop.base.options import MOST, Angle, BesideScenario, real
+from hpop.base.options import MOST, Angle, BesideScenario, one_of, real
 from hpop.base.registry import check_parameters, models
 from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.models.base import model
 from hpop.models.camera import FieldOfView, checked_field_of_view
-from hpop.models.files import is_record, path_of, record, without_paths
+from hpop.models.files import is_record, record, without_paths
 from hpop.models.serial_arm.arm_file import ArmFile, read_arm
 from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, frames, levers
+from hpop.models.serial_arm.checks import (
+    LEAST_SCALING,
+    SLOWEST,
+    checked_mapping,
+    checked_numbers,
+    path_text,
+    pose_matrix,
+)
 from hpop.models.serial_arm.collision import SAMPLES, ArmCollision, always_touching
+from hpop.models.serial_arm.enlarged import pairs_apart
 from hpop.models.serial_arm.judge import ArmJudge
 from hpop.models.serial_arm.keep import KeepingCollision, KeepingJudge, KeptAxis
 from hpop.models.serial_arm.kinematics import Kinematics
 from hpop.models.serial_arm.laws import ArmBody, JointLaw, JointSpline, Reach, doubtful, faults
-from hpop.models.serial_arm.xml import pose_of
+from hpop.models.serial_arm.meshes import WAYS, Way
 from hpop.motions import Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
 from hpop.trajectories.trajectory import Trajectory
+from hpop.world.link_rules import WIDEST
 
 if TYPE_CHECKING:
     from hpop.world import World
@@ -37,7 +46,6 @@ if TYPE_CHECKING:
 
 NEAR = 1e-9  # m or rad: tolerance for equal states
 REFERENCE = 1.0  # m/s: a second that a joint needs at its largest speed counts as 1 m in distances between states
-FARTHEST = 1e4  # m: largest coordinate in the options `base` and `camera`
 Placed = tuple[float, float, float, Angle, Angle, Angle]
 HERE: Placed = (0.0,) * 6
 
@@ -61,6 +69,9 @@ class SerialArm(Model):
     velocity_scaling          share of the speeds in the URDF that the arm uses, above 0 up to 1
     keep                      orientation kept in all states and motions: {"body": "tool", "axis": (0, 0, 1), "angle":
                               (0, 0.3)} keeps the tool's z axis within 0 to 0.3 rad of ``direction``, up by default
+    padding        m          distance that all links, or each by name, keep from obstacles, beyond the usual 0.5 mm
+    meshes         for meshes that are not convex: "hull" takes their convex hull, "decompose" cuts them into convex
+                   pieces, "exact" refuses them
 
     The arm has two motion laws. In a "reach" it moves from rest to rest along a straight line in joint space: at each
     moment all joints have done equal shares of their changes. A "spline" is a cubic function of time between two knots.
@@ -81,30 +92,38 @@ class SerialArm(Model):
     field_of_view: FieldOfView | None = None
     velocity_scaling: float = 1.0
     keep: dict[str, Any] | None = None
+    padding: float | dict[str, float] = 0.0
+    meshes: Way = "hull"
     _arm: ArmFile = field(init=False, repr=False)
     _records: dict[str, Any] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.tip, str):
             raise ModelError(f"tip must be the name of a link of the URDF, got {shown(self.tip)}")
-        packages = _checked_mapping("packages", self.packages, "folders")
+        packages = checked_mapping("packages", self.packages, "folders")
         given = {"urdf": self.urdf, "srdf": self.srdf, **{f"package {name}": path for name, path in packages.items()}}
-        paths = {name: _path_text(name, value) for name, value in given.items() if value is not None or name != "srdf"}
-        fixed = _checked_numbers("fixed", self.fixed, -MOST, "values in rad or m")
+        paths = {name: path_text(name, value) for name, value in given.items() if value is not None or name != "srdf"}
+        fixed = checked_numbers("fixed", self.fixed, -MOST, "values in rad or m")
         acceleration = self.acceleration
         if isinstance(acceleration, Mapping):
-            acceleration = _checked_numbers("acceleration", acceleration, SLOWEST, "values in rad/s² or m/s²")
+            acceleration = checked_numbers("acceleration", acceleration, SLOWEST, "values in rad/s² or m/s²")
         else:
             acceleration = real("acceleration", acceleration, SLOWEST, MOST, "rad/s² or m/s²", error=ModelError)
+        if isinstance(self.padding, Mapping):
+            padding: float | dict[str, float] = checked_numbers("padding", self.padding, 0.0, "lengths in m", WIDEST)
+        else:
+            padding = float(real("padding", self.padding, 0.0, WIDEST, "a length in m", error=ModelError))
         arm = read_arm(
             paths["urdf"],
             paths.get("srdf"),
             packages={name: paths[f"package {name}"] for name in packages},
             tip=self.tip,
-            camera=_pose_matrix("camera", self.camera),
-            base=_pose_matrix("base", self.base),
+            camera=pose_matrix("camera", self.camera),
+            base=pose_matrix("base", self.base),
             fixed=fixed,
             acceleration=acceleration,
+            padding=padding,
+            way=one_of("meshes", self.meshes, WAYS, error=ModelError),
         )
         scaling = real(
             "velocity_scaling", self.velocity_scaling, LEAST_SCALING, 1, "a share of the speeds", error=ModelError
@@ -129,6 +148,7 @@ class SerialArm(Model):
             "field_of_view": checked_field_of_view(self.field_of_view),
             "velocity_scaling": float(scaling),
             "keep": None if self.keep is None else KeptAxis.from_spec(self.keep).described(),
+            "padding": padding,
             "_arm": arm,
             "_records": records,
         }
@@ -174,6 +194,11 @@ class SerialArm(Model):
     def apart(self) -> frozenset[Pair]:
         """Pairs of links that are not tested for collision with each other; names in alphabetical order."""
         return self._arm.apart | self.always_touching
+
+    @property
+    def touching(self) -> frozenset[Pair]:
+        """Pairs of links that touch by design or in each of 10,000 random states."""
+        return self._arm.touching | self.always_touching
 
     @cached_property
     def always_touching(self) -> frozenset[Pair]:
@@ -308,13 +333,17 @@ class SerialArm(Model):
 
     def collision(self, world: World) -> ArmCollision:
         """Return the collision test for planning: on convex shapes, with proofs that whole motions are free."""
-        given = (self.chain, self.parts, self.apart, world)
+        given = (self.chain, self.parts, self._apart_in(world), world)
         return ArmCollision(*given) if self.kept is None else KeepingCollision(*given, self.kept, self)
 
     def judge(self, world: World) -> ArmJudge:
         """Return the collision test for verification: python-fcl at states between which no part moves over 1 mm."""
-        given = (self.chain, self.parts, self.apart, world)
+        given = (self.chain, self.parts, self._apart_in(world), world)
         return ArmJudge(*given) if self.kept is None else KeepingJudge(*given, self.kept)
+
+    def _apart_in(self, world: World) -> frozenset[Pair]:
+        """Return the pairs of links that are not tested with each other under the rules of a world."""
+        return pairs_apart(self.parts, self.apart, self.touching, world.link_rules)
 
     def describe(self) -> dict[str, Any]:
         """Return name and parameters for JSON, enough to build an equal arm; files are given by path and SHA-256."""
@@ -330,50 +359,8 @@ class SerialArm(Model):
             arm["velocity_scaling"] = self.velocity_scaling
         if self.keep is not None:
             arm["keep"] = self.keep
+        if self.padding:
+            arm["padding"] = self.padding
+        if self.meshes != WAYS[0]:
+            arm["meshes"] = self.meshes
         return {self.name: arm}
-
-
-SLOWEST = 1e-6
-LEAST_SCALING = 1e-3
-WORDS = {"urdf": "URDF", "srdf": "SRDF"}
-
-
-def _path_text(name: str, given: Any) -> str:
-    """Check the option ``name``, a path or the record of a file in a saved front, and return the path as text."""
-    path = path_of(given, WORDS.get(name, name)) if is_record(given) else given
-    if not isinstance(path, str | os.PathLike) or not os.fspath(path):
-        raise ModelError(f"{name} must be the path of a file, got {shown(given)}")
-    return str(os.fspath(path))
-
-
-def _pose_matrix(name: str, given: Any) -> FloatArray:
-    """Check the option ``name``, (x, y, z, roll, pitch, yaw) in m and rad, and return it as a pose (4, 4)."""
-    try:
-        numbers = [
-            real(name, number, -FARTHEST, FARTHEST, "x, y, z, m, and roll, pitch, yaw, rad,", error=ModelError)
-            for number in given
-        ]
-    except TypeError:
-        numbers = []
-    if len(numbers) != 6:
-        raise ModelError(f"{name} must be (x, y, z, roll, pitch, yaw) in m and rad, got {shown(given)}")
-    for angle in numbers[3:]:
-        if advice := not_radians(angle):
-            raise ModelError(f"an angle of {name} {advice}")
-    return pose_of(np.array(numbers[:3]), np.array(numbers[3:]))
-
-
-def _checked_mapping(name: str, given: Any, what: str) -> dict[str, Any]:
-    """Check the option ``name``, a mapping with names as keys, and return it as a dict.
-
-    ``what`` says for messages what the values are.
-    """
-    if not isinstance(given, Mapping) or not all(isinstance(key, str) for key in given):
-        raise ModelError(f"{name} must map names to {what}, as {{'name': ...}}, got {shown(given)}")
-    return dict(given)
-
-
-def _checked_numbers(name: str, given: Any, least: float, what: str) -> dict[str, float]:
-    """Check the option ``name``, which maps names to numbers of at least ``least``, and return it as a dict."""
-    named = _checked_mapping(name, given, what)
-    return {key: float(real(f"{name} of {key}", value, least, MOST, error=ModelError)) for key, value in named.items()}

@@ -58,9 +58,13 @@ class _Body(NamedTuple):
         return float(np.linalg.norm(self.points - self.middle, axis=1).max() + self.ball)
 
 
-def bodies_of(solids: Sequence[Solid]) -> Bodies:
-    """Return solids as convex bodies; each body is in the frame in which its solid's pose is given."""
-    bodies = [_body(solid) for solid in solids]
+def bodies_of(solids: Sequence[Solid], balls: Sequence[float] = ()) -> Bodies:
+    """Return solids as convex bodies; each body is in the frame in which its solid's pose is given.
+
+    balls  m, radii of balls that are added to the last solids
+    """
+    added = [*(0.0 for _ in solids[len(balls) :]), *balls]
+    bodies = [_body(solid, ball) for solid, ball in zip(solids, added, strict=True)]
     sizes = [len(body.points) for body in bodies]
     return Bodies(
         points=np.concatenate([np.zeros((0, 3)), *(body.points for body in bodies)]),
@@ -74,9 +78,10 @@ def bodies_of(solids: Sequence[Solid]) -> Bodies:
     )
 
 
-def _body(solid: Solid) -> _Body:
-    """Return a solid as a convex body, with a bounding box along the axes of its shape."""
+def _body(solid: Solid, added: float) -> _Body:
+    """Return a solid plus a ball (radius ``added``, m) as a convex body, with a bounding box along its shape's axes."""
     points, disc, ball = _parts(solid)
+    ball += added
     rotation, shift = solid.pose[:3, :3], solid.pose[:3, 3]
     grown = np.array([disc, disc, 0.0]) + ball
     low, high = points.min(axis=0) - grown, points.max(axis=0) + grown
@@ -123,18 +128,26 @@ class ArmScene(NamedTuple):
     pairs: IntArray
 
 
-def scene_of(chain: Chain, parts: Sequence[ArmPart], solids: Sequence[Solid]) -> ArmScene:
-    """Return the arrays of an arm and its surroundings: bodies of the arm's parts, then of the world's solids.
+def scene_of(
+    chain: Chain, parts: Sequence[ArmPart], solids: Sequence[Solid], enlarged: Sequence[ArmPart] = ()
+) -> ArmScene:
+    """Return the arrays of an arm and its surroundings: bodies of parts, of the world's solids, of enlarged parts.
 
-    Pairs to be tested are not set yet (:func:`paired`).
+    The padding of an enlarged part is a ball to be added to its solid; that of other parts is ignored. Pairs to be
+    tested are not set yet (:func:`paired`).
     """
     aligned = [np.eye(4), *map(_along_z, chain.axes)]
     origins = np.array(
         [before.T @ origin @ after for before, origin, after in zip(aligned, chain.origins, aligned[1:], strict=False)]
     ).reshape(-1, 4, 4)
-    frames = np.array([*(part.frame for part in parts), *(0 for _ in solids)], np.int64)
-    placed = [replace(part.solid, pose=aligned[part.frame].T @ part.solid.pose) for part in parts]
-    bodies = bodies_of([*placed, *solids])
+    frames = np.array(
+        [*(part.frame for part in parts), *(0 for _ in solids), *(part.frame for part in enlarged)], np.int64
+    )
+    placed, larger = (
+        [replace(part.solid, pose=aligned[part.frame].T @ part.solid.pose) for part in some]
+        for some in (parts, enlarged)
+    )
+    bodies = bodies_of([*placed, *solids, *larger], [part.padding for part in enlarged])
     return ArmScene(
         origins=np.ascontiguousarray(origins[:, :3]),
         sliding=np.array(chain.sliding, np.bool_),

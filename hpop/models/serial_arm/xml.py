@@ -39,12 +39,12 @@ class XmlFile:
     root  its outermost element
     """
 
-    def __init__(self, path: str | os.PathLike[str], what: str, tag: str) -> None:
+    def __init__(self, path: str | os.PathLike[str], what: str, tag: str, most_bytes: int = MOST_BYTES) -> None:
         self.what = what
         self.path = Path(checked_path(path, what))
-        self.data = file_bytes(self.path, what, MOST_BYTES)
+        self.data = file_bytes(self.path, what, most_bytes)
         self.root = self._parsed()
-        if self.root.tag != tag:
+        if tag and self.root.tag != tag:
             raise self.error(
                 f"its outermost element must be <{tag}>, got <{printable(self.root.tag)[:80]}>; give a {what} file"
             )

@@ -1,8 +1,9 @@
-"""Reader for planning scenes in YAML, as MoveIt and MotionBenchMaker write them.
+"""Reader for planning scenes in YAML, as MoveIt and MotionBenchMaker write them, and in MoveIt's text format.
 
 It reads the collision objects of ``moveit_msgs/PlanningScene``: boxes, cylinders, spheres and convex meshes. Points are
 lists ``[x, y, z]`` or mappings ``{x: ..}``; quaternions are x, y, z, w. The output of ``ros2 topic echo`` may hold
-several messages, and prints a byte as a character. The robot and its states are not read; a note says so.
+several messages, and prints a byte as a character. Also read are the rules for links: padding, scale, and the allowed
+collision matrix. The robot and its states are not read; a note says so.
 """
 
 from __future__ import annotations
@@ -14,13 +15,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpop.base.arrays import FloatArray
-from hpop.base.options import MOST, real, whole
+from hpop.base.options import whole
 from hpop.base.text import counted, shown
 from hpop.errors import MapError, did_you_mean
 from hpop.runtime import limits
 from hpop.runtime.limits import READING
 from hpop.world.files import file_source, named, read_bytes, read_text, read_yaml_documents
-from hpop.world.geometry.solids import MOST_POINTS, MOST_SOLIDS, Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
+from hpop.world.geometry.solids import MOST_POINTS, Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
+from hpop.world.link_rules import LinkRules
+from hpop.world.readers.moveit_entry import SceneEntry
+from hpop.world.readers.moveit_rules import link_rules, rule_notes
+from hpop.world.readers.moveit_text import is_scene_text, scene_of_text
 from hpop.world.world import World
 
 MOST_BYTES = 5_000_000
@@ -42,52 +47,8 @@ LABELS = frozenset({"type", "subframe_names", "subframe_poses"})
 """Keys of an object that are ignored, since they describe no solid part."""
 NOTED = ("robot_state", "allowed_collision_matrix", "link_padding", "link_scale", "object_colors")
 SCENE = frozenset({"name", "robot_model_name", "is_diff", "world", "fixed_frame_transforms", *NOTED})
-CUT = "..."
-"""Text that ``ros2 topic echo`` writes in place of omitted values."""
-NO_ARRAY = ("<sequence type:", "<array type:")
 CONVEX = 1e-4
 """Largest difference between a convex mesh and its hull, by rounding in files, as a share of the hull's volume."""
-
-
-class SceneEntry(NamedTuple):
-    """Value in a scene file (``given``), with its location in words (``what``) for messages."""
-
-    what: str
-    given: Any
-
-    def fault(self, expected: str) -> MapError:
-        """Return an error that states the location, the expected value and the actual value."""
-        return MapError(f"{self.what} must be {expected}; got {shown(self.given)}.")
-
-    def get(self, key: str) -> SceneEntry:
-        """Return the entry under a key of a mapping; the value of the entry is None if the key is missing."""
-        if not isinstance(self.given, dict):
-            raise self.fault("a yaml mapping")
-        return SceneEntry(f"{self.what}: {key}", self.given.get(key))
-
-    def entries(self, most: int = MOST_SOLIDS) -> list[SceneEntry]:
-        """Return the entries of a list; an empty list for a missing one."""
-        given = [] if self.given is None else self.given
-        if isinstance(given, str) and given.startswith(NO_ARRAY):
-            raise MapError(f"{self.what} is left out, as ros2 topic echo --no-arr does; print it without that option.")
-        if given == CUT or (isinstance(given, list) and CUT in given):
-            raise MapError(
-                f"{self.what} is cut short (...), as ros2 topic echo does; print all: ros2 topic echo --full-length."
-            )
-        if not isinstance(given, list):
-            raise self.fault("a list")
-        if len(given) > most:
-            raise MapError(f"{self.what} has {len(given):,} entries; at most {most:,} are read. Leave some out.")
-        return [SceneEntry(f"{self.what} {place}", entry) for place, entry in enumerate(given)]
-
-    def numbers(self, keys: str) -> tuple[float, ...]:
-        """Return a number for each letter of ``keys``, such as "xyz", from a list or a mapping with these keys."""
-        given = self.given
-        if isinstance(given, dict) and given.keys() == set(keys):
-            given = [given[key] for key in keys]
-        if not isinstance(given, list) or len(given) != len(keys):
-            raise self.fault(f"[{', '.join(keys)}]")
-        return tuple(float(real(self.what, value, -MOST, MOST, error=MapError)) for value in given)
 
 
 class Object(NamedTuple):
@@ -108,7 +69,8 @@ def read(path: str | Path) -> World:
 
     The extent is the bounding box of the solids, 1 m larger on each side. There is no floor unless it is an object. If
     the file has several messages, changes (``is_diff``) are applied to the last whole scene before them.
-    ``world.notes`` list ignored parts: padding and scale of links, the collision matrix, states of the robot, colours,
+    Rules for links are applied by arms with links of these names (`World.link_rules`): ``link_padding``, ``link_scale``
+    and ``allowed_collision_matrix``. ``world.notes`` list these, and ignored parts: states of the robot, colours,
     subframes. Solid parts that cannot be read are refused: other shapes, meshes that are not convex or in other files,
     planes, octomaps, objects attached to the robot.
 
@@ -119,19 +81,27 @@ def read(path: str | Path) -> World:
     """
     content = read_bytes(path, "scene file", limit=MOST_BYTES)
     limits.hold(READING, len(content), PARSED * len(content))
-    documents = read_yaml_documents(read_text(content, path, "scene file"), path)
+    text = read_text(content, path, "scene file")
+    documents = [scene_of_text(text, named(path))] if is_scene_text(text) else read_yaml_documents(text, path)
     several = len(documents) > 1
     objects: dict[str, Object] = {}
     notes: list[str] = []
+    rules = LinkRules()
     for place, given in enumerate(documents or [None]):
         scene = SceneEntry(f"{named(path)}, message {place}" if several else named(path), given)
         is_diff = scene.get("is_diff").given is True
+        if is_diff and not place:
+            raise MapError(
+                f"{scene.what} must be a whole scene, but is a change of one (is_diff: true), so that what was there "
+                "before is unknown. Save the whole scene: ros2 topic echo --once --full-length "
+                "/monitored_planning_scene, or the service /get_planning_scene with components: 1023."
+            )
         if place and not is_diff:
             objects.clear()
+            rules = LinkRules()
         _apply(scene, objects, is_diff=is_diff)
-        if is_diff and not place:
-            notes.append(f"{scene.what} is a change of a scene (is_diff): what was there before is not known")
-        notes += _unread(scene)
+        rules = link_rules(scene, rules)
+        notes += [*_unread(scene), *rule_notes(scene, rules, objects)]
     if several:
         notes.append(
             f"{named(path)} has {len(documents)} messages; the last whole scene and the changes after it are read"
@@ -145,7 +115,8 @@ def read(path: str | Path) -> World:
         raise MapError(f"{named(path)} has no collision object with a shape to build a world from.")
     world = World.from_solids(solids)
     source = file_source("moveit_scene", path, {}, content)
-    return World(world.ground, notes=(*dict.fromkeys(notes), *world.notes)).read_from(source)
+    notes = [*dict.fromkeys(notes), *world.notes]
+    return World(world.ground, notes=tuple(notes), link_rules=rules).read_from(source)
 
 
 def _apply(scene: SceneEntry, objects: dict[str, Object], *, is_diff: bool) -> None:
@@ -194,25 +165,7 @@ def _apply(scene: SceneEntry, objects: dict[str, Object], *, is_diff: bool) -> N
 
 def _unread(scene: SceneEntry) -> Iterator[str]:
     """Yield notes (warnings to print) on parts of a message that may matter but are not read."""
-    paddings = [entry.get("padding") for entry in scene.get("link_padding").entries()]
-    scales = [entry.get("scale") for entry in scene.get("link_scale").entries()]
-    padded = [
-        length for part in paddings if (length := float(real(part.what, part.given, -MOST, MOST, error=MapError)))
-    ]
-    scaled = [by for part in scales if (by := float(real(part.what, part.given, -MOST, MOST, error=MapError))) != 1.0]
-    if padded:
-        yield (
-            f"{scene.what} pads {counted(len(padded), 'link')} of the robot by up to {max(padded):g} m (link_padding), "
-            "which is not applied: links are as the URDF has them"
-        )
-    if scaled:
-        yield (
-            f"{scene.what} scales {counted(len(scaled), 'link')} of the robot by up to {max(scaled):g} (link_scale), "
-            "which is not applied: links are as the URDF has them"
-        )
-    matrix, state = scene.get("allowed_collision_matrix"), scene.get("robot_state")
-    if isinstance(matrix.given, dict) and (matrix.given.get("entry_names") or matrix.given.get("default_entry_names")):
-        yield f"{matrix.what} is not read: all objects count, and an SRDF says which links may touch"
+    state = scene.get("robot_state")
     joints = state.get("joint_state").given if isinstance(state.given, dict) else None
     if isinstance(joints, dict) and joints.get("name"):
         yield f"{state.what} is not read; give the start to the problem"
@@ -230,23 +183,41 @@ def _unread(scene: SceneEntry) -> Iterator[str]:
 
 
 def _transforms(scene: SceneEntry) -> dict[str, tuple[str, FloatArray]]:
-    """Return the parent frame of each frame in ``fixed_frame_transforms``, and its pose (4, 4) in the parent."""
+    """Return the parent frame of each frame in ``fixed_frame_transforms``, and its pose (4, 4) in the parent.
+
+    The planning frame is a child of itself, or of no frame; it has no entry. MapError if frames form a circle.
+    """
     found: dict[str, tuple[str, FloatArray]] = {}
     for entry in scene.get("fixed_frame_transforms").entries():
         child, moved = entry.get("child_frame_id"), entry.get("transform")
         if not isinstance(child.given, str):
             raise child.fault("the name of a frame")
         pose = _pose(moved, "translation", "rotation")
-        if not np.allclose(pose, np.eye(4), atol=1e-12):
-            found[child.given.lstrip("/")] = _frame(entry), pose
+        name, parent = child.given.lstrip("/"), _frame(entry)
+        is_same = np.allclose(pose, np.eye(4), atol=1e-12)
+        if not is_same and parent in ("", name):
+            raise MapError(
+                f"{entry.what} must give frame {shown(name)} in another frame: name that in header: frame_id."
+            )
+        if parent not in ("", name):
+            found[name] = parent, pose
+    for name in found:
+        passed, frame = {name}, found[name][0]
+        while frame in found:
+            if frame in passed:
+                raise MapError(
+                    f"{scene.get('fixed_frame_transforms').what} must lead from each frame to one planning frame, but "
+                    f"frame {shown(frame)} is given in itself; correct the parents (header: frame_id)."
+                )
+            passed.add(frame)
+            frame = found[frame][0]
     return found
 
 
 def _resolved(frame: str, transforms: Mapping[str, tuple[str, FloatArray]]) -> tuple[str, FloatArray]:
     """Follow a frame to its parents; return the last parent, and the pose (4, 4) of the frame in that parent."""
-    pose, passed = np.eye(4), set[str]()
-    while frame in transforms and frame not in passed:
-        passed.add(frame)
+    pose = np.eye(4)
+    while frame in transforms:
         frame, step = transforms[frame]
         pose = step @ pose
     return frame, pose
@@ -260,7 +231,9 @@ def _refuse_unread(scene: SceneEntry) -> None:
         tree = inside.given if isinstance(inside.given, dict) else octomap.given
         if tree.get("data"):
             raise MapError(
-                f"{octomap.what} has cells, which are not read. Save the scene without it, or give boxes instead."
+                f"{octomap.what} has cells, which are not read. Save the scene without it. To keep the cells, save the "
+                "octomap as a .bt file and write its cells as boxes: octree2pointcloud map.bt map.pcd, then "
+                "World.from_file('map.pcd', resolution=CELL)."
             )
     state = scene.get("robot_state")
     if isinstance(state.given, dict) and (attached := state.get("attached_collision_objects")).given:

@@ -22,7 +22,7 @@ from hpop.base.text import shown
 from hpop.errors import HpopError, MapError, did_you_mean
 from hpop.runtime.limits import LimitPassed
 from hpop.world.files import named
-from hpop.world.readers import drawing, geojson, image, moveit_scene, movingai, ros_map
+from hpop.world.readers import drawing, geojson, image, moveit_scene, movingai, point_cloud, ros_map
 from hpop.world.world import World
 
 readers.add("dxf", drawing.read_dxf)
@@ -31,6 +31,7 @@ readers.add("image", image.read)
 readers.add("moveit_scene", moveit_scene.read)
 readers.add("movingai", movingai.read)
 readers.add("pdf", drawing.read_pdf)
+readers.add("point_cloud", point_cloud.read)
 readers.add("ros_bag", ros_map.read_bag)
 readers.add("ros_map", ros_map.read)
 
@@ -42,6 +43,8 @@ ENDINGS = {
     ".dxf": "dxf",
     ".map": "movingai",
     ".pdf": "pdf",
+    **dict.fromkeys((".pcd", ".ply"), "point_cloud"),
+    ".scene": "moveit_scene",
 }
 """Endings of file names, each with the name of its reader."""
 CONVERT = "convert it to GeoJSON, such as by ogr2ogr -f GeoJSON -t_srs EPSG:4326 plan.geojson {}"
@@ -51,6 +54,15 @@ OTHERS = {
     ".topojson": "convert it to GeoJSON, such as by mapshaper {} -o format=geojson plan.geojson",
     **dict.fromkeys((".osm", ".pbf"), "convert it to GeoJSON, such as by osmtogeojson"),
     **dict.fromkeys((".dwg", ".rvt", ".skp", ".ifc"), "save it as DXF"),
+    **dict.fromkeys(
+        (".bt", ".ot"),
+        "write the centres of its cells as points, by octree2pointcloud {} map.pcd (a command "
+        "of octomap), and read them with the side of a cell as resolution: reader point_cloud",
+    ),
+    ".sdf": "give its boxes, cylinders and spheres as solids",
+    **dict.fromkeys(
+        (".las", ".laz", ".e57", ".npy", ".npz"), "save it as PLY or PCD, or give an array to World.from_points"
+    ),
     ".svg": "save it as PDF, or as PNG",
     **dict.fromkeys((".tif", ".tiff", ".webp", ".heic", ".avif", ".psd"), "save it as PNG"),
 }

@@ -7,6 +7,7 @@ import pytest
 
 from hpop.errors import ModelError
 from hpop.models import SerialArm
+from hpop.models.serial_arm.convex import DEEPEST, EXACT, MOST_CORNERS, convex_body, depth, enclosing, is_convex
 from tests.models.serial_arm.arms import CRANE
 
 trimesh = pytest.importorskip("trimesh")
@@ -105,7 +106,7 @@ def test_a_mesh_of_quadrilaterals_is_read_and_its_mirror_image_too(tmp_path):
 @pytest.mark.parametrize(
     ("name", "said"),
     [("ball.stl", r"expected 1 to 20,000 faces, found 20,480; decimate it \(.*simplify_quadric_decimation"),
-     ("ball.dae", r"got '\.dae'; convert it with Blender, or a \.dae with trimesh and pycollada"),
+     ("ball.glb", r"got '\.glb'; convert it with Blender, or by trimesh.load"),
      ("torn.off", r"cannot be read \(.*\); export it as STL, with triangles only")],
 )  # fmt: skip
 def test_a_mesh_that_is_not_read_is_refused_with_the_way_out(tmp_path, name, said):
@@ -114,15 +115,15 @@ def test_a_mesh_that_is_not_read_is_refused_with_the_way_out(tmp_path, name, sai
     else:
         (tmp_path / name).write_text("OFF\n1 1 0\n0 0 0\n3 0 1 2\n")
     with pytest.raises(ModelError, match=said):
-        with_mesh(tmp_path, name)
+        with_mesh(tmp_path, name, meshes="exact")
 
 
 def test_a_concave_mesh_is_refused_with_how_deep_it_is(tmp_path):
     ELL.export(tmp_path / "ell.stl")
     with pytest.raises(
-        ModelError, match=r"ell.stl': it must be convex or .* up to 0.0\d+ m inside its convex hull; cut it"
+        ModelError, match=r"ell.stl': it must be convex or .* up to 0.0\d+ m inside its convex hull; give meshes: hull"
     ):
-        with_mesh(tmp_path, "ell.stl")
+        with_mesh(tmp_path, "ell.stl", meshes="exact")
 
 
 def test_convex_pieces_that_share_corners_are_refused_with_the_way_out(tmp_path):
@@ -132,10 +133,8 @@ def test_convex_pieces_that_share_corners_are_refused_with_the_way_out(tmp_path)
     corner = BOX.copy()
     corner.apply_translation((0, 2 * BOX.bounds[1][1], 0))
     trimesh.util.concatenate([BOX, shifted, corner]).export(tmp_path / "touching.obj")
-    with pytest.raises(
-        ModelError, match=r"separate convex pieces, .* give each a <collision> element with its own file"
-    ):
-        with_mesh(tmp_path, "touching.obj")
+    with pytest.raises(ModelError, match=r"separate convex pieces, .*; give meshes: hull, .* or meshes: decompose"):
+        with_mesh(tmp_path, "touching.obj", meshes="exact")
 
 
 def test_a_package_is_a_folder_that_is_given(tmp_path):
@@ -174,7 +173,13 @@ def test_a_link_to_elsewhere_is_not_followed(tmp_path):
     ("name", "data", "said"),
     [
         ("lost.stl", None, "cannot be opened"),
-        ("box.dae", b"<COLLADA/>", "a mesh file must be of type stl, obj, ply, off"),
+        ("box.dae", b"<COLLADA/>", r"cannot be read .*; export it as STL|needs pycollada"),
+        (
+            "box.dae",
+            b'<!DOCTYPE a [<!ENTITY b "c">]><COLLADA>&b;</COLLADA>',
+            "must not have a document type or entities",
+        ),
+        ("box.glb", b"glTF", "a mesh file must be of type stl, obj, ply, off, dae"),
         ("box.stl", b"solid\n\x00\xff" * 9, "box.stl': "),
         ("flat.off", b"OFF\n3 1 0\n0 0 0\n9 0 0\n0 9 0\n3 0 1 2\n", "flat"),
         ("box.stl", b"", "must not be empty"),
@@ -185,3 +190,132 @@ def test_a_mesh_that_is_none_is_refused_by_name(tmp_path, name, data, said):
         (tmp_path / name).write_bytes(data)
     with pytest.raises(ModelError, match=rf"URDF '.*urdf': .* of link 'jib': .*{said}"):
         with_mesh(tmp_path, name)
+
+
+# Meshes that are not convex
+
+
+def contains(hulls, points, tolerance=1e-8):
+    """Return whether each point is behind all faces of some hull, by trimesh's hulls."""
+    inside = np.zeros(len(points), bool)
+    for hull in hulls:
+        around = trimesh.Trimesh(hull.points).convex_hull
+        away = np.einsum("pfi,fi->pf", points[:, None] - around.triangles[None, :, 0], around.face_normals)
+        inside |= away.max(axis=1) <= tolerance
+    return inside
+
+
+def test_a_concave_mesh_is_its_hull_and_a_note_says_what_that_adds(tmp_path):
+    """The L of 90 mm by 90 mm by 30 mm, 20 mm thick: 3,200 mm² of it; its hull has 5,650 mm²."""
+    ELL.export(tmp_path / "ell.stl")
+    arm = with_mesh(tmp_path, "ell.stl")
+    (hull,) = jibs(arm)
+    assert hull.volume == pytest.approx(5650 * 30 * 1e-9)
+    assert contains([hull], ELL.vertices / 1000).all()
+    (note,) = (note for note in arm.notes if "not convex" in note)
+    share = round(100 * (5650 / 3200 - 1))
+    assert f"'ell.stl' (+{share} % volume, gaps up to " in note
+    gap = float(note.partition("gaps up to ")[2].partition(" mm")[0])
+    assert gap == pytest.approx((90 + 20) / 2 - 20, abs=1.0)  # from the middle of the slanting face to a leg
+    assert "meshes: decompose fits closer" in note
+    assert arm.describe()["serial_arm"].get("meshes") is None
+    assert with_mesh(tmp_path, "ell.stl") == arm
+
+
+def test_a_mesh_that_was_read_is_not_read_again(tmp_path):
+    ELL.export(tmp_path / "ell.stl")
+    first, second = (jibs(with_mesh(tmp_path, "ell.stl"))[0] for _ in range(2))
+    assert first is second
+    ELL.copy().apply_scale(2.0).export(tmp_path / "ell.stl")
+    (larger,) = jibs(with_mesh(tmp_path, "ell.stl"))
+    assert larger.volume == pytest.approx(8 * first.volume)
+
+
+def test_a_concave_mesh_is_cut_into_pieces_that_hold_its_surface(tmp_path):
+    pytest.importorskip("coacd")
+    ELL.export(tmp_path / "ell.stl")
+    arm = with_mesh(tmp_path, "ell.stl", meshes="decompose")
+    pieces = jibs(arm)
+    assert 2 <= len(pieces) <= 16
+    surface, _ = trimesh.sample.sample_surface(ELL, 2000, seed=1)
+    assert contains(pieces, surface / 1000).all()
+    assert sum(piece.volume for piece in pieces) < 1.2 * 3200 * 30 * 1e-9
+    assert "convex pieces stand for meshes that are not convex: 'ell.stl'" in " ".join(arm.notes)
+    assert SerialArm(**arm.describe()["serial_arm"]) == arm != with_mesh(tmp_path, "ell.stl")
+
+
+def test_a_collada_file_is_read_in_its_unit_with_the_poses_of_its_nodes(tmp_path):
+    pytest.importorskip("collada")
+    data = trimesh.exchange.dae.export_collada(box((0.1, 0.04, 0.04), (0.0, 0.0, 0.5))).decode()
+    assert "<node" in data
+    moved = data.replace("<instance_geometry", "<translate>0 0 1</translate><instance_geometry", 1)
+    for text, unit, z in ((data, 1.0, 0.5), (moved, 1.0, 1.5), (data, 0.5, 0.25)):
+        begin = text.index("<unit") if "<unit" in text else text.index("<up_axis")
+        end = text.index("/>", begin) + 2 if "<unit" in text else begin
+        (tmp_path / "box.dae").write_text(text[:begin] + f'<unit name="u" meter="{unit}"/>' + text[end:])
+        (hull,) = jibs(with_mesh(tmp_path, "box.dae"))
+        np.testing.assert_allclose(np.ptp(hull.points, axis=0) * 1000, unit * np.array([0.1, 0.04, 0.04]), rtol=1e-6)
+        assert hull.points[:, 2].mean() * 1000 == pytest.approx(z, rel=1e-6)
+
+
+def test_all_meshes_that_cannot_be_used_are_named_in_one_message(tmp_path):
+    ELL.export(tmp_path / "ell.stl")
+    (tmp_path / "flat.off").write_text("OFF\n3 1 0\n0 0 0\n9 0 0\n0 9 0\n3 0 1 2\n")
+    more = "".join(
+        f'<collision><geometry><mesh filename="{name}"/></geometry></collision>'
+        for name in ("flat.off", "gone.stl", "package://far/a.stl", "package://far/b.stl")
+    )
+    (tmp_path / "arm.urdf").write_text(
+        CRANE.replace(f'<collision><origin xyz="0.1 0 0"/><geometry>{SPHERE}', more + f"<collision><geometry>{SPHERE}")
+    )
+    with pytest.raises(
+        ModelError,
+        match=r"3 of its meshes cannot be used\. .*flat.off.*thin box.*gone.stl.* opened.*package 'far' must be given",
+    ) as error:
+        SerialArm.from_urdf(tmp_path / "arm.urdf", tip="eye", acceleration=2.0)
+    assert "b.stl" not in str(error.value)  # the folder of the package is missing for both
+
+
+def test_a_way_that_is_none_is_refused(tmp_path):
+    BOX.export(tmp_path / "box.stl")
+    with pytest.raises(ModelError, match=r"meshes must be one of .*hull.*decompose.*exact.*, got 'hulls'"):
+        with_mesh(tmp_path, "box.stl", meshes="hulls")
+
+
+def brute_depth(corners, planes):
+    sides = 0.5 * (corners + np.roll(corners, 1, axis=1))
+    points = np.concatenate([corners.mean(axis=1), sides.reshape(-1, 3), corners.reshape(-1, 3)])
+    return float((-(points @ planes[:, :3].T + planes[:, 3]).max(axis=1)).max())
+
+
+@pytest.mark.seeds(4, of=60)
+def test_a_mesh_counts_as_convex_as_all_depths_say(seed):
+    """Bodies with dents about as deep as is allowed, of some hundred faces."""
+    rng = np.random.default_rng(seed)
+    ball = trimesh.creation.icosphere(3, rng.uniform(0.05, 0.3))
+    corners = ball.vertices * rng.uniform(0.3, 1.0, 3)
+    if seed % 2:
+        some = rng.integers(len(corners), size=3)
+        corners[some] *= 1 - rng.uniform(0.0, 0.02, (3, 1))
+    body, faces = convex_body(corners), corners[ball.faces]
+    exact = brute_depth(faces, body.planes)
+    assert is_convex(faces, body) == (exact <= DEEPEST)
+    places = np.concatenate([faces.reshape(-1, 3), faces.mean(axis=1)])
+    deepest = float(-(places @ body.planes[:, :3].T + body.planes[:, 3]).max(axis=1).min())
+    largest = float((-(places @ body.planes[:, :3].T + body.planes[:, 3]).max(axis=1)).max())
+    assert largest - EXACT <= depth(faces, body) <= largest + 1e-12 or deepest > 0
+
+
+@pytest.mark.seeds(4, of=60)
+def test_a_simpler_hull_encloses_all_points_and_is_hardly_larger(seed):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(4000, 3))
+    points *= rng.uniform(0.05, 0.2, 3) / np.linalg.norm(points, axis=1)[:, None]
+    body = convex_body(points)
+    simple = enclosing(body)
+    assert len(body.points) > MOST_CORNERS >= len(simple.points)
+    around = trimesh.Trimesh(simple.points).convex_hull
+    away = np.einsum("pfi,fi->pf", points[:, None] - around.triangles[None, :, 0], around.face_normals)
+    assert away.max() <= 1e-9
+    assert simple.volume <= 1.05 * body.volume
+    assert enclosing(simple) is simple

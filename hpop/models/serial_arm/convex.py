@@ -1,0 +1,185 @@
+"""Convex hulls of meshes: whether a mesh is convex, how deep its hollows are, and simpler hulls that enclose others."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hpop.base.arrays import FloatArray, IntArray
+
+DEEPEST = 1e-3
+"""A mesh counts as convex if no point of its surface is deeper than this, m, inside its convex hull."""
+PROBED = 32
+"""Number of planes that bound all depths at first."""
+AT_ONCE = 512
+"""Points whose depths are computed together."""
+FULL = 24
+"""A simpler hull gets no more planes if it has only this many corners fewer than allowed."""
+NEARLY = 2.5e-4
+"""Distance, m, by which corners of a simpler hull may lie beyond a face without being cut off."""
+MOST_CORNERS = 256
+"""Largest number of corners of a hull that is simplified."""
+EXACT = 1e-4
+"""Precision of the depth of hollows, m."""
+SAMPLES = 20_000
+"""Points on a mesh from which the distance of its hull is computed."""
+SLACK = 1e-9
+"""Distance, m, by which planes of a simpler hull are moved outwards, for floating-point errors."""
+
+
+class ConvexBody(NamedTuple):
+    """Convex hull of points.
+
+    points  (V, 3)  its corners
+    planes  (P, 4)  its faces: normal n and offset d, with n·x + d <= 0 for points x inside
+    volume  m³
+    """
+
+    points: FloatArray
+    planes: FloatArray
+    volume: float
+
+
+def convex_body(points: FloatArray) -> ConvexBody | None:
+    """Return the convex hull of points (N, 3); None if they are in one plane."""
+    from scipy.spatial import ConvexHull, QhullError  # slow to import
+
+    try:
+        found = ConvexHull(points)
+    except (QhullError, ValueError):
+        return None
+    return ConvexBody(points[found.vertices], found.equations, float(found.volume))
+
+
+def is_convex(corners: FloatArray, body: ConvexBody) -> bool:
+    """Return whether faces with these corners (F, 3, 3) are nowhere deeper inside their convex hull than ``DEEPEST``.
+
+    Looked at are the corners, and the middles of faces and edges.
+    """
+    from scipy.spatial import cKDTree  # slow to import
+
+    if _depth(corners[:, 0], body.planes, batches=1) > DEEPEST:  # most hollow meshes
+        return False
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
+    sides: FloatArray = 0.5 * (corners + np.roll(corners, 1, axis=1))
+    points: FloatArray = np.concatenate([corners.mean(axis=1)[:, None], sides, corners], axis=1)  # (F, 7, 3)
+    _, alike = cKDTree(body.planes[:, :3]).query(np.concatenate([normals, -normals]))
+    bounds = np.full(points.shape[:2], np.inf)  # of depths, by the two faces of the hull that are most alike
+    for plane in body.planes[alike].reshape(2, -1, 4):
+        bounds = np.minimum(bounds, -(np.einsum("fij,fj->fi", points, plane[:, :3]) + plane[:, 3:]))
+    return _depth(points[bounds > DEEPEST], body.planes, least=DEEPEST) <= DEEPEST
+
+
+def depth(corners: FloatArray, body: ConvexBody) -> float:
+    """Return how deep, m, faces lie inside a convex body at most, at corners and middles, up to ``EXACT``."""
+    return _depth(np.concatenate([corners.reshape(-1, 3), corners.mean(axis=1)]), body.planes, error=EXACT)
+
+
+def gap(corners: FloatArray, body: ConvexBody) -> float:
+    """Return about how far, m, points on the surface of a convex body are from faces that it contains, at most.
+
+    Both are sampled: it may be too large by the distance of samples on the faces, some hundredths of their size.
+    """
+    from scipy.spatial import ConvexHull, cKDTree  # slow to import
+
+    around = body.points[ConvexHull(body.points).simplices]
+    known = np.concatenate([_samples(corners, SAMPLES), corners.reshape(-1, 3)])
+    return float(np.max(cKDTree(known).query(_samples(around, SAMPLES // 10))[0]))
+
+
+def _samples(corners: FloatArray, count: int) -> FloatArray:
+    """Return points (N, 3) drawn at random from triangles (F, 3, 3), equally densely on all."""
+    rng = np.random.default_rng(0)
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    chosen = corners[np.searchsorted(np.cumsum(areas) / areas.sum(), rng.random(count)).clip(0, len(corners) - 1)]
+    shares = rng.dirichlet((1.0, 1.0, 1.0), count)
+    points: FloatArray = np.einsum("ni,nij->nj", shares, chosen)
+    return points
+
+
+def _depth(
+    points: FloatArray, planes: FloatArray, *, least: float = 0.0, error: float = 0.0, batches: int = 0
+) -> float:
+    """Return how deep points (N, 3) lie behind all of the planes at most, m; ``least`` if they are less deep.
+
+    It may be too small by ``error``. Some planes bound the depth of each point from above; points are looked at in the
+    order of their bounds, and only as many as are in ``batches`` unless this is 0.
+    """
+    bounds = np.empty(len(points))
+    probes = planes[:: max(1, len(planes) // PROBED)]
+    for part in np.array_split(np.arange(len(points)), 1 + len(points) * len(probes) // 10**7):
+        bounds[part] = -(points[part] @ probes[:, :3].T + probes[:, 3]).max(axis=1)
+    order, deepest = np.argsort(-bounds), least
+    order = order[: batches * AT_ONCE] if batches else order
+    for begin in range(0, len(order), AT_ONCE):
+        if bounds[order[begin]] <= deepest + error:
+            break
+        some = points[order[begin : begin + AT_ONCE]]
+        depths = -(some @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+        deepest = max(deepest, float(depths.max(initial=0.0)))
+    return deepest
+
+
+def enclosing(body: ConvexBody, most: int = MOST_CORNERS) -> ConvexBody:
+    """Return a convex body with at most ``most`` corners that encloses another one; the same if it has no more.
+
+    It is the intersection of half-spaces that each contain all corners of the body. Their planes are faces of the body
+    and of its bounding box: at first few, then again and again those faces beyond which the corners lie farthest.
+    """
+    from scipy.spatial import HalfspaceIntersection  # slow to import
+
+    if len(body.points) <= most:
+        return body
+    middle = body.points.mean(axis=0)
+    faces = _unlike(body.planes)
+    sides = np.concatenate([np.eye(3), -np.eye(3)])
+    chosen = _supporting(sides, body.points)
+    found = body.points
+    used = np.zeros(len(faces), bool)
+    while True:
+        corners = HalfspaceIntersection(chosen, middle).intersections
+        corners = corners[np.isfinite(corners).all(axis=1)]
+        if len(corners) > most:
+            break
+        found = corners
+        if len(corners) > most - FULL:
+            break
+        beyond = corners @ faces[:, :3].T + faces[:, 3]  # (corners, faces)
+        beyond[:, used] = -np.inf
+        worst = np.argsort(-beyond.max(axis=1))[: max(1, (most - len(corners)) // 4)]
+        new = np.unique(beyond[worst].argmax(axis=1))
+        new = new[beyond[:, new].max(axis=0) > NEARLY]
+        if not len(new):
+            break
+        used[new] = True
+        chosen = np.concatenate([chosen, _supporting(faces[new, :3], body.points)])
+    larger = convex_body(found)
+    return body if larger is None else larger
+
+
+def _supporting(normals: FloatArray, points: FloatArray) -> FloatArray:
+    """Return the planes (P, 4) with these normals that all points are behind; they touch the points but for a slack."""
+    return np.column_stack([normals, -(points @ normals.T).max(axis=0) - SLACK])
+
+
+def _unlike(planes: FloatArray) -> FloatArray:
+    """Return planes without repetitions, as of the triangles of one flat face."""
+    _, first = np.unique(np.round(planes, 6), axis=0, return_index=True)
+    return planes[np.sort(first)]
+
+
+def pieces_of(faces: IntArray) -> int:
+    """Return the number of connected pieces of faces (F, 3), joined by edges that two of them share."""
+    from scipy.sparse import coo_array  # slow to import
+    from scipy.sparse.csgraph import connected_components
+
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    keys = edges[:, 0].astype(np.int64) * (int(faces.max(initial=0)) + 1) + edges[:, 1]
+    order = np.argsort(keys, kind="stable")
+    ranked, owner = keys[order], order // 3
+    begins = np.flatnonzero(np.append(True, ranked[1:] != ranked[:-1]))
+    pairs = begins[np.diff(np.append(begins, len(ranked))) == 2]
+    links = (np.ones(len(pairs)), (owner[pairs], owner[pairs + 1]))
+    return int(connected_components(coo_array(links, shape=(len(faces), len(faces))), directed=False)[0])
