@@ -169,7 +169,13 @@ class Execution(StopLog):
         soon = (times > time + SAME) & (times <= time + LEAVING)
         later = LeavePoints(times[soon], states.take(plan.arrivals[soon]))
         before = held(part(driven, 0, place), stands)
-        return Commit(time, states.take(np.array([place])), place, stands, arrives, before, later)
+        begins = min(float(driven.times[place]), math.inf if plan.stops is None else plan.stops)
+        remaining = between(plan.announced, begins, plan.announced.duration)
+        here, tour = states.take(np.array([place])), None
+        if (progress := self._progress.tour) is not None:
+            problem = self.surroundings.at(here, time)
+            tour = progress.after(joined(before, remaining), before.duration, lag, problem).tour
+        return Commit(time, here, place, stands, arrives, before, remaining, later, tour)
 
     # Options
 
@@ -232,14 +238,11 @@ class Execution(StopLog):
     ) -> tuple[Options, ReplanResult]:
         """Return options from a commit (place where the plan may change) on, and the search result behind them."""
         surroundings, plan = self.surroundings, self._progress.plan
-        begins = min(float(plan.driven.times[commit.place]), math.inf if plan.stops is None else plan.stops)
-        remaining = between(plan.announced, begins, plan.announced.duration)
+        remaining, t, visits = commit.remaining, commit.before.duration, None
         present = remaining if plan.stops is None and not commit.stands else None
-        problem = surroundings.at(commit.state, commit.time)
-        then, t, visits = joined(commit.before, remaining), commit.before.duration, None
-        if (tour := self._progress.tour) is not None:
-            problem = replace(problem, tour=(left := tour.after(then, t, self._progress.lag, problem).tour))
-            visits = tour.coming(then, t, left, problem)
+        problem = replace(surroundings.at(commit.state, commit.time), tour=commit.tour)
+        if self._progress.tour is not None and commit.tour is not None:
+            visits = self._progress.tour.coming(joined(commit.before, remaining), t, commit.tour, problem)
         result = self._replanner.result(surroundings, problem, commit, present, deadline, answer)
         costs_so_far = partial(past, Plan(commit.before), t, self._progress.stretches, self.problem.criteria)
         candidates = replace(result.candidates, notes=(*result.candidates.notes, *surroundings.stopping))

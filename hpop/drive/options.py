@@ -20,6 +20,7 @@ from hpop.drive.closings import Closing
 from hpop.drive.plan import speed_of
 from hpop.errors import DriveError
 from hpop.frontier.choices import Preferring
+from hpop.goals import Tour
 from hpop.motions import HOLD, States, laws_of
 from hpop.planners.programs.polyline import crossing_word, holes
 from hpop.problems.front import Front, Point
@@ -128,7 +129,9 @@ class Commit:
     stands   s, time for which the robot stands there first
     arrives  whether this place is the goal
     before   the plan up to there
+    remaining  the announced plan from there on
     later    further places, soon afterwards, at which the robot may change its plan
+    tour     the tour, with the stops that are done there; None without a tour
     """
 
     time: float
@@ -137,7 +140,9 @@ class Commit:
     stands: float
     arrives: bool
     before: Trajectory
+    remaining: Trajectory
     later: LeavePoints
+    tour: Tour | None = None
 
     @property
     def places(self) -> LeavePoints:

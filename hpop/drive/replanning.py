@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hpop.base.arrays import IntArray
 from hpop.criteria.base import make_criterion
+from hpop.criteria.visits import all_visits, missed_weights
 from hpop.drive.drive_graph import DriveGraph
 from hpop.drive.known_routes import KnownRoutes
 from hpop.drive.latest_only import LatestOnlyWorker
@@ -86,7 +87,7 @@ class Replanner:
         self._timed: TimedDriveGraph | None = None
         self._other_timed: TimedDriveGraph | None = None  # for a robot with no person near, or the reverse
         self._last_scheduled: list[ScheduledPath] = []  # paths of the last search on a clock
-        self._last_space: object = None  # the graph that numbers their arcs
+        self._last_numbers: object = None  # of the graph that numbers their arcs
         self._last_trajectories: Sequence[Trajectory] = ()  # these paths as trajectories
         self._worker = LatestOnlyWorker()
         self._pending: _PendingGraph | None = None
@@ -137,21 +138,21 @@ class Replanner:
         if graph.instead_of is now:
             nothing = replace(rechecked(self.planner.name, problem, self.objectives, []), status=Status.NO_PATH)
             return ReplanResult(nothing, math.inf, 0, None)
-        node = graph.node(commit.state)
-        node = graph.start if node < 0 else node
-        space = graph.untimed.query.space
+        node, numbers = graph.begins(commit), graph.numbers
         if answer is None:
             known = [] if present is None else graph.scheduled([present], commit.time)
             known += graph.scheduled(self._trajectories, self._began)
-            known += self._last_scheduled if self._last_space is space else []  # other ends number arcs differently
+            known += self._last_scheduled if self._last_numbers == numbers else []  # other ends number arcs differently
             paths = graph.remaining_paths(node, commit.time, known, deadline)
         else:
             paths = graph.restored(node, commit.time, answer)
-        self._last_scheduled, self._last_space = graph.in_seconds(paths), space
+        self._last_scheduled, self._last_numbers = graph.in_seconds(paths), numbers
         logged_result = None if paths.status.is_final else graph.described(paths)
-        candidates = graph.candidates(self.planner.name, problem, commit, node, paths)
-        self._last_trajectories = candidates.trajectories
-        return ReplanResult(candidates, paths.gap, paths.stats.labels_generated, logged_result)
+        candidates = _of_remaining(graph.candidates(self.planner.name, problem, commit, node, paths), problem)
+        self._last_trajectories, lost = candidates.trajectories, ()
+        if paths.status is Status.NO_PATH and commit.tour is not None:
+            lost = graph.alone(commit).unreachable(node % graph.timed.graph.graph.nodes)
+        return ReplanResult(candidates, paths.gap, paths.stats.labels_generated, logged_result, lost)
 
     def _clear(self, now: DriveSurroundings, problem: Problem, commit: Commit, seconds: float) -> list[Trajectory]:
         """Return the known plans' parts after the commit that are open and clear of people, checked for ``seconds`` s.
@@ -173,8 +174,11 @@ class Replanner:
 
     def _rechecked(self, problem: Problem, trajectories: Sequence[Trajectory]) -> ReplanResult:
         """Return known trajectories as the result of a query while the graph on the clock is being built."""
+        if problem.tour is not None:
+            visits = all_visits(problem.tour, problem.world, trajectories, missed_weights(problem.criteria))
+            trajectories = [t for t, each in zip(trajectories, visits, strict=True) if each.complete]
         answer = {"ways": [trajectory.describe() for trajectory in trajectories]}
-        candidates = rechecked(self.planner.name, problem, self.objectives, trajectories)
+        candidates = _of_remaining(rechecked(self.planner.name, problem, self.objectives, trajectories), problem)
         return ReplanResult(candidates, math.inf, 0, answer)
 
     # The graph on the clock, built in another thread
@@ -283,9 +287,10 @@ class Replanner:
 
         The commit is the next place where the plan may change.
         """
-        node = built.node(commit.state)
-        node = built.start if node < 0 else node
-        if built.prepared.paths(node, built.tick(commit.time), deadline=RECHECK).status is not Status.NO_PATH:
+        if (
+            built.prepared.paths(built.begins(commit), built.tick(commit.time), deadline=RECHECK).status
+            is not Status.NO_PATH
+        ):
             return built
         stopping = now.with_people_who_stop(commit.places.states, commit.places.times)
         if stopping is None:
@@ -363,10 +368,7 @@ class Replanner:
                 "arcs": arcs,
             }
         lost = graph.unreachable(node) if paths.status is Status.NO_PATH else ()
-        candidates = graph.candidates(node, paths)
-        if problem.tour is not None:  # missed stops are counted among those that remain
-            own = {criterion.name: criterion for criterion in problem.criteria}
-            candidates = replace(candidates, objectives=tuple(own.get(c.name, c) for c in candidates.objectives))
+        candidates = _of_remaining(graph.candidates(node, paths), problem)
         return ReplanResult(candidates, paths.gap, paths.stats.labels_generated, logged_result, lost)
 
     def graph(self, now: DriveSurroundings) -> DriveGraph:
@@ -398,3 +400,9 @@ class Replanner:
                 "robot: give planner='lattice'"
             )
         return states if states.world is now.bare else replace(states, world=now.bare)
+
+
+def _of_remaining(candidates: Candidates, problem: Problem) -> Candidates:
+    """Return candidates whose missed stops are counted among those that remain in the problem's tour."""
+    own = {criterion.name: criterion for criterion in problem.criteria if problem.tour is not None}
+    return replace(candidates, objectives=tuple(own.get(c.name, c) for c in candidates.objectives))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from hpop.drive.moment import DriveProgress
 from hpop.drive.storage import EventLog
 from hpop.errors import DriveError
-from hpop.planners.needs import people_move, refuse_speeds, refuse_tour
+from hpop.planners.needs import people_move, refuse_speeds
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
@@ -17,9 +17,8 @@ NOTED = ("visited", "passed over")
 
 
 def refuse_among_people(problem: Problem) -> None:
-    """Raise QueryError for a tour, or a robot with several speeds, among people who move."""
+    """Raise QueryError for a robot with several speeds among people who move."""
     if people_move(problem):
-        refuse_tour(problem, "a drive among moving people")
         refuse_speeds(problem, "a drive among moving people")
 
 

@@ -24,18 +24,23 @@ from hpop.drive.drive_graph import DriveGraph
 from hpop.drive.options import Commit
 from hpop.drive.plan import SAME, closed_trajectories, joined, part
 from hpop.drive.surroundings import DriveSurroundings
+from hpop.drive.tour_graph import TourDriveGraph
 from hpop.motions import States
 from hpop.planners.base import Candidates
 from hpop.planners.graphs.assemble import assemble, claim_with_known_paths, memory_limit_notes, search_stats
+from hpop.planners.graphs.query import Query
 from hpop.planners.graphs.timed.assembly import timed_graph
 from hpop.planners.graphs.timed.clock import TimeOptions
 from hpop.planners.graphs.timed.notice import MovingPeople
 from hpop.planners.graphs.timed.plans import GraphOnClock, GraphParts
 from hpop.planners.graphs.timed.safety import LEAVING, Safety, Start
-from hpop.planners.graphs.timed.timing import Timing, on_clock
+from hpop.planners.graphs.timed.timing import Timing
+from hpop.planners.graphs.timed.tour_layers import TimedTour, timed_tour
+from hpop.planners.graphs.tour import TourGraph
+from hpop.planners.graphs.tour_stops import tour_members
 from hpop.planners.objectives import Objectives
 from hpop.runtime.status import Status
-from hpop.search.timed import TimedPaths
+from hpop.search.timed import TimedGraph, TimedPaths
 from hpop.search.timed.prepared import PreparedTimed, TimedPath
 from hpop.trajectories.contacts import first_contact
 from hpop.trajectories.trajectory import Trajectory
@@ -64,6 +69,7 @@ class TimedDriveGraph:
     objectives  the criteria of the search
     options     the planner's options of time, such as the tick
     people      people as predicted from `since` on
+    tour        in a tour, the graph on the clock with a layer for each set of stops that are done; else None
     base        the untimed graph, without a joined start
     start       node for which the graph was built; `begin` is the earliest tick of a query from it
     state       (1,) state of the robot at the start
@@ -86,6 +92,7 @@ class TimedDriveGraph:
     begin: int
     places: frozenset[int]
     near: tuple[tuple[int, float], ...]
+    tour: TimedTour | None = None
     instead_of: DriveSurroundings | None = None
     stopping: DriveSurroundings | None = None
 
@@ -122,11 +129,52 @@ class TimedDriveGraph:
             later = zip(nodes, times, people_near, strict=True)
             near = ((node, at), *((place, time) for place, time, people in later if place >= 0 and people))
         laid = GraphParts(untimed.graph, untimed.closed, begin, near, arcs)
-        timed = timed_graph(space, objectives.optimised, node, untimed.query.goals, options, now.problem.quanta, laid)
+        ends = tuple(dict.fromkeys(untimed.query.goals))
+        query = space, objectives.optimised, node, ends, options, now.problem.quanta, laid
+        timed, tour = timed_graph(*query, passes_goals=commit.tour is not None), None
+        if commit.tour is not None:
+            members = tour_members(untimed.query.space, commit.tour, space.world)
+            layers = TourGraph(space.model, space.world, space, commit.tour, members, ends, spending=space.spending)
+            tour = timed_tour(timed, layers, ends, objectives.optimised)
         places = frozenset({node, *untimed.nodes(commit.later.states).tolist()} - {-1})
         return cls(
-            untimed, timed, objectives, options, now.people, now.since, base, node, commit.state, begin, places, near
+            untimed,
+            timed,
+            objectives,
+            options,
+            now.people,
+            now.since,
+            base,
+            node,
+            commit.state,
+            begin,
+            places,
+            near,
+            tour,
         )
+
+    @property
+    def searched(self) -> TimedGraph:
+        """The graph on the clock, in a tour with its layers."""
+        return self.timed.graph if self.tour is None else self.tour.graph
+
+    @property
+    def numbers(self) -> tuple[Any, ...]:
+        """Value by which graphs are equal that number their arcs alike."""
+        return self.untimed.query.space, None if self.tour is None else self.tour.tour.tour
+
+    @property
+    def goals(self) -> list[int]:
+        """Nodes at which paths end."""
+        return [*self.untimed.query.goals] if self.tour is None else self.tour.goals
+
+    def begins(self, commit: Commit) -> int:
+        """Return the node at a commit, in a tour in the layer of the stops that are done there."""
+        node = self.node(commit.state)
+        node = self.start if node < 0 else node
+        if self.tour is None or commit.tour is None:
+            return node
+        return self.tour.tour.tour.layers.index(commit.tour.layers[0]) * self.timed.graph.graph.nodes + node
 
     def refuses(self, now: DriveSurroundings, commit: Commit, untimed: DriveGraph) -> bool:
         """Return whether an earlier query showed that no path leads on from the commit, as people walk towards it.
@@ -144,7 +192,13 @@ class TimedDriveGraph:
         node = self.node(commit.state)
         if self.base is not untimed or self.people != now.people or self.since != now.since or node < 0:
             return False
-        if self.tick(commit.time) < self.prepared.earliest[node]:
+        if (
+            self.tour is not None
+            and commit.tour is not None
+            and commit.tour.layers[0] not in self.tour.tour.tour.layers
+        ):
+            return False
+        if self.tick(commit.time) < self.prepared.earliest[self.begins(commit)]:
             return False
         at = commit.time - self.since
         about = self.timed.safety.near(_start(commit.state, at))
@@ -171,13 +225,26 @@ class TimedDriveGraph:
     @cached_property
     def prepared(self) -> PreparedTimed:
         """The graph on the clock, prepared for searches."""
-        return PreparedTimed(self.timed.graph, self.start, self.untimed.query.goals, begin=self.begin)
+        return PreparedTimed(self.searched, self.start, self.goals, begin=self.begin)
+
+    @cached_property
+    def _arcs(self) -> tuple[IntArray, FloatArray]:
+        """Tail (m,) of each arc that is searched, and its duration (m,), s."""
+        if self.tour is None:
+            return self.untimed.tails, self.timed.arcs.durations
+        graph, origins = self.tour.graph.graph, self.tour.origins
+        dwells = np.where(self.tour.stops >= 0, self.tour.needed[self.tour.stops], 0.0)
+        seconds = np.where(origins >= 0, self.timed.arcs.durations[np.maximum(origins, 0)], dwells)
+        return np.repeat(np.arange(graph.nodes), np.diff(graph.indptr)), seconds
 
     def scheduled(self, trajectories: Sequence[Trajectory], at: float) -> list[ScheduledPath]:
         """Return the last part of each trajectory, from where it follows the graph, as a path with departures.
 
-        Trajectories that do not end on the graph are left out. All begin at time ``at`` of the drive, s.
+        Trajectories that do not end on the graph are left out, and all of a tour: their visits would have to be found
+        on the clock. All begin at time ``at`` of the drive, s.
         """
+        if self.tour is not None:
+            return []
         parts = self.untimed.arcs_and_places(trajectories)
         paths = [
             ScheduledPath(arcs, at + trajectory.times[leaving])
@@ -190,18 +257,18 @@ class TimedDriveGraph:
 
         The robot is at the node at time ``at``, s of the drive.
         """
-        begin, graph, remaining = self.tick(at), self.timed.graph, list[TimedPath]()
+        begin, graph, remaining, (tails, seconds) = self.tick(at), self.searched, list[TimedPath](), self._arcs
         least = graph.hold or 0
         waits = 0.5 * max(1, least) * self.options.tick  # s: a shorter stop is no hold
         for arcs, times in paths:
-            for i in np.flatnonzero(self.untimed.tails[arcs] == node)[-1:].tolist():
+            for i in np.flatnonzero(tails[arcs] == node)[-1:].tolist():
                 ready, when, leaves = begin, at, list[int]()
                 for arc, leave in zip(arcs[i:].tolist(), times[i:].tolist(), strict=True):
                     if leave - when > waits:
                         ready = max(ready + least, self.tick(leave))
                     leaves.append(ready)
                     ready += int(graph.durations[arc])
-                    when = leave + float(self.timed.arcs.durations[arc])
+                    when = leave + float(seconds[arc])
                 remaining.append(TimedPath(arcs[i:], np.array(leaves, np.int64)))
         return remaining
 
@@ -249,14 +316,26 @@ class TimedDriveGraph:
         ramps, rests = self.timed.ramps, commit.place == 0 or commit.stands > 0.0
         late = ramps.half if ramps is not None and rests else 0.0
         people = problem.world.content.people
-        timing = Timing(self.timed, node, self.options, people, commit.time - self.since, late)
-        goals, seconds = [*self.untimed.query.goals], self.timed.seconds
-        query = on_clock(timing, self.objectives, node, goals, build_seconds=seconds, closed=self.untimed.closed)
+        timing = Timing(self.timed, node, self.options, people, commit.time - self.since, late, self.tour)
+        query = Query(
+            self.timed.arcs.space if self.tour is None else self.tour.tour,
+            self.objectives,
+            self.searched.graph,
+            node,
+            self.goals,
+            build_seconds=self.timed.seconds,
+            closed=self.untimed.closed if self.tour is None else self.tour.closed(self.untimed.closed),
+            timing=timing,
+        )
         claim, stats = claim_with_known_paths(paths, query.where, query.rounded), search_stats(paths, paths.gap)
         reason = ""
         if paths.status is Status.NO_PATH and not timing.is_open_alone(query):
-            reason = self.untimed.closed_in(node)
+            reason = self.alone(commit).closed_in(node)
         return assemble(name, query, paths, claim, reason=reason, notes=memory_limit_notes(paths), stats=stats)
+
+    def alone(self, commit: Commit) -> DriveGraph:
+        """Return the graph without moving people, of a tour with the layer of a commit as the first."""
+        return self.untimed if commit.tour is None else TourDriveGraph.over(self.untimed, commit.tour)
 
 
 def _start(state: States, time: float) -> Start:

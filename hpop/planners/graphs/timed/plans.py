@@ -140,10 +140,12 @@ class TimedPlans:
     visits: Sequence[TourSteps] = ()
 
     @classmethod
-    def of_tour(cls, tour: TimedTour, paths: Sequence[PathSteps]) -> TimedPlans:
-        """Return the plans for paths of a tour."""
+    def of_tour(
+        cls, tour: TimedTour, paths: Sequence[PathSteps], begins: float = 0.0, late_start: float = 0.0
+    ) -> TimedPlans:
+        """Return the plans for paths of a tour; for the parameters see the fields."""
         visits = [tour.steps(path) for path in paths]
-        return cls(tour.timed, [visit.steps for visit in visits], tour=tour, visits=visits)
+        return cls(tour.timed, [visit.steps for visit in visits], begins, late_start, tour, visits)
 
     def take(self, rows: IntArray) -> TimedPlans:
         """Return the plans with the given indices."""

@@ -128,7 +128,7 @@ class Timing:
         """
         steps = [paths.steps(i) for i in range(len(paths))]
         if self.tour is not None:
-            every = TimedPlans.of_tour(self.tour, steps)
+            every = TimedPlans.of_tour(self.tour, steps, self.begins, self.late_start)
         else:
             every = TimedPlans(self.timed, steps, self.begins, self.late_start)
         contacts = self._contacts(every)
@@ -190,7 +190,7 @@ class Timing:
     def departure(self) -> Start:
         """Position, heading and time at which plans begin."""
         arcs = self.timed.arcs
-        at = arcs.space.states(arcs.states_of[[self.start]])
+        at = arcs.space.states(arcs.states_of[[self.start % arcs.states_of.size]])  # in a tour, of any layer
         return Start(float(at.x[0]), float(at.y[0]), float(np.nan_to_num(at.yaw[0])), self.begins)
 
     @property

@@ -92,6 +92,10 @@ class TimedTour:
         stretches = self.tour.stretches(np.concatenate([np.zeros(0, np.int64), *(path.walk for path in paths)]), sizes)
         return stretches.trajectories(self.tour.model, self.tour.kinds)
 
+    def closed(self, one_layer: BoolArray) -> BoolArray:
+        """Return the mask (m,) of the closed arcs, from that of the arcs of one layer."""
+        return np.asarray(one_layer[np.maximum(self.origins, 0)] & (self.origins != NONE))
+
     def blocked_stops(self) -> Iterator[str]:
         """Yield the names of the stops at which people leave no time for a visit; optional stops are left out."""
         graph, clock = self.timed.graph, self.timed.clock
