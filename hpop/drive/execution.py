@@ -157,8 +157,7 @@ class Execution(StopLog):
         """
         now, plan, lag = self._time(now), self._progress.plan, self._progress.lag
         t = now + deadline_of(deadline, self.problem) - lag
-        driven = plan.driven
-        place = plan.next_arrival(t)
+        driven, place = plan.driven, plan.next_arrival(t)
         at_end = place == len(driven)
         arrives = at_end and plan.stops is None
         stands = t - float(driven.times[place]) if at_end and not arrives else 0.0

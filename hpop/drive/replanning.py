@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hpop.base.arrays import IntArray
 from hpop.criteria.base import make_criterion
-from hpop.criteria.visits import all_visits, missed_weights
 from hpop.drive.drive_graph import DriveGraph
 from hpop.drive.known_routes import KnownRoutes
+from hpop.drive.known_trajectories import clear_trajectories, complete, of_remaining, rechecked, remaining_from
 from hpop.drive.latest_only import LatestOnlyWorker
 from hpop.drive.options import Commit
 from hpop.drive.surroundings import DriveSurroundings
-from hpop.drive.timed_drive_graph import ScheduledPath, TimedDriveGraph, clear_trajectories, rechecked, remaining_from
+from hpop.drive.timed_drive_graph import ScheduledPath, TimedDriveGraph
 from hpop.drive.tour_graph import TourGraphs
 from hpop.errors import DriveError
 from hpop.planners.base import Candidates, Planner
@@ -148,10 +148,10 @@ class Replanner:
             paths = graph.restored(node, commit.time, answer)
         self._last_scheduled, self._last_numbers = graph.in_seconds(paths), numbers
         logged_result = None if paths.status.is_final else graph.described(paths)
-        candidates = _of_remaining(graph.candidates(self.planner.name, problem, commit, node, paths), problem)
-        self._last_trajectories, lost = candidates.trajectories, ()
-        if paths.status is Status.NO_PATH and commit.tour is not None:
-            lost = graph.alone(commit).unreachable(node % graph.timed.graph.graph.nodes)
+        candidates = of_remaining(graph.candidates(self.planner.name, problem, commit, node, paths), problem)
+        self._last_trajectories = candidates.trajectories
+        base_node, is_lost = node % graph.timed.graph.graph.nodes, paths.status is Status.NO_PATH
+        lost = graph.alone(commit).unreachable(base_node) if is_lost else ()
         return ReplanResult(candidates, paths.gap, paths.stats.labels_generated, logged_result, lost)
 
     def _clear(self, now: DriveSurroundings, problem: Problem, commit: Commit, seconds: float) -> list[Trajectory]:
@@ -174,11 +174,9 @@ class Replanner:
 
     def _rechecked(self, problem: Problem, trajectories: Sequence[Trajectory]) -> ReplanResult:
         """Return known trajectories as the result of a query while the graph on the clock is being built."""
-        if problem.tour is not None:
-            visits = all_visits(problem.tour, problem.world, trajectories, missed_weights(problem.criteria))
-            trajectories = [t for t, each in zip(trajectories, visits, strict=True) if each.complete]
+        trajectories = complete(problem, trajectories)
         answer = {"ways": [trajectory.describe() for trajectory in trajectories]}
-        candidates = _of_remaining(rechecked(self.planner.name, problem, self.objectives, trajectories), problem)
+        candidates = of_remaining(rechecked(self.planner.name, problem, self.objectives, trajectories), problem)
         return ReplanResult(candidates, math.inf, 0, answer)
 
     # The graph on the clock, built in another thread
@@ -368,7 +366,7 @@ class Replanner:
                 "arcs": arcs,
             }
         lost = graph.unreachable(node) if paths.status is Status.NO_PATH else ()
-        candidates = _of_remaining(graph.candidates(node, paths), problem)
+        candidates = of_remaining(graph.candidates(node, paths), problem)
         return ReplanResult(candidates, paths.gap, paths.stats.labels_generated, logged_result, lost)
 
     def graph(self, now: DriveSurroundings) -> DriveGraph:
@@ -400,9 +398,3 @@ class Replanner:
                 "robot: give planner='lattice'"
             )
         return states if states.world is now.bare else replace(states, world=now.bare)
-
-
-def _of_remaining(candidates: Candidates, problem: Problem) -> Candidates:
-    """Return candidates whose missed stops are counted among those that remain in the problem's tour."""
-    own = {criterion.name: criterion for criterion in problem.criteria if problem.tour is not None}
-    return replace(candidates, objectives=tuple(own.get(c.name, c) for c in candidates.objectives))

@@ -9,20 +9,17 @@ change, only tables that depend on them are computed again. Times of the drive a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray
-from hpop.criteria.costs import trajectory_costs
-from hpop.drive.closings import Closing
 from hpop.drive.drive_graph import DriveGraph
 from hpop.drive.options import Commit
-from hpop.drive.plan import SAME, closed_trajectories, joined, part
+from hpop.drive.plan import SAME
 from hpop.drive.surroundings import DriveSurroundings
 from hpop.drive.tour_graph import TourDriveGraph
 from hpop.motions import States
@@ -42,7 +39,6 @@ from hpop.planners.objectives import Objectives
 from hpop.runtime.status import Status
 from hpop.search.timed import TimedGraph, TimedPaths
 from hpop.search.timed.prepared import PreparedTimed, TimedPath
-from hpop.trajectories.contacts import first_contact
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -135,7 +131,7 @@ class TimedDriveGraph:
         if commit.tour is not None:
             members = tour_members(untimed.query.space, commit.tour, space.world)
             layers = TourGraph(space.model, space.world, space, commit.tour, members, ends, spending=space.spending)
-            tour = timed_tour(timed, layers, ends, objectives.optimised)
+            tour = timed_tour(timed, layers, ends, objectives.optimised, anywhere=True)
         places = frozenset({node, *untimed.nodes(commit.later.states).tolist()} - {-1})
         return cls(
             untimed,
@@ -341,69 +337,3 @@ class TimedDriveGraph:
 def _start(state: States, time: float) -> Start:
     """Return a state (1,) as the start of plans at a time on the clock, s."""
     return Start(float(state.x[0]), float(state.y[0]), float(state.yaw[0]), time)
-
-
-CLAIM = (
-    "incomplete: known paths, checked again with the present people and closed areas; points need not be optimal, "
-    "others may be missing, by an unknown factor better, until the graph on the clock is built: call options again"
-)
-
-
-def remaining_from(trajectories: Iterable[Trajectory], state: States) -> Iterator[Trajectory]:
-    """Yield the part of each trajectory from its last visit to a state (1,) on, if it visits the state."""
-    for trajectory in trajectories:
-        at_state = np.ones(len(trajectory) + 1, dtype=np.bool_)
-        rows = np.zeros(len(trajectory) + 1, np.int64)
-        for off in trajectory.model.space.differences(state.take(rows), trajectory.states).values():
-            at_state &= np.abs(off) <= SAME
-        last = np.flatnonzero(at_state)
-        if last.size and last[-1] < len(trajectory):
-            yield part(trajectory, int(last[-1]), len(trajectory))
-
-
-def clear_trajectories(
-    trajectories: Iterable[Trajectory],
-    problem: Problem,
-    before: Trajectory,
-    closings: Sequence[Closing],
-    margin: float,
-    latest: float | None,
-    enough: Callable[[], bool],
-) -> Iterator[Trajectory]:
-    """Yield the trajectories that are clear of closed areas and people, as planned and as executed.
-
-    problem  its start and time are those at which the trajectories begin
-    before   the trajectory up to there; the robot need not be at rest there
-    margin   m, distance to keep from moving people
-    latest   s, longest duration, None for any
-    enough   function that returns True when checking must end
-    """
-    parts, people = problem.model.platform, problem.world.content.people
-    for trajectory in trajectories:
-        if enough():
-            return
-        if (latest is not None and trajectory.duration > latest) or closed_trajectories([trajectory], closings).any():
-            continue
-        driven = joined(before, trajectory)
-        cases = product((driven, driven.execution()), {0.0, margin})
-        if not any(first_contact(parts, people, motion, least, begin=before.duration) for motion, least in cases):
-            yield trajectory
-
-
-def rechecked(name: str, problem: Problem, objectives: Objectives, trajectories: Sequence[Trajectory]) -> Candidates:
-    """Return trajectories as candidates of the planner ``name``, without a claim of optimality."""
-    criteria = objectives.optimised
-    costs = trajectory_costs(criteria, trajectories, problem.world) if trajectories else np.zeros((0, len(criteria)))
-    origin: dict[str, Any] = {"planner": name, "known": True}
-    return Candidates(
-        objectives=criteria,
-        trajectories=tuple(trajectories),
-        planned=costs,
-        tolerance=np.zeros(costs.shape),
-        status=Status.TIME_LIMIT,
-        certificate=f"{name}: {CLAIM}{objectives.certificate}",
-        provenance=(origin,) * len(trajectories),
-        notes=objectives.notes,
-        filters=objectives.filters,
-        stats={"planner": name, "labels_generated": 0, "gap": None},
-    )

@@ -65,15 +65,6 @@ def people_move(problem: Problem) -> bool:
     return any(person.moves for person in problem.world.content.people)
 
 
-def refuse_tour(problem: Problem, what: str) -> None:
-    """Raise QueryError if the problem has a tour; ``what`` names, for the error, the method that cannot visit stops."""
-    if problem.tour is not None:
-        raise QueryError(
-            f"{what} cannot plan a tour, so the stops {', '.join(problem.tour.names)} would not be visited; leave the "
-            "tour out of the problem"
-        )
-
-
 def refuse_speeds(problem: Problem, what: str) -> None:
     """Raise QueryError for a model with several speeds; ``what`` names, for the error, a method that drives at one."""
     if problem.model.speed_classes:

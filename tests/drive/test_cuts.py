@@ -8,8 +8,8 @@ import shapely
 
 import hpop
 from hpop.drive.closings import Closing
+from hpop.drive.known_trajectories import clear_trajectories
 from hpop.drive.plan import Plan, between, cut_of, held, joined
-from hpop.drive.timed_drive_graph import clear_trajectories
 from hpop.trajectories.contacts import contact
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person

@@ -13,12 +13,11 @@ import numpy as np
 import pytest
 
 import hpop
-from hpop.errors import DriveError, QueryError
+from hpop.errors import DriveError
 from hpop.goals import Tour
 from hpop.planners.base import make_planner
 from hpop.runtime.status import Status
 from hpop.trajectories.trajectory import Trajectory
-from hpop.world import Person
 from hpop.world.content.content import Zone
 from tests.drive.rooms import NORTH, SOUTH, two_doors
 
@@ -266,20 +265,6 @@ def test_a_stop_that_does_not_remain_cannot_be_skipped() -> None:
     assert [event["event"] for event in drive.record] == ["visited", "visited", "passed over", "skip"]
     with pytest.raises(DriveError, match="has no tour"):
         driving(asked([])).skip("west")
-
-
-def test_tours_among_people_who_move_are_refused() -> None:
-    walker, words = Person(8.0, 3.0, velocity=(-0.3, 0.0)), "a drive among moving people cannot plan a tour"
-    front = asked([WEST]).solve(LATTICE)
-    moving = asked([WEST], people=(walker,))
-    with pytest.raises(QueryError, match=words):
-        hpop.drive.Execution(moving, front.trajectories, front[0].item, make_planner(LATTICE))
-    drive = hpop.follow(asked([WEST]), front, 0)
-    with pytest.raises(QueryError, match=words):
-        drive.world(1.0, people=[walker])
-    assert drive.record == []
-    drive.world(1.0, people=[Person(8.0, 3.0)])
-    assert len(drive.options(1.0, DEADLINE))
 
 
 def test_at_the_goal_missed_stops_still_count_and_only_the_plan_can_be_kept_afterwards() -> None:

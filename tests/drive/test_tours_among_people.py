@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,8 @@ from hpop.planners.graphs.tour import TourGraph
 from hpop.planners.graphs.tour_stops import tour_members
 from hpop.runtime.status import Status
 from hpop.search.timed import timed_paths
-from hpop.trajectories.contacts import contact
 from tests.drive.rooms import two_doors
 from tests.drive.test_among_people import CLOSED, walkers
-from tests.drive.test_fresh_search import covered
 
 ROBOT = hpop.DifferentialDrive(radius=0.3)
 STOPS: list[dict[str, Any]] = [
@@ -43,13 +42,18 @@ def driving(seed: int) -> tuple[Execution, np.random.Generator]:
     return hpop.follow(problem, front, int(rng.integers(len(front))), planner=planner), rng
 
 
-def fresh(drive: Execution, options: Options) -> np.ndarray:
-    """Return the costs, in quanta, of a new search on the clock, over the stops that remain at the commit."""
+def fresh(drive: Execution, options: Options) -> np.ndarray | None:
+    """Return the costs, in quanta, of a new search on the clock, over the stops that remain at the commit.
+
+    None if a person stands by then, who would be a closed area in a new drive.
+    """
     known, commit = drive._replanner._timed, options.commit
     assert known is not None
     surroundings, space = drive.surroundings, known.untimed.query.space
     tick = round((commit.time - surroundings.since) / TICK)
     then = surroundings.problem.at(surroundings.problem.start, tick * TICK)
+    if not all(person.moves for person in then.world.content.people):
+        return None
     space, criteria = space.costed_in(then.world), known.objectives.optimised
     timed = reading_time(criteria, space)
     plain = space.graph([c for j, c in enumerate(criteria) if j not in timed])
@@ -97,9 +101,8 @@ def test_options_of_a_tour_among_people_are_those_of_a_fresh_search(seed: int) -
         known = drive._replanner._timed
         assert known is not None
         mine = known.remaining_paths(known.begins(options.commit), options.commit.time, [], None).costs
-        theirs = fresh(drive, options)
-        assert covered(mine, theirs, np.zeros(3))
-        assert covered(theirs, mine, np.zeros(3))
+        if (theirs := fresh(drive, options)) is not None:
+            assert set(map(tuple, mine.tolist())) == set(map(tuple, theirs.tolist()))
         assert len(options) >= len(mine)
         if len(options) and rng.random() < 0.7:
             drive.take(int(rng.integers(len(options))))
@@ -108,17 +111,20 @@ def test_options_of_a_tour_among_people_are_those_of_a_fresh_search(seed: int) -
     for stop in STOPS:
         if stop["name"] in visited:
             assert stands(drive.plan, stop["at"], stop["within"]) >= stop.get("dwell", 0.0) - 0.05
-    assert contact(ROBOT.platform, drive.problem.world.content.people, drive.plan, 0.0) == "" or now > 0.0
 
 
-def test_a_stop_that_cannot_be_reached_is_named_and_may_be_skipped() -> None:
+def test_a_stop_that_cannot_be_reached_is_named_and_may_be_skipped(tmp_path: Path) -> None:
     drive, _ = driving(0)
-    drive.world(0.1, close=[(6.5, 0.0), (11.0, 0.0), (11.0, 1.2), (8.8, 1.2), (8.8, 6.0), (6.5, 6.0)], name="works")
+    drive.world(0.1, close=[(7.2, 3.2), (8.8, 3.2), (8.8, 4.8), (7.2, 4.8)], name="works")
     drive.ready()
     options = drive.options(0.1, 2.0)
-    assert options.unreachable == ("east",)
+    assert (len(options), options.unreachable) == (0, ("east",))
+    assert "closed: 'works'. Open what is closed, or skip with drive.skip('east')" in options.front.notes[0]
     drive.skip("east")
     drive.ready()
-    options = drive.options(0.1, 2.0)
-    assert options.unreachable == ()
-    drive.save
+    options = drive.options(0.2, 2.0)
+    assert {option.stops for option in options} <= {("west",), ("west", "passed"), ("passed", "west")}
+    drive.take(options.best("stops_missed"))
+    assert {visit.name for visit in drive.at(drive.plan.duration).visits} == {"west", "passed"}
+    drive.save(tmp_path / "drive.json")
+    assert hpop.drive.load(tmp_path / "drive.json").plan.describe() == drive.plan.describe()

@@ -114,7 +114,9 @@ class TimedTour:
                 yield stop.name
 
 
-def timed_tour(timed: GraphOnClock, tour: TourGraph, goals: Sequence[int], criteria: Sequence[Criterion]) -> TimedTour:
+def timed_tour(
+    timed: GraphOnClock, tour: TourGraph, goals: Sequence[int], criteria: Sequence[Criterion], *, anywhere: bool = False
+) -> TimedTour:
     """Return the graph of a tour on a clock, with a layer for each set of decided stops.
 
     Raises Exhausted if a limit is passed, and OptionError for a dwell time of too many ticks.
@@ -122,8 +124,9 @@ def timed_tour(timed: GraphOnClock, tour: TourGraph, goals: Sequence[int], crite
     timed     graph of one layer on the clock, with ``passes_goals``
     goals     nodes of the goals in it
     criteria  costs of the search
+    anywhere  whether paths may begin at any node, in any layer, as in a drive
     """
-    return _Layering(timed, tour, tuple(goals), tuple(criteria)).layered()
+    return _Layering(timed, tour, tuple(goals), tuple(criteria), anywhere).layered()
 
 
 class _Arcs(NamedTuple):
@@ -156,6 +159,7 @@ class _Layering:
     tour_graph: TourGraph
     goals: tuple[int, ...]
     criteria: tuple[Criterion, ...]
+    anywhere: bool = False
 
     @property
     def tour(self) -> Tour:
@@ -273,19 +277,21 @@ class _Layering:
         return arcs.take(np.argsort(arcs.tails, kind="stable"))
 
     def _from_start(self, arcs: _Arcs) -> Iterator[_Arcs]:
-        """Yield the arcs that leave the start after stops were visited there in no time, as copies from its node.
+        """Yield the arcs that leave a node after stops were visited there in no time, as copies from that node.
 
-        If the start is a goal, a tour may consist of such visits alone: then an arc that lasts a tick is added for it.
+        Paths begin at the start; in a drive, they may begin at any node, in any layer. If the start is a goal, a tour
+        may consist of such visits alone: then an arc that lasts a tick is added for it.
         """
-        start = self.timed.start
-        for layer, weights in self._at_once(0).items():
-            if (missed := int(weights[start])) >= NEVER:
-                continue
-            copies = arcs.take(np.flatnonzero(arcs.tails == layer * self.count + start))
-            yield copies._replace(tails=np.full(copies.tails.size, start), missed=copies.missed + missed)
-            if layer == self.last and self._is_goal[start]:
-                head = layer * self.count + int(self.timed.arcs.states_of[start])
-                yield _Arcs(*(np.array([value], np.int64) for value in (start, head, NONE, NONE, missed)))
+        start, layers, nodes = self.timed.start, arcs.tails // self.count, arcs.tails % self.count
+        for layer in range(self.last) if self.anywhere else (0,):
+            for to, weights in self._at_once(layer).items():
+                begins = (layers == to) & (weights[nodes] < NEVER) & (self.anywhere | (nodes == start))
+                copies = arcs.take(np.flatnonzero(begins))
+                missed = copies.missed + weights[copies.tails % self.count]
+                yield copies._replace(tails=copies.tails + (layer - to) * self.count, missed=missed)
+                if to == self.last and self._is_goal[start] and layer == 0 and weights[start] < NEVER:
+                    head = to * self.count + int(self.timed.arcs.states_of[start])
+                    yield _Arcs(*(np.array([value]) for value in (start, head, NONE, NONE, int(weights[start]))))
 
     def layered(self) -> TimedTour:
         """Build the graph."""

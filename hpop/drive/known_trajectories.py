@@ -1,0 +1,103 @@
+"""Trajectories to the goal of a drive that earlier searches found, checked again among people who move."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.criteria.costs import trajectory_costs
+from hpop.criteria.visits import all_visits, missed_weights
+from hpop.drive.closings import Closing
+from hpop.drive.plan import SAME, closed_trajectories, joined, part
+from hpop.motions import States
+from hpop.planners.base import Candidates
+from hpop.planners.objectives import Objectives
+from hpop.runtime.status import Status
+from hpop.trajectories.contacts import first_contact
+from hpop.trajectories.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.problems.problem import Problem
+
+CLAIM = (
+    "incomplete: known paths, checked again with the present people and closed areas; points need not be optimal, "
+    "others may be missing, by an unknown factor better, until the graph on the clock is built: call options again"
+)
+
+
+def remaining_from(trajectories: Iterable[Trajectory], state: States) -> Iterator[Trajectory]:
+    """Yield the part of each trajectory from its last visit to a state (1,) on, if it visits the state."""
+    for trajectory in trajectories:
+        at_state = np.ones(len(trajectory) + 1, dtype=np.bool_)
+        rows = np.zeros(len(trajectory) + 1, np.int64)
+        for off in trajectory.model.space.differences(state.take(rows), trajectory.states).values():
+            at_state &= np.abs(off) <= SAME
+        last = np.flatnonzero(at_state)
+        if last.size and last[-1] < len(trajectory):
+            yield part(trajectory, int(last[-1]), len(trajectory))
+
+
+def clear_trajectories(
+    trajectories: Iterable[Trajectory],
+    problem: Problem,
+    before: Trajectory,
+    closings: Sequence[Closing],
+    margin: float,
+    latest: float | None,
+    enough: Callable[[], bool],
+) -> Iterator[Trajectory]:
+    """Yield the trajectories that are clear of closed areas and people, as planned and as executed.
+
+    problem  its start and time are those at which the trajectories begin
+    before   the trajectory up to there; the robot need not be at rest there
+    margin   m, distance to keep from moving people
+    latest   s, longest duration, None for any
+    enough   function that returns True when checking must end
+    """
+    parts, people = problem.model.platform, problem.world.content.people
+    for trajectory in trajectories:
+        if enough():
+            return
+        if (latest is not None and trajectory.duration > latest) or closed_trajectories([trajectory], closings).any():
+            continue
+        driven = joined(before, trajectory)
+        cases = product((driven, driven.execution()), {0.0, margin})
+        if not any(first_contact(parts, people, motion, least, begin=before.duration) for motion, least in cases):
+            yield trajectory
+
+
+def rechecked(name: str, problem: Problem, objectives: Objectives, trajectories: Sequence[Trajectory]) -> Candidates:
+    """Return trajectories as candidates of the planner ``name``, without a claim of optimality."""
+    criteria = objectives.optimised
+    costs = trajectory_costs(criteria, trajectories, problem.world) if trajectories else np.zeros((0, len(criteria)))
+    origin: dict[str, Any] = {"planner": name, "known": True}
+    return Candidates(
+        objectives=criteria,
+        trajectories=tuple(trajectories),
+        planned=costs,
+        tolerance=np.zeros(costs.shape),
+        status=Status.TIME_LIMIT,
+        certificate=f"{name}: {CLAIM}{objectives.certificate}",
+        provenance=(origin,) * len(trajectories),
+        notes=objectives.notes,
+        filters=objectives.filters,
+        stats={"planner": name, "labels_generated": 0, "gap": None},
+    )
+
+
+def complete(problem: Problem, trajectories: Sequence[Trajectory]) -> Sequence[Trajectory]:
+    """Return the trajectories that visit all stops of the problem's tour that must be visited; all without a tour."""
+    if problem.tour is None:
+        return trajectories
+    visits = all_visits(problem.tour, problem.world, trajectories, missed_weights(problem.criteria))
+    return [trajectory for trajectory, each in zip(trajectories, visits, strict=True) if each.complete]
+
+
+def of_remaining(candidates: Candidates, problem: Problem) -> Candidates:
+    """Return candidates whose missed stops are counted among those that remain in the problem's tour."""
+    own = {criterion.name: criterion for criterion in problem.criteria if problem.tour is not None}
+    return replace(candidates, objectives=tuple(own.get(c.name, c) for c in candidates.objectives))
