@@ -210,7 +210,7 @@ class _ParetoRun:
     def _prepare(self, clock: Clock) -> Search | Status:
         """Compute bounds and choose the method; return the new search, or the status if the query ends before it."""
         try:
-            groups = machinery.turns.Groups.of(self.graph, clock)
+            groups = machinery.turns.Groups.of(self.graph, clock, has_arcs=False)
         except machinery.turns.NoRoom:
             return Status.MEMORY_LIMIT
         h, samples, status = machinery.plain_bounds.plain_bounds(self.graph, self.source, self.targets, clock, groups)

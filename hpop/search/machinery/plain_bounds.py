@@ -9,12 +9,15 @@ exceeds U in cost j, and only few labels of a front do. Reversed arcs of graphs 
 
 from __future__ import annotations
 
+from typing import Any, TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
 
 from hpop.base.arrays import IntArray
 from hpop.runtime.compiled import lean
 from hpop.runtime.status import Status
+from hpop.search.extended import ExtendedGraph
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import (
     UNREACHABLE,
@@ -25,9 +28,11 @@ from hpop.search.machinery.bounds import (
     sort_arcs_by_head,
 )
 from hpop.search.machinery.kernels import WORD_BITS
+from hpop.search.machinery.labels import ONE_LAYER, layer_of
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import CACHED, Groups
 
+Shared: TypeAlias = tuple[int, int, int, NDArray[np.int32]]
 FARTHEST = 2**61  # larger than the distance of any path
 
 
@@ -42,6 +47,7 @@ def settle(
     until: int,
     size: int,
     heap: IntArray,
+    shared: Any,
     out: IntArray,
     parent: NDArray[np.int32],
 ) -> int:
@@ -52,6 +58,8 @@ def settle(
 
     begin (n + 1,)           offsets: the arcs that enter node v are begin[v] : begin[v + 1]
     tails (m,), weights (m,) tails and costs of the arcs, sorted by head
+    shared                   layers that share the arcs, see :func:`.labels.row_of`; `more` has the offsets of the arcs
+                             that enter nodes
     is_max                   True if the cost of a path is its largest arc cost, False if it is the sum
     source                   the search also stops at the distance of this node; -1 for none
     until                    largest distance to be settled
@@ -59,6 +67,7 @@ def settle(
     out, parent (n,)         changed: least distance of each node, and next node towards the target
     """
     mask = (1 << bits) - 1
+    n, m, layers, more = shared
     while size > 0:
         entry = heap[0]
         d, v = entry >> bits, entry & mask
@@ -83,8 +92,18 @@ def settle(
         heap[i] = last
         if d > out[v]:
             continue
-        for a in range(begin[v], begin[v + 1]):
-            u = np.int64(tails[a])
+        shift = layer_of(v, shared) * n
+        first, last = begin[v - shift], begin[v - shift + 1]
+        count = last - first
+        if layers > 1:
+            count += more[v + 1] - more[v]
+        for a in range(first, first + count):
+            u = np.int64(0)
+            if a < last:
+                u = np.int64(tails[a]) + shift
+            else:
+                a = m + more[v] + a - last
+                u = np.int64(tails[a])
             cost = max(d, weights[a]) if is_max else d + weights[a]
             if cost >= out[u]:
                 continue
@@ -111,16 +130,17 @@ def plain_bounds(
     """
     if groups.column >= 0:
         return _bounds_with_groups(graph, source, targets, clock, groups)
-    n, k, m = graph.nodes, graph.criteria, len(groups.heads)
+    n, k, m = graph.nodes, graph.criteria, len(groups.heads) or graph.arcs
     bits = n.bit_length()
     if int(graph.largest.max(initial=0)) * n >> (WORD_BITS - bits):
-        return lower_bounds(graph, source, targets, clock, groups)
+        return lower_bounds(graph, source, targets, clock)
     clock.report("bounds")
-    memory = groups.nbytes + k * (12 * n + 8 * (m + len(targets))) + 8 * n + m * (4 + 8 * k)
+    own = len(groups.heads) or len(graph.distinct_costs)
+    memory = groups.nbytes + k * (12 * n + 8 * (m + len(targets))) + 8 * n + own * (4 + 8 * k)
     status = clock.exceeded(0, memory)
     if status is not None:
         return np.empty((k, 0), np.int64), np.zeros((0, k), np.int64), status
-    begin, tails, weights = _reversed(graph, groups, clock)
+    begin, tails, weights, shared = _reversed(graph, clock, groups)
     h, onward = np.full((k, n), UNREACHABLE), np.full((k, n), -1, np.int32)
     heaps = np.empty((k, m + len(targets)), np.int64)
     h[:, targets] = 0
@@ -128,7 +148,7 @@ def plain_bounds(
 
     def settled(end: int, until: IntArray, sizes: IntArray) -> IntArray:
         worst = [aggregate == "max" for aggregate in graph.aggregates]
-        states = [(int(until[j]), int(sizes[j]), heaps[j], h[j], onward[j]) for j in range(k)]
+        states = [(int(until[j]), int(sizes[j]), heaps[j], shared, h[j], onward[j]) for j in range(k)]
         return np.array(
             clock.call_all(settle, [(begin, tails, weights[j], worst[j], bits, end, *states[j]) for j in range(k)])
         )
@@ -177,16 +197,33 @@ def _bound_open_nodes(h: IntArray, nearest: IntArray) -> None:
     h[:, unreached] = UNREACHABLE
 
 
-def _reversed(graph: Graph, groups: Groups, clock: Clock) -> tuple[IntArray, NDArray[np.int32], IntArray]:
-    """Return the arcs sorted by head: the offsets (n + 1,) of each head, and the arcs' tails (m,) and costs (k, m)."""
+def _reversed(
+    graph: Graph, clock: Clock, groups: Groups | None = None
+) -> tuple[IntArray, NDArray[np.int32], IntArray, Shared]:
+    """Return the arcs sorted by head: the offsets (n + 1,) of each head, and the arcs' tails (m,) and costs (k, m).
+
+    If the graph has layers, these are the arcs of one layer, then the added ones. The last value says how the layers
+    share the arcs, see :func:`.labels.row_of`; it has the offsets of the added arcs that enter each node.
+    """
+    if isinstance(graph, ExtendedGraph) and graph.layers > 1:
+        begin, tails, weights, _ = _reversed(graph.layer, clock)
+        m, added, layers = len(tails), graph.added, graph.layers
+        begin = np.append(begin, np.full(graph.nodes - layers * graph.layer.nodes, m))
+        order = np.argsort(added.heads, kind="stable")
+        more = np.searchsorted(added.heads[order], np.arange(graph.nodes + 1)).astype(np.int32)
+        entered_from = np.searchsorted(graph.indptr, added.places[order], side="right") - 1
+        tails = np.append(tails, entered_from.astype(np.int32))
+        weights = np.append(weights, added.costs[order].T, axis=1)
+        return begin, tails, weights, (graph.layer.nodes, m, layers, more)
     if "reversed" in graph.cache:
-        arcs: tuple[IntArray, NDArray[np.int32], IntArray] = graph.cache["reversed"]
+        arcs: tuple[IntArray, NDArray[np.int32], IntArray, Shared] = graph.cache["reversed"]
         return arcs
+    groups = groups or Groups.single_nodes(graph, clock)
     n, k, m = graph.nodes, graph.criteria, len(groups.heads)
     begin, tails, weights = np.zeros(n + 2, np.int64), np.empty(m, np.int32), np.empty((k, m), np.int64)
     costs, rows = groups.costs_of_arcs(graph)
     clock.call(sort_arcs_by_head, groups.start, groups.heads, rows, costs, begin, tails, weights)
-    arcs = begin[:-1], tails, weights
+    arcs = begin[:-1], tails, weights, ONE_LAYER
     if clock.budget.max_memory is None and tails.nbytes + weights.nbytes <= CACHED:
         graph.cache["reversed"] = arcs
     return arcs

@@ -101,8 +101,10 @@ class Groups:
         return self.plain, self.priced
 
     @classmethod
-    def of(cls, graph: Graph, clock: Clock) -> Self:
+    def of(cls, graph: Graph, clock: Clock, *, has_arcs: bool = True) -> Self:
         """Return the groups of turns of a graph; if its turns form no groups, each node is a group.
+
+        If not ``has_arcs``, groups of one node each lack the plain arcs of a graph with layers.
 
         The index is the cost that ``graph.turns`` names, or else the sum whose largest arc cost is smallest.
 
@@ -111,7 +113,9 @@ class Groups:
         most = graph.largest.tolist()
         sums = [j for j, aggregate in enumerate(graph.aggregates) if aggregate == "sum" and 0 < most[j] < MOST]
         column = graph.turns if graph.turns in sums else min(sums, key=lambda j: most[j], default=-1)
-        return (cls.of_turns(graph, column, clock) if column >= 0 else None) or cls.single_nodes(graph, clock)
+        return (cls.of_turns(graph, column, clock) if column >= 0 else None) or cls.single_nodes(
+            graph, clock, has_arcs=has_arcs
+        )
 
     @classmethod
     def of_turns(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
@@ -134,49 +138,50 @@ class Groups:
             graph.cache["groups", column] = None  # of graphs with groups the cache belongs to graphs that extend it
         return own
 
-    def _extended(self, graph: ExtendedGraph, base: Graph, clock: Clock) -> Self:
+    def _extended(self, graph: ExtendedGraph, base: Graph, clock: Clock, *, has_arcs: bool = True) -> Self:
         """Return the groups of a graph that repeats and extends ``base``, the graph of these groups.
 
-        Each added node is a group of its own; the groups of the base stay as they are.
+        Each added node is a group of its own; the groups of the base stay as they are. If not ``has_arcs``, the result
+        lacks the plain arcs.
         """
-        name = ("plain arcs", self.column)
+        layers, n, m, added = graph.layers, base.nodes, len(self.heads), graph.added
+        name, ends = ("plain arcs", self.column), np.arange(layers * n, graph.nodes)
         copies = 1 if name in base.cache else 2  # one is cached
         shared = self.turns.nbytes + copies * self.origin.size * graph.criteria * base.indptr.itemsize
-        check_room(clock, graph.layers * (self.nbytes - self.turns.nbytes) + shared)
-        if name not in base.cache:
-            costs, rows = self.costs_of_arcs(base)
-            base.cache[name] = costs[rows]
-        plain, layers, n, m = base.cache[name], graph.layers, base.nodes, len(self.heads)
-        j, added = graph.added.places, graph.added
-        ends = np.arange(layers * n, graph.nodes)
+        check_room(clock, layers * (self.nbytes - self.turns.nbytes) + shared)
         ends_as_groups = np.zeros((len(ends), GROUP_COLUMNS), np.int64)
         ends_as_groups[:, OFFSET], ends_as_groups[:, SIZE] = ends, 1
         ends_as_groups[:, TURNS] = max(0, self.turns.shape[1] - 1)  # they do not turn
-        rows = np.tile(self.rows, (layers, 1))
-        rows[:, OFFSET] = tiled(self.rows[:, OFFSET], layers, n)
+        rows = np.concatenate([*[self.rows] * layers, ends_as_groups])
+        rows[: layers * len(self.rows), OFFSET] = tiled(self.rows[:, OFFSET], layers, n)
         new_number = np.concatenate([tiled(self.new_number, layers, n), ends])
-        tails = np.searchsorted(graph.indptr, j, side="right") - 1
+        groups = replace(
+            self,
+            nodes=np.concatenate([tiled(self.nodes, layers, n), ends]),
+            new_number=new_number,
+            rows=rows,
+            dearest=np.concatenate([*[self.dearest] * layers, np.zeros((len(ends), graph.criteria), np.int64)]),
+        )
+        if not has_arcs:
+            return replace(groups, start=self.start[:1], heads=self.heads[:0], origin=self.origin[:0])
+        if name not in base.cache:
+            costs, priced = self.costs_of_arcs(base)
+            base.cache[name] = costs[priced]
+        tails = np.searchsorted(graph.indptr, added.places, side="right") - 1
         order = np.argsort(new_number[tails], kind="stable")
         at = np.append(tiled(self.start[:-1], layers, m), np.full(len(ends) + 1, layers * m))
         before = at[new_number[tails[order]] + 1]
         shift = graph.indptr[: layers * n].reshape(layers, n) - base.indptr[:-1]  # of the arcs of each node
         origin = (self.origin + np.repeat(shift[:, self.nodes], np.diff(self.start), axis=1).astype(np.int32)).ravel()
-        counts = np.bincount(new_number[tails], minlength=graph.nodes)
-        zeros = np.zeros((len(ends), graph.criteria), np.int64)
-        own = np.arange(m, dtype=np.int32)
-        plain = np.concatenate([plain, added.costs])
+        plain = np.concatenate([base.cache[name], added.costs])
         plain.setflags(write=False)  # as the costs of a graph, for which kernels are compiled
         return replace(
-            self,
-            nodes=np.concatenate([tiled(self.nodes, layers, n), ends]),
-            new_number=new_number,
-            rows=np.concatenate([rows, ends_as_groups]),
-            dearest=np.concatenate([*[self.dearest] * layers, zeros]),
-            start=at + np.append(0, np.cumsum(counts)),
+            groups,
+            start=at + np.append(0, np.cumsum(np.bincount(new_number[tails], minlength=graph.nodes))),
             heads=inserted_in_layers(self.heads, layers, before, new_number[added.heads[order]].astype(np.int32), n),
-            origin=inserted(origin, before, j[order].astype(np.int32)),
+            origin=inserted(origin, before, added.places[order].astype(np.int32)),
             plain=plain,
-            priced=inserted_in_layers(own, layers, before, (m + order).astype(np.int32)),
+            priced=inserted_in_layers(np.arange(m, dtype=np.int32), layers, before, (m + order).astype(np.int32)),
         )
 
     def unshared(self) -> Self:
@@ -213,14 +218,14 @@ class Groups:
         return groups if all(clock.call_all(no_dearer_than_two, checks)) else None
 
     @classmethod
-    def single_nodes(cls, graph: Graph, clock: Clock) -> Self:
-        """Return groups of one node each, so that all arcs are plain."""
+    def single_nodes(cls, graph: Graph, clock: Clock, *, has_arcs: bool = True) -> Self:
+        """Return groups of one node each, so that all arcs are plain; for ``has_arcs`` see :meth:`of`."""
         groups: Self | None = graph.cache.get("single nodes")
         if groups is not None:
             check_room(clock, groups.nbytes)
             return groups
         if isinstance(graph, ExtendedGraph) and graph.base is not None and graph.layers > 1:
-            return cls.single_nodes(graph.base, clock)._extended(graph, graph.base, clock)
+            return cls.single_nodes(graph.base, clock)._extended(graph, graph.base, clock, has_arcs=has_arcs)
         rows = np.zeros((graph.nodes, GROUP_COLUMNS), np.int64)
         rows[:, OFFSET], rows[:, SIZE] = np.arange(graph.nodes), 1
         groups = cls._with_arcs(graph, -1, 0, np.arange(graph.nodes), rows, graph.arcs, clock)
