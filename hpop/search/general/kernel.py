@@ -95,7 +95,7 @@ def advance(
     All arrays belong to :class:`General`, and are changed in place.
 
     start, plain, arcs, nodes           tables of arcs and nodes, see :class:`General`
-    shared                              layers that share the arcs, see :func:`.labels.row_of`
+    shared                              layers that share the arcs, see :func:`.labels.row_of`; None if there are none
     is_target, is_max, source           mask of nodes; mask of costs that are maxima; node at which paths begin
     sets, pool                          sets of vectors (:mod:`.general.tables`), the last for the front
     rise, fan, plan, keys, values       heap, see :class:`.HeapSearch`
@@ -105,7 +105,6 @@ def advance(
     """
     word, bits, limit, words = plan
     key, (f, g, turned, moved, reach) = scratch
-    n, m, layers, more = shared
     k = len(word)
     per_step = SORTED if k == 3 else WORD
     size = counters[N_OPEN]
@@ -119,11 +118,17 @@ def advance(
         value = values[0]
         arc = (value & 0xFFFFFFFF) - 1
         v = np.int64(source)
-        if arc >= 0:
-            row, onward = row_of(arc, shared)
-            v = np.int64(arcs[row, 0]) + onward
-        layer = layer_of(v, shared)
-        shift, own = layer * n, v - layer * n
+        own, shift, number = v, np.int64(0), np.int64(0)
+        if shared is None:  # numba compiles one of these branches
+            v = np.int64(arcs[arc, 0]) if arc >= 0 else v
+            own = v
+        else:
+            n, m, layers, more = shared
+            if arc >= 0:
+                row, onward = row_of(arc, shared)
+                v = np.int64(arcs[row, 0]) + onward
+            layer = layer_of(v, shared)
+            own, shift, number = v - layer * n, layer * n, layer * m
         tight = False
         for j in range(k):
             f[j] = (keys[word[j]] >> bits[j]) & limit[j]
@@ -177,28 +182,28 @@ def advance(
             u, now = v, g
             if b >= start[own]:
                 u, now = np.int64(arcs[b, 0]) + shift, turned
-                if layers > 1 and nodes[u, 0] < 0:
+                if shared is not None and nodes[u, 0] < 0:
                     continue
                 extend_label(g, arcs, b, nodes, u, is_max, turned, f)
                 work -= 1 + (at_goal + sets[u, SIZE]) // per_step
                 if is_covered(sets, pool, u, f) or is_covered(sets, pool, goal, f):
                     continue
                 counters[N_ROWS] = add_to_set(sets, pool, u, f, counters[N_ROWS])
-                closed[done] = (parent << 32) | (layer * m + b + 1)
+                closed[done] = (parent << 32) | (number + b + 1)
                 done += 1
             first, last = plain[u - shift], start[u - shift + 1]
-            count = last - first
-            if layers > 1:
-                count += more[u + 1] - more[u]
-            for i in range(count):
-                a, x, of_label = first + i, np.int64(0), np.int64(0)
-                if a < last:
-                    x, of_label = np.int64(arcs[a, 0]) + shift, layer * m + a
-                else:  # an arc to another layer
-                    a = m + more[u] + a - last
-                    x, of_label = np.int64(arcs[a, 0]), (layers - 1) * m + a
-                if layers > 1 and nodes[x, 0] < 0:
-                    continue
+            end = last
+            if shared is not None:
+                end += more[u + 1] - more[u]
+            for i in range(first, end):
+                a, onward, of_label = i, shift, number + i
+                if shared is not None:
+                    if i >= last:  # an arc to another layer
+                        a, onward = m + more[u] + i - last, np.int64(0)
+                        of_label = (layers - 1) * m + a
+                    if nodes[np.int64(arcs[a, 0]) + onward, 0] < 0:
+                        continue
+                x = np.int64(arcs[a, 0]) + onward
                 extend_label(now, arcs, a, nodes, x, is_max, moved, f)
                 work -= 1 + sets[x, SIZE] // per_step
                 if is_covered(sets, pool, x, f):

@@ -183,7 +183,7 @@ class General(HeapSearch):
             self.precision.of(self.order),
             self.most,
             scratch,
-            self.shared,
+            None if self.layered is None else self.shared,
         )
         return int(code)
 

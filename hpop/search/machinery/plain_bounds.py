@@ -28,11 +28,11 @@ from hpop.search.machinery.bounds import (
     sort_arcs_by_head,
 )
 from hpop.search.machinery.kernels import WORD_BITS
-from hpop.search.machinery.labels import ONE_LAYER, layer_of
+from hpop.search.machinery.labels import layer_of
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import CACHED, Groups
 
-Shared: TypeAlias = tuple[int, int, int, NDArray[np.int32]]
+Shared: TypeAlias = tuple[int, int, int, NDArray[np.int32]] | None
 FARTHEST = 2**61  # larger than the distance of any path
 
 
@@ -59,7 +59,7 @@ def settle(
     begin (n + 1,)           offsets: the arcs that enter node v are begin[v] : begin[v + 1]
     tails (m,), weights (m,) tails and costs of the arcs, sorted by head
     shared                   layers that share the arcs, see :func:`.labels.row_of`; `more` has the offsets of the arcs
-                             that enter nodes
+                             that enter nodes; None without layers
     is_max                   True if the cost of a path is its largest arc cost, False if it is the sum
     source                   the search also stops at the distance of this node; -1 for none
     until                    largest distance to be settled
@@ -67,7 +67,6 @@ def settle(
     out, parent (n,)         changed: least distance of each node, and next node towards the target
     """
     mask = (1 << bits) - 1
-    n, m, layers, more = shared
     while size > 0:
         entry = heap[0]
         d, v = entry >> bits, entry & mask
@@ -92,18 +91,19 @@ def settle(
         heap[i] = last
         if d > out[v]:
             continue
-        shift = layer_of(v, shared) * n
+        shift = np.int64(0)
+        if shared is not None:  # numba drops these branches for None
+            n, m, _, more = shared
+            shift = layer_of(v, shared) * n
         first, last = begin[v - shift], begin[v - shift + 1]
-        count = last - first
-        if layers > 1:
-            count += more[v + 1] - more[v]
-        for a in range(first, first + count):
-            u = np.int64(0)
-            if a < last:
-                u = np.int64(tails[a]) + shift
-            else:
-                a = m + more[v] + a - last
-                u = np.int64(tails[a])
+        end = last
+        if shared is not None:
+            end += more[v + 1] - more[v]
+        for position in range(first, end):
+            a, onward = position, shift
+            if shared is not None and position >= last:  # an arc from another layer
+                a, onward = m + more[v] + position - last, np.int64(0)
+            u = np.int64(tails[a]) + onward
             cost = max(d, weights[a]) if is_max else d + weights[a]
             if cost >= out[u]:
                 continue
@@ -223,7 +223,7 @@ def _reversed(
     begin, tails, weights = np.zeros(n + 2, np.int64), np.empty(m, np.int32), np.empty((k, m), np.int64)
     costs, rows = groups.costs_of_arcs(graph)
     clock.call(sort_arcs_by_head, groups.start, groups.heads, rows, costs, begin, tails, weights)
-    arcs = begin[:-1], tails, weights, ONE_LAYER
+    arcs = begin[:-1], tails, weights, None
     if clock.budget.max_memory is None and tails.nbytes + weights.nbytes <= CACHED:
         graph.cache["reversed"] = arcs
     return arcs
