@@ -3,9 +3,10 @@
     python benchmarks/tours.py [--out FILE]
 
 The museum of examples/, criteria exposure, turns and length, discs of 1.5 m as stops, without dwells. ``layers`` are
-copies of the graph, one for each set of visited stops; ``nodes`` and ``arcs`` are those of all layers. ``build_s`` are
-processor seconds of the graph with its costs, ``search_s`` of the bounds and the search. ``process_mb`` is the peak
-memory of the process, ``own_mb`` its growth after a small tour, with which all compiled code is loaded.
+copies of the graph, one for each set of visited stops; ``nodes`` and ``arcs`` are those of all layers, which share
+the arcs of one. ``build_s`` are processor seconds of the graph with its costs, ``search_s`` of the bounds and the
+search. ``process_mb`` is the peak memory of the process, ``own_mb`` its growth after a small tour, with which all
+compiled code is loaded.
 
 Goals: at most the seconds of a prototype that copied all arrays for each layer, and at most a third of the memory of
 its process (``prototype_s``, ``prototype_mb``; its stops were elsewhere). ``layers``, ``nodes``, ``arcs``, ``labels``
