@@ -131,8 +131,8 @@ class ExtendedGraph(Graph):
 
     @property
     def bytes_to_copy(self) -> int:
-        """Size of the arrays of all arcs that are not made yet."""
-        are_made = self.base is None or "costs" in vars(self)
+        """Size of the arrays of all arcs that are not made yet; 0 without layers, where the caller counts them."""
+        are_made = self.base is None or self.layers == 1 or "costs" in vars(self)
         return 0 if are_made else self.arcs * (2 * np.dtype(np.int32).itemsize + self.criteria * self.indptr.itemsize)
 
     @property

@@ -199,7 +199,7 @@ class Groups:
 
     @classmethod
     def _computed(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
-        check_room(clock, graph.nodes * NODE)
+        check_room(clock, graph.nodes * NODE + graph.bytes_to_copy)
         group = np.full(graph.nodes, -1)
         entered = np.zeros(graph.nodes, np.bool_)
         entered[graph.heads] = True
