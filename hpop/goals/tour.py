@@ -223,7 +223,7 @@ class Tour:
 
     @cached_property
     def layers(self) -> tuple[frozenset[int], ...]:
-        """Sets of decided stops that the order allows, sorted by size: the first is `done`, the last has all stops.
+        """Sets of visited or skipped stops that the order allows, by size: the first is `done`, the last has all stops.
 
         Raises QueryError if there are too many.
         """

@@ -263,7 +263,7 @@ class StateSpace:
             known = f", or by a name: {', '.join(self.named)}" if self.named else "; this model has no named states"
             why = self.unnamed.get(name) or self.unnamed.get("")
             hint = f": {why}." if why else f".{did_you_mean(name, self.named)}"
-            raise QueryError(f"the {what} {shown(name)} names no state{hint} Give it as {self}{known}")
+            raise QueryError(f"the {what} is {shown(name)}, but no state has this name{hint} Give it as {self}{known}")
         return self.named[name]
 
     def misfit(self, values: Mapping[Any, Any]) -> str:

@@ -130,7 +130,9 @@ class Objectives:
 
 
 def edge_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objectives:
-    """Group criteria into costs that a graph search minimises, time-means, and criteria with memory.
+    """Return the costs that a graph search minimises, and which criteria are time-means and which have memory.
+
+    Instead of a time-mean, its integral over time is minimised; the mean itself is only reported.
 
     The criterion of missed stops is minimised, although it has memory: in the graph of a tour, edges that skip stops
     carry its cost.

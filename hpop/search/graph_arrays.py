@@ -34,7 +34,7 @@ def integers(values: ArrayLike, name: str, dtype: Any) -> NDArray[Any]:
     wider = array.dtype.itemsize > np.dtype(dtype).itemsize or array.dtype.kind == "u"
     if wider and (array.max() > largest or array.min() < -largest):
         beyond = array.max() if array.max() > largest else array.min()
-        raise GraphError(f"{name} must not exceed {largest} in size, got {beyond}")
+        raise GraphError(f"each number of {name} must be from {-largest} to {largest}, got {beyond}")
     if array.dtype == dtype and array.flags.c_contiguous and not array.flags.writeable:
         return array
     return np.array(array, dtype, order="C")

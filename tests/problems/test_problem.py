@@ -84,7 +84,11 @@ LONGER = ((1.0, 1.0, 0.0), (1.0, 3.5, 0.0), (4.0, 3.5, 0.0), (4.0, 1.0, 0.0))
         ({"criteria": [Obstruction(1.0), Exposure(2.0)]}, CriterionError, "give both equal parameters"),
         ({"start": (1, 1, None)}, QueryError, "only the goal's may be free"),
         ({"start": (1, 1)}, QueryError, "(x m, y m, yaw rad)"),
-        ({"start": "abc"}, QueryError, "the start 'abc' names no state. Give it as (x m, y m, yaw rad); this model"),
+        (
+            {"start": "abc"},
+            QueryError,
+            "the start is 'abc', but no state has this name. Give it as (x m, y m, yaw rad); this model",
+        ),
         ({"goal": (1, np.nan, 0)}, QueryError, "y of the goal must be a position in m"),
         ({"goal": (np.inf, 1, None)}, QueryError, "x of the goal must be a position in m"),
         (

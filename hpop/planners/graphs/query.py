@@ -324,7 +324,10 @@ class Query:
         _ = self.graph_with_tie_break
 
     def hold_copies(self) -> None:
-        """Count the memory of the arrays of all layers of a tour, before a search that reads them makes them."""
+        """Add the arrays of all layers of a tour to the memory that the limit counts, before a search makes them.
+
+        Raises Exhausted if the limit would be passed. Without a tour, nothing happens.
+        """
         if isinstance(self.space, TourGraph):
             self.space.spending.hold(self.graph.bytes_to_copy, "the layers of the tour were copied")
 

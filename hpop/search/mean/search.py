@@ -87,7 +87,10 @@ class CappedMean(HeapSearch):
         return self.solutions[:0]
 
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
-        """Compute the last nodes and the estimates of saved labels (partial paths), see :meth:`.Search.retrace`."""
+        """Write the last nodes of n saved labels (partial paths) to ``at``; return n and their estimates (n, k).
+
+        Estimates and other results are explained at :meth:`.Search.retrace`.
+        """
         f = np.zeros((len(values), len(self.order)), np.int64)
         passed = np.zeros_like(self.is_target)  # a walk may go on from a target
         graph = (self.graph.indptr, self.graph.heads, self.costs, self.h, passed, self.is_max)

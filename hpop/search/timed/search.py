@@ -180,7 +180,10 @@ class TimedSearch:
         )  # fmt: skip
 
     def advance(self, clock: Clock, work: int) -> int:
-        """Run the kernel for ``work`` elementary steps, and return its code (:mod:`.machinery.slices`)."""
+        """Run the kernel for at most ``work`` elementary steps; return the reason why it ended, as a code.
+
+        It also ends when the search is complete or an array is full. The codes are those of :mod:`.machinery.slices`.
+        """
         if self.corners_size < self.state[SOLVED]:
             self._update_corners()
         goal, bounds = self._goal(), PruningBounds(self.joint, self.corners, self.lanes, self.hint, self.weighed)

@@ -35,7 +35,7 @@ def test_a_state_with_a_misspelt_joint_is_noted_and_refused_by_what_it_lacks(srd
     assert "values for the joints 'wrist_to_hend', which the URDF does not have" in note
     assert "Did you mean 'wrist_to_hand'?" in note
     with pytest.raises(
-        QueryError, match=r"'home' names no state: this state of the SRDF has no value for wrist_to_hand\."
+        QueryError, match=r"'home', but no state has this name: this state of the SRDF has no value for wrist_to_hand\."
     ):
         arm.space.state("home", what="start")
 
@@ -74,7 +74,9 @@ def test_a_robot_without_links_is_called_so(tmp_path):
 def test_a_name_without_an_srdf_says_where_names_come_from(goal):
     arm = arm6(srdf=None)
     zeros = [0.0] * len(arm.joints)
-    with pytest.raises(QueryError, match=r"'home' names no state: states get their names from an SRDF.*as srdf"):
+    with pytest.raises(
+        QueryError, match=r"'home', but no state has this name: states get their names from an SRDF.*as srdf"
+    ):
         hpop.Problem(FAR, arm, "home", zeros, ["duration"])
     with pytest.raises(QueryError, match="as srdf"):
         hpop.Problem(FAR, arm, zeros, goal, ["duration"])
@@ -90,7 +92,9 @@ def test_a_scenario_says_it_where_the_name_stands(tmp_path, start, goal, place):
         f"model: {{serial_arm: {{urdf: {HERE / 'arm6.urdf'}, tip: tool, acceleration: 6.0}}}}\n"
         f"start: {start}\ngoal: {goal}\ncriteria: [duration]\nplanner: roadmap\n"
     )
-    with pytest.raises(QueryError, match=rf"arm.yaml, line \d, {place}: .*'home' names no state: .*as srdf"):
+    with pytest.raises(
+        QueryError, match=rf"arm.yaml, line \d, {place}: .*'home', but no state has this name: .*as srdf"
+    ):
         load_scenario(tmp_path / "arm.yaml")
 
 
@@ -153,7 +157,7 @@ def test_named_states_and_goals_of_other_kinds_are_listed_together(goal):
 
 
 def test_a_goal_of_several_that_is_no_state_is_refused_by_its_place():
-    with pytest.raises(QueryError, match=r"the goal 0 'read' names no state. Did you mean 'ready'\?"):
+    with pytest.raises(QueryError, match=r"the goal 0 is 'read', but no state has this name. Did you mean 'ready'\?"):
         hpop.Problem(FAR, arm6(), "home", AnyOf("read", CAN), ["duration"])
 
 

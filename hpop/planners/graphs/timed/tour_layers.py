@@ -181,7 +181,7 @@ class _Layering:
         return index_of_role("stops_missed", self.criteria)
 
     def _mask(self, states: IntArray) -> BoolArray:
-        """Return a mask (n,) of the nodes with some states of the graph; two nodes may have the start's state."""
+        """Return a mask (n,) of the nodes whose state is in ``states``; two nodes may have the start's state."""
         mask = np.zeros(self.tour_graph.inner.size, np.bool_)
         mask[states] = True
         return np.asarray(mask[self.timed.arcs.states_of])
