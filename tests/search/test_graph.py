@@ -48,7 +48,7 @@ def test_unsigned_and_small_integers_are_taken():
         ((2, [0, 1], [1], [[1]]), "one row for each arc"),
         ((0, [], [], np.zeros((0, 1), int)), "1 to"),
         ((2, [0], [1], [["a"]]), "must be integers"),
-        ((2, [0], [1], [[2**63]]), "must not exceed"),
+        ((2, [0], [1], [[2**63]]), "must be from"),
         ((2, [0], [1], [[2**70]]), "fit 64 bits"),
         ((2, [0], [1], [[2**60]]), "coarser quantum"),
     ],
