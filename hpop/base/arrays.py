@@ -73,7 +73,8 @@ def tiled(values: NDArray[N], layers: int, step: int = 0) -> NDArray[N]:
     >>> tiled(np.array([1, 2]), 2, 5).tolist()
     [1, 2, 6, 7]
     """
-    return (values + step * np.arange(layers, dtype=values.dtype)[:, None]).ravel()
+    offsets = step * np.arange(layers, dtype=values.dtype)
+    return np.asarray(np.add.outer(offsets, values), dtype=values.dtype).ravel()
 
 
 def inserted_in_layers(
@@ -93,7 +94,7 @@ def inserted_in_layers(
     for layer in range(layers):
         first, last = layer * size, (layer + 1) * size - 1
         part = slice(first + np.searchsorted(before, first, "right"), last + np.searchsorted(before, last, "right") + 1)
-        merged[part][is_old[part]] = values + values.dtype.type(layer * step)
+        merged[part][is_old[part]] = np.add(values, values.dtype.type(layer * step))
     return merged
 
 
