@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
@@ -19,6 +19,7 @@ from hpop.models.serial_arm.arm_notes import (
     passive_joint_notes,
     unknown_name_notes,
 )
+from hpop.models.serial_arm.attached import AttachedObject
 from hpop.models.serial_arm.chain import ArmPart, Chain, FrameMount, Pair, pair_of
 from hpop.models.serial_arm.meshes import ReadMeshes, Way, read_meshes
 from hpop.models.serial_arm.urdf import Robot, Semantics, UrdfJoint, UrdfMesh, read_srdf, read_urdf
@@ -135,6 +136,27 @@ def parts_of(
                 yield ArmPart(link, frame, Solid(solid, pose @ geometry.pose, link), padded)
 
 
+def _held_parts(
+    robot: Robot,
+    places: Mapping[str, Place],
+    attached: Sequence[AttachedObject],
+    padding: float | Mapping[str, float],
+) -> Iterator[ArmPart]:
+    """Yield the attached objects as parts, each a link of its own; ModelError if a link is missing or has its name."""
+    for each in attached:
+        name = each.solid.name
+        if each.link not in robot.links:
+            raise robot.file.error(
+                f"the attached object {shown(name)} must be on a link of this file, got {shown(each.link)}; its links "
+                f"are {', '.join(map(shown, robot.links))}." + did_you_mean(each.link, robot.links)
+            )
+        if name in robot.links:
+            raise robot.file.error(f"the attached object {shown(name)} has the name of a link; give it another name")
+        frame, pose = places[each.link]
+        padded = padding.get(name, 0.0) if isinstance(padding, Mapping) else padding
+        yield ArmPart(name, frame, replace(each.solid, pose=pose @ each.solid.pose), padded, each.touches)
+
+
 def touching_by_design(robot: Robot, places: Mapping[str, Place]) -> frozenset[Pair]:
     """Return the pairs of links that touch by design: neighbours in the tree of links, and links fixed to one frame.
 
@@ -188,6 +210,7 @@ def _fixed_values(robot: Robot, moving: Mapping[str, int], fixed: Mapping[str, f
 
     def value(joint: UrdfJoint, followed: tuple[str, ...] = ()) -> float:
         if joint.name in fixed:
+            _check_within(robot, joint, fixed[joint.name])
             return fixed[joint.name]
         if joint.mimic is not None:
             leader = joint.mimic.joint
@@ -205,6 +228,19 @@ def _fixed_values(robot: Robot, moving: Mapping[str, int], fixed: Mapping[str, f
         if joint.name not in moving and joint.kind in MOVING:
             stands[joint.name] = value(joint)
     return stands
+
+
+def _check_within(robot: Robot, joint: UrdfJoint, value: float) -> None:
+    """Raise ModelError if a joint is fixed at a value, rad or m, beyond its limits by more than rounding."""
+    low, high = joint.low, joint.high
+    if joint.kind not in ("revolute", "prismatic") or low is None or high is None or low >= high:
+        return
+    if not low - ROUNDED <= value <= high + ROUNDED:
+        unit = "m" if joint.kind == "prismatic" else "rad"
+        raise robot.file.error(
+            f"fixed must give joint {shown(joint.name)} a value within its limits, {low:.6g} to {high:.6g} {unit}, got "
+            f"{value:.6g}; correct the value, or the limits in the URDF"
+        )
 
 
 def _limits(robot: Robot, joint: UrdfJoint) -> tuple[float, float]:
@@ -280,6 +316,7 @@ def read_arm(
     acceleration: float | Mapping[str, float],
     padding: float | Mapping[str, float] = 0.0,
     way: Way = "hull",
+    attached: Sequence[AttachedObject] = (),
 ) -> ArmFile:
     """Read an arm from its files.
 
@@ -292,6 +329,7 @@ def read_arm(
     acceleration  rad/s² or m/s², largest acceleration of all joints, or of each by name
     padding       m, distance that all links, or each by name, keep from obstacles beyond the usual distance
     way           what to do with meshes that are not convex, one of ``WAYS``
+    attached      objects that the arm holds
 
     Raises ModelError for missing or invalid files.
     """
@@ -300,16 +338,19 @@ def read_arm(
     meshes = read_meshes(robot, packages, way)
     hashes = {robot.file.path: sha256(robot.file.data), **meshes.hashes}
     for name in padding if isinstance(padding, Mapping) else ():
-        if name not in robot.links:
+        if name not in {*robot.links, *(each.solid.name for each in attached)}:
             raise robot.file.error(
                 f"padding must name links of this file, got {shown(name)}; its links are "
                 f"{', '.join(map(shown, robot.links))}." + did_you_mean(name, robot.links)
             )
-    parts = tuple(parts_of(robot, assembly.places, meshes, padding))
+    held = tuple(_held_parts(robot, assembly.places, attached, padding))
+    parts = (*parts_of(robot, assembly.places, meshes, padding), *held)
     tool = assembly.chain.mounts["tool"]
     mounts = {"tool": tool, "camera": FrameMount(tool.frame, tool.pose @ camera)}
     chain = replace(assembly.chain, mounts=mounts)
+    carried = {pair_of(each.solid.name, name) for each in attached for name in (each.link, *each.touches)}
     touching, semantics = touching_by_design(robot, assembly.places), None if srdf is None else read_srdf(srdf)
+    touching |= carried
     apart = touching
     if semantics is not None:
         solid = [link for link, shapes in robot.links.items() if shapes]

@@ -81,12 +81,14 @@ class ArmPart:
     frame    number, 0 to n, of the frame that carries the solid
     solid    shape of the solid, and its pose in that frame
     padding  m, distance that the link keeps from obstacles, in addition to the usual distance
+    touches  names of obstacles that it may touch
     """
 
     link: str
     frame: int
     solid: Solid
     padding: float = 0.0
+    touches: frozenset[str] = frozenset()
 
 
 def frames(chain: Chain, states: States) -> list[FloatArray]:

@@ -97,7 +97,7 @@ class ArmCollision:
         return (
             (a, size + b)
             for (a, part), (b, solid) in product(enumerate(self.parts), enumerate(self._solids))
-            if part.frame and not may_touch(part.link, solid.name)
+            if part.frame and solid.name not in part.touches and not may_touch(part.link, solid.name)
         )
 
     @cached_property

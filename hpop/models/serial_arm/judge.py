@@ -150,7 +150,7 @@ class ArmJudge:
             (a, size + b)
             for a, part in enumerate(self.parts)
             for b, solid in enumerate(self._solids)
-            if part.frame and not may_touch(part.link, solid.name)
+            if part.frame and solid.name not in part.touches and not may_touch(part.link, solid.name)
         ]
 
     @cached_property

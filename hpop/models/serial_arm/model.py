@@ -20,6 +20,7 @@ from hpop.models.base import model
 from hpop.models.camera import FieldOfView, checked_field_of_view
 from hpop.models.files import is_record, record, without_paths
 from hpop.models.serial_arm.arm_file import ArmFile, read_arm
+from hpop.models.serial_arm.attached import attached_objects
 from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, frames, levers
 from hpop.models.serial_arm.checks import (
     LEAST_SCALING,
@@ -72,6 +73,8 @@ class SerialArm(Model):
     padding        m          distance that all links, or each by name, keep from obstacles, beyond the usual 0.5 mm
     meshes         for meshes that are not convex: "hull" takes their convex hull, "decompose" cuts them into convex
                    pieces, "exact" refuses them
+    attached       objects that the arm holds, each with its link, shape and pose in the link's frame; ``touches`` names
+                   links and obstacles that it may touch
 
     The arm has two motion laws. In a "reach" it moves from rest to rest along a straight line in joint space: at each
     moment all joints have done equal shares of their changes. A "spline" is a cubic function of time between two knots.
@@ -94,6 +97,7 @@ class SerialArm(Model):
     keep: dict[str, Any] | None = None
     padding: float | dict[str, float] = 0.0
     meshes: Way = "hull"
+    attached: list[dict[str, Any]] = field(default_factory=list)
     _arm: ArmFile = field(init=False, repr=False)
     _records: dict[str, Any] = field(init=False, repr=False)
 
@@ -113,6 +117,7 @@ class SerialArm(Model):
             padding: float | dict[str, float] = checked_numbers("padding", self.padding, 0.0, "lengths in m", WIDEST)
         else:
             padding = float(real("padding", self.padding, 0.0, WIDEST, "a length in m", error=ModelError))
+        held = attached_objects(self.attached)
         arm = read_arm(
             paths["urdf"],
             paths.get("srdf"),
@@ -124,6 +129,7 @@ class SerialArm(Model):
             acceleration=acceleration,
             padding=padding,
             way=one_of("meshes", self.meshes, WAYS, error=ModelError),
+            attached=held,
         )
         scaling = real(
             "velocity_scaling", self.velocity_scaling, LEAST_SCALING, 1, "a share of the speeds", error=ModelError
@@ -149,6 +155,7 @@ class SerialArm(Model):
             "velocity_scaling": float(scaling),
             "keep": None if self.keep is None else KeptAxis.from_spec(self.keep).described(),
             "padding": padding,
+            "attached": [each.spec for each in held],
             "_arm": arm,
             "_records": records,
         }
@@ -167,6 +174,13 @@ class SerialArm(Model):
         given = {"urdf": path, **parameters}
         check_parameters(models, cls.name, cls, given)
         return cls(**given)
+
+    def holding(self, *attached: Mapping[str, Any]) -> SerialArm:
+        """Return this arm with these objects in its hand, in place of any before; without objects, the empty hand.
+
+        Plan with it from the moment on at which the arm has grasped the objects, in a world without them.
+        """
+        return replace(self, attached=list(attached))  # type: ignore[arg-type]  # checked there
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, SerialArm) and self._identity == other._identity
@@ -363,4 +377,6 @@ class SerialArm(Model):
             arm["padding"] = self.padding
         if self.meshes != WAYS[0]:
             arm["meshes"] = self.meshes
+        if self.attached:
+            arm["attached"] = self.attached
         return {self.name: arm}

@@ -237,7 +237,10 @@ def _refuse_unread(scene: SceneEntry) -> None:
             )
     state = scene.get("robot_state")
     if isinstance(state.given, dict) and (attached := state.get("attached_collision_objects")).given:
-        raise MapError(f"{attached.what} are not read. If the robot holds an object, add it to the URDF of the robot.")
+        raise MapError(
+            f"{attached.what} are not read. If the robot holds an object, give it to the arm as attached, and "
+            "remove it from the scene."
+        )
 
 
 def _frame(thing: SceneEntry) -> str:

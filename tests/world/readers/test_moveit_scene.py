@@ -208,7 +208,7 @@ TABLE, BALL, BLOCK = ((*OBJECTS, i) for i in range(3))
         (changed("world", "octomap", "octomap", "data", to=[1]), "octomap has cells, which are not read"),
         (
             changed("robot_state", "attached_collision_objects", to=[{"link_name": "hand"}]),
-            "attached_collision_objects are not read. If the robot holds an object, add it to the URDF of the robot",
+            "attached_collision_objects are not read. If the robot holds an object, give it to the arm as attached",
         ),
     ],
 )
