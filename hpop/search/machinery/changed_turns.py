@@ -82,8 +82,8 @@ def _updated(groups: Groups, before: Graph, graph: Graph, nodes: IntArray) -> Gr
     turns = np.zeros((graph.criteria, 0), np.int64)
     if groups.turns.size:
         turns = _written_turns(groups, whole, rows, is_new, tables, clock)
-        differ = [clock.call(turns_differ, rows, dearest, turns, j) for j in range(alike.size)]
-        alike &= groups.alike | ~np.array(differ)
+        for j in np.flatnonzero(alike & ~groups.alike).tolist():  # groups that differed may be gone
+            alike[j] = not clock.call(turns_differ, rows, dearest, turns, j)
     elif not alike.all():
         return None
     worst = np.array([aggregate == "max" for aggregate in graph.aggregates])
@@ -157,13 +157,11 @@ def _written_turns(
     if before.shape[1] > MOST_UNUSED * pairs.sum():  # without the turns of groups that are gone
         table, pair = numbered(pairs)
         before, begins = before[:, offsets[table] + pair], (np.cumsum(pairs) - pairs)[which]
-    used = before.shape[1]
-    turns = np.empty((len(before), used + int((new[:, SIZE] ** 2).sum()) + 1), np.int64)
-    turns[:, :used] = before
-    _, used = clock.call(write_turn_costs, *tables, 0, used, turns, np.zeros((SLOTS, 3), np.int64))
+    own = np.empty((len(before), int((new[:, SIZE] ** 2).sum())), np.int64)
+    _, used = clock.call(write_turn_costs, *tables, 0, 0, own, np.zeros((SLOTS, 3), np.int64))
+    new[:, TURNS] += before.shape[1]
     rows[~is_new, TURNS], rows[is_new] = begins, new
-    turns[:, used] = 0
-    return np.ascontiguousarray(turns[:, : used + 1])
+    return np.concatenate([before, own[:, :used], np.zeros((len(before), 1), np.int64)], axis=1)
 
 
 @lean
