@@ -5,6 +5,7 @@ A group is a set of nodes that are joined by turns, such as the headings at one 
 
 from __future__ import annotations
 
+import threading
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,10 @@ from hpop.search.machinery.turn_costs import (
 from hpop.search.machinery.turns import Groups, number_groups, separate_turns
 
 MOST_UNUSED = 2  # size of a table of turns relative to what its groups need, above which it is made anew
+# The groups before and after a change share a table: new turns are written to its spare columns. FREE in the first row
+# marks a spare column, so that two changes of the same graph do not write to one.
+FREE = -1
+_writing = threading.Lock()
 
 
 def take_over_groups(before: Graph, graph: Graph, nodes: IntArray) -> None:
@@ -151,17 +156,27 @@ def _written_turns(
     is_new  (g,)  True for groups that changed
     tables  first arguments of :func:`write_turn_costs`, with the rows of the new groups
     """
-    new, before, begins = tables[-1], groups.turns[:, :-1], groups.rows[whole, TURNS]
+    new, table, begins = tables[-1], groups.turns, groups.rows[whole, TURNS]
+    used = int((groups.rows[:, TURNS] + groups.rows[:, SIZE] ** 2).max())
     offsets, first, which = np.unique(begins, return_index=True, return_inverse=True)
     pairs = groups.rows[whole[first], SIZE] ** 2
-    if before.shape[1] > MOST_UNUSED * pairs.sum():  # without the turns of groups that are gone
-        table, pair = numbered(pairs)
-        before, begins = before[:, offsets[table] + pair], (np.cumsum(pairs) - pairs)[which]
-    own = np.empty((len(before), int((new[:, SIZE] ** 2).sum())), np.int64)
-    _, used = clock.call(write_turn_costs, *tables, 0, 0, own, np.zeros((SLOTS, 3), np.int64))
-    new[:, TURNS] += before.shape[1]
+    if used > MOST_UNUSED * pairs.sum():  # without the turns of groups that are gone
+        group, pair = numbered(pairs)
+        table, begins = table[:, offsets[group] + pair], (np.cumsum(pairs) - pairs)[which]
+        used = table.shape[1]
+    own = np.empty((len(table), int((new[:, SIZE] ** 2).sum())), np.int64)
+    _, size = clock.call(write_turn_costs, *tables, 0, 0, own, np.zeros((SLOTS, 3), np.int64))
+    new[:, TURNS] += used
     rows[~is_new, TURNS], rows[is_new] = begins, new
-    return np.concatenate([before, own[:, :used], np.zeros((len(before), 1), np.int64)], axis=1)
+    with _writing:
+        if is_free := used + size < table.shape[1] and table[0, used] == FREE and table.flags.writeable:
+            table[:, used : used + size] = own[:, :size]
+    if is_free:
+        return table
+    larger = np.empty((len(table), MOST_UNUSED * (int(pairs.sum()) + size) + 1), np.int64)
+    larger[:, :used], larger[:, used : used + size] = table[:, :used], own[:, :size]
+    larger[0, used + size :], larger[:, -1] = FREE, 0
+    return larger
 
 
 @lean

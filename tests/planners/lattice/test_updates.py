@@ -142,9 +142,34 @@ def test_a_lattice_on_changing_cells_equals_one_that_is_built_anew(seed: int) ->
         np.testing.assert_array_equal(own, new)
         assert own.dtype == new.dtype
     np.testing.assert_array_equal(costs.costs, expected.costs)
-    groups, new_groups = groups_of_turns(costs).unshared(), groups_of_turns(expected).unshared()
+    have_equal_groups(costs, expected)
+
+
+def have_equal_groups(graph: Graph, other: Graph) -> None:
+    groups, expected = groups_of_turns(graph).unshared(), groups_of_turns(other).unshared()
     for field in fields(groups):
-        np.testing.assert_array_equal(getattr(groups, field.name), getattr(new_groups, field.name), field.name)
+        np.testing.assert_array_equal(getattr(groups, field.name), getattr(expected, field.name), field.name)
+
+
+def test_several_changes_of_one_lattice_leave_each_other_alone() -> None:
+    world, family = World.from_cells(grid(np.random.default_rng(3)), 0.1), LatticeGraph(anchor="world", step=0.5)
+    asked = edge_objectives(hpop.Problem(world, ROUND, *ENDS, ("exposure", "turns")).criteria, "lattice").optimised
+
+    def graph(world: World) -> Graph:
+        costs: Graph = family._lattice(ROUND, world, world.bounds[:2]).graph(asked)
+        return costs
+
+    def changed(world: World, at: tuple[int, int]) -> World:
+        after = world.updated(np.ones((2, 3), bool), at=at)
+        family.update(world, after, ROUND, asked)
+        return after
+
+    groups_of_turns(graph(world))
+    first = changed(world, (20, 20))
+    second = [changed(first, at) for at in ((100, 20), (60, 70), (20, 60))]
+    for each in second:
+        assert each.raster is not None
+        have_equal_groups(graph(each), graph(World.from_cells(each.raster.cells, 0.1)))
 
 
 def test_fronts_on_changing_cells_are_those_of_a_fresh_plan() -> None:
