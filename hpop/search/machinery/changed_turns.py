@@ -158,25 +158,25 @@ def _written_turns(
     """
     new, table, begins = tables[-1], groups.turns, groups.rows[whole, TURNS]
     used = int((groups.rows[:, TURNS] + groups.rows[:, SIZE] ** 2).max())
-    offsets, first, which = np.unique(begins, return_index=True, return_inverse=True)
-    pairs = groups.rows[whole[first], SIZE] ** 2
-    if used > MOST_UNUSED * pairs.sum():  # without the turns of groups that are gone
-        group, pair = numbered(pairs)
-        table, begins = table[:, offsets[group] + pair], (np.cumsum(pairs) - pairs)[which]
-        used = table.shape[1]
     own = np.empty((len(table), int((new[:, SIZE] ** 2).sum())), np.int64)
     _, size = clock.call(write_turn_costs, *tables, 0, 0, own, np.zeros((SLOTS, 3), np.int64))
+    with _writing:
+        if has_room := used + size < table.shape[1] and table[0, used] == FREE and table.flags.writeable:
+            table[:, used : used + size] = own[:, :size]
+    if not has_room:
+        offsets, first, which = np.unique(begins, return_index=True, return_inverse=True)
+        pairs = groups.rows[whole[first], SIZE] ** 2
+        if used > MOST_UNUSED * pairs.sum():  # without the turns of groups that are gone
+            group, pair = numbered(pairs)
+            table, begins = table[:, offsets[group] + pair], (np.cumsum(pairs) - pairs)[which]
+            used = table.shape[1]
+        larger = np.empty((len(table), MOST_UNUSED * (int(pairs.sum()) + size) + 1), np.int64)
+        larger[:, :used], larger[:, used : used + size] = table[:, :used], own[:, :size]
+        larger[0, used + size :], larger[:, -1] = FREE, 0
+        table = larger
     new[:, TURNS] += used
     rows[~is_new, TURNS], rows[is_new] = begins, new
-    with _writing:
-        if is_free := used + size < table.shape[1] and table[0, used] == FREE and table.flags.writeable:
-            table[:, used : used + size] = own[:, :size]
-    if is_free:
-        return table
-    larger = np.empty((len(table), MOST_UNUSED * (int(pairs.sum()) + size) + 1), np.int64)
-    larger[:, :used], larger[:, used : used + size] = table[:, :used], own[:, :size]
-    larger[0, used + size :], larger[:, -1] = FREE, 0
-    return larger
+    return table
 
 
 @lean
