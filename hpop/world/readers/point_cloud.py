@@ -7,6 +7,7 @@ decompressed, and no number in a header makes memory be reserved: a file has at 
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -174,10 +175,11 @@ def _points(content: bytes, table: _PointTable, path: str | Path) -> FloatArray:
     xyz = [places[name] for name in "xyz"]
     lost = "expected {:,} points as in its header, got {:,}; the file is damaged or incomplete: export it again"
     if table.is_text:
+        text = io.BytesIO(content[table.begin :])
         try:
-            rows = np.loadtxt(
-                io.BytesIO(content[table.begin :]), usecols=xyz, max_rows=table.number, ndmin=2, comments=None
-            )
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # that empty lines do not count
+                rows = np.loadtxt(text, usecols=xyz, max_rows=table.number, ndmin=2, comments=None)
         except (ValueError, UnicodeDecodeError) as error:
             raise _error(path, f"its points cannot be read ({printable(error)[:80]}); export it again") from None
         if len(rows) < table.number:

@@ -33,7 +33,17 @@ def warm(folder: Path) -> None:
 
 
 EVERY: list[Attempt] = [
-    *(maps.geojson, maps.ros_map, maps.movingai, maps.tracks, maps.moveit_scene, maps.image, maps.dxf, maps.pdf),
+    *(
+        maps.geojson,
+        maps.ros_map,
+        maps.movingai,
+        maps.tracks,
+        maps.moveit_scene,
+        maps.points_and_texts,
+        maps.image,
+        maps.dxf,
+        maps.pdf,
+    ),
     *(maps.ros_bag, robots.arm, scenarios.scenario, scenarios.plan, fronts.front, fronts.show, fronts.checkpoint),
     *(fronts.pick, interfaces.python, interfaces.problem, interfaces.graph, interfaces.ros, interfaces.arguments),
     *(drives.events, drives.drive),

@@ -172,6 +172,24 @@ def moveit_scene(rng: Rng, folder: Path) -> str:
     return verdict(lambda: _looked_at(hpop.World.from_moveit_scene(path)))
 
 
+SCENE_TEXT = b"(noname)\n* ball\n0 0 1\n0 0 0 1\n1\nsphere\n0.2\n0 0 0\n0 0 0 1\n0 0 0 0\n0\n.\n"
+CLOUDS = {
+    "ply": b"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n"
+    b"end_header\n0 0 1\n2 0 1\n",
+    "pcd": b"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA binary\n"
+    + np.array([[0, 0, 1], [2, 0, 1]], "<f4").tobytes(),
+}
+
+
+def points_and_texts(rng: Rng, folder: Path) -> str:
+    """Read a point cloud or a scene as text, with bent bytes."""
+    kind = ("scene", *CLOUDS)[rng.integers(3)]
+    path = folder / f"plan.{kind}"
+    path.write_bytes(bent_bytes(SCENE_TEXT if kind == "scene" else CLOUDS[kind], rng))
+    options = {} if kind == "scene" else {"resolution": float(rng.choice([0.01, 0.5]))}
+    return verdict(lambda: _looked_at(hpop.World.from_file(path, **options)))
+
+
 def image(rng: Rng, folder: Path) -> str:
     buffer = io.BytesIO()
     kind = ("PNG", "PPM", "BMP", "GIF")[rng.integers(4)]
