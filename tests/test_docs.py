@@ -160,11 +160,14 @@ def test_the_planner_in_the_docs_plans(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("name", "options", "provides"),
-    [("Slider", {"speed": 0.7}, {"rigid"}), ("Cart", {}, {"turn-move", "joints"})],
+    ("page", "name", "options", "provides"),
+    [
+        ("own_robot", "Slider", {"speed": 0.7}, {"rigid"}),
+        ("own_robot_reference", "Cart", {}, {"turn-move", "joints"}),
+    ],
 )
-def test_a_robot_in_the_docs_is_one(name, options, provides, tmp_path, monkeypatch):
-    (block,) = (block for block in blocks("docs/own_robot.md") if f"class {name}" in block)
+def test_a_robot_in_the_docs_is_one(page, name, options, provides, tmp_path, monkeypatch):
+    (block,) = (block for block in blocks(f"docs/{page}.md") if f"class {name}" in block)
     module = f"docs_{name.lower()}"
     (tmp_path / f"{module}.py").write_text(block.replace(f'model("{name.lower()}")', f'model("{module}")'))
     monkeypatch.syspath_prepend(tmp_path)
