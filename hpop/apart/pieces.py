@@ -16,10 +16,11 @@ QUICK = {"preprocess_resolution": 30, "resolution": 1000, "mcts_nodes": 10, "mct
 
 
 def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
-    """Return the pieces of a mesh: the array "points" (N, 3), and in words the number of points of each, "sizes".
+    """Return the pieces of a mesh: the array "points" (N, 3) with the corners of one piece after another.
 
-    The data are the coordinates of ``options["vertices"]`` corners, then three numbers of corners for each triangle.
-    At most ``options["most"]`` pieces are made.
+    Its word "sizes" lists the number of corners of each piece. The data are the coordinates of ``options["vertices"]``
+    vertices as floats, then for each triangle the indices of its three vertices as integers. At most
+    ``options["most"]`` pieces are made.
     """
     import coacd  # installed by the extra hpop[arm]
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 CLAIM = (
     "incomplete: known paths, checked again with the present people and closed areas; points need not be optimal, "
-    "others may be missing, by an unknown factor better, until the graph on the clock is built: call options again"
+    "and others, better by an unknown factor, may be missing until the graph on the clock is built: call options again"
 )
 
 
@@ -52,10 +52,10 @@ def clear_trajectories(
 ) -> Iterator[Trajectory]:
     """Yield the trajectories that are clear of closed areas and people, as planned and as executed.
 
-    problem  its start and time are those at which the trajectories begin
-    before   the trajectory up to there; the robot need not be at rest there
+    problem  with the people, as predicted from the time at which the trajectories begin
+    before   trajectory that the robot drives before each of them; it need not end at rest
     margin   m, distance to keep from moving people
-    latest   s, longest duration, None for any
+    latest   s, longest duration of a trajectory; None for any
     enough   function that returns True when checking must end
     """
     parts, people = problem.model.platform, problem.world.content.people
@@ -98,6 +98,6 @@ def complete(problem: Problem, trajectories: Sequence[Trajectory]) -> Sequence[T
 
 
 def of_remaining(candidates: Candidates, problem: Problem) -> Candidates:
-    """Return candidates whose missed stops are counted among those that remain in the problem's tour."""
+    """Return candidates with the problem's criteria, which count missed stops among those that remain in its tour."""
     own = {criterion.name: criterion for criterion in problem.criteria if problem.tour is not None}
     return replace(candidates, objectives=tuple(own.get(c.name, c) for c in candidates.objectives))

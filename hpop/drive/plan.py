@@ -176,9 +176,9 @@ class Plan:
         return self.announced if self.stops is None else at_speed(until(self.announced, self.stops), 0.0)
 
     def waiting(self, seconds: float) -> tuple[Trajectory, float]:
-        """Return the announced trajectory with a stop of ``seconds`` where the plan stops, and the time when it ends.
+        """Return the announced trajectory with a hold of ``seconds`` where the plan stops, and the time when it ends.
 
-        The robot stops before a closed area or a person. Both times are planned times, s.
+        The robot stops before a closed area or a person. The hold ends at the returned planned time, s.
         """
         assert self.stops is not None
         before = held(self.driven, seconds)
@@ -189,7 +189,7 @@ class Plan:
         return motion_ends(self.announced if self.stops is None or t <= self.stops else self.driven, t)
 
     def ramp_at(self, t: float) -> float:
-        """Return the time, s, of a planned change to rest at time ``t``, s; 0 for a model with one speed."""
+        """Return how long, s, a change to rest takes from planned time ``t``, s, on; 0 for a model with one speed."""
         law = laws_of(self.announced.model).get(CHANGE)
         if law is None or SPEED not in self.announced.states.names:
             return 0.0

@@ -156,7 +156,7 @@ class TimedDriveGraph:
 
     @property
     def numbers(self) -> tuple[Any, ...]:
-        """Value by which graphs are equal that number their arcs alike."""
+        """Key that is equal for two graphs if both number their arcs alike."""
         return self.untimed.query.space, None if self.tour is None else self.tour.tour.tour
 
     @property
@@ -236,8 +236,8 @@ class TimedDriveGraph:
     def scheduled(self, trajectories: Sequence[Trajectory], at: float) -> list[ScheduledPath]:
         """Return the last part of each trajectory, from where it follows the graph, as a path with departures.
 
-        Trajectories that do not end on the graph are left out, and all of a tour: their visits would have to be found
-        on the clock. All begin at time ``at`` of the drive, s.
+        Trajectories that do not end on the graph are left out. In a tour the list is empty, because visits would have
+        to be found on the clock. All trajectories begin at time ``at`` of the drive, s.
         """
         if self.tour is not None:
             return []
@@ -330,7 +330,7 @@ class TimedDriveGraph:
         return assemble(name, query, paths, claim, reason=reason, notes=memory_limit_notes(paths), stats=stats)
 
     def alone(self, commit: Commit) -> DriveGraph:
-        """Return the graph without moving people, of a tour with the layer of a commit as the first."""
+        """Return the graph without moving people; in a tour, its first layer is that of the stops done at a commit."""
         return self.untimed if commit.tour is None else TourDriveGraph.over(self.untimed, commit.tour)
 
 

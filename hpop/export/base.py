@@ -180,7 +180,9 @@ class Exported:
             planned = self.trajectory
             return (planned, planned.times) if self.planned else planned.model.execution(planned)
         if self.planned:
-            raise OptionError("a jerk limits the executed motion, but planned motions are asked for; leave one out")
+            raise OptionError(
+                "jerk limits the executed motion, but the planned one is asked for; leave out jerk or planned"
+            )
         return jerk_limited(self.trajectory, self.jerk)
 
     @property

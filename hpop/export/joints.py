@@ -127,7 +127,7 @@ def _yaml(given: Exported, within: str, *, end: str = "") -> bytes:
 
 
 def _rounded(numbers: FloatArray) -> list[list[float]]:
-    """Return numbers without digits that the formats do not write, and without -0.0; speeds at rest become 0."""
+    """Return numbers, rounded to the digits that the formats write, so that speeds at rest are 0; -0.0 becomes 0.0."""
     rounded: list[list[float]] = (np.round(numbers, DIGITS) + 0.0).tolist()
     return rounded
 

@@ -263,7 +263,7 @@ class Region(GoalDefaults, ABC):
         return np.ones(states.size, dtype=bool)
 
     def why_refused(self, count: int) -> str:
-        """Return a text: why ``count`` states within the bounds are not accepted, and a remedy."""
+        """Return a text: why ``count`` states within the bounds are not accepted; goals that refuse add a remedy."""
         return f"{count} states within its bounds are refused"
 
     @property

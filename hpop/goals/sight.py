@@ -23,9 +23,9 @@ MOST_HIDDEN = 0.5  # share of the rays that may be blocked on the way to a targe
 def hidden_share(
     world: World, model: Model, states: States, target: tuple[float, float, float], *, by_robot: bool
 ) -> FloatArray:
-    """Return the share (N,) of the rays from the camera to a target that solids of the world block.
+    """Return the share (N,) of the rays from the camera to a ball about a target that solids of the world block.
 
-    ``by_robot`` says whether the bodies of the robot block rays too, but those that contain or touch the camera.
+    ``by_robot`` says whether the bodies of the robot block rays too, except bodies that contain or touch the camera.
     """
     pose = model.pose("camera", states)
     camera = rows((pose.x, pose.y, pose.z), states.size)

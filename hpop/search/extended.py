@@ -124,14 +124,14 @@ class ExtendedGraph(Graph):
 
     @property
     def distinct_costs(self) -> IntArray:
-        """Costs (r, k) of the arcs of one layer and of the added arcs, without copying other arcs."""
+        """Costs (r, k) of the arcs of one layer and of the added arcs; other arcs repeat these, and are not copied."""
         if self.base is None or "costs" in vars(self):
             return super().distinct_costs
         return np.concatenate([self.base.distinct_costs, self.added.costs])
 
     @property
     def bytes_to_copy(self) -> int:
-        """Size of the arrays of all arcs that are not made yet; 0 without layers, where the caller counts them."""
+        """Bytes of the arrays of all arcs if they are not made yet; 0 without layers, where the caller counts them."""
         are_made = self.base is None or self.layers == 1 or "costs" in vars(self)
         return 0 if are_made else self.arcs * (2 * np.dtype(np.int32).itemsize + self.criteria * self.indptr.itemsize)
 

@@ -313,12 +313,12 @@ class Graph:
 
     @property
     def distinct_costs(self) -> IntArray:
-        """Costs (r, k) among which those of each arc are."""
+        """Rows of costs (r, k); those of each arc are one of these rows, here its own."""
         return self.costs
 
     @property
     def bytes_to_copy(self) -> int:
-        """Size of the arrays of all arcs that are not made yet; searches other than the exact one make them."""
+        """Bytes of the arrays of all arcs that searches other than the exact one have yet to make; here 0."""
         return 0
 
     @property

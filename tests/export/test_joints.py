@@ -195,7 +195,7 @@ def test_a_jerk_of_each_joint_counts_and_wrong_ones_are_refused(tmp_path):
         jerk_limited(slow, 10.0)
     with pytest.raises(OptionError, match="need a serial_arm, got another robot"):
         write(robots()["pan-tilt"], tmp_path / "any.csv", jerk=10.0)
-    with pytest.raises(OptionError, match="a jerk limits the executed motion, but planned motions are asked for"):
+    with pytest.raises(OptionError, match="jerk limits the executed motion, but the planned one is asked for"):
         write(ARM, tmp_path / "any.csv", jerk=10.0, planned=True)
     assert not list(tmp_path.glob("any*"))
 

@@ -104,8 +104,8 @@ def _depth(
 ) -> float:
     """Return how deep points (N, 3) lie behind all of the planes at most, m; ``least`` if they are less deep.
 
-    It may be too small by ``error``. Some planes bound the depth of each point from above; points are looked at in the
-    order of their bounds, and only as many as are in ``batches`` unless this is 0.
+    The result may be too small by ``error``. Some planes bound the depth of each point from above; points are looked at
+    in the order of their bounds, at most ``batches`` times ``AT_ONCE`` of them, or all if ``batches`` is 0.
     """
     bounds = np.empty(len(points))
     probes = planes[:: max(1, len(planes) // PROBED)]

@@ -68,7 +68,10 @@ class KeptAxis(Region):
         axis, direction = (_unit(key, given.get(key, (0, 0, 1))) for key in ("axis", "direction"))
         least, most = _numbers("angle", given["angle"], 2, math.pi, "(least, greatest) angle in rad, from 0 to pi")
         if least < 0 or most - least < LEAST_RANGE:
-            raise ModelError(f"angle of keep must be (least, greatest), at least {LEAST_RANGE} apart, from 0 to pi rad")
+            raise ModelError(
+                f"angle of keep must be (least, greatest), at least {LEAST_RANGE} apart, from 0 to pi rad, got "
+                f"{shown(given['angle'])}"
+            )
         return cls(given["body"], axis, direction, (least, most))
 
     def described(self) -> dict[str, Any]:

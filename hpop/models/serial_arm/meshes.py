@@ -40,8 +40,9 @@ class MeshHulls(NamedTuple):
     """Convex hulls that stand for a mesh.
 
     pieces  the hulls
-    added   what they add to a mesh that is not convex, in words: volume and largest gap; "" for a convex mesh
-    widest  m, largest distance of a point of the hull from the mesh, about; 0 for a convex mesh
+    added   what they add to the mesh, in words: volume, and the largest gap or the number of pieces; "" for a mesh that
+            is convex or consists of separate convex pieces
+    widest  m, about the largest distance of a point of a single hull from a mesh that is not convex; else 0
     """
 
     pieces: tuple[Hull, ...]

@@ -93,7 +93,7 @@ class JoinCopies:
 
     @property
     def rows(self) -> IntArray:
-        """Index (c,) of the join of which each is a copy."""
+        """Index (c,) of the join that each copy repeats."""
         return self._copies[0]
 
     @property

@@ -244,7 +244,7 @@ class SpeedGraph(TrajectoryGraph):
 
     @property
     def _slowing(self) -> tuple[IntArray, IntArray, IntArray]:
-        """Changes to rest at a start to which the robot comes at a speed, as `_changes`."""
+        """Changes to rest at a start to which the robot comes at a speed, as three arrays like those of `_changes`."""
         since = np.arange(1, 1 if self.slowed is None else self.layers)
         return np.full(since.size, self.slowed or 0), since, 0 * since
 

@@ -184,7 +184,10 @@ class PreparedRun:
         return min(gap, self._gap_of(self.exact, front, gap, clock))
 
     def _gap_of(self, search: Search, front: IntArray, gap: float, clock: DeadlineClock) -> float:
-        """Return the gap that a search proves for a front (n, k), columns in its order; any more than `gap` will do."""
+        """Return the gap that a search proves for a front (n, k), its columns in the order of the search.
+
+        gap  the smallest gap proven so far; where the search proves none below it, the result is at least this
+        """
         estimates = search.estimates()
         gap = proven_gap(front, estimates[:, : len(self.order)], gap)
         if isinstance(search, Staircase) and (search.layers.size or search.hull):

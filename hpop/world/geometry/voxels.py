@@ -19,7 +19,10 @@ def voxels_of(points: FloatArray, resolution: float) -> IntArray:
     Cell (i, j, k) reaches from (i, j, k) times the resolution, m, to (i + 1, j + 1, k + 1) times the resolution.
     """
     if points.size and not np.abs(points).max() <= FARTHEST:
-        raise MapError(f"points must be within {FARTHEST:,.0f} m of the origin; give them in m.")
+        raise MapError(
+            f"points must be within {FARTHEST:,.0f} m of the origin, got one with the coordinate "
+            f"{points.flat[np.abs(points).argmax()]:.4g}; give them in m."
+        )
     cells = np.floor(points / resolution).astype(np.int64)
     return np.unique(cells, axis=0).reshape(-1, 3)
 

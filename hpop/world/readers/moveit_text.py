@@ -27,7 +27,7 @@ def is_scene_text(text: str) -> bool:
 
 
 def scene_of_text(text: str, what: str) -> dict[str, Any]:
-    """Return the scene as YAML has it; MapError, which calls the file ``what``, if it is malformed."""
+    """Return the scene as the mapping that a YAML scene has; MapError, with the name ``what``, if it is malformed."""
     return _SceneText(text, what).scene()
 
 

@@ -104,7 +104,9 @@ def _ply_header(content: bytes, path: str | Path) -> _PointTable:
             case ["element", name, number]:
                 elements += 1
                 if elements == 1 and name != "vertex":
-                    raise _error(path, f"the first element of a PLY file must be vertex, got {shown(name)}")
+                    raise _error(
+                        path, f"the first element of a PLY file must be vertex, got {shown(name)}; export points only"
+                    )
                 count = _count(number, path) if elements == 1 else count
             case ["property", "list", *_] if elements == 1:
                 raise _error(path, "points (element vertex) must have no lists; export x, y and z only")
