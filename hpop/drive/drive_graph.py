@@ -83,9 +83,9 @@ class DriveGraph:
     ) -> DriveGraph:
         """Build the graph from the start of a problem to its goal; ``inner`` is a graph of states in the bare world.
 
-        The bare world has no people and no named areas; ``closings`` are the closed areas of the problem. States of a
-        tour's stops are those of the graph ``like``, if it is given; then the robot may come to the start at any of
-        several speeds. Raises QueryError if the start, the goal or a stop cannot be joined to the graph.
+        The bare world has no people and no named areas; ``closings`` are the closed areas of the problem. If the graph
+        ``like`` is given, stops of a tour have the states that they have in it, and the robot may come to the start at
+        any of several speeds. Raises QueryError if the start, the goal or a stop cannot be joined to the graph.
         """
         began = time.perf_counter()
         ends = with_ends(inner, problem, inner.reach(problem))

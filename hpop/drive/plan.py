@@ -235,9 +235,9 @@ class Plan:
         return int(self.arrivals[min(int(np.searchsorted(times, t + SAME, side="right")), times.size - 1)])
 
     def braked(self, t: float) -> float:
-        """Return the planned time, s, at which a robot comes to rest if it begins to stop at ``t``, s.
+        """Return the planned time, s, at the place where a robot comes to rest if it begins to stop at ``t``, s.
 
-        In a straight run it brakes over v²/2a m, at most up to the end of the run; a turn or a hold is completed.
+        In a straight run it brakes over v²/2a m, at most up to the end of the run; motions in place are completed.
         """
         motions, laws, speeds = self.announced, laws_of(self.announced.model), speed_of(self.announced.states)
         last_time = motions.duration if self.stops is None else self.stops

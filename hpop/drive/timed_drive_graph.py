@@ -182,8 +182,9 @@ class TimedDriveGraph:
     def serves(self, now: DriveSurroundings, commit: Commit, untimed: DriveGraph) -> bool:
         """Return whether this graph can answer a query at the commit, where the plan may change next.
 
-        It needs the same people and closed areas, and a node that it covers at that time. If people are near the robot
-        there, they must be among those who were near it when the graph was built.
+        It needs the same people and closed areas, a node that it covers at that time and, in a tour, a layer for the
+        stops done there. If people are near the robot there, they must be among those who were near it when the graph
+        was built.
         """
         node = self.node(commit.state)
         if self.base is not untimed or self.people != now.people or self.since != now.since or node < 0:

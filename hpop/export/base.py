@@ -114,9 +114,9 @@ class Exported:
     trajectory  as planned
     rate        Hz, poses per second, or rows of joints
     body        body with the exported poses, or "joints" for the values of the robot's joints
-    planned     True to export poses of the planned motion, False for those of the executed motion
-    jerk        rad/s³ or m/s³, largest jerk of all joints of an arm, or of each by name, or None: then the executed
-                motion is retimed (:func:`hpop.models.serial_arm.jerk.jerk_limited`)
+    planned     True to export the planned motion, False for the executed one
+    jerk        rad/s³ or m/s³, largest jerk of all joints of an arm, or of each by name, for which the executed motion
+                is retimed (:func:`hpop.models.serial_arm.jerk.jerk_limited`); None for no limit
     frames      names of frames
     row         row in the front, or None
     name        name of the row, such as "knee", or ""

@@ -284,9 +284,10 @@ class Graph:
         is_reused: bool = False,
         layers: int = 1,
     ) -> Graph:
-        """Return a larger graph without labels. New nodes get the next numbers; new arcs follow the old arcs of a node.
+        """Return a larger graph. New nodes get the next numbers; new arcs follow the old arcs of a node.
 
-        If ``is_reused``, this graph becomes the :attr:`base` of the result, which shares its cache and arcs.
+        The result has no :attr:`labels` (names of nodes). If ``is_reused``, this graph becomes the :attr:`base` of the
+        result, which shares its cache and arcs.
 
         Parameters
         ----------
@@ -328,10 +329,10 @@ class Graph:
 
     @property
     def rows_of_turns(self) -> tuple[IntArray, NDArray[np.int32], IntArray, IntArray, int]:
-        """Arcs of one layer with all turns within groups among them, and where they are in this graph.
+        """Arcs of one layer, which include all turns within groups, and their position in this graph.
 
-        Offsets, heads and costs of these arcs, offsets of the arcs of this graph, and number of nodes of a layer. A
-        node has these arcs before others.
+        The values are offsets, heads and costs of the arcs of one layer, the offsets of all arcs of this graph, and the
+        number of nodes of a layer. In this graph each node has the arcs of its layer first, then added arcs.
         """
         return self.indptr, self.heads, self.costs, self.indptr, self.nodes
 

@@ -142,7 +142,10 @@ def _held_parts(
     attached: Sequence[AttachedObject],
     padding: float | Mapping[str, float],
 ) -> Iterator[ArmPart]:
-    """Yield the attached objects as parts, each a link of its own; ModelError if a link is missing or has its name."""
+    """Yield the attached objects as parts, each a link of its own.
+
+    Raises ModelError if the link that carries an object is missing, or if a link has the object's name.
+    """
     for each in attached:
         name = each.solid.name
         if each.link not in robot.links:
@@ -279,11 +282,12 @@ def _acceleration(robot: Robot, joint: UrdfJoint, given: float | Mapping[str, fl
 
 
 class ArmFile(NamedTuple):
-    """Arm as read from its files.
+    """Arm as read from its files; each attached object counts as a link.
 
     chain     moving joints, with the bodies "tool" and "camera"
     parts     collision solids of the links
-    touching  pairs of links that touch by design, and so are not tested for collision
+    touching  pairs of links that touch by design, and so are not tested for collision; also an attached object and
+              each body that it may touch
     apart     pairs of links that are not tested for collision: they touch by design, or the SRDF excludes them
     notes     sentences for the user on oddities in the files that do not prevent their use
     states    values of the chain's joints, by the name of each named state
@@ -340,7 +344,7 @@ def read_arm(
     for name in padding if isinstance(padding, Mapping) else ():
         if name not in {*robot.links, *(each.solid.name for each in attached)}:
             raise robot.file.error(
-                f"padding must name links of this file, got {shown(name)}; its links are "
+                f"padding must name links of this file or attached objects, got {shown(name)}; the links are "
                 f"{', '.join(map(shown, robot.links))}." + did_you_mean(name, robot.links)
             )
     held = tuple(_held_parts(robot, assembly.places, attached, padding))

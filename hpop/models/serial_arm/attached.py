@@ -38,12 +38,14 @@ class AttachedObject(NamedTuple):
 def attached_objects(given: Any) -> list[AttachedObject]:
     """Check the option ``attached`` and return its objects; ModelError if one is malformed or two have one name."""
     if not isinstance(given, list | tuple) or len(given) > MOST_ATTACHED:
-        raise ModelError(f"{FORM}of at most {MOST_ATTACHED} objects; got {shown(given)}")
+        raise ModelError(f"{FORM}at most {MOST_ATTACHED} objects; got {shown(given)}")
     found = [_object(each) for each in given]
     names = [each.solid.name for each in found]
     for name in names:
         if names.count(name) > 1:
-            raise ModelError(f"attached objects must have different names, but two are called {shown(name)}")
+            raise ModelError(
+                f"attached objects must have different names, but two are called {shown(name)}; rename one"
+            )
     return found
 
 

@@ -180,7 +180,7 @@ class ArmCollision:
         return f"{names[1]} touches {names[0]}, or is closer than {1000 * KEPT:g} mm. Choose other joint values"
 
     def _body_name(self, body: int) -> str:
-        """Return the name of a body for messages: "the link NAME", "the obstacle NAME", "the enlarged link NAME"."""
+        """Return the name of a body for messages, such as "the link 'hand'", with a remark if the link is enlarged."""
         size, solids = len(self.parts), len(self._solids)
         if body < size:
             return f"the link {self.parts[body].link!r}"
