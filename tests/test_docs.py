@@ -115,9 +115,14 @@ def test_the_question_in_the_docs_is_answered():
     assert names["more"].reported_names == ("obstruction", "sickness", "msdv", "rotation")
 
 
+def test_no_page_has_the_name_of_a_page_that_sphinx_writes_itself():
+    """Sphinx's page of search results had replaced a page called search.md on the site."""
+    assert not {"search", "genindex", "py-modindex"} & {path.stem for path in (ROOT / "docs").glob("*.md")}
+
+
 def test_the_search_in_the_docs_finds_what_it_says():
     names: dict = {}
-    exec(compile(blocks("docs/search.md")[0], "docs/search.md", "exec"), names)
+    exec(compile(blocks("docs/graph_search.md")[0], "docs/graph_search.md", "exec"), names)
     assert names["paths"].costs.tolist() == [[2, 8], [6, 2]]
     assert names["paths"].nodes(0).tolist() == [0, 1, 3]
 

@@ -44,7 +44,7 @@ def landmark_seen(
 
     size  number N of poses
     far   m    largest distance, in three dimensions
-    fov   rad  horizontal angle of view instead of the model's; None for the model's
+    fov   rad  horizontal angle of view, without a vertical limit; None for the model's two angles
     """
     view = field_of_view(model, fov)
     if height_varies(model):

@@ -396,5 +396,5 @@ class Execution(StopLog):
 
     def _options_at_hand(self) -> Options:
         if self._latest is None:
-            raise DriveError("the plan has changed since the last options: call options(now) first")
+            raise DriveError("there are no options, or the plan has changed since: call options(now) first")
         return self._latest

@@ -94,8 +94,8 @@ class ArcStates:
     def _risk(self, arcs: IntArray) -> FloatArray:
         """Return a score (N,) that is higher for arcs that are more likely to be blocked.
 
-        It is the share of blocked arcs among the checked arcs at the tail, plus the same share at the head. A node
-        without checked arcs has the share one half.
+        It is the sum of two shares, one for the tail and one for the head: (b + 1/2) / (n + 1), if b of the n checked
+        arcs at the node are blocked.
         """
         tails, heads = ((self._blocked[ends] + 0.5) / (self._known[ends] + 1.0) for ends in self._ends(arcs))
         return np.asarray(tails + heads)

@@ -345,7 +345,10 @@ def _symbols_fault(criterion: Criterion, functions: Callable[[], list[tuple[Moti
 
 
 def _gradient_fault(functions: Callable[[], list[tuple[Motions, SymbolicMotions, Any]]]) -> str:
-    """Return a fault if gradients differ from finite differences, for a few motions and each state."""
+    """Return a fault if a derivative by a coordinate of the start or end states differs from finite differences.
+
+    Only the first few motions of each batch are checked, and batches of one motion are left out.
+    """
     for motions, symbols, function in (one for one in functions() if len(one[0]) > 1):
         value, jacobian = (np.array(part)[:DIFFERENTIATED] for part in function(symbols.point))
         slopes = jacobian.reshape(len(value), -1, len(motions)).sum(axis=2)  # (M, states)

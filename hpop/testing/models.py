@@ -58,7 +58,7 @@ def check_model(model: Model, *, rng: RNG = 0) -> None:
 def model_checks(model: Model, *, rng: RNG = 0) -> Iterator[Check]:
     """Yield the checks of a model, one after the other; checks that need motions are skipped if its laws are faulty.
 
-    Of the laws of curves, only "drive" is checked, since hpop cannot draw motions of others.
+    Of the laws of curves, only "drive" is checked, since hpop cannot make random motions of others.
     """
     with_optional_members(model, MODEL_DEFAULTS)
     seed = seed_of(rng)
@@ -171,7 +171,7 @@ def drawn_states(model: Model, world: World, rng: np.random.Generator, size: int
 def drawn_motions(
     model: Model, kind: str, world: World, rng: np.random.Generator, size: int, share: float = 1.0
 ) -> Motions | None:
-    """Return random motions (size,) of a law, or None for a law of curves of which hpop cannot draw motions.
+    """Return random motions (size,) of a law, or None for a law of curves of which hpop cannot make random motions.
 
     share  length of each motion, as a share of the distance to another random state
     """

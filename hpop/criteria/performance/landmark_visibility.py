@@ -19,8 +19,8 @@ class _Unseen:
     """Share of landmarks that the camera does not see.
 
     near, far  m    a landmark up to ``near`` from the camera counts fully; this falls linearly to nothing at ``far``
-    fov        rad  angle of view, centred on the camera's yaw, at all elevations; 2 pi for all round, None for the
-                    model's
+    fov        rad  horizontal angle of view, without a vertical limit; 2 pi for all round; None for the model's two
+                    angles
     """
 
     near: float = 3.0

@@ -25,13 +25,13 @@ class UnseenLandmarks:
     """Share of landmarks that were never seen, by weight: Σ_i w_i [landmark i was never seen] / Σ_i w_i.
 
     A landmark is in view while nothing hides it, the camera is in front of it and at most ``far`` away, and it is in
-    the field of view: its bearing is within half the horizontal angle of view from the camera's yaw, its elevation
-    within half the vertical angle from the pitch. It counts as seen once it has been in view for ``least`` seconds in
-    all; with least 0 one moment is enough.
+    the field of view: its bearing is within half the horizontal angle of view from the camera's yaw and, unless
+    ``fov`` is given, its elevation within half the vertical angle from the pitch. It counts as seen once it has been in
+    view for ``least`` seconds in all; with least 0 one moment is enough.
 
     least  s    time in view, summed over all glances
     far    m    largest distance, in three dimensions
-    fov    rad  angle of view, centred on the camera's yaw, at all elevations; 2 pi for all round, None for the model's
+    fov    rad  horizontal angle of view, without a vertical limit; 2 pi for all round; None for the model's two angles
 
     Unit 1; a criterion of the whole trajectory. Two paths to one state with equal costs may have seen different
     landmarks, so the cost does not add up, and a search would have to remember which landmarks were seen. The executed

@@ -54,7 +54,8 @@ class ProgramSolution:
 
     point       values of the program's variables
     rates       multipliers of the variables' bounds, and of the constraints
-    trajectory  trajectory that ``point`` describes, within the program's limits; None if the solver did not converge
+    trajectory  trajectory that ``point`` describes, within the program's limits; None if the solver did not converge,
+                or the limits could not be kept
     costs       (k,) as the program computes them
     status      of the solver, or Limits_Not_Kept if its point could not be made feasible
     iterations  number of iterations of the solver
@@ -69,7 +70,7 @@ class ProgramSolution:
 
     @property
     def curve(self) -> Trajectory:
-        """Trajectory of the solution; the solver must have converged."""
+        """Trajectory of the solution; there must be one."""
         assert self.trajectory is not None
         return self.trajectory
 
