@@ -75,10 +75,10 @@ def look(
 ) -> None:
     """Draw a map or scenario, before planning.
 
-    The picture, in metres, shows free space, start, goal, people, landmarks and zones. For an arm, a second picture,
-    NAME_look_side.png, shows it from the side, with heights. If the start or goal is blocked,
-    the nearest free position is printed (exit code 5). If no path leads from the start to a goal, that is printed too
-    (exit code 6). For a MAP, start and goal are those that `hpop new` would try first.
+    The picture, in metres, shows free space, start, goal, people, landmarks and zones. For an arm, a second picture
+    shows it from the side, with heights; _side is added to its name. If the start or goal is blocked, the nearest free
+    position is printed (exit code 5). If no path leads from the start to a goal, that is printed too (exit code 6). For
+    a MAP, start and goal are those that `hpop new` would try first.
     """
     from hpop.view.look import look as looked
 

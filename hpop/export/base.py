@@ -1,4 +1,4 @@
-"""Base of the export formats: a format turns a trajectory's poses into the content of a file, and states its axes.
+"""Base of the export formats: a format turns a trajectory's poses or joints into the content of a file with its axes.
 
     @export_format("tum", suffix=".tum", axes="right-handed, z up, m; quaternion x, y, z, w; t in s from the start")
     def tum(given: Exported) -> bytes:
@@ -166,7 +166,7 @@ class Exported:
 
     @cached_property
     def run(self) -> Trajectory:
-        """Return the trajectory to write: the planned one, or its execution with speed ramps."""
+        """Return the trajectory to write: the planned one, or its execution, with speed ramps or limited jerk."""
         return self._executed[0]
 
     @property

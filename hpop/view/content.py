@@ -41,8 +41,8 @@ Handle = Line2D | Patch
 def draw_content(axes: Axes, world: World, view: View, *, small: bool = False) -> list[Handle]:
     """Draw the people, conversations, landmarks and zones in a view of the map, and return their legend entries.
 
-    Keep-out zones are drawn with the obstacles. On a small map names and predicted paths are
-    left out, and symbols are enlarged.
+    Keep-out zones are drawn with the obstacles. On a small map names and predicted paths are left out, and symbols are
+    enlarged.
     """
     content = world.content
     shown = shapely.box(view.x_min, view.y_min, view.x_max, view.y_max)

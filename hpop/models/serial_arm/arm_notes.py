@@ -43,7 +43,7 @@ def passive_joint_notes(joints: Iterable[str], semantics: Semantics) -> Iterator
 
 
 def invalid_limit_notes(robot: Robot) -> Iterator[str]:
-    """Yield a note for the user on each joint with contradictory limits, some of which are ignored."""
+    """Yield a note for the user on each joint whose soft limits are ignored, because they contradict its limits."""
     yield from (joint.doubt for joint in robot.joints.values() if joint.doubt)
 
 
