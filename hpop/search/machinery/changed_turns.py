@@ -150,6 +150,8 @@ def _written_turns(
 ) -> IntArray:
     """Return the turn costs of unchanged and new groups in one table, and write each group's offset in it to ``rows``.
 
+    If the spare columns of the old table suffice, they are filled in place, and the old table is returned.
+
     groups  groups before the change, with the old table
     whole   indices of the groups that are unchanged
     rows    (g, 3)  all groups after the change, see :class:`.Groups`

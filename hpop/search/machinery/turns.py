@@ -65,8 +65,8 @@ class Groups:
                           groups with equal costs may share columns
     dearest     (g, k)    for each group and cost: the largest cost of a turn
     alike       (k,)      for each cost: True if within every group all turns cost the same
-    turns       (k, t)    costs of turns, one for each ordered pair of nodes of a group, then a column of 0; empty if
-                          all costs are alike
+    turns       (k, t)    costs of turns, a column for each ordered pair of nodes of a group, then a column of 0; before
+                          it, columns may be unused after a change. Empty if all costs are alike
     start       (n + 1,)  the plain arcs of the node with the new number v are start[v] : start[v + 1]
     heads       (m,)      heads of the plain arcs, in new numbers
     origin      (m,)      indices of the plain arcs in the graph
