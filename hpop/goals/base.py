@@ -53,7 +53,7 @@ class Goal(Protocol):
         """Return at most ``count`` states (n,) of the goal, drawn at random if there are more."""
 
     def reached(self, model: Model, states: States) -> BoolArray:
-        """Return which of the states (M,) reach the goal."""
+        """Return which of the states (M,) reach the goal, whether or not a target is ``visible`` from them."""
 
     def describe(self) -> Any:
         """Return a JSON-able description, from which a problem builds an equal goal."""

@@ -229,7 +229,7 @@ class Region(GoalDefaults, ABC):
     def states(self, problem: Problem, rng: RNG, count: int) -> States:
         """Return at most ``count`` distinct states (n,) of the goal; fewer if more random starts find no others.
 
-        Raises QueryError, with the distance of the nearest state, if none is found.
+        Raises QueryError if none is found, with the distance of the nearest state, or why states were not accepted.
         """
         count = checked_count(count)
         model, rng = problem.model, np.random.default_rng(rng)

@@ -104,7 +104,8 @@ def _map_figure(
 def look(problem: Problem, title: str) -> MapLook:
     """Draw the map of a problem before planning, and check whether start and goals are free and connected.
 
-    The picture shows free space, start, goals, people, landmarks and zones.
+    The picture shows free space, start, goals, people, landmarks and zones. A robot with bodies in space, such as an
+    arm, is also drawn from the side.
 
     Parameters
     ----------

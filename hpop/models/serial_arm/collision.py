@@ -132,7 +132,8 @@ class ArmCollision:
     def clearance(self, states: States) -> FloatArray:
         """Return the distance (N,), m, between the arm and the solids of the world; inf if there are none.
 
-        It is a lower bound, too small by at most a millionth plus 1e-6 m. Distances between links do not count.
+        It is a lower bound, too small by at most a millionth plus 1e-6 m. Distances between links do not count, nor
+        those to solids that a link may touch; links are not enlarged.
         """
         rows = self._rows(states)
         least = np.empty(len(rows))

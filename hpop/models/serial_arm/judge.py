@@ -55,7 +55,8 @@ class ArmJudge:
 
     A motion is sampled in steps in which no point of the arm moves more than 1 mm. A pair of bodies is not tested at
     every step. It is tested again once the movement since its last test adds up to nine tenths of the distance that fcl
-    returned there, because it cannot touch before.
+    returned there, because it cannot touch before. With solids of the world, padded or scaled links are tested as
+    enlarged links (:mod:`hpop.models.serial_arm.enlarged`).
     """
 
     chain: Chain
