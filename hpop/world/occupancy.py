@@ -60,7 +60,10 @@ class FromCells:
 
         The boxes are the cells of a grid that contain points, merged; ``resolution`` is the side of a cell, m. Points
         without finite coordinates are left out. What lies between points farther apart than a cell is not covered.
-        By default the extent is the bounding box of the boxes, 1 m larger on each side.
+        By default the extent is the bounding box of the boxes, 1 m larger on each side. A note of the world says how
+        many points, cells and boxes there are.
+
+        Raises MapError for other arrays, for points without any finite ones, and if they make too many boxes.
 
         >>> import hpop
         >>> world = hpop.World.from_points([(0.01, 0.02, 0.5), (0.14, 0.05, 0.55), (2.0, 0.0, 0.0)], 0.1)
