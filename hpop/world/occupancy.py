@@ -68,7 +68,7 @@ class FromCells:
         >>> import hpop
         >>> world = hpop.World.from_points([(0.01, 0.02, 0.5), (0.14, 0.05, 0.55), (2.0, 0.0, 0.0)], 0.1)
         >>> [(solid.shape.size, solid.pose[:3, 3].round(3).tolist()) for solid in world.ground.solids]
-        [((0.1, 0.1, 0.1), [2.05, 0.05, 0.05]), ((0.2, 0.1, 0.1), [0.1, 0.05, 0.55])]
+        [((0.2, 0.1, 0.1), [0.1, 0.05, 0.55]), ((0.1, 0.1, 0.1), [2.05, 0.05, 0.05])]
         """
         try:
             given = np.asarray(points, np.float64)
