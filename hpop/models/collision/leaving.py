@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 FAR = 4e5  # m: distance of the border in `world_of_area`, beyond any robot
 SHARES = np.append(np.array([0.0, 1e-4]), np.linspace(0.0, 1.0, 65)[1:])
 """Shares of a motion at which the gap is tested, densest at its beginning: along a straight move the gap is convex."""
+AT_ONCE = 500
+"""Number of motions that are tested together: each needs some kB for the outline at every share."""
 SHRINKS = 1e-7  # m: tolerance for a shrinking gap, from rounding errors
 
 
@@ -56,8 +58,9 @@ class Leaving:
         free: BoolArray = self.body.motions_free(motions)
         some = np.flatnonzero(~free)
         some = some[~self.body.states_free(motions.start.take(some))]
-        if some.size:
-            free[some] = self._leads_out(motions, some)
+        for first in range(0, some.size, AT_ONCE):
+            rows = some[first : first + AT_ONCE]
+            free[rows] = self._leads_out(motions, rows)
         return free
 
     def why_blocked(self, state: States) -> str:
