@@ -97,6 +97,7 @@ def test_plans_keep_it_all_along_by_the_frames_of_pinocchio(keep):
     assert any("does not keep its orientation" in fault for fault in verify(problem, free))
 
 
+@pytest.mark.proof
 def test_splines_keep_it_too():
     arm = arm6(keep=CUP)
     problem = hpop.Problem(POST, arm, START, GOAL, ["duration", "rotation"])

@@ -32,6 +32,7 @@ def solved() -> tuple[hpop.Problem, hpop.Front]:
     return asked, asked.solve("roadmap", samples=30)
 
 
+@pytest.mark.proof
 def test_the_front_over_any_order_joins_the_fronts_of_all_orders(solved: tuple[hpop.Problem, hpop.Front]) -> None:
     _, front = solved
     each = [problem(list(pairwise(order))).solve("roadmap", samples=30) for order in permutations(TARGETS)]

@@ -23,7 +23,7 @@ STOPS = [
     {"at": (1.0, 5.0), "within": 0.6, "dwell": 2, "name": "north"},
     {"at": (5.0, 5.0), "within": 0.8, "name": "passed", "optional": True},
 ]
-PLANNERS = ["epsilon-constraint", "smoothing"]
+PLANNERS = ["epsilon-constraint", pytest.param("smoothing", marks=pytest.mark.proof)]
 
 
 def tour_problem(world: hpop.World = WALLED, criteria: tuple[str, ...] = ("turns", "length", "stops_missed")):
