@@ -144,5 +144,9 @@ class Choices(Generic[T]):
         if not len(self.costs):
             raise FrontError(
                 f"a point can only be chosen from a front with points, but this one has none; its status is "
-                f"{self.status!r}, and its certificate says why: {self.certificate:.400}"
+                f"{self.status!r}: {self._reason():.600}"
             )
+
+    def _reason(self) -> str:
+        """Return what is known about why a front has no points."""
+        return self.certificate

@@ -104,6 +104,9 @@ class Front(frontier.Front[Trajectory]):
         several = (run.get("notes") for run in self.runs)
         return tuple(dict.fromkeys(str(note) for notes in several if isinstance(notes, list) for note in notes))
 
+    def _reason(self) -> str:
+        return " ".join(self.notes) or self.certificate
+
     @property
     def inactive(self) -> tuple[str, ...]:
         """Names of criteria whose cost is equal at all points, so that they decide nothing; () for a single point."""

@@ -182,7 +182,7 @@ def _read(path: Path) -> str:
         return read_regular(path, MAX_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
         raise ScenarioError(
-            f"{path}: no such file; give the path of a YAML file: a scenario, or the events of a drive"
+            f"{path}: no such file; give the path of a YAML file: a scenario, a ROS map, or the events of a drive"
         ) from None
     except UnicodeDecodeError as error:
         raise ScenarioError(

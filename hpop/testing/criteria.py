@@ -315,7 +315,7 @@ def _frame_fault(criterion: Criterion, world: World, tours: list[Trajectory]) ->
         there = _trajectory_value(criterion, moved, elsewhere)
         fault = differ("in another frame", _trajectory_value(criterion, trajectory, world), there, FRAME_TOLERANCE)
         if fault:
-            return fault
+            return f"{fault}; if a parameter or a number in the code is a place of the map, declare world_frame=True"
     return ""
 
 

@@ -107,7 +107,8 @@ class Leaving:
 class LeavingCollision(PlanarCollision):
     """Collision test of a robot that starts in contact with standing people, and may leave the contact.
 
-    States in contact with these people count as free; motions that begin in contact do only if they leave it.
+    States in contact with these people count as free. Motions that begin in contact do if the gap does not shrink until
+    the robot is clear of the person, and it then stays clear; they may end in contact.
 
     left  one test for each of these people; they are not obstacles in ``world``
     """

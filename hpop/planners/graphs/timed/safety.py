@@ -299,10 +299,10 @@ class Safety:
     def _outline_gaps(
         self, pieces: MotionPieces, rows: IntArray, corners: tuple[Place, ...], person: Person, walk: PersonMotion
     ) -> FloatArray:
-        """Return the gaps (N,), m, between the robot and a person anywhere in the convex hull of ``corners``.
+        """Return the gaps (N,), m, between the robot and a person who may be anywhere in the hull of ``corners``.
 
         rows     (N,)  indices of the pieces, in which the robot does not turn
-        corners        positions relative to the robot's axis, m, along the axes of the map: not turned by its yaw
+        corners        positions of the person relative to the robot's axis, m, along the axes of the map
         """
         return to_parts(self.parts, pieces.yaw[rows], corners) - person.radius - walk.stray[rows]
 
