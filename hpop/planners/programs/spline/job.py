@@ -18,7 +18,7 @@ from hpop.base.arrays import FloatArray
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import trajectory_costs
 from hpop.motions import JointCollision, States
-from hpop.planners.programs.outcome import ONE_PROGRAM, Deadline, ImprovedTrajectory, Outcome
+from hpop.planners.programs.outcome import ONE_PROGRAM, Deadline, ImprovedTrajectory, Outcome, one_numpy_thread
 from hpop.planners.programs.spline.knots import LAW, Knots, PieceCosts, SplineLaw
 from hpop.planners.programs.spline.step import Aim, Step, StepProgram, StepPrograms
 from hpop.trajectories.trajectory import Trajectory
@@ -97,7 +97,7 @@ class SplineJob:
         """
         seconds, counts = {"build": 0.0, "solve": 0.0}, Counter[str]()
         run = _PathRun(counts)
-        with ONE_PROGRAM:
+        with ONE_PROGRAM, one_numpy_thread():
             began = time.perf_counter()
             try:
                 if not self.built:
