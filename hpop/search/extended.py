@@ -8,44 +8,21 @@ of all arcs, which are made when they are first read.
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import IntArray, N, copied, inserted_in_layers, numbered, tiled
+from hpop.base.arrays import IntArray, N, inserted_in_layers, tiled
 from hpop.search.graph import Graph
-
-
-class AddedArcs(NamedTuple):
-    """Arcs that a graph adds to its base, sorted by tail; they follow the arcs of the base at each tail.
-
-    before  (j,)    index in the arrays of the base, repeated for each layer, before which each arc is inserted
-    heads   (j,)    int32, node to which each arc leads
-    costs   (j, k)  costs of each arc
-    """
-
-    before: IntArray
-    heads: NDArray[np.int32]
-    costs: IntArray
-
-    @property
-    def places(self) -> IntArray:
-        """Indices (j,) of these arcs among all arcs of the extended graph."""
-        return self.before + np.arange(self.before.size)
+from hpop.search.graph_arrays import AddedArcs
 
 
 class ExtendedGraph(Graph):
     """Graph that repeats its :attr:`base` in layers, and adds nodes and arcs.
 
     Node v of the base, which has n nodes, is node l * n + v of layer l; added nodes follow the last layer.
-
-    added   the added arcs
-    layers  number of layers
     """
-
-    added: AddedArcs
-    layers: int = 1
 
     @classmethod
     def of(cls, base: Graph, part: Graph, layers: int = 1) -> ExtendedGraph:
@@ -62,12 +39,6 @@ class ExtendedGraph(Graph):
         largest = np.maximum(base.largest, part.largest)
         vars(graph).update(indptr=indptr, added=added, largest=largest, layers=layers)
         return graph
-
-    def over(self, base: Graph, costs: IntArray) -> Graph:
-        """Return the same graph with other costs: those of ``base``, which has the same arcs, and of the added arcs."""
-        tails = np.searchsorted(self.indptr, self.added.places, side="right") - 1
-        arcs = tails, self.added.heads.astype(np.int64), costs
-        return copied(base.extended(self.nodes, *arcs, is_reused=True, layers=self.layers), turns=self.turns)
 
     @cached_property
     def heads(self) -> NDArray[np.int32]:
@@ -88,25 +59,9 @@ class ExtendedGraph(Graph):
     def copied(self) -> Graph:
         """Return the same graph as a plain Graph that owns all its arrays and has no base."""
         graph = object.__new__(Graph)
-        own = {"heads": self.heads, "costs": self.costs, "arc": self.arc, "base": None}
-        vars(graph).update({name: value for name, value in vars(self).items() if name not in ("added", "layers")} | own)
+        own = {"heads": self.heads, "costs": self.costs, "arc": self.arc, "base": None, "layers": 1}
+        vars(graph).update({name: value for name, value in vars(self).items() if name != "added"} | own)
         return graph
-
-    @property
-    def layer(self) -> Graph:
-        """The base, which each layer repeats."""
-        assert self.base is not None
-        return self.base
-
-    @property
-    def offsets_of_added(self) -> IntArray:
-        """Offsets (n + 1,) among the added arcs of those of each node."""
-        return np.searchsorted(self.added.places, self.indptr)
-
-    def places_in_layer(self, layer: IntArray, arcs: IntArray) -> IntArray:
-        """Return the indices (N,) in this graph of arcs of the base in given layers; both arguments are (N,)."""
-        places = layer * self.layer.arcs + arcs
-        return places + np.searchsorted(self.added.before, places, side="right")
 
     def ends_and_costs(self, arcs: IntArray) -> tuple[NDArray[np.int32], IntArray]:
         """Return the heads (N,) and costs (N, k) of N arcs, given by their indices, without copying other arcs."""
@@ -152,27 +107,6 @@ class ExtendedGraph(Graph):
             return super().rows_of_turns
         indptr, heads, costs, *_ = self.base.rows_of_turns
         return indptr, heads, costs, self.indptr, self.base.nodes
-
-    def costs_of_path(self, nodes: IntArray, column: int, remaining: IntArray) -> IntArray:
-        """Return all costs (k,) of a path through the given nodes (N,), which is least in the cost of ``column``.
-
-        Of parallel arcs, the first one that gives this least cost is taken.
-
-        remaining  (n,)  least remaining cost of each node in this column
-        """
-        sizes = (self.indptr[nodes + 1] - self.indptr[nodes])[:-1]
-        step, number = numbered(sizes)
-        heads, costs = self.ends_and_costs(self.indptr[nodes[step]] + number)
-        worst = np.array(self.aggregates) == "max"
-        onward = nodes[step + 1]
-        paid = (
-            np.maximum(costs[:, column], remaining[onward]) if worst[column] else costs[:, column] + remaining[onward]
-        )
-        fits = np.flatnonzero((heads == onward) & (paid == remaining[nodes[step]]))
-        _, first = np.unique(step[fits], return_index=True)
-        chosen = costs[fits[first]]
-        total: IntArray = np.where(worst, chosen.max(axis=0, initial=0), chosen.sum(axis=0))
-        return total
 
 
 def _read_only(array: NDArray[N]) -> NDArray[N]:

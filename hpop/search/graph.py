@@ -17,9 +17,10 @@ from hpop.base.text import shown
 from hpop.errors import GraphError
 from hpop.search.graph_arrays import (
     MAX_INDEX,
-    MAX_SUM,
+    AddedArcs,
     aggregates_of,
     check_range,
+    check_sums,
     integers,
     make_read_only,
     stable_order,
@@ -52,6 +53,7 @@ class Graph:
     edges                 edges and exact costs of the networkx graph, if the graph was built from one, or None
     turns                 the column of the cost that counts turns in place, if known, or None
     base                  the graph to which this graph adds nodes and arcs (:meth:`extended`), if it is reused, or None
+    layers                number of copies of the base, 1 without a base
 
     Read-only, contiguous arrays of these types are used without a copy.
 
@@ -71,6 +73,7 @@ class Graph:
     edges: Edges | None = None
     turns: int | None = None
     base: Graph | None = field(default=None, init=False)  # not kept by `replace`
+    layers: int = field(default=1, init=False)
 
     def __post_init__(self) -> None:
         indptr = integers(self.indptr, "indptr", np.int64)
@@ -105,7 +108,7 @@ class Graph:
             value.setflags(write=False)
             object.__setattr__(self, name, value)
         object.__setattr__(self, "aggregates", aggregates)
-        _check_sums(self)
+        check_sums(self)
 
     @property
     def nodes(self) -> int:
@@ -305,8 +308,22 @@ class Graph:
         nodes = whole("nodes", nodes, layers * self.nodes, MOST_NODES, "a number of nodes", error=GraphError)
         part = Graph.from_arcs(nodes, tails, heads, costs, aggregates=self.aggregates)  # these alone are checked
         graph = ExtendedGraph.of(self, part, layers)
-        _check_sums(graph)
+        check_sums(graph)
         return graph if is_reused else graph.copied()
+
+    @property
+    def layer(self) -> Graph:
+        """The graph that each layer repeats: the base, or this graph if it has none."""
+        return self if self.base is None else self.base
+
+    @cached_property
+    def added(self) -> AddedArcs:
+        """Arcs that this graph adds to its base; none without a base."""
+        return AddedArcs.none(self.criteria)
+
+    def copied(self) -> Graph:
+        """Return the same graph with its own arrays of all arcs, and without a base."""
+        return self
 
     def ends_and_costs(self, arcs: IntArray) -> tuple[NDArray[np.int32], IntArray]:
         """Return the heads (N,) and costs (N, k) of N arcs, given by their indices."""
@@ -372,18 +389,3 @@ class Graph:
         quanta = (f"{quantum:g}" for quantum in self.edges.quanta)
         named = zip(self.aggregates, self.edges.names, quanta, strict=True)
         return tuple(f"{aggregate} of {name} in {quantum}" for aggregate, name, quantum in named)
-
-
-def _check_sums(graph: Graph) -> None:
-    """Raise GraphError if a cost of a path that leaves each node at most once could exceed MAX_SUM."""
-    leaving = graph.indptr[:-1][np.diff(graph.indptr) > 0]
-    for j, aggregate in enumerate(graph.aggregates):
-        worst = int(graph.largest[j])
-        bound = worst * (len(leaving) + 2 if aggregate == "sum" else 1)
-        if bound > MAX_SUM and worst <= MAX_SUM and aggregate == "sum":
-            steps = np.maximum.reduceat(graph.costs[:, j], leaving)
-            bound = sum(steps.tolist()) + 2 * worst
-        if bound > MAX_SUM:
-            raise GraphError(
-                f"cost {j} of a path must stay below {MAX_SUM}, but could reach {bound}; use a coarser quantum"
-            )

@@ -1,9 +1,9 @@
-"""Checks and conversions of the arrays of a search graph."""
+"""Arrays of a search graph: added arcs, and checks and conversions of arrays."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,8 +11,34 @@ from numpy.typing import ArrayLike, NDArray
 from hpop.base.arrays import IntArray
 from hpop.errors import GraphError
 
+if TYPE_CHECKING:
+    from hpop.search.graph import Graph
+
 MAX_INDEX = 2**31 - 2  # nodes and arcs are counted in 32 bits
 MAX_SUM = 2**59  # so that a path cost, a bound of its remaining cost and two more arcs fit a key of 62 bits
+
+
+class AddedArcs(NamedTuple):
+    """Arcs that a graph adds to its base, sorted by tail; they follow the arcs of the base at each tail.
+
+    before  (j,)    index in the arrays of the base, repeated for each layer, before which each arc is inserted
+    heads   (j,)    int32, node to which each arc leads
+    costs   (j, k)  costs of each arc
+    """
+
+    before: IntArray
+    heads: NDArray[np.int32]
+    costs: IntArray
+
+    @property
+    def places(self) -> IntArray:
+        """Indices (j,) of these arcs among all arcs of the extended graph."""
+        return self.before + np.arange(self.before.size)
+
+    @classmethod
+    def none(cls, criteria: int) -> AddedArcs:
+        """Return no arcs, of a graph with this number of costs."""
+        return cls(np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros((0, criteria), np.int64))
 
 
 def integers(values: ArrayLike, name: str, dtype: Any) -> NDArray[Any]:
@@ -66,3 +92,18 @@ def aggregates_of(aggregates: Sequence[str] | None, costs: IntArray) -> tuple[st
     if aggregates is None:
         return ("sum",) * (costs.shape[1] if costs.ndim == 2 else 0)
     return (aggregates,) if isinstance(aggregates, str) else tuple(aggregates)
+
+
+def check_sums(graph: Graph) -> None:
+    """Raise GraphError if a cost of a path that leaves each node at most once could exceed MAX_SUM."""
+    leaving = graph.indptr[:-1][np.diff(graph.indptr) > 0]
+    for j, aggregate in enumerate(graph.aggregates):
+        worst = int(graph.largest[j])
+        bound = worst * (len(leaving) + 2 if aggregate == "sum" else 1)
+        if bound > MAX_SUM and worst <= MAX_SUM and aggregate == "sum":
+            steps = np.maximum.reduceat(graph.costs[:, j], leaving)
+            bound = sum(steps.tolist()) + 2 * worst
+        if bound > MAX_SUM:
+            raise GraphError(
+                f"cost {j} of a path must stay below {MAX_SUM}, but could reach {bound}; use a coarser quantum"
+            )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, IntArray, copied
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
 from hpop.errors import GraphError, ModelError
@@ -18,7 +18,6 @@ from hpop.planners.graphs.trajectory_graph import Stretches
 from hpop.planners.objectives import quantised
 from hpop.planners.spending import Spending
 from hpop.search import Graph
-from hpop.search.extended import ExtendedGraph
 
 if TYPE_CHECKING:
     from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
@@ -148,10 +147,13 @@ def graph_with_tie_break(graph: Graph, turned: NDArray[np.int8], spending: Spend
 
 def _with_ties_broken(graph: Graph, turned: NDArray[np.int8], column: int) -> Graph:
     """Return a graph with cost * TIE_TURNS + turns in ``column``; if it has layers, they share these costs."""
-    if isinstance(graph, ExtendedGraph) and graph.base is not None and graph.layers > 1:
+    if graph.layers > 1:
         costs = graph.added.costs.copy()
         costs[:, column] = costs[:, column] * TIE_TURNS + turned[graph.added.places]
-        return graph.over(_with_ties_broken(graph.base, _turned_in_base(graph, turned), column), costs)
+        tails = np.searchsorted(graph.indptr, graph.added.places, side="right") - 1
+        arcs = tails, graph.added.heads.astype(np.int64), costs
+        layer = _with_ties_broken(graph.layer, _turned_in_base(graph, turned), column)
+        return copied(layer.extended(graph.nodes, *arcs, is_reused=True, layers=graph.layers), turns=graph.turns)
     costs = graph.costs.copy()
     for part in blocks(graph.arcs):
         costs[part, column] *= TIE_TURNS
@@ -160,7 +162,7 @@ def _with_ties_broken(graph: Graph, turned: NDArray[np.int8], column: int) -> Gr
     return replace(graph, costs=costs)
 
 
-def _turned_in_base(graph: ExtendedGraph, turned: NDArray[np.int8]) -> NDArray[np.int8]:
+def _turned_in_base(graph: Graph, turned: NDArray[np.int8]) -> NDArray[np.int8]:
     """Return the numbers of turns in the arcs of the graph's base, given those ``turned`` (m,) in all its arcs."""
     return np.delete(turned, graph.added.places)[: (turned.size - graph.added.before.size) // graph.layers]
 
@@ -172,7 +174,7 @@ def summed_columns(graph: Graph) -> list[int]:
 
 def _charges_every_turn(graph: Graph, column: int, turned: NDArray[np.int8]) -> bool:
     """Return whether the cost of a column is positive for every arc with a turn; ``turned`` (m,) counts turns."""
-    if not isinstance(graph, ExtendedGraph) or graph.base is None:
+    if graph.base is None:
         return not any(((graph.costs[part, column] == 0) & (turned[part] > 0)).any() for part in blocks(graph.arcs))
     added, cache, name = graph.added, graph.base.cache, ("charges every turn", column)
     if name not in cache:

@@ -135,6 +135,19 @@ class JoinedEnds(TrajectoryGraph):
         """The original graph, without the additional nodes."""
         return self.inner
 
+    @property
+    def added_states(self) -> dict[str, States]:
+        """State (1,) of each additional node, by name."""
+        return self.ends
+
+    def with_stops_joined(self, to: TrajectoryGraph) -> TrajectoryGraph:
+        """Return another graph of the same states, ``to``, joined to the stops to which this graph is joined."""
+        alone = to.states_alone
+        if not self.stops or alone is None:
+            return to
+        ends = {**to.added_states, **{what: self.ends[what] for what in self.stops}}
+        return JoinedEnds(alone.model, alone.world, alone, ends, self.reach, self.stops, spending=alone.spending)
+
     def node(self, what: str) -> int:
         """Return the node number of an end by its name in ``ends``."""
         return self.inner.size + list(self.ends).index(what)

@@ -27,7 +27,6 @@ from hpop.planners.graphs.assemble import (
     search_stats,
     static_plans,
 )
-from hpop.planners.graphs.tour import TourGraph
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.needs import refuse_moving
 from hpop.planners.objectives import Objectives
@@ -328,8 +327,8 @@ class Query:
 
         Raises Exhausted if the limit would be passed. Without a tour, nothing happens.
         """
-        if isinstance(self.space, TourGraph):
-            self.space.spending.hold(self.graph.bytes_to_copy, "the layers of the tour were copied")
+        if copies := self.graph.bytes_to_copy:
+            self.space.spending.hold(copies, "the layers of the tour were copied")
 
     def drop_ties(self) -> None:
         """Free the memory of the graph copy that breaks ties, after its last search."""

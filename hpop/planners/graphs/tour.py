@@ -57,6 +57,11 @@ class TourGraph(TrajectoryGraph):
     goals: tuple[int, ...]
 
     @property
+    def tour_layers(self) -> TourGraph:
+        """The graph itself."""
+        return self
+
+    @property
     def size(self) -> int:
         """Number of nodes."""
         return len(self.tour.layers) * self.inner.size + len(self.goals)

@@ -111,15 +111,13 @@ def with_stop_states(space: TrajectoryGraph, problem: Problem, like: TrajectoryG
 
     With ``like``, add those that were added to this other graph of the same states.
     """
-    tour, alone = problem.tour, space.states_alone
-    if like is None and tour is not None:
-        members = tour_members(space, tour, problem.world)
-        empty = [tour.stops[i] for i in tour.remaining if not members[i].size]
-        return with_drawn_states(space, problem, empty) if empty else space
-    if not isinstance(like, JoinedEnds) or not like.stops or alone is None:
+    if like is not None:
+        return like.with_stops_joined(space)
+    if problem.tour is None:
         return space
-    ends = dict(space.ends if isinstance(space, JoinedEnds) else {}) | {what: like.ends[what] for what in like.stops}
-    return JoinedEnds(alone.model, alone.world, alone, ends, like.reach, like.stops, spending=alone.spending)
+    members = tour_members(space, problem.tour, problem.world)
+    empty = [problem.tour.stops[i] for i in problem.tour.remaining if not members[i].size]
+    return with_drawn_states(space, problem, empty) if empty else space
 
 
 def with_drawn_states(space: TrajectoryGraph, problem: Problem, stops: Sequence[TourStop]) -> TrajectoryGraph:
@@ -131,7 +129,7 @@ def with_drawn_states(space: TrajectoryGraph, problem: Problem, stops: Sequence[
     alone = space.states_alone
     if alone is None:
         raise QueryError(" ".join(_reason(problem, stop) for stop in stops))
-    ends, added = dict(space.ends if isinstance(space, JoinedEnds) else {}), dict[str, list[str]]()
+    ends, added = dict(space.added_states), dict[str, list[str]]()
     for stop in stops:
         states = drawn_states(problem, stop)
         if not states.size:

@@ -23,6 +23,7 @@ from hpop.trajectories.trajectory import Trajectory
 if TYPE_CHECKING:
     from hpop.planners.graphs.arcs import MotionChains
     from hpop.planners.graphs.state_graph import StateGraph
+    from hpop.planners.graphs.tour import TourGraph
     from hpop.world import World
 
 # Trajectories are built together: the states of all of them lie in common arrays, of which each trajectory is a slice.
@@ -272,6 +273,11 @@ class TrajectoryGraph(ABC):
         """The graph itself, without layers for speeds."""
         return self
 
+    @property
+    def tour_layers(self) -> TourGraph | None:
+        """The graph itself if it has layers for the visited stops of a tour, else None."""
+        return None
+
     def in_layer(self, states: IntArray, speeds: FloatArray) -> IntArray:
         """Return the nodes (N,) of states of `one_layer` (N,) at speeds (N,), m/s."""
         return states
@@ -279,6 +285,15 @@ class TrajectoryGraph(ABC):
     def is_join(self, nodes: IntArray) -> BoolArray:
         """Return a mask (N,): True for nodes that stand for a join, between its ends; there are none by default."""
         return np.zeros(nodes.size, dtype=np.bool_)
+
+    @property
+    def added_states(self) -> Mapping[str, States]:
+        """State (1,) of each node that was added for a start, a goal or a stop, by name; none by default."""
+        return {}
+
+    def with_stops_joined(self, to: TrajectoryGraph) -> TrajectoryGraph:
+        """Return another graph of the same states, ``to``, joined to the stops to which this graph is joined."""
+        return to
 
     def inside(self, nodes: list[int]) -> list[int]:
         """Return the nodes with each added start or goal replaced by the states to which it is connected."""

@@ -31,7 +31,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, IntArray
-from hpop.search.extended import ExtendedGraph
 from hpop.search.general.kernel import advance
 from hpop.search.general.tables import (
     SET_COLUMNS,
@@ -75,7 +74,7 @@ class General(HeapSearch):
     shared                  layers that share the arcs, see :func:`.labels.row_of`
     """
 
-    layered: ExtendedGraph | None
+    layered: Graph | None
 
     def __init__(
         self,
@@ -134,7 +133,7 @@ class General(HeapSearch):
         is_left_out: BoolArray = ~reached
         is_last: NDArray[np.uint8] = self.is_target
         self.layered, self.shared = None, ONE_LAYER
-        if isinstance(graph, ExtendedGraph) and graph.layers > 1:
+        if graph.layers > 1:
             self.layered, layer, added = graph, graph.layer, graph.added
             self.nodes[~reached, 0] = -1
             last = graph.layers * layer.nodes
@@ -152,7 +151,8 @@ class General(HeapSearch):
             self.table = self.table[: m + len(added.heads)]
             self.table[m:, 0], self.table[m:, 1:] = added.heads, added.costs[:, columns]
             self.start, self.plain = (np.append(offsets, np.full(ends, m)) for offsets in (self.start, self.plain))
-            self.shared = layer.nodes, m, self.layered.layers, self.layered.offsets_of_added.astype(np.int32)
+            offsets = np.searchsorted(added.places, graph.indptr).astype(np.int32)  # of the added arcs of each node
+            self.shared = layer.nodes, m, graph.layers, offsets
 
     def advance(self, clock: Clock, work: int) -> int:
         """Run the kernel for ``work`` elementary steps, and return its code."""
@@ -265,5 +265,6 @@ class General(HeapSearch):
             within = steps < layers * m
             layer, row = np.divmod(steps[within], max(1, m))
             steps[~within] = self.layered.added.places[steps[~within] - layers * m]
-            steps[within] = self.layered.places_in_layer(layer, self.origin[row].astype(np.int64))
+            before_added = layer * self.layered.layer.arcs + self.origin[row]
+            steps[within] = before_added + np.searchsorted(self.layered.added.before, before_added, side="right")
         return [part[::-1] for part in np.split(steps, ends)[:-1]]

@@ -17,10 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import IntArray
+from hpop.base.arrays import IntArray, numbered
 from hpop.runtime.compiled import lean
 from hpop.runtime.status import Status
-from hpop.search.extended import ExtendedGraph
 from hpop.search.graph import Graph
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups, NoRoom
@@ -346,8 +345,8 @@ def costs_of_least_paths(graph: Graph, source: int, h: IntArray, onward: NDArray
     k = graph.criteria
     vectors = np.zeros((k, k), np.int64)
     for j in range(k):
-        if isinstance(graph, ExtendedGraph) and graph.base is not None and h[j, source] < UNREACHABLE:
-            vectors[j] = graph.costs_of_path(_path(onward[j], source), j, h[j])
+        if graph.base is not None and h[j, source] < UNREACHABLE:
+            vectors[j] = _costs_of_path(graph, _path(onward[j], source), j, h[j])
         elif h[j, source] < UNREACHABLE:
             arrays = (graph.indptr, graph.heads, graph.costs, _is_max(graph))
             clock.call(costs_of_least_path, *arrays, j, h[j], onward[j], source, vectors[j])
@@ -360,6 +359,26 @@ def _path(onward: NDArray[np.int32], source: int) -> IntArray:
     while (node := int(onward[nodes[-1]])) >= 0:
         nodes.append(node)
     return np.array(nodes, np.int64)
+
+
+def _costs_of_path(graph: Graph, nodes: IntArray, column: int, remaining: IntArray) -> IntArray:
+    """Return all costs (k,) of a path through the given nodes (N,), which is least in the cost of ``column``.
+
+    Of parallel arcs, the first one that gives this least cost is taken.
+
+    remaining  (n,)  least remaining cost of each node in this column
+    """
+    sizes = (graph.indptr[nodes + 1] - graph.indptr[nodes])[:-1]
+    step, number = numbered(sizes)
+    heads, costs = graph.ends_and_costs(graph.indptr[nodes[step]] + number)
+    worst = np.array(graph.aggregates) == "max"
+    onward = nodes[step + 1]
+    paid = np.maximum(costs[:, column], remaining[onward]) if worst[column] else costs[:, column] + remaining[onward]
+    fits = np.flatnonzero((heads == onward) & (paid == remaining[nodes[step]]))
+    _, first = np.unique(step[fits], return_index=True)
+    chosen = costs[fits[first]]
+    total: IntArray = np.where(worst, chosen.max(axis=0, initial=0), chosen.sum(axis=0))
+    return total
 
 
 def _is_max(graph: Graph) -> IntArray:

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from hpop.base.arrays import IntArray
 from hpop.runtime.compiled import lean
 from hpop.runtime.status import Status
-from hpop.search.extended import ExtendedGraph
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import (
     UNREACHABLE,
@@ -205,7 +204,7 @@ def _reversed(
     If the graph has layers, these are the arcs of one layer, then the added ones. The last value says how the layers
     share the arcs, see :func:`.labels.row_of`; it has the offsets of the added arcs that enter each node.
     """
-    if isinstance(graph, ExtendedGraph) and graph.layers > 1:
+    if graph.layers > 1:
         begin, tails, weights, _ = _reversed(graph.layer, clock)
         m, added, layers = len(tails), graph.added, graph.layers
         begin = np.append(begin, np.full(graph.nodes - layers * graph.layer.nodes, m))

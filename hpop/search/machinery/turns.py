@@ -30,7 +30,6 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import IntArray, inserted, inserted_in_layers, numbered, tiled
 from hpop.runtime.compiled import kernel, lean
-from hpop.search.extended import ExtendedGraph
 from hpop.search.graph import Graph
 from hpop.search.machinery.slices import PARTS, Clock
 from hpop.search.machinery.turn_costs import (
@@ -120,8 +119,8 @@ class Groups:
     @classmethod
     def of_turns(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
         """Return the groups of turns with ``column`` as index, or None if these turns form no groups."""
-        base = graph.base if isinstance(graph, ExtendedGraph) else None
-        if isinstance(graph, ExtendedGraph) and base is not None and (graph.layers > 1 or _keeps_groups(graph, column)):
+        base = graph.base
+        if base is not None and (graph.layers > 1 or _keeps_groups(graph, column)):
             name = ("groups", column)
             if name not in base.cache:
                 base.cache[name] = cls.of_turns(base, column, clock)
@@ -138,7 +137,7 @@ class Groups:
             graph.cache["groups", column] = None  # of graphs with groups the cache belongs to graphs that extend it
         return own
 
-    def _extended(self, graph: ExtendedGraph, base: Graph, clock: Clock, *, has_arcs: bool = True) -> Self:
+    def _extended(self, graph: Graph, base: Graph, clock: Clock, *, has_arcs: bool = True) -> Self:
         """Return the groups of a graph that repeats and extends ``base``, the graph of these groups.
 
         Each added node is a group of its own; the groups of the base stay as they are. If not ``has_arcs``, the result
@@ -224,8 +223,8 @@ class Groups:
         if groups is not None:
             check_room(clock, groups.nbytes)
             return groups
-        if isinstance(graph, ExtendedGraph) and graph.base is not None and graph.layers > 1:
-            return cls.single_nodes(graph.base, clock)._extended(graph, graph.base, clock, has_arcs=has_arcs)
+        if graph.layers > 1:
+            return cls.single_nodes(graph.layer, clock)._extended(graph, graph.layer, clock, has_arcs=has_arcs)
         rows = np.zeros((graph.nodes, GROUP_COLUMNS), np.int64)
         rows[:, OFFSET], rows[:, SIZE] = np.arange(graph.nodes), 1
         groups = cls._with_arcs(graph, -1, 0, np.arange(graph.nodes), rows, graph.arcs, clock)
@@ -253,15 +252,14 @@ class Groups:
         return cls(column, step, nodes, new_number, rows, dearest, alike, turns, start, heads[:m], origin[:m])
 
 
-def _keeps_groups(graph: ExtendedGraph, column: int) -> bool:
+def _keeps_groups(graph: Graph, column: int) -> bool:
     """Return whether the groups of the graph's base, with turns in ``column``, are groups of this graph.
 
     A turn is an arc with a positive cost in ``column``. An added turn must leave an added node that no added arc
     enters, or enter an added node that no added arc leaves. Of layers, added arcs must leave only nodes that arcs
     leave in the base, and enter only nodes that arcs enter in the base, or added nodes.
     """
-    base, added = graph.base, graph.added
-    assert base is not None
+    base, added = graph.layer, graph.added
     n = graph.layers * base.nodes
     tails, heads = np.searchsorted(graph.indptr, added.places, side="right") - 1, added.heads
     first, last = (tails >= n) & ~np.isin(tails, heads), (heads >= n) & ~np.isin(heads, tails)

@@ -25,7 +25,6 @@ from hpop.base.options import MOST, real
 from hpop.frontier import is_nondominated
 from hpop.runtime.status import Budget, ProgressCallback, Status
 from hpop.search.choice import choose_method, choose_order
-from hpop.search.extended import ExtendedGraph
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import Precision
 from hpop.search.machinery.bounds import PILES, UNREACHABLE, costs_of_least_paths, costs_to_go
@@ -242,7 +241,7 @@ class Prepared:
         self, graph: Graph, target: Hashable | Iterable[Hashable], *, progress: ProgressCallback | None = None
     ) -> None:
         graph = checked_graph(graph)
-        if isinstance(graph, ExtendedGraph) and graph.layers > 1:
+        if graph.layers > 1:
             graph = graph.copied()  # as an arc of a layer can be closed alone
         self.graph = graph
         self.targets = checked_targets(graph, target)

@@ -22,7 +22,6 @@ from hpop.planners.graphs.timed.notice import Attention
 from hpop.planners.graphs.timed.plans import GraphOnClock, TimedPlans
 from hpop.planners.graphs.timed.safety import Start
 from hpop.planners.graphs.timed.tour_layers import TimedTour, timed_tour
-from hpop.planners.graphs.tour import TourGraph
 from hpop.planners.objectives import Objectives
 from hpop.planners.spending import Limits
 from hpop.runtime.limits import within
@@ -275,7 +274,7 @@ def timed_query(
     """
     began = time.perf_counter()
     space, start, goals = built.ends
-    layers = space if isinstance(space, TourGraph) else None
+    layers = space.tour_layers
     one_layer, ends = (space, goals) if layers is None else (layers.inner, [*layers.goals])
     if not one_layer.has_clock:
         raise QueryError(
