@@ -331,9 +331,12 @@ def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:
     """
     from hpop.base.registry import planners
 
-    able = [name for name, cls in planners.items() if "checkpoint" in {option.name for option in fields(cls)}]
-    keeping = [planner for planner in chosen if planner.name in able]
+    def saves_search(planner: Any) -> bool:
+        return "checkpoint" in {option.name for option in fields(planner)}
+
+    keeping = [planner for planner in chosen if saves_search(planner)]
     if len(keeping) != 1:
+        able = [name for name, cls in planners.items() if saves_search(cls)]
         raise OptionError(
             f"--checkpoint saves the search of exactly one of these planners: {', '.join(able)}; the scenario has "
             f"{', '.join(planner.name for planner in chosen)}; "

@@ -66,6 +66,7 @@ class Criterion(Protocol):
     mean         for a stand-in: the time-mean that it replaces; None
     stand_in_quantum  for a time-mean: the quantum that the user has set for its stand-in; None
     places       positions (x, y, z), m, that pictures mark; ()
+    ball_radius  m, radius of a ball round the camera; pictures shade the map by its obstructed fraction; None
     bound        method: takes two states (M,), returns a lower bound (M,) on the cost of any trajectory between them;
                  None
     convex       method: takes a polyline, returns its cost as a convex expression (:mod:`hpop.criteria.convex`); None
@@ -110,6 +111,8 @@ class Criterion(Protocol):
         @property
         def places(self) -> tuple[tuple[float, float, float], ...]: ...
         @property
+        def ball_radius(self) -> float | None: ...
+        @property
         def bound(self) -> Callable[[States, States], Column] | None: ...
         @property
         def convex(self) -> Callable[[ConvexPath], ConvexCost] | None: ...
@@ -123,6 +126,7 @@ CRITERION_DEFAULTS: dict[str, Any] = {
     "mean": None,
     "stand_in_quantum": None,
     "places": (),
+    "ball_radius": None,
     "bound": None,
     "convex": None,
 }

@@ -191,7 +191,7 @@ def retime(
         )
     build, tolerance = DISCOMFORTS[criterion.name]
     profiles = Profiles(path.stretches, build(problem, criterion, path), jerk)
-    own = [c for c in problem.criteria if c.name == "stops_missed"]  # a tour with optional stops needs it
+    own = [c for c in problem.criteria if c.role == "stops_missed"]  # a tour with optional stops needs it
     names = {"duration", criterion.name, *(c.name for c in own)}
     quanta = {name: quantum for name, quantum in problem.quanta.items() if name in names}
     asked = replace(problem, criteria=(make_criterion("duration"), criterion, *own), quanta=quanta)

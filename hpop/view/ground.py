@@ -17,7 +17,7 @@ from matplotlib.typing import ColorType
 from shapely.geometry.base import BaseGeometry
 
 from hpop.base.arrays import BoolArray, FloatArray
-from hpop.criteria import Exposure, Obstruction
+from hpop.criteria import Obstruction
 from hpop.problems.problem import Problem
 from hpop.runtime.limits import LimitPassed
 from hpop.view.marks import end_poses
@@ -108,13 +108,14 @@ def view_of(problem: Problem, paths: Sequence[FloatArray] = ()) -> View:
 def ball_of(problem: Problem) -> Ball | None:
     """Return the ball in which the map measures obstruction, at the camera's height at the start.
 
-    Its radius is that of the problem's first obstruction or exposure criterion. Without such a criterion it is the
-    default of obstruction, 2 m; but a fixed robot then has no ball (None), because its whole reach would be inside.
+    Its radius is that of the problem's first criterion with a ball, such as obstruction. Without such a criterion it is
+    the default of obstruction, 2 m; but a fixed robot then has no ball (None), because its whole reach would be inside.
     """
-    measured = [c for c in problem.criteria if isinstance(c, Obstruction | Exposure)]
-    if not measured and "base" not in problem.model.provides:
-        return None
-    radius = measured[0].radius if measured else Obstruction().radius
+    radius = next((c.ball_radius for c in problem.criteria if c.ball_radius is not None), None)
+    if radius is None:
+        if "base" not in problem.model.provides:
+            return None
+        radius = Obstruction().radius
     camera = problem.model.pose("camera", problem.model.space.state(problem.start))
     return Ball(radius, float(camera.z[0]))
 

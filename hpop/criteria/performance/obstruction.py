@@ -28,6 +28,11 @@ class _Obstructed:
     def __post_init__(self) -> None:
         set_reals(self, "radius", least=SMALLEST, most=999, kind="a length in m", error=CriterionError)
 
+    @property
+    def ball_radius(self) -> float:
+        """Radius of the ball, m, for pictures."""
+        return self.radius
+
     def cost(self, m: Motions) -> Column:
         """Return the time integral of the obstructed fraction (M,), s."""
         return m.integrate(self._fraction(m))
