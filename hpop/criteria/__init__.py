@@ -15,62 +15,62 @@ from hpop.criteria.costs import motion_costs as motion_costs
 from hpop.criteria.costs import trajectory_cost as trajectory_cost
 
 if TYPE_CHECKING:
-    from hpop.criteria.comfort.angular_acceleration import AngularAcceleration as AngularAcceleration
-    from hpop.criteria.comfort.camera_length import CameraLength as CameraLength
-    from hpop.criteria.comfort.camera_roll import CameraRoll as CameraRoll
-    from hpop.criteria.comfort.felt_acceleration import FeltAcceleration as FeltAcceleration
-    from hpop.criteria.comfort.heading_mismatch import HeadingMismatch as HeadingMismatch
-    from hpop.criteria.comfort.heading_mismatch import MeanHeadingMismatch as MeanHeadingMismatch
-    from hpop.criteria.comfort.jerk import Jerk as Jerk
-    from hpop.criteria.comfort.length import Length as Length
-    from hpop.criteria.comfort.msdv import MSDV as MSDV
-    from hpop.criteria.comfort.net_winding import NetWinding as NetWinding
+    from hpop.criteria.comfort.acceleration import FeltAcceleration as FeltAcceleration
+    from hpop.criteria.comfort.acceleration import Jerk as Jerk
+    from hpop.criteria.comfort.acceleration import SpeedChanges as SpeedChanges
+    from hpop.criteria.comfort.acceleration import SquaredAcceleration as SquaredAcceleration
     from hpop.criteria.comfort.optic_flow import OpticFlow as OpticFlow
+    from hpop.criteria.comfort.optic_flow import PassingDistance as PassingDistance
     from hpop.criteria.comfort.optic_flow import PeakOpticFlow as PeakOpticFlow
-    from hpop.criteria.comfort.passing_distance import PassingDistance as PassingDistance
+    from hpop.criteria.comfort.path import CameraLength as CameraLength
+    from hpop.criteria.comfort.path import HeadingMismatch as HeadingMismatch
+    from hpop.criteria.comfort.path import Length as Length
+    from hpop.criteria.comfort.path import MeanHeadingMismatch as MeanHeadingMismatch
+    from hpop.criteria.comfort.rotation import AngularAcceleration as AngularAcceleration
+    from hpop.criteria.comfort.rotation import CameraRoll as CameraRoll
+    from hpop.criteria.comfort.rotation import NetWinding as NetWinding
     from hpop.criteria.comfort.rotation import Rotation as Rotation
-    from hpop.criteria.comfort.rotation_time import RotationTime as RotationTime
+    from hpop.criteria.comfort.rotation import RotationTime as RotationTime
+    from hpop.criteria.comfort.rotation import Turns as Turns
+    from hpop.criteria.comfort.sickness import MSDV as MSDV
     from hpop.criteria.comfort.sickness import Sickness as Sickness
-    from hpop.criteria.comfort.speed_changes import SpeedChanges as SpeedChanges
-    from hpop.criteria.comfort.squared_acceleration import SquaredAcceleration as SquaredAcceleration
-    from hpop.criteria.comfort.turns import Turns as Turns
     from hpop.criteria.learnt import Learnt as Learnt
-    from hpop.criteria.others.against_flow import AgainstFlow as AgainstFlow
-    from hpop.criteria.others.cutting_between import CuttingBetween as CuttingBetween
-    from hpop.criteria.others.hall_zones import HallZones as HallZones
+    from hpop.criteria.others.encounters import SocialForce as SocialForce
+    from hpop.criteria.others.encounters import TimeToCollision as TimeToCollision
+    from hpop.criteria.others.encounters import VisibilityToPeople as VisibilityToPeople
     from hpop.criteria.others.intrusion import ExpectedContacts as ExpectedContacts
     from hpop.criteria.others.intrusion import WorstIntrusion as WorstIntrusion
-    from hpop.criteria.others.o_space import OSpace as OSpace
+    from hpop.criteria.others.personal_space import CuttingBetween as CuttingBetween
+    from hpop.criteria.others.personal_space import HallZones as HallZones
+    from hpop.criteria.others.personal_space import OSpace as OSpace
     from hpop.criteria.others.personal_space import PersonalSpace as PersonalSpace
-    from hpop.criteria.others.social_force import SocialForce as SocialForce
-    from hpop.criteria.others.speeding import Speeding as Speeding
-    from hpop.criteria.others.time_to_collision import TimeToCollision as TimeToCollision
-    from hpop.criteria.others.visibility_to_people import VisibilityToPeople as VisibilityToPeople
-    from hpop.criteria.performance.hand_eye_misalignment import HandEyeMisalignment as HandEyeMisalignment
-    from hpop.criteria.performance.landmark_visibility import LandmarkBlindness as LandmarkBlindness
-    from hpop.criteria.performance.landmark_visibility import LandmarkVisibility as LandmarkVisibility
-    from hpop.criteria.performance.look_at import LookAt as LookAt
-    from hpop.criteria.performance.obstruction import Exposure as Exposure
-    from hpop.criteria.performance.obstruction import Obstruction as Obstruction
-    from hpop.criteria.performance.obstruction import WorstObstruction as WorstObstruction
-    from hpop.criteria.performance.occlusion import Occlusion as Occlusion
-    from hpop.criteria.performance.openness import Enclosure as Enclosure
-    from hpop.criteria.performance.openness import Openness as Openness
-    from hpop.criteria.performance.orientation_retention import NetMisalignment as NetMisalignment
-    from hpop.criteria.performance.orientation_retention import OrientationRetention as OrientationRetention
-    from hpop.criteria.performance.stops_missed import StopsMissed as StopsMissed
-    from hpop.criteria.performance.unseen_landmarks import UnseenLandmarks as UnseenLandmarks
-    from hpop.criteria.performance.view_distance import ViewDistance as ViewDistance
-    from hpop.criteria.robot.bending_energy import BendingEnergy as BendingEnergy
+    from hpop.criteria.others.zones import AgainstFlow as AgainstFlow
+    from hpop.criteria.others.zones import Speeding as Speeding
+    from hpop.criteria.performance.landmarks import LandmarkBlindness as LandmarkBlindness
+    from hpop.criteria.performance.landmarks import LandmarkVisibility as LandmarkVisibility
+    from hpop.criteria.performance.landmarks import StopsMissed as StopsMissed
+    from hpop.criteria.performance.landmarks import UnseenLandmarks as UnseenLandmarks
+    from hpop.criteria.performance.orientation import HandEyeMisalignment as HandEyeMisalignment
+    from hpop.criteria.performance.orientation import NetMisalignment as NetMisalignment
+    from hpop.criteria.performance.orientation import OrientationRetention as OrientationRetention
+    from hpop.criteria.performance.surroundings import Enclosure as Enclosure
+    from hpop.criteria.performance.surroundings import Exposure as Exposure
+    from hpop.criteria.performance.surroundings import Obstruction as Obstruction
+    from hpop.criteria.performance.surroundings import Openness as Openness
+    from hpop.criteria.performance.surroundings import WorstObstruction as WorstObstruction
+    from hpop.criteria.performance.targets import LookAt as LookAt
+    from hpop.criteria.performance.targets import Occlusion as Occlusion
+    from hpop.criteria.performance.targets import ViewDistance as ViewDistance
     from hpop.criteria.robot.clearance import Clearance as Clearance
-    from hpop.criteria.robot.curvature_sign_changes import CurvatureSignChanges as CurvatureSignChanges
-    from hpop.criteria.robot.duration import Duration as Duration
+    from hpop.criteria.robot.clearance import Proximity as Proximity
+    from hpop.criteria.robot.energy import Duration as Duration
     from hpop.criteria.robot.energy import Energy as Energy
-    from hpop.criteria.robot.joint_energy import JointEnergy as JointEnergy
-    from hpop.criteria.robot.joint_length import JointLength as JointLength
-    from hpop.criteria.robot.joint_limits import JointLimits as JointLimits
-    from hpop.criteria.robot.proximity import Proximity as Proximity
-    from hpop.criteria.robot.singularity import Singularity as Singularity
+    from hpop.criteria.robot.joints import JointEnergy as JointEnergy
+    from hpop.criteria.robot.joints import JointLength as JointLength
+    from hpop.criteria.robot.joints import JointLimits as JointLimits
+    from hpop.criteria.robot.joints import Singularity as Singularity
+    from hpop.criteria.robot.smoothness import BendingEnergy as BendingEnergy
+    from hpop.criteria.robot.smoothness import CurvatureSignChanges as CurvatureSignChanges
     from hpop.criteria.robot.smoothness import Smoothness as Smoothness
 
 _HOMES = homes_of(__name__)

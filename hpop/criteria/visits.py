@@ -22,7 +22,7 @@ from hpop.world.sight.bearings import in_view
 from hpop.world.sight.visibility import sees
 
 if TYPE_CHECKING:
-    from hpop.criteria.performance.stops_missed import StopsMissed
+    from hpop.criteria.performance.landmarks import StopsMissed
     from hpop.goals.tour import Tour
     from hpop.goals.tour_stop import TourStop
     from hpop.motions import Model, Pose

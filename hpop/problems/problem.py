@@ -21,7 +21,7 @@ from hpop.criteria.base import (
     make_criterion,
 )
 from hpop.criteria.costs import trajectory_costs, with_quanta
-from hpop.criteria.performance.stops_missed import StopsMissed
+from hpop.criteria.performance.landmarks import StopsMissed
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError
 from hpop.goals import Goal, GoalSet, GoalSpec, Tour, checked_goal
 from hpop.models.collision.leaving import world_with_leaving

@@ -22,7 +22,7 @@ from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.text import printable, shown
-from hpop.criteria.comfort.turns import LEAST_TURN
+from hpop.criteria.comfort.rotation import LEAST_TURN
 from hpop.errors import OptionError
 from hpop.frontier.choices import Preferring
 from hpop.motions import Law, Model, Pose, States, laws_of

@@ -65,7 +65,7 @@ def test_a_declared_criterion_is_found_by_name_and_carries_what_it_declares():
         ("glare", {"quantum": float("nan")}, "quantum must be a positive number"),
         ("glare", {"quantum": float("inf")}, "quantum must be a positive number"),
         ("glare", {"requires": "camera"}, r"requires must be a tuple of names, such as \('camera',\), got 'camera'"),
-        ("turns", {}, "criterion name 'turns' is taken by hpop.criteria.comfort.turns.Turns"),
+        ("turns", {}, "criterion name 'turns' is taken by hpop.criteria.comfort.rotation.Turns"),
     ],
 )
 def test_a_wrong_declaration_is_refused_with_what_is_wrong(name, changes, message):

@@ -1,4 +1,6 @@
-"""Energy: closed forms for cruising, standing and braking; quadrature by scipy of the wheels' own speeds."""
+"""Duration and energy of the drive."""
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -6,23 +8,48 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from hpop.criteria import Energy, motion_costs, trajectory_cost
+from hpop.criteria import Duration, Energy, motion_costs, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
-WORLD = World.from_polygons([], extent=shapely.box(-50, -50, 50, 50))
+WORLD_DURATION = World.from_polygons([], extent=shapely.box(-20, -20, 20, 20))
+
+
+@given(st.floats(0.2, 2.0), st.floats(0.2, 3.0), st.floats(0.3, 2.0), st.floats(0.5, 4.0), st.floats(0.05, 3.1))
+def test_an_l_shaped_path_lasts_what_pencil_and_paper_give(v, a, w, alpha, angle):
+    robot = DifferentialDrive(speed=v, acceleration=a, turn_rate=w, turn_acceleration=alpha)
+    trajectory = Trajectory.from_poses(robot, [(0, 0, 0), (3, 0, 0), (3 + 2 * np.cos(angle), 2 * np.sin(angle), angle)])
+    spin = angle / w + w / alpha if angle >= w * w / alpha else 2 * np.sqrt(angle / alpha)
+    assert trajectory_cost(Duration(), trajectory, WORLD_DURATION) == pytest.approx(5 / v + spin + v / a)
+    runs = [d / v + v / a if d >= v * v / a else 2 * np.sqrt(d / a) for d in (3, 2)]
+    assert trajectory_cost(Duration(), trajectory.execution(), WORLD_DURATION) == pytest.approx(sum(runs) + spin)
+
+
+def test_duration_is_that_of_the_trajectory():
+    trajectory = Trajectory.from_poses(DifferentialDrive(), [(0, 0, 0), (3, 0, 0), (3, 4, 1), (0, 0, 0)])
+    for one in (trajectory, trajectory.execution()):
+        assert trajectory_cost(Duration(), one, WORLD_DURATION) == pytest.approx(one.duration, rel=1e-12)
+
+
+def test_duration_is_a_robot_criterion_in_seconds():
+    assert (Duration.group, Duration.unit, Duration.aggregate) == ("R", "s", "sum")
+
+
+WORLD_ENERGY = World.from_polygons([], extent=shapely.box(-50, -50, 50, 50))
 MODEL = DifferentialDrive(speed=0.8, acceleration=0.5, turn_rate=1.2, turn_acceleration=2.0, wheel_base=0.5)
 NOTHING = {f"c{i}": 0.0 for i in range(1, 7)}
 POSES = [(0, 0, 1), (3, 1, 2), (2, 5, -1), (2.2, 5.1, 0)]
 
 
 def cost(trajectory, **constants):
-    return trajectory_cost(Energy(**constants), trajectory, WORLD)
+    return trajectory_cost(Energy(**constants), trajectory, WORLD_ENERGY)
 
 
 def planned(*poses):
@@ -102,7 +129,7 @@ def test_many_turns_cost_what_each_of_them_costs_alone():
     angle = rng.choice([-2.0, -0.3, 0.3, 1.0, 2.0], 50)
     zeros, yaw = np.zeros(50), rng.uniform(-3, 3, 50)
     start, end = States(x=zeros, y=zeros, yaw=yaw), States(x=zeros, y=zeros, yaw=yaw + angle)
-    together = motion_costs(Energy(), Motions(WORLD, MODEL, MODEL.laws["turn"], start, end))
+    together = motion_costs(Energy(), Motions(WORLD_ENERGY, MODEL, MODEL.laws["turn"], start, end))
     alone = [cost(planned((0, 0, 0), (0, 0, float(a)))) for a in angle]
     assert together == pytest.approx(alone, rel=1e-9)
 

@@ -10,7 +10,7 @@ import shapely
 import hpop
 from hpop.base.registry import criteria
 from hpop.criteria import Clearance, Occlusion, motion_costs, trajectory_cost
-from hpop.criteria.robot.singularity import manipulability
+from hpop.criteria.robot.joints import manipulability
 from hpop.models.serial_arm.chain import frames
 from hpop.motions import lacking
 from hpop.world.content.content import Landmark

@@ -10,8 +10,8 @@ import shapely
 import hpop
 from hpop.base.registry import criteria
 from hpop.criteria.base import criterion, index_of_role
-from hpop.criteria.comfort.length import Length
-from hpop.criteria.comfort.turns import Turns
+from hpop.criteria.comfort.path import Length
+from hpop.criteria.comfort.rotation import Turns
 from hpop.planners.programs.epsilon_constraint.grid import Roles
 
 WORLD = hpop.World.from_polygons([shapely.box(2, 1, 3, 3)], extent=shapely.box(0, 0, 5, 4))

@@ -11,9 +11,9 @@ import pytest
 import shapely
 
 import hpop
-from hpop.criteria.comfort.length import Length
+from hpop.criteria.comfort.path import Length
 from hpop.criteria.costs import trajectory_costs
-from hpop.criteria.performance.obstruction import Exposure, Obstruction
+from hpop.criteria.performance.surroundings import Exposure, Obstruction
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError, UnknownName
 from hpop.planners.base import Candidates
 from hpop.problems import solving

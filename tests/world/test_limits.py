@@ -73,7 +73,7 @@ MAKE: dict[str, Callable[[World], Any]] = {
 
 @pytest.fixture(params=MAKE)
 def make(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Callable[[World], Any]:
-    for name in ("hpop.world.sight.bearings.CAST", "hpop.criteria.others.ROWS"):
+    for name in ("hpop.world.sight.bearings.CAST", "hpop.criteria.others.zones.ROWS"):
         monkeypatch.setattr(name, 200)
     return MAKE[request.param]
 

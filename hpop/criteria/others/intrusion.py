@@ -12,7 +12,7 @@ from hpop.base.math import hypot, is_zero
 from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.criteria.others import checked_radius, clock, reach
-from hpop.criteria.others.hall_zones import within
+from hpop.criteria.others.personal_space import within
 from hpop.errors import CriterionError
 from hpop.motions import Instants, Motions
 from hpop.motions.bodies import Rate

@@ -11,7 +11,7 @@ import numpy as np
 from hpop.base.arrays import FloatArray
 from hpop.base.options import LEAST, MOST, real
 from hpop.criteria.others import checked_radius, reach
-from hpop.criteria.others.time_to_collision import time_to_collision
+from hpop.criteria.others.encounters import time_to_collision
 from hpop.errors import CriterionError
 from hpop.motions.quadrature import JUST
 from hpop.trajectories.history import SampledTrajectory

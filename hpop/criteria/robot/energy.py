@@ -1,4 +1,4 @@
-"""Energy of the drive motors of a differential drive."""
+"""Duration of the trajectory, and energy of the drive motors of a differential drive."""
 
 from __future__ import annotations
 
@@ -13,6 +13,19 @@ from hpop.base.options import MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.motions import Instants, Motions, Wheeled
+
+
+@criterion("duration", group="R", unit="s", aggregate="sum", role="duration")
+@dataclass(frozen=True)
+class Duration:
+    """Duration of the trajectory: T = ∫ dt.
+
+    Unit s; a sum over motions. Each is timed by its motion law, which on a graph is that of planned motions.
+    """
+
+    def cost(self, m: Motions) -> Column:
+        """Return the duration (M,), s."""
+        return m.duration
 
 
 @criterion("energy", group="R", unit="J", aggregate="sum", requires=("wheels",), instead=("joint_energy",))

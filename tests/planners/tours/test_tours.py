@@ -13,7 +13,7 @@ import shapely
 
 import hpop
 from hpop.cli.report import print_front
-from hpop.criteria.performance.stops_missed import StopsMissed
+from hpop.criteria.performance.landmarks import StopsMissed
 from hpop.errors import CriterionError, HpopError, OptionError, QueryError
 from hpop.goals import Tour, TourStop
 from hpop.planners.base import PlannerSpec

@@ -17,7 +17,7 @@ import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.math import wrap
-from hpop.criteria.comfort.turns import LEAST_TURN
+from hpop.criteria.comfort.rotation import LEAST_TURN
 from hpop.errors import OptionError, QueryError
 from hpop.motions import Motions, States
 from hpop.planners.graphs.arcs import blocks

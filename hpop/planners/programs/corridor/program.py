@@ -26,7 +26,7 @@ from hpop.base.arrays import FloatArray
 from hpop.base.math import wrap
 from hpop.base.text import shown
 from hpop.criteria.base import Criterion
-from hpop.criteria.comfort.turns import LEAST_TURN
+from hpop.criteria.comfort.rotation import LEAST_TURN
 from hpop.criteria.convex import ConvexCost
 from hpop.errors import CriterionError, OptionError
 from hpop.models.collision.planar import TOUCH

@@ -21,7 +21,7 @@ import numpy as np
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.base.math import wrap
 from hpop.criteria.base import Criterion
-from hpop.criteria.comfort.turns import LEAST_TURN
+from hpop.criteria.comfort.rotation import LEAST_TURN
 from hpop.models.rigid import PlanarLaw
 from hpop.motions import Motions, States
 from hpop.motions.symbolic import lift

@@ -14,7 +14,7 @@ import shapely
 
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.criteria.base import Criterion
-from hpop.criteria.comfort.turns import LEAST_TURN
+from hpop.criteria.comfort.rotation import LEAST_TURN
 from hpop.criteria.costs import trajectory_costs
 from hpop.models.driven import driven
 from hpop.planners.judgement import judge

@@ -19,7 +19,7 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.criteria.base import Criterion
-from hpop.criteria.comfort.turns import LEAST_TURN
+from hpop.criteria.comfort.rotation import LEAST_TURN
 from hpop.models.driven import Drive
 from hpop.motions import States
 from hpop.planners.needs import in_plane, on_wheels, reaches
