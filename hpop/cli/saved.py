@@ -84,6 +84,13 @@ also_option = click.option(
 @click.option(
     "--all", "every", is_flag=True, help=f"Check all trajectories, even if there are more than {MOST_CHECKED:,}."
 )
+@click.option(
+    "--judge",
+    "library",
+    type=click.Choice(["fcl", "coal"]),
+    default="fcl",
+    help="Library that tests collisions: fcl (python-fcl), or for arms coal (hpop[coal]).",
+)
 @click.option("--web", is_flag=True, help=f"Write {PAGE} beside the front, a page to choose a trajectory in a browser.")
 @click.option("--open", "opens", is_flag=True, help="Write this page and open it in a browser.")
 @verbose_option
@@ -96,6 +103,7 @@ def show(
     rows: int | None,
     points: int | None,
     every: bool,
+    library: str,
     web: bool,
     opens: bool,
     verbose: bool,
@@ -129,7 +137,11 @@ def show(
     echo(f"checking costs, {checks}")
     with status.progress_bar() as progress:
         faults = problems.verify.verify(
-            problem, front, rows=checked, say=lambda doing: progress(Progress(f"checking: {doing}"))
+            problem,
+            front,
+            rows=checked,
+            library=library,
+            say=lambda doing: progress(Progress(f"checking: {doing}")),
         )
     _refuse_faults(path, faults)
     number = cli.report.how_many(front) if checked is None else f"{checked.size:,} of {cli.report.how_many(front)}"

@@ -10,6 +10,8 @@ import numpy as np
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, Column, FloatArray, IntArray
 from hpop.base.registry import with_optional_members
+from hpop.base.text import shown
+from hpop.errors import ModelError
 from hpop.motions.laws import HOLD, Law, LawDefaults, Leg
 from hpop.motions.states import Pose, States, StateSpace, Twist
 
@@ -164,6 +166,8 @@ class Model(Protocol):
     speed_classes  m/s, rising: speeds among which straight moves choose (:mod:`hpop.models.speeds`); default (), one
                    speed
     notes          sentences on assumptions about the robot, which are printed with every front; default ()
+    judge_by       method: takes the name of a collision library and a world, returns the collision test for
+                   verification that uses it; default: ``judge`` for "fcl", others are refused
     """
 
     @property
@@ -276,6 +280,9 @@ class Model(Protocol):
         def notes(self) -> tuple[str, ...]:
             return ()
 
+        def judge_by(self, library: str, world: World) -> Collision:
+            return self.judge(world)
+
 
 class Wheeled(Model, Protocol):
     """Model that provides "wheels": two driven wheels or tracks, left and right of the axis of its base.
@@ -327,6 +334,13 @@ class _Platform:
         return tuple(instance.parts) if instance is not None and "plane" in instance.provides else ()
 
 
+def _judge_by(model: Model, library: str, world: World) -> Collision:
+    """Return the model's own judge, by default python-fcl; raise ModelError for another library."""
+    if library != "fcl":
+        raise ModelError(f"only arms are judged by {shown(library)}, but the model is a {model.name}; judge by fcl")
+    return model.judge(world)
+
+
 MODEL_DEFAULTS: dict[str, Any] = {
     "name": _Name(),
     "field_of_view": None,
@@ -338,6 +352,7 @@ MODEL_DEFAULTS: dict[str, Any] = {
     "executed": {},
     "speed_classes": (),
     "notes": (),
+    "judge_by": _judge_by,
 }
 """Values of a model's optional members."""
 

@@ -41,25 +41,32 @@ MOST_TURNED = 1e4  # rad: larger yaws are invalid, and would take too long to ch
 
 
 def verify(
-    problem: Problem, front: Front, *, rows: IntArray | None = None, say: Callable[[str], None] | None = None
+    problem: Problem,
+    front: Front,
+    *,
+    rows: IntArray | None = None,
+    library: str = "fcl",
+    say: Callable[[str], None] | None = None,
 ) -> list[str]:
     """Return a text for each fault of a front of this problem; [] if all that it claims is right.
 
     The check is independent of the planner. Costs are computed again by the criteria. Collisions are tested by
-    python-fcl at states at most 5 cm or 3 degrees apart. Start and goal are compared with those of the problem, and
-    visits of stops with samples of the trajectory and, if it is punctual, of its execution. Contacts with moving people
-    are tested every hundredth of a second (:mod:`.contacts`), for the plan and for its execution. A motion that several
-    trajectories share is checked once. In fronts of earlier versions the lattice ended at the grid position nearest to
-    the goal, with a "goal_offset" in the provenance; an offset of up to half the diagonal of a grid cell is accepted.
+    python-fcl at states at most 5 cm or 3 degrees apart, those of arms every millimetre. Start and goal are compared
+    with those of the problem, and visits of stops with samples of the trajectory and, if it is punctual, of its
+    execution. Contacts with moving people are tested every hundredth of a second (:mod:`.contacts`), for the plan and
+    for its execution. A motion that several trajectories share is checked once. In fronts of earlier versions the
+    lattice ended at the grid position nearest to the goal, with a "goal_offset" in the provenance; an offset of up to
+    half the diagonal of a grid cell is accepted.
     If trajectories leave the map, only these are reported, since their costs cannot be evaluated.
 
     Parameters
     ----------
     rows : (m,) rows of the trajectories to be checked, ascending; by default all
+    library : tests collisions: "fcl" (python-fcl), or for arms "coal" (``pip install 'hpop[coal]'``)
     say : called from time to time with a sentence on the current check and its progress
     """
     if rows is not None:
-        return _numbered(verify(problem, _part(front, rows), say=say), rows)
+        return _numbered(verify(problem, _part(front, rows), library=library, say=say), rows)
     if not len(front):
         return [*_declared_faults(problem, front)]
     table = MotionTable.of(front.trajectories)
@@ -78,7 +85,7 @@ def verify(
     faults += _visit_faults(problem, front)
     kept = collision_of(problem.model, problem.world).constraint
     wrong = "collides, or does not keep its orientation" if kept else "collides"
-    faults += [f"trajectory {i} {wrong}" for i in np.flatnonzero(~_free(problem, table, say))]
+    faults += [f"trajectory {i} {wrong}" for i in np.flatnonzero(~_free(problem, table, library, say))]
     return [*faults, *_contacts(problem, front, say)]
 
 
@@ -360,9 +367,11 @@ def collision_free(problem: Problem, trajectories: Sequence[Trajectory]) -> Bool
     return _free(problem, MotionTable.of(trajectories)) if trajectories else np.ones(0, dtype=bool)
 
 
-def _free(problem: Problem, table: MotionTable, say: Callable[[str], None] | None = None) -> BoolArray:
-    """Return whether each trajectory (n,) of a table of motions is free of collisions."""
-    judge = problem.model.judge(problem.world)
+def _free(
+    problem: Problem, table: MotionTable, library: str = "fcl", say: Callable[[str], None] | None = None
+) -> BoolArray:
+    """Return whether each trajectory (n,) of a table of motions is free of collisions, by a collision library."""
+    judge = problem.model.judge_by(library, problem.world)
     colliding = np.zeros(len(table), dtype=bool)
     done = 0
     for block, law, start, end in table.by_law():

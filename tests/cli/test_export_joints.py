@@ -15,6 +15,7 @@ from hpop.errors import UnknownName
 from hpop.export import save
 from hpop.models.serial_arm.jerk import jerk_limited
 from hpop.problems.front import Front
+from hpop.problems.verify import verify
 from hpop.world import Box, Solid, pose_at
 from tests.export.given import robots
 from tests.models.serial_arm.arms import arm6
@@ -33,7 +34,8 @@ def front() -> Front:
         goal,
         ["duration"],
     )
-    return Front.of([[ARM.duration]], [ARM], names=["duration"], units=["s"], problem=problem.describe())
+    named = {"names": ["duration"], "units": ["s"], "groups": ["R"], "quanta": [1e-6]}
+    return Front.of([[ARM.duration]], [ARM], **named, problem=problem.describe())
 
 
 def test_a_format_that_is_unknown_or_fails_stops_no_other(run: Run, tmp_path: Path) -> None:
@@ -69,3 +71,14 @@ def test_pick_writes_joints(run: Run, tmp_path: Path) -> None:
     assert refused.exit_code == 2
     assert "--body says whose motion --csv writes" in refused.stderr
     assert hpop.Front.load(tmp_path / "front.json")[0].trajectory.model == arm6()
+
+
+def test_show_checks_an_arm_by_coal(run: Run, tmp_path: Path) -> None:
+    """A box round a link on the way, of which the saved front knows nothing, is found."""
+    front().save(tmp_path / "front.json")
+    result = run("show", tmp_path, "--judge", "coal")
+    assert result.exit_code == 0, result.output
+    (_, poses), *_ = reversed(ARM.model.bodies(ARM.states))
+    world = hpop.World.from_solids([Solid(Box((0.05, 0.05, 0.05)), pose_at(poses[1, :3, 3]), "box")])
+    problem = hpop.Problem(world, ARM.model, (0.1,) * 6, (0.2,) * 6, ["duration"])
+    assert verify(problem, front(), library="coal") == ["trajectory 0 collides"]

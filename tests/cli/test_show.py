@@ -46,6 +46,14 @@ def saved(front: Front, tmp_path: Path) -> Path:
     return tmp_path / "out" / "front.json"
 
 
+def test_only_arms_are_checked_by_coal(saved: Path, run: Callable[..., Result]) -> None:
+    result = run("show", saved.parent, "--judge", "coal")
+    assert result.exit_code == 9
+    assert "only arms are judged by 'coal', but the model is a differential_drive; judge by fcl" in " ".join(
+        result.stderr.split()
+    )
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [

@@ -47,6 +47,7 @@ from hpop.models.serial_arm import SerialArm
 from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, frames, levers
 from hpop.models.serial_arm.collision import SAMPLES
 from hpop.models.serial_arm.enlarged import pairs_apart
+from hpop.models.serial_arm.judge import LIBRARIES
 from hpop.models.serial_arm.kinematics import Kinematics
 from hpop.models.serial_arm.laws import ArmBody, Reach
 from hpop.models.serial_arm.laws import faults as joint_faults
@@ -312,7 +313,11 @@ class MobileArm(OnBase, Model):
 
         States are sampled every 5 cm or 3 degrees for the base, and every 1 mm for the links.
         """
-        links = LinksJudge(self.chain, self.parts, self._apart_in(world), world)
+        return self.judge_by(LIBRARIES[0], world)
+
+    def judge_by(self, library: str, world: World) -> BaseAndLinks:
+        """Return :meth:`judge` with distances of the links by a library: "fcl" or "coal"."""
+        links = LinksJudge(self.chain, self.parts, self._apart_in(world), world, library=library)
         return BaseAndLinks(SolidCollision(self.platform, world), links)
 
     def describe(self) -> dict[str, Any]:

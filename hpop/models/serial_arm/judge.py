@@ -1,4 +1,4 @@
-"""Collision test of an arm for verification, by python-fcl at small steps along each motion.
+"""Collision test of an arm for verification, by python-fcl or coal at small steps along each motion.
 
 It shares neither kinematics nor distances nor bounds with :mod:`hpop.models.serial_arm.collision`. Frames are products
 of SciPy's rotation matrices. How far a body moves from step to step is measured at the corners of its bounding box.
@@ -6,16 +6,18 @@ of SciPy's rotation matrices. How far a body moves from step to step is measured
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations, product
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import fcl
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hpop.base.arrays import BoolArray, FloatArray
+from hpop.base.options import one_of
+from hpop.errors import ModelError
 from hpop.models.serial_arm.chain import ArmPart, Chain
 from hpop.models.serial_arm.enlarged import enlarged_parts
 from hpop.motions import Motions, States
@@ -28,7 +30,8 @@ STEP = 1e-3  # m: no point of the arm moves farther from one step to the next
 FIRST_STEPS = 32  # number of steps in a first attempt, from which the required number is estimated
 MOST_STEPS = 100_000  # largest number of steps of one motion
 LIMIT = 1e-6  # rad or m: tolerance of joint limits
-SURE = 0.9  # this share of the distance that fcl returns, less a step, is trusted as a lower bound
+SURE = 0.9  # this share of the distance that the library returns, less a step, is trusted as a lower bound
+LIBRARIES = ("fcl", "coal")
 
 
 class _Steps(NamedTuple):
@@ -46,23 +49,28 @@ class _Steps(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ArmJudge:
-    """Collision test of an arm for verification, by python-fcl.
+    """Collision test of an arm for verification.
 
-    chain  joints of the arm
-    parts  solids on its links
-    apart  pairs of links that may touch each other
-    world  obstacles
+    chain    joints of the arm
+    parts    solids on its links
+    apart    pairs of links that may touch each other
+    world    obstacles
+    library  that computes distances: "fcl" (python-fcl), or "coal" (``pip install 'hpop[coal]'``)
 
     A motion is sampled in steps in which no point of the arm moves more than 1 mm. A pair of bodies is not tested at
-    every step. It is tested again once the movement since its last test adds up to nine tenths of the distance that fcl
-    returned there, because it cannot touch before. With solids of the world, padded or scaled links are tested as
-    enlarged links (:mod:`hpop.models.serial_arm.enlarged`).
+    every step. It is tested again once the movement since its last test adds up to nine tenths of the distance that the
+    library returned there, because it cannot touch before. With solids of the world, padded or scaled links are tested
+    as enlarged links (:mod:`hpop.models.serial_arm.enlarged`).
     """
 
     chain: Chain
     parts: tuple[ArmPart, ...]
     apart: frozenset[tuple[str, str]]
     world: World
+    library: str = field(default=LIBRARIES[0], kw_only=True)
+
+    def __post_init__(self) -> None:
+        one_of("the library of a judge", self.library, LIBRARIES, error=ModelError)
 
     def states_free(self, states: States) -> BoolArray:
         """Return whether the arm is free in each state (N,)."""
@@ -160,18 +168,22 @@ class ArmJudge:
 
     @cached_property
     def _larger_objects(self) -> dict[int, Any]:
-        """Objects of fcl, by number of part, that take the place of parts in tests with solids of the world."""
-        return {a: fcl.CollisionObject(_geometry(p.solid), fcl.Transform()) for a, p in self._enlarged.items()}
+        """Objects of the library, by number of part, that replace parts in tests with solids of the world."""
+        return {a: self._library.placed(part.solid, np.eye(4)) for a, part in self._enlarged.items()}
 
     @cached_property
     def _solids(self) -> tuple[Solid, ...]:
         return self.world.bodies
 
     @cached_property
+    def _library(self) -> _Library:
+        return _Coal() if self.library == "coal" else _Fcl()
+
+    @cached_property
     def _objects(self) -> list[Any]:
-        """Objects of fcl: those of the parts, which get their poses before each test, then the solids of the world."""
-        parts = [fcl.CollisionObject(_geometry(part.solid), fcl.Transform()) for part in self.parts]
-        return parts + [fcl.CollisionObject(_geometry(solid), _transform(solid.pose)) for solid in self._solids]
+        """Objects of the library: of the parts, which get their poses before each test, then of the world's solids."""
+        parts = [self._library.placed(part.solid, np.eye(4)) for part in self.parts]
+        return parts + [self._library.placed(solid, solid.pose) for solid in self._solids]
 
     def _contact_reason(self, steps: _Steps) -> str:
         """Return a text: which joint is beyond its limits, or which bodies touch, at some step; "" if none."""
@@ -195,18 +207,14 @@ class ArmJudge:
             one, ball = self._larger_objects[a], self._enlarged[a].padding
         together, step = come[a] + come[b], 0
         while step < together.size:
-            one.setTransform(_transform(poses[a, step]))
+            self._library.move(one, poses[a, step])
             if b < len(poses):
-                other.setTransform(_transform(poses[b, step]))
-            distance = fcl.distance(one, other, self._request, fcl.DistanceResult()) - ball
+                self._library.move(other, poses[b, step])
+            distance = self._library.distance(one, other) - ball
             if distance <= 0.0:
                 return True
             step = max(step + 1, int(np.searchsorted(together, together[step] + SURE * distance - STEP)))
         return False
-
-    @cached_property
-    def _request(self) -> Any:
-        return fcl.DistanceRequest()
 
     def _body_name(self, body: int) -> str:
         """Return the name of an object for messages: "the link NAME" or "the obstacle NAME"."""
@@ -232,19 +240,84 @@ def _half_sides(solid: Solid) -> FloatArray:
             return sides
 
 
-def _transform(pose: FloatArray) -> Any:
-    return fcl.Transform(pose[:3, :3], pose[:3, 3])
+class _Library(Protocol):
+    """Library that computes distances of convex objects; poses are (4, 4) or (3, 4)."""
+
+    def placed(self, solid: Solid, pose: FloatArray) -> Any:
+        """Return a solid's shape at a pose as an object of the library."""
+
+    def move(self, one: Any, pose: FloatArray) -> None:
+        """Move an object to a pose."""
+
+    def distance(self, one: Any, other: Any) -> float:
+        """Return the distance, m, of two objects; at most 0 if they touch."""
 
 
-def _geometry(solid: Solid) -> Any:
-    """Return a solid's shape as a collision geometry of fcl."""
-    match solid.shape:
-        case Box(size=size):
-            return fcl.Box(*size)
-        case Cylinder(radius=radius, length=length):
-            return fcl.Cylinder(radius, length)
-        case Sphere(radius=radius):
-            return fcl.Sphere(radius)
-        case Hull(points=points, triangles=triangles):
-            faces = np.column_stack([np.full(len(triangles), 3), triangles])
-            return fcl.Convex(np.array(points), len(triangles), faces.ravel())
+class _Fcl:
+    """Distances by python-fcl."""
+
+    _request = fcl.DistanceRequest()
+
+    def placed(self, solid: Solid, pose: FloatArray) -> Any:
+        return fcl.CollisionObject(self._shape(solid), self._transform(pose))
+
+    def move(self, one: Any, pose: FloatArray) -> None:
+        one.setTransform(self._transform(pose))
+
+    def distance(self, one: Any, other: Any) -> float:
+        return float(fcl.distance(one, other, self._request, fcl.DistanceResult()))
+
+    def _transform(self, pose: FloatArray) -> Any:
+        return fcl.Transform(pose[:3, :3], pose[:3, 3])
+
+    def _shape(self, solid: Solid) -> Any:
+        match solid.shape:
+            case Box(size=size):
+                return fcl.Box(*size)
+            case Cylinder(radius=radius, length=length):
+                return fcl.Cylinder(radius, length)
+            case Sphere(radius=radius):
+                return fcl.Sphere(radius)
+            case Hull(points=points, triangles=triangles):
+                faces = np.column_stack([np.full(len(triangles), 3), triangles])
+                return fcl.Convex(np.array(points), len(triangles), faces.ravel())
+
+
+class _Coal:
+    """Distances by coal, a later development of fcl; it builds the hulls of points itself."""
+
+    def __init__(self) -> None:
+        try:
+            import coal  # installed by the extra hpop[coal]
+        except ImportError as error:
+            raise ModelError(
+                f"judging by coal needs coal, which cannot be imported ({error}); run pip install 'hpop[coal]', or "
+                "judge by fcl"
+            ) from None
+        self._coal = coal
+        self._request = coal.DistanceRequest()
+
+    def placed(self, solid: Solid, pose: FloatArray) -> Any:
+        return self._coal.CollisionObject(self._shape(solid), self._transform(pose))
+
+    def move(self, one: Any, pose: FloatArray) -> None:
+        one.setTransform(self._transform(pose))
+
+    def distance(self, one: Any, other: Any) -> float:
+        return float(self._coal.distance(one, other, self._request, self._coal.DistanceResult()))
+
+    def _transform(self, pose: FloatArray) -> Any:
+        return self._coal.Transform3s(pose[:3, :3], pose[:3, 3])
+
+    def _shape(self, solid: Solid) -> Any:
+        match solid.shape:
+            case Box(size=size):
+                return self._coal.Box(*size)
+            case Cylinder(radius=radius, length=length):
+                return self._coal.Cylinder(radius, length)
+            case Sphere(radius=radius):
+                return self._coal.Sphere(radius)
+            case Hull(points=points):
+                corners = self._coal.StdVec_Vec3s()
+                corners.extend([*points])
+                return self._coal.Convex.convexHull(corners, True, "Qt")

@@ -355,6 +355,10 @@ class SerialArm(Model):
         given = (self.chain, self.parts, self._apart_in(world), world)
         return ArmJudge(*given) if self.kept is None else KeepingJudge(*given, self.kept)
 
+    def judge_by(self, library: str, world: World) -> ArmJudge:
+        """Return :meth:`judge` with distances by a library: "fcl" or "coal"; ModelError if it is not installed."""
+        return replace(self.judge(world), library=library)
+
     def _apart_in(self, world: World) -> frozenset[Pair]:
         """Return the pairs of links that are not tested with each other under the rules of a world."""
         return pairs_apart(self.parts, self.apart, self.touching, world.link_rules)

@@ -1,4 +1,4 @@
-"""Proofs that whole motions of arms are free: judged by python-fcl, and no more careful than they say."""
+"""Proofs that whole motions of arms are free: judged by python-fcl and coal, and no more careful than they say."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 
 from hpop.models.serial_arm.chain import ArmPart, Chain
 from hpop.models.serial_arm.collision import KEPT, NEAR
-from hpop.models.serial_arm.judge import STEP
+from hpop.models.serial_arm.judge import LIBRARIES, STEP
 from hpop.world import World
 from hpop.world.geometry.solids import Box, Solid, Sphere, pose_at
 from tests.models.serial_arm.cluttered import Cluttered, cluttered
@@ -21,13 +21,15 @@ def edges(arm, rng, count):
 
 
 @pytest.mark.seeds(2, of=100)
-def test_what_is_proved_free_is_free_to_python_fcl_at_steps_of_1_mm(seed):
+def test_what_is_proved_free_is_free_to_python_fcl_and_to_coal_at_steps_of_1_mm(seed):
     arm, rng = cluttered(seed, joints=3 + seed % 5), np.random.default_rng(seed)
     motions = arm.motions(*edges(arm, rng, 60))
-    free, judged = arm.collision.motions_free(motions), arm.judge.motions_free(motions)
-    assert not (free & ~judged).any()
-    if len(motions) > 20:
-        assert (judged & ~free).mean() < 0.1
+    free = arm.collision.motions_free(motions)
+    for library in LIBRARIES:
+        judged = replace(arm.judge, library=library).motions_free(motions)
+        assert not (free & ~judged).any()
+        if len(motions) > 20:
+            assert (judged & ~free).mean() < 0.1
 
 
 @pytest.mark.seeds(1, of=50)

@@ -7,9 +7,13 @@ import numpy as np
 import pytest
 import shapely
 
+from hpop.base.registry import with_optional_members
+from hpop.errors import ModelError
+from hpop.models.differential_drive import DifferentialDrive
 from hpop.models.serial_arm.chain import ArmPart, Chain
 from hpop.models.serial_arm.collision import KEPT, always_touching
 from hpop.models.serial_arm.model import SerialArm
+from hpop.motions import MODEL_DEFAULTS
 from hpop.world import World
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere, pose_at
 from tests.models.serial_arm.cluttered import Cluttered, cluttered
@@ -156,9 +160,14 @@ def test_links_that_always_touch_are_found_and_others_are_not():
 @pytest.mark.seeds(1, of=10)
 def test_the_judge_says_what_python_fcl_says_at_every_step_of_1_mm(seed):
     arm, rng = cluttered(seed, joints=4, solids=20), np.random.default_rng(seed)
-    judge, rows = arm.judge, rng.uniform(arm.chain.low, arm.chain.high, (20, 4))
+    by_coal, judge, rows = (
+        replace(arm.judge, library="coal"),
+        arm.judge,
+        rng.uniform(arm.chain.low, arm.chain.high, (20, 4)),
+    )
     motions = arm.motions(rows[:-1], rows[:-1] + 0.1 * (rows[1:] - rows[:-1]))
     found = judge.motions_free(motions)
+    assert by_coal.motions_free(motions).tolist() == found.tolist()
     for i in range(len(motions)):
         steps = judge._steps_along(motions, i)
         assert steps.moved.max(initial=0.0) <= 1e-3
@@ -176,6 +185,29 @@ def test_the_judge_says_what_python_fcl_says_at_every_step_of_1_mm(seed):
             if touching:
                 break
         assert found[i] != touching
+
+
+def test_coal_finds_the_contacts_of_balls_and_boxes_by_closed_forms():
+    """A ball in the hand at a known distance of a box and of a ball, of padding and of what may touch."""
+    arm = planar(solids=[CAN, Solid(Box((0.2, 0.2, 0.2)), pose_at((0.0, 1.2, 0.0)), "box")])
+    ball = ArmPart("hand", 2, Solid(Sphere(0.05), pose_at((0.55, 0.0, 0.0))))
+    arm = replace(arm, parts=(*arm.parts, ball))
+    angles = np.linspace(1.35, 1.8, 91)
+    x, y = 1.05 * np.cos(angles), 1.05 * np.sin(angles)
+    off = np.hypot(np.maximum(np.abs(x) - 0.1, 0.0), np.maximum(np.abs(y - 1.2) - 0.1, 0.0))
+    states = arm.states(np.column_stack([angles, np.zeros(91)]))
+    for padding in (0.0, 0.004):
+        padded = replace(arm, parts=(*arm.parts[:-1], replace(ball, padding=padding)))
+        judge = replace(padded.judge, library="coal")
+        assert judge.states_free(states).tolist() == (off > 0.05 + padding).tolist()
+    assert "the link 'hand' touches the obstacle 'box'" in judge.why_blocked(states.take([45]))
+    with pytest.raises(ModelError, match="the library of a judge must be one of fcl, coal, got 'bullet'"):
+        replace(arm.judge, library="bullet")
+
+
+def test_only_arms_are_judged_by_coal():
+    with pytest.raises(ModelError, match="only arms are judged by 'coal', but the model is a differential_drive"):
+        with_optional_members(DifferentialDrive(), MODEL_DEFAULTS).judge_by("coal", planar().world)
 
 
 def test_hulls_of_many_corners_are_links_too():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from hpop.models.serial_arm.judge import LIBRARIES
 from hpop.motions import Motions, States
 from tests.worlds import NUMBERS, SETS, asked, panda
 
@@ -15,7 +16,8 @@ def test_starts_and_goals_are_free(shared_data, name, seed):
     for values in (start, goal):
         state = arm.space.state(values)
         assert arm.collision(world).why_blocked(state) == ""
-        assert arm.judge(world).why_blocked(state) == ""
+        for library in LIBRARIES:
+            assert arm.judge_by(library, world).why_blocked(state) == ""
 
 
 def test_closed_fingers_would_be_in_the_can(shared_data):
@@ -28,7 +30,7 @@ def test_closed_fingers_would_be_in_the_can(shared_data):
 
 
 @pytest.mark.seeds(1, of=30)
-def test_what_is_proved_free_is_free_to_python_fcl(shared_data, seed):
+def test_what_is_proved_free_is_free_to_python_fcl_and_to_coal(shared_data, seed):
     data, rng = shared_data("mbm_panda"), np.random.default_rng(seed)
     arm = panda(data)
     world, _, _ = asked(data, SETS[seed % 2], 1 + seed // 2 % 20)
@@ -39,7 +41,9 @@ def test_what_is_proved_free_is_free_to_python_fcl(shared_data, seed):
     other = free.take(rng.permutation(free.size))
     end = States(**{n: getattr(free, n) + share * (getattr(other, n) - getattr(free, n)) for n in free.names})
     motions = Motions(world, arm, arm.laws["reach"], free, end)
-    proved, judged = collision.motions_free(motions), arm.judge(world).motions_free(motions)
-    assert not (proved & ~judged).any()
-    assert (judged & ~proved).mean() < 0.05
+    proved = collision.motions_free(motions)
+    for library in LIBRARIES:
+        judged = arm.judge_by(library, world).motions_free(motions)
+        assert not (proved & ~judged).any()
+        assert (judged & ~proved).mean() < 0.05
     assert 0.3 < proved.mean() < 1.0
