@@ -266,8 +266,9 @@ def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence
         table.add_column(Text("reported\n") + header(name, unit), justify="right", style="dim", no_wrap=True)
     if is_tour := any("visits" in front.provenance[row] for row in rows):
         table.add_column("stops", no_wrap=True)
-    if has_speeds := any(front.trajectories[row].model.speed_classes for row in rows[:1]):
-        table.add_column("speeds\n(m/s)", no_wrap=True)
+    models = [front.trajectories[row].model for row in rows[:1]]
+    if has_speeds := any(each.speed_classes or each.paces for each in models):
+        table.add_column("speeds" if any(each.paces for each in models) else "speeds\n(m/s)", no_wrap=True)
     table.add_column("marked", no_wrap=True)
     costs, reported = front.costs[rows].T, front.reported[rows].T
     columns = [numbers(column, quantum) for column, quantum in zip(costs, front.quanta, strict=True)]
@@ -281,7 +282,12 @@ def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence
 
 
 def driven_speeds(trajectory: Trajectory) -> str:
-    """Return the speeds, m/s, at which a plan with speed classes drives, as text such as "0.5 1"; "-" without any."""
+    """Return the speeds, m/s, at which a plan with speed classes drives, as text such as "0.5 1"; "-" without any.
+
+    For a robot that chooses among laws, such as an arm, these are the kinds of motion that it chooses: "reach_0.5".
+    """
+    if chosen := {kind for pace in trajectory.model.paces for kind in pace.values()}:
+        return " ".join(sorted(chosen.intersection(trajectory.kinds))) or "-"
     speeds = distinct(getattr(trajectory.states, SPEED, np.zeros(1)))
     return " ".join(f"{speed:g}" for speed in speeds.tolist() if speed > 0.0) or "-"
 

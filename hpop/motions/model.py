@@ -165,6 +165,8 @@ class Model(Protocol):
     executed       the kind of law by which the robot executes motions of each planned kind; default {}
     speed_classes  m/s, rising: speeds among which straight moves choose (:mod:`hpop.models.speeds`); default (), one
                    speed
+    paces          speeds among which motions from rest to rest choose, from slow to fast, each as a mapping from kinds
+                   of motion to the kinds of equal geometry that replace them; default (), one speed
     notes          sentences on assumptions about the robot, which are printed with every front; default ()
     judge_by       method: takes the name of a collision library and a world, returns the collision test for
                    verification that uses it; default: ``judge`` for "fcl", others are refused
@@ -277,6 +279,10 @@ class Model(Protocol):
             return ()
 
         @property
+        def paces(self) -> tuple[Mapping[str, str], ...]:
+            return ()
+
+        @property
         def notes(self) -> tuple[str, ...]:
             return ()
 
@@ -351,6 +357,7 @@ MODEL_DEFAULTS: dict[str, Any] = {
     "joints": (),
     "executed": {},
     "speed_classes": (),
+    "paces": (),
     "notes": (),
     "judge_by": _judge_by,
 }

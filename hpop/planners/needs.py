@@ -32,7 +32,7 @@ def refuse_unsupported(planner: Planner, model: Model) -> None:
     """
     lacking = planner.needs - model.provides
     if not lacking:
-        if model.speed_classes and not planner.speeds:
+        if (model.speed_classes or model.paces) and not planner.speeds:
             able = [name for name, other in planners.items() if other.speeds and other.needs <= model.provides]
             raise UnsupportedModel(
                 f"{planner.name} plans for one speed, but the robot has the speeds {_speeds_text(model)}; give the "
@@ -67,7 +67,7 @@ def people_move(problem: Problem) -> bool:
 
 def refuse_speeds(problem: Problem, what: str) -> None:
     """Raise QueryError for a model with several speeds; ``what`` names, for the error, a method that drives at one."""
-    if problem.model.speed_classes:
+    if problem.model.speed_classes or problem.model.paces:
         raise QueryError(
             f"{what} drives at one speed, but the robot has the speeds {_speeds_text(problem.model)}; give the model "
             "one speed"
@@ -75,6 +75,8 @@ def refuse_speeds(problem: Problem, what: str) -> None:
 
 
 def _speeds_text(model: Model) -> str:
+    if model.paces:
+        return ", ".join(dict.fromkeys(kind for pace in model.paces for kind in pace.values()))
     return f"{', '.join(f'{speed:g}' for speed in model.speed_classes)} m/s"
 
 

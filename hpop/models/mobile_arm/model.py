@@ -22,7 +22,7 @@ from hpop.models.collision.solid import SolidCollision
 from hpop.models.differential_drive import DifferentialDrive, OnBase
 from hpop.models.execution import rest_to_rest_execution
 from hpop.models.joints import legs_of_joints
-from hpop.models.laws import cruise_speed
+from hpop.models.laws import Run, cruise_speed
 from hpop.models.mobile_arm.collision import (
     PLATFORM,
     BaseAndLinks,
@@ -66,6 +66,7 @@ from hpop.motions import (
     is_curve,
 )
 from hpop.motions.bodies import standing
+from hpop.motions.laws import CHANGE
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 from hpop.world.geometry.solids import Shape
@@ -162,7 +163,30 @@ class MobileArm(OnBase, Model):
         """Motion laws: the executed laws of the base except curves, and the arm's "reach"; all from rest to rest."""
         base = self.base
         kinds = [base.executed.get(kind, kind) for kind, law in base.laws.items() if not is_curve(law)]
-        return {**{kind: base.laws[kind] for kind in kinds}, REACH: self.arm.laws[REACH]}
+        laws = {kind: base.laws[kind] for kind in kinds if kind != CHANGE}
+        for kind, speed in self._run_speeds.items():
+            laws[kind] = Run(speed, base.laws[CHANGE].acceleration, kind)  # type: ignore[attr-defined]
+        return {**laws, **{kind: law for kind, law in self.arm.laws.items() if isinstance(law, Reach)}}
+
+    @property
+    def _run_speeds(self) -> dict[str, float]:
+        """Speed, m/s, of each kind of run, from slow to fast, for a base with several speeds; else empty."""
+        if not self.base.speed_classes:
+            return {}
+        *slower, fastest = self.base.speed_classes
+        return {**{f"{self._run}_{speed:g}": speed for speed in slower}, self._run: fastest}
+
+    @property
+    def _run(self) -> str:
+        """Kind of the law that executes moves of the base."""
+        return self.base.executed.get("move", "move")
+
+    @property
+    def paces(self) -> tuple[Mapping[str, str], ...]:
+        """Runs at each speed of the base with reaches at each share of the arm's speeds, if there are several."""
+        runs = [{self._run: kind} for kind in self._run_speeds] or [{}]
+        both = tuple({**run, **reach} for run in runs for reach in self.arm.paces or [{}])
+        return both if len(both) > 1 else ()
 
     @cached_property
     def chain(self) -> Chain:
@@ -268,7 +292,8 @@ class MobileArm(OnBase, Model):
         The planned motions already go from rest to rest. Also return the times (n+1,), s, at which the robot passes the
         planned states.
         """
-        return rest_to_rest_execution(trajectory, {kind: kind for kind in self.base.executed.values()})
+        kinds = (*self.base.executed.values(), *self._run_speeds)
+        return rest_to_rest_execution(trajectory, {kind: kind for kind in kinds})
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
         """Yield a text for each fault: of the base, of joints beyond limits, and of driving with an unfolded arm."""
@@ -287,8 +312,8 @@ class MobileArm(OnBase, Model):
 
     @property
     def _drives(self) -> frozenset[str]:
-        """Kinds of motion in which the base moves: the names of all laws but "reach"."""
-        return frozenset(self.laws) - {REACH}
+        """Kinds of motion in which the base moves: the names of all laws but those of reaches."""
+        return frozenset(self.laws) - self.arm.laws.keys()
 
     def _is_unfolded(self, states: States) -> BoolArray:
         """Return a mask (N,) of the states in which the arm is not folded."""
@@ -336,11 +361,6 @@ def _check_parts(arm: Any, base: Any) -> None:
         raise ModelError(
             f"base must be a model in the plane without joints, such as base=DifferentialDrive(...), got {shown(base)}"
         )
-    if base.speed_classes:
-        raise ModelError(
-            "the base of an arm has one speed, since no graph of its states chooses among several; give speed instead "
-            f"of speeds, got {shown(base.speed_classes)}"
-        )
     camera = with_optional_members(base, MODEL_DEFAULTS).mounts.get("camera")
     if (camera is not None and camera.view is not None) or base.field_of_view is not None:
         raise ModelError(
@@ -352,7 +372,7 @@ def _check_parts(arm: Any, base: Any) -> None:
             "joints of the arm must not have names of states of the base, but a joint is called "
             f"{shown(taken[0])}; rename it in the URDF"
         )
-    if taken := [kind for kind in base.laws if kind == REACH]:
+    if taken := [kind for kind in base.laws if kind in arm.laws]:
         raise ModelError(
             f"the base must not have a law (kind of motion) called {taken[0]!r}, because the arm's law has this name; "
             "rename the base's law"

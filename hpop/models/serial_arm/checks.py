@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.models.files import is_record, path_of
 from hpop.models.serial_arm.xml import pose_of
+from hpop.models.speeds import MOST_CLASSES
 
 FARTHEST = 1e4  # m: largest coordinate in the options `base` and `camera`
 SLOWEST = 1e-6
@@ -61,3 +63,16 @@ def checked_numbers(name: str, given: Any, least: float, what: str, most: float 
     """Check the option ``name``, which maps names to numbers from ``least`` to ``most``, and return it as a dict."""
     named = checked_mapping(name, given, what)
     return {key: float(real(f"{name} of {key}", value, least, most, error=ModelError)) for key, value in named.items()}
+
+
+def checked_shares(given: Any) -> tuple[float, ...]:
+    """Return the shares of the speeds, rising, from one share or a list of shares; raise ModelError for others."""
+    several = tuple(given) if isinstance(given, list | tuple) else (given,)
+    kind = "a share of the speeds" if len(several) == 1 else "a share of the speeds, or a list of rising shares, each"
+    shares = tuple(float(real("velocity_scaling", each, LEAST_SCALING, 1, kind, error=ModelError)) for each in several)
+    if not 1 <= len(shares) <= MOST_CLASSES or any(b <= a for a, b in pairwise(shares)):
+        raise ModelError(
+            f"velocity_scaling must be a share of the speeds, or a list of up to {MOST_CLASSES} rising shares, got "
+            f"{shown(given)}; sort them, and give each once"
+        )
+    return shares

@@ -50,7 +50,8 @@ def jerk_limited(trajectory: Trajectory, jerk: Jerk) -> _Executed:
     law = trajectory.model.laws.get("reach")
     if not isinstance(law, Reach) or "spline" not in trajectory.model.provides:
         raise OptionError("jerk limits need a serial_arm, got another robot; leave the jerk out")
-    if other := sorted({*trajectory.kinds} - {law.kind, HOLD.kind}):
+    reaches = {kind: each for kind, each in trajectory.model.laws.items() if isinstance(each, Reach)}
+    if other := sorted({*trajectory.kinds} - {*reaches, HOLD.kind}):
         raise OptionError(
             f"jerk limits need reaches, which begin and end at rest, got {', '.join(other)}; export a trajectory of "
             "the planner roadmap, or leave the jerk out"
@@ -66,7 +67,7 @@ def jerk_limited(trajectory: Trajectory, jerk: Jerk) -> _Executed:
         else:
             size = np.abs(change)
             limits = (np.divide(limit, size, out=np.full(size.size, np.inf), where=size > 0) for limit in
-                      (np.array(law.speeds), np.array(law.accelerations), most))  # fmt: skip
+                      (np.array(reaches[kind].speeds), np.array(law.accelerations), most))  # fmt: skip
             shares = _share_knots(*(float(each.min()) for each in limits)) if size.any() else []
         for lasted, share, speed in shares:
             knots.append(rows[i + 1] if share == 1.0 else rows[i] + share * change)

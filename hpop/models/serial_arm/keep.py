@@ -28,7 +28,7 @@ from hpop.models.serial_arm.chain import Chain
 from hpop.models.serial_arm.collision import ArmCollision
 from hpop.models.serial_arm.judge import ArmJudge
 from hpop.models.serial_arm.kinematics import Kinematics
-from hpop.models.serial_arm.laws import JointLaw
+from hpop.models.serial_arm.laws import JointLaw, Reach
 from hpop.motions import Law, Model, Motions, Pose, States, Twist, Vector
 
 SLACK = 1e-3  # rad: a motion is refused only if its angle comes nearer than this to a bound
@@ -183,7 +183,7 @@ class KeptAxis(Region):
 
 def _fastest(law: Law, name: str, start: States, end: States) -> FloatArray:
     """Return the largest derivative (M,) of a joint by the share of the motion done, rad."""
-    if law.kind == "reach":
+    if isinstance(law, Reach):
         return np.asarray(np.abs(getattr(end, name) - getattr(start, name)))
     lasts = sum(phase.duration for phase in law.phases(start, end))
     return np.asarray(cast(JointLaw, law).extremes(name, start, end).speed * lasts)

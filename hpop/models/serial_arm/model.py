@@ -23,10 +23,10 @@ from hpop.models.serial_arm.arm_file import ArmFile, read_arm
 from hpop.models.serial_arm.attached import attached_objects
 from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, frames, levers
 from hpop.models.serial_arm.checks import (
-    LEAST_SCALING,
     SLOWEST,
     checked_mapping,
     checked_numbers,
+    checked_shares,
     path_text,
     pose_matrix,
 )
@@ -67,7 +67,8 @@ class SerialArm(Model):
     fixed          rad or m   values, by name, of joints that do not move; other joints outside the chain are at 0, or
                               at the limit nearest to 0
     field_of_view  rad        (horizontal, vertical) angles of view, or None for all round
-    velocity_scaling          share of the speeds in the URDF that the arm uses, above 0 up to 1
+    velocity_scaling          share of the speeds in the URDF that the arm uses, above 0 up to 1, or a list of rising
+                              shares: a plan may then choose among them for each reach
     keep                      orientation kept in all states and motions: {"body": "tool", "axis": (0, 0, 1), "angle":
                               (0, 0.3)} keeps the tool's z axis within 0 to 0.3 rad of ``direction``, up by default
     padding        m          distance that all links, or each by name, keep from obstacles, beyond the usual 0.5 mm
@@ -93,7 +94,7 @@ class SerialArm(Model):
     base: Placed = HERE
     fixed: dict[str, float] = field(default_factory=dict)
     field_of_view: FieldOfView | None = None
-    velocity_scaling: float = 1.0
+    velocity_scaling: float | tuple[float, ...] = 1.0
     keep: dict[str, Any] | None = None
     padding: float | dict[str, float] = 0.0
     meshes: Way = "hull"
@@ -131,10 +132,8 @@ class SerialArm(Model):
             way=one_of("meshes", self.meshes, WAYS, error=ModelError),
             attached=held,
         )
-        scaling = real(
-            "velocity_scaling", self.velocity_scaling, LEAST_SCALING, 1, "a share of the speeds", error=ModelError
-        )
-        arm = arm._replace(chain=replace(arm.chain, speed=scaling * arm.chain.speed))
+        shares = checked_shares(self.velocity_scaling)
+        arm = arm._replace(chain=replace(arm.chain, speed=shares[-1] * arm.chain.speed))
         records = {"urdf": record(paths["urdf"], *arm.hashes)}
         if arm.srdf_hash is not None:
             records["srdf"] = record(paths["srdf"], arm.srdf_hash)
@@ -152,7 +151,7 @@ class SerialArm(Model):
             "base": tuple(float(number) for number in self.base),
             "fixed": fixed,
             "field_of_view": checked_field_of_view(self.field_of_view),
-            "velocity_scaling": float(scaling),
+            "velocity_scaling": shares if len(shares) > 1 else shares[0],
             "keep": None if self.keep is None else KeptAxis.from_spec(self.keep).described(),
             "padding": padding,
             "attached": [each.spec for each in held],
@@ -256,10 +255,28 @@ class SerialArm(Model):
 
     @cached_property
     def laws(self) -> Mapping[str, JointLaw]:
-        """Motion laws: "reach", straight in joint space from rest to rest, and "spline"."""
-        chain = self.chain
+        """Motion laws: "reach", straight in joint space from rest to rest, and "spline".
+
+        With several shares of the speeds, there is a law of slower reaches for each share but the largest: "reach_0.5".
+        """
+        chain, *slower = self.chain, *self._shares[:-1]
         of_chain = (chain.names, tuple(chain.speed.tolist()), tuple(chain.acceleration.tolist()))
-        return {"reach": Reach(*of_chain), "spline": JointSpline(*of_chain)}
+        laws: dict[str, JointLaw] = {"reach": Reach(*of_chain), "spline": JointSpline(*of_chain)}
+        for share in slower:
+            speeds, kind = chain.speed * (share / self._shares[-1]), f"reach_{share:g}"
+            laws[kind] = Reach(chain.names, tuple(speeds.tolist()), of_chain[2], kind)
+        return laws
+
+    @property
+    def _shares(self) -> tuple[float, ...]:
+        given = self.velocity_scaling
+        return given if isinstance(given, tuple) else (given,)
+
+    @property
+    def paces(self) -> tuple[Mapping[str, str], ...]:
+        """Laws of reaches at each share of the speeds, in the place of "reach", if there are several shares."""
+        slower = tuple({"reach": f"reach_{share:g}"} for share in self._shares[:-1])
+        return (*slower, {"reach": "reach"}) if slower else ()
 
     @cached_property
     def kept(self) -> KeptAxis | None:
@@ -373,8 +390,8 @@ class SerialArm(Model):
             arm["fixed"] = dict(self.fixed)
         if self.field_of_view is not None:
             arm["field_of_view"] = list(self.field_of_view)
-        if self.velocity_scaling != 1.0:
-            arm["velocity_scaling"] = self.velocity_scaling
+        if self._shares != (1.0,):
+            arm["velocity_scaling"] = list(self._shares) if self.paces else self.velocity_scaling
         if self.keep is not None:
             arm["keep"] = self.keep
         if self.padding:

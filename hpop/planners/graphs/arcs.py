@@ -316,7 +316,7 @@ class MotionChains:
         kept = np.stack([np.zeros(self.tails.size, dtype=np.bool_), *self.present], axis=1)
         kept[first, 0] = True
         space, columns = self.graph.model.space, dict[str, np.ndarray]()
-        for name in space.names:
+        for name in dict.fromkeys((*space.names, *self.corners[0].names)):
             column = np.stack([getattr(corner, name) for corner in self.corners], axis=1)
             if name in space.turning:
                 turns = np.zeros(self.tails.size)

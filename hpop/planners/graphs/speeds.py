@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ from hpop.models.speeds import checked_speeds, neighbouring
 from hpop.motions import Model, Motions, States, laws_of
 from hpop.motions.laws import CHANGE, SPEED
 from hpop.planners.graphs.arcs import blocks
+from hpop.planners.graphs.chain_speeds import ChainSpeedGraph
 from hpop.planners.graphs.direct_changes import needless_nodes
 from hpop.planners.graphs.joined_ends import Ends
 from hpop.planners.graphs.speed_joins import JoinCopies, at_speed
@@ -44,28 +45,26 @@ if TYPE_CHECKING:
 def with_speeds(ends: Ends, model: Model, criteria: Sequence[Criterion], *, moving: bool = False) -> Ends:
     """Return the graph of speeds, made from a graph that contains start and goals, for the speed classes of the model.
 
-    If the model has no speed classes, return the given graph.
-
-    ends      graph of states; start and goals are among its nodes
+    ends      graph; start and goals are among its nodes; it is returned if the model has one speed
     criteria  costs that the search minimises
     moving    whether the robot may also come to a start beside the graph at a speed, and then stops there
 
-    Raises QueryError for a graph whose arcs are not known motion by motion, such as a roadmap of configurations, and
-    ModelError for a model whose speeds do not rise or whose laws have no change of speed.
+    Raises QueryError for a graph without states in the plane or chains of motions, and ModelError for wrong speeds.
     """
-    if not model.speed_classes:
+    space, start, goals = ends
+    if not (model.speed_classes or model.paces):
         return ends
-    speeds = checked_speeds(model.speed_classes, LEAST)
-    if CHANGE not in laws_of(model):
+    speeds = checked_speeds(model.speed_classes, LEAST) if model.speed_classes else ()
+    if speeds and CHANGE not in laws_of(model):
         raise ModelError(
             f"the model {model.name!r} has speed_classes, so its laws must include {CHANGE!r}, got "
             f"{', '.join(laws_of(model))}; add **speed_laws(speed_classes, acceleration) from hpop.models.speeds"
         )
-    space, start, goals = ends
-    if space.states_alone is None:
+    if space.has_chains:
+        return ends._replace(space=ChainSpeedGraph(model, space.world, cast(Any, space), spending=space.spending))
+    if space.states_alone is None or not speeds:
         raise QueryError(
-            f"{space.words} has no states at which a speed could change; give the model one speed, or plan on a "
-            "lattice or on a roadmap of positions"
+            f"{space.words} has no states at which this robot could change its speed; give it one, or use a roadmap"
         )
     slowed = start if moving and start >= space.states_alone.size else None
     layered = SpeedGraph(space.model, space.world, space, speeds, tuple(criteria), slowed, spending=space.spending)

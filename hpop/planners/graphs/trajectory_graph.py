@@ -184,9 +184,12 @@ class TrajectoryGraph(ABC):
     spending      time and memory used for building the graph, with the limits
     has_clock     whether the graph can be searched in time steps, among moving people
                   (:mod:`hpop.planners.graphs.timed`)
+    has_chains    whether all arcs are chains of motions from rest to rest, so that each may have a speed of its own
+                  (:mod:`.chain_speeds`)
     """
 
     has_clock: ClassVar[bool] = False
+    has_chains: ClassVar[bool] = False
 
     model: Model
     world: World

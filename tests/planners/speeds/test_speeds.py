@@ -345,10 +345,3 @@ def test_trajectories_through_poses_take_the_fastest_speed_from_rest_to_rest() -
     assert plan.kinds == ("speed_change", "move", "speed_change", "turn", "speed_change", "move", "speed_change")
     assert plan.states.speed.tolist() == [0.0, 1.5, 1.5, 0.0, 0.0, 1.5, 1.5, 0.0]
     assert list(ROBOT.faults(plan)) == []
-
-
-def test_a_roadmap_of_configurations_says_why_it_has_no_speeds() -> None:
-    robot = PanTilt(base=ROBOT)
-    asked = problem(robot, ("duration", "rotation"), start=(1, 1, 0, 0, 0), goal=(6.5, 3.0, 0.0, 0.0, 0.0))
-    with pytest.raises(QueryError, match="has no states at which a speed could change; give the model one speed"):
-        asked.solve({"roadmap": {"samples": 40}})

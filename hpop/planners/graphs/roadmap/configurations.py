@@ -8,7 +8,7 @@ roadmap does not depend on how the robot moves.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -51,6 +51,8 @@ class ConfigurationRoadmap(TrajectoryGraph):
     lazy    whether chains are checked for collisions only when a path uses them
     notes   remarks for the user
     """
+
+    has_chains = True
 
     nodes: States
     links: IntArray
@@ -104,7 +106,7 @@ class ConfigurationRoadmap(TrajectoryGraph):
         """Return the configurations (N,) of some nodes."""
         return self.nodes.take(ids)
 
-    def _chains(self, tails: IntArray, heads: IntArray) -> MotionChains:
+    def chains(self, tails: IntArray, heads: IntArray) -> MotionChains:
         """Return the chains (N,) from nodes ``tails`` to ``heads``, not checked for collisions."""
         return MotionChains.connecting(self, tails, heads, self.states(tails), self.states(heads))
 
@@ -115,7 +117,7 @@ class ConfigurationRoadmap(TrajectoryGraph):
 
         def checked(part: slice) -> tuple[slice, BoolArray]:
             tails, heads = self.links[part].T
-            chains = self._chains(tails, heads)
+            chains = self.chains(tails, heads)
             reach = chains.reach(self.states(heads))
             return part, reach if self.lazy else reach & chains.free()
 
@@ -140,7 +142,7 @@ class ConfigurationRoadmap(TrajectoryGraph):
         heads = self.arcs.heads[arcs].astype(np.int64)
 
         def are_free(part: slice) -> BoolArray:
-            return self._chains(tails[part], heads[part]).free()
+            return self.chains(tails[part], heads[part]).free()
 
         parts = Spending().each(are_free, blocks(arcs.size, PIECES), "chains of motions were checked")
         return np.concatenate([np.zeros(0, np.bool_), *parts])
@@ -155,30 +157,47 @@ class ConfigurationRoadmap(TrajectoryGraph):
 
         A cost is a number of the criterion's quanta, rounded up once for the whole chain.
         """
-        arcs, doing = self.arcs, f"{self.words} was built"
-        size = arcs.heads.size
+        arcs = self.arcs
+        costs = self.chain_costs(*arcs.ends(slice(0, arcs.heads.size)), criteria, self.chains)
+        costs.setflags(write=False)
+        return Graph.from_csr(arcs.start, arcs.heads, costs, aggregates=aggregates(criteria))
+
+    def chain_costs(
+        self,
+        tails: IntArray,
+        heads: IntArray,
+        criteria: Sequence[Criterion],
+        chains: Callable[..., MotionChains],
+        *classes: IntArray,
+    ) -> IntArray:
+        """Return the costs (N, k) of chains between nodes, in quanta, rounded up once for each chain.
+
+        tails, heads  (N,)  first and last nodes
+        chains        function of tails, heads and ``classes`` that returns the chains
+        classes       further arguments (N,) of ``chains``
+        """
+        size, doing = tails.size, f"{self.words} was built"
         self.spending.check(doing, size * (8 * len(criteria) + ARC + ORDERED))
         self.spending.hold(size * (8 * len(criteria) + ARC), doing)
-        costs, (tails, heads) = np.empty((size, len(criteria)), np.int64), arcs.ends(slice(0, size))
+        costs = np.empty((size, len(criteria)), np.int64)
         there_and_back = np.lexsort((np.maximum(tails, heads), np.minimum(tails, heads)))
 
         def paid(part: slice) -> tuple[IntArray, IntArray]:
             rows = there_and_back[part]
-            return rows, self._chains(tails[rows], heads[rows]).costs(criteria)
+            return rows, chains(tails[rows], heads[rows], *(each[rows] for each in classes)).costs(criteria)
 
         each = int(np.clip(SHARED * BLOCK // max(1, size), *COSTED))
         if (most := self.spending.limits.max_memory) is not None:  # smaller blocks: all cores share the memory
             each = max(each, int(WORKED * BLOCK * self.spending.cores // max(1, most)))
         for rows, counts in self.spending.each(paid, blocks(size, each), doing):
             costs[rows] = counts
-        costs.setflags(write=False)
-        return Graph.from_csr(arcs.start, arcs.heads, costs, aggregates=aggregates(criteria))
+        return costs
 
     @cached_property
     def turned(self) -> NDArray[np.int8]:
         """Number (m,) of motions in each arc; among paths of equal costs, searches prefer fewer motions."""
         size = self.arcs.heads.size
-        parts = [self._chains(*self.arcs.ends(part)).count(self.kinds) for part in blocks(size, PIECES)]
+        parts = [self.chains(*self.arcs.ends(part)).count(self.kinds) for part in blocks(size, PIECES)]
         return np.concatenate([np.zeros(0, np.int8), *parts]).astype(np.int8)
 
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
@@ -191,7 +210,7 @@ class ConfigurationRoadmap(TrajectoryGraph):
         ids = np.repeat(ids, np.repeat(np.where(alone, 2, 1), sizes))
         sizes = sizes + alone
         heads = np.delete(np.arange(ids.size), np.cumsum(sizes) - sizes)
-        return self._chains(ids[heads - 1], ids[heads]).stretches(sizes - 1)
+        return self.chains(ids[heads - 1], ids[heads]).stretches(sizes - 1)
 
     def what_separates(self, start: int, goals: list[int]) -> str:
         """Return the reason, as text, why no path leads from the start to the goals.
