@@ -25,6 +25,7 @@ from hpop.motions import Model, States
 from hpop.motions.states import StateSpace, StateSpec, Values
 
 if TYPE_CHECKING:
+    from hpop.goals.approach import Approach
     from hpop.problems.problem import Problem
 
     Place = tuple[float, float, float]
@@ -46,6 +47,7 @@ class Goal(Protocol):
     listed        values of the goal's states, if the goal is a list of states; ()
     looked_at     position (x, y, z), m, at which the camera looks in the goal's states; None
     visible       whether the position in ``looked_at`` must be visible; False
+    straight      straight approach with which a trajectory must end (:mod:`hpop.goals.approach`); None
     alternatives  method that returns the alternative goals; the goal itself
     """
 
@@ -75,6 +77,9 @@ class Goal(Protocol):
         @property
         def visible(self) -> bool: ...
 
+        @property
+        def straight(self) -> Approach | None: ...
+
         def alternatives(self) -> tuple[Goal, ...]: ...
 
 
@@ -86,6 +91,7 @@ class GoalDefaults:
     listed: Any = ()
     looked_at: Any = None
     visible: Any = False
+    straight: Any = None
 
     def alternatives(self) -> tuple[Goal, ...]:
         """Return the alternative goals: the goal itself."""

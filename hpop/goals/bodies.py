@@ -19,6 +19,7 @@ from hpop.base.math import cross, dot, hypot, norm, wrap
 from hpop.base.options import LEAST, MOST, Angle, real, set_reals, truth
 from hpop.base.text import shown
 from hpop.errors import QueryError
+from hpop.goals.approach import Approach
 from hpop.goals.base import REACHED, goal
 from hpop.goals.region import DEGREE, Place, Region, checked_angle, checked_numbers, checked_place, written
 from hpop.goals.sight import sees_target
@@ -255,6 +256,7 @@ class PoseAt(Region):
     direction: tuple[float, float, float] | None = None
     position_tolerance: float = 1e-3
     angle_tolerance: Angle = DEGREE
+    approach: dict[str, Any] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "position", checked_place("position", self.position))
@@ -272,6 +274,8 @@ class PoseAt(Region):
             object.__setattr__(self, "direction", vector)
         set_reals(self, "position_tolerance", least=LEAST, most=MOST, kind="a length in m", error=QueryError)
         set_reals(self, "angle_tolerance", least=LEAST, most=math.pi, kind="an angle in rad", error=QueryError)
+        if self.approach is not None:
+            object.__setattr__(self, "approach", Approach.from_spec("", self.approach).described())
 
     def __str__(self) -> str:
         """Return the position and the orientation as short text for messages."""
@@ -281,7 +285,18 @@ class PoseAt(Region):
             turned = f", yaw {yaw}, pitch {pitch} and roll {roll} degrees"
         if self.direction is not None:
             turned = f" along {written(self.direction)}"
-        return f"{self.name} {written(self.position)}{turned}"
+        straight = "" if self.straight is None else f", {self.straight}"
+        return f"{self.name} {written(self.position)}{turned}{straight}"
+
+    @property
+    def requires(self) -> frozenset[str]:
+        """Return the capabilities that a model must provide: the body, and joints for a straight approach."""
+        return frozenset({self.body}) if self.approach is None else frozenset({self.body, "joints"})
+
+    @cached_property
+    def straight(self) -> Approach | None:
+        """Return the straight approach, or None."""
+        return None if self.approach is None else Approach.from_spec(self.body, self.approach)
 
     @property
     def places(self) -> tuple[Place, ...]:
@@ -349,6 +364,9 @@ class CameraAt(PoseAt):
                              camera may look anywhere
     position_tolerance  m    largest error of the position
     angle_tolerance     rad  largest error of the orientation
+    approach                 straight approach over the last metres: {"distance": 0.1, "axis": (1, 0, 0)} moves it along
+                             its own x axis, {"distance": 0.1, "direction": (0, 0, -1)} down. ``tolerance``, m
+                             (0.002), and ``angle``, rad (2 degrees), say how far it may stray from the line and turn
     """
 
     @property
@@ -368,6 +386,9 @@ class ToolAt(PoseAt):
                              neither, the body may point anywhere
     position_tolerance  m    largest error of the position
     angle_tolerance     rad  largest error of the orientation
+    approach                 straight approach over the last metres: {"distance": 0.1, "axis": (1, 0, 0)} moves it along
+                             its own x axis, {"distance": 0.1, "direction": (0, 0, -1)} down. ``tolerance``, m
+                             (0.002), and ``angle``, rad (2 degrees), say how far it may stray from the line and turn
     body                     name of the body in the model
     """
 

@@ -140,6 +140,10 @@ class TourStop:
             raise QueryError(
                 f"stop {self.name!r} requires {', '.join(absent)}, which the model does not have; give another goal"
             )
+        if target is not None and any(each.straight is not None for each in target.alternatives()):
+            raise QueryError(
+                f"stop {self.name!r} cannot have an approach: only the goal of a problem can. Leave it out"
+            )
         return stop
 
     def place(self, world: World) -> tuple[float, float] | None:

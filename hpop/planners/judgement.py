@@ -23,6 +23,7 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import trajectory_costs
 from hpop.goals import GoalSet
+from hpop.goals.approach import misses_line
 from hpop.goals.sight import reached_in
 from hpop.motions import States, free_along, is_curve
 from hpop.planners.base import Candidates
@@ -84,8 +85,9 @@ def judge(
 ) -> Judgement:
     """Re-evaluate the costs of candidate trajectories and decide which to reject; one reason is given for each.
 
-    A trajectory is rejected if it misses the start or goal, leaves the map, collides, exceeds a bound, or costs other
-    than planned. Collisions are checked on the geometry that the model uses for planning, which misses none.
+    A trajectory is rejected if it misses the start, the goal or the straight approach to it, leaves the map, collides,
+    exceeds a bound, or costs other than planned. Collisions are checked on the geometry that the model uses for
+    planning, which misses none.
 
     Parameters
     ----------
@@ -98,6 +100,9 @@ def judge(
         return Judgement(costs, ())
     table = MotionTable.of(trajectories)
     reasons = _faults_of_ends(problem, table)
+    for i in range(count):
+        if not reasons[i] and misses_line(problem.target, trajectories[i], problem.world):
+            reasons[i] = "does not end with its straight approach"
     usable = [i for i in range(count) if not reasons[i]]
     costs[usable] = trajectory_costs(
         objectives,

@@ -15,6 +15,7 @@ from hpop.criteria.base import Criterion
 from hpop.criteria.costs import trajectory_costs
 from hpop.criteria.visits import Visit, in_stop
 from hpop.goals import Tour
+from hpop.goals.approach import misses_line
 from hpop.goals.sight import reached_in
 from hpop.models.execution import clearance_radius
 from hpop.motions import Motions, States, collision_of, free_along
@@ -82,6 +83,11 @@ def verify(
                 *problem.model.faults(trajectory),
             )
         ]
+    faults += [
+        f"trajectory {i} does not end with its straight approach"
+        for i, trajectory in enumerate(front.trajectories)
+        if misses_line(problem.target, trajectory, problem.world)
+    ]
     faults += _visit_faults(problem, front)
     kept = collision_of(problem.model, problem.world).constraint
     wrong = "collides, or does not keep its orientation" if kept else "collides"

@@ -189,6 +189,24 @@ class Trajectory:
         kinds = np.insert(np.array(self.kinds, dtype=object), at, HOLD.kind)
         return Trajectory(self.model, States(**columns), tuple(kinds.tolist()), punctual)
 
+    def part(self, first: int, last: int) -> Trajectory:
+        """Return the trajectory from one of its states (n+1,) to another, both given by index."""
+        return self._changed(
+            {n: column[first : last + 1] for n, column in self.states.__dict__.items()}, self.kinds[first:last]
+        )
+
+    def then(self, other: Trajectory) -> Trajectory:
+        """Return this trajectory and then another, which begins in its last state; both are at rest there."""
+        own, after = self.states.__dict__, other.states.__dict__
+        columns = {}
+        for name in {**own, **after}:
+            one, two = (
+                np.zeros(len(each) + 1) if name not in part else part[name]
+                for each, part in ((self, own), (other, after))
+            )
+            columns[name] = np.concatenate([one, two[1:] + (one[-1] - two[0] if name == CLOCK else 0.0)])
+        return self._changed(columns, (*self.kinds, *other.kinds))
+
     def without_holds(self) -> Trajectory:
         """Return the trajectory without its holds (pauses); the trajectory itself if it has none."""
         holds = np.array([kind == HOLD.kind for kind in self.kinds], dtype=bool)

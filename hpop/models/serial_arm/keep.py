@@ -3,9 +3,8 @@
 An upright cup keeps the tool's up axis within some degrees of the vertical; a level view keeps the camera's left axis
 at 90 degrees to it, plus or minus some degrees. Along a motion with share s, the angle changes at most by the angular
 speed of the axis, which is at most the sum of the speeds of the joints that can turn it. So if the angle is a distance
-d within its bounds at s, it is within them at all s' with |s' - s| Λ < d. Intervals of s are tested in their middle;
-what this proves is cut out, and the rest is tested later, as in the collision test
-(:mod:`hpop.models.serial_arm.certificate`).
+d within its bounds at s, it is within them at all s' with |s' - s| Λ < d. Intervals of s are tested as in the collision
+test (:mod:`hpop.models.serial_arm.certificate`).
 """
 
 from __future__ import annotations
@@ -18,11 +17,12 @@ from typing import Any, ClassVar, cast
 
 import numpy as np
 
-from hpop.base.arrays import BoolArray, Column, FloatArray
+from hpop.base.arrays import BoolArray, Column, FloatArray, IntArray
 from hpop.base.math import cross, dot, norm, not_radians
 from hpop.base.options import Degrees, real
 from hpop.base.text import shown
 from hpop.errors import ModelError
+from hpop.goals.approach import proved_along
 from hpop.goals.region import InverseKinematics, Region
 from hpop.models.serial_arm.chain import Chain
 from hpop.models.serial_arm.collision import ArmCollision
@@ -160,25 +160,18 @@ class KeptAxis(Region):
         for name, counts in zip(chain.names, self.turning(chain), strict=True):
             if counts:
                 fastest += _fastest(law, name, start, end)
-        kept = np.ones(size, dtype=bool)
-        owner, low, high = np.arange(size), np.zeros(size), np.ones(size)
-        while owner.size:
-            middle, half = 0.5 * (low + high), 0.5 * (high - low)
-            begin, stop = start.take(owner), end.take(owner)
-            names = chain.names
+
+        def around(motions: IntArray, share: FloatArray) -> FloatArray:
+            begin, stop = start.take(motions), end.take(motions)
             at = States(**{
-                n: law.interpolate(n, begin, stop, middle) if n in law.varies else getattr(begin, n) for n in names
+                n: law.interpolate(n, begin, stop, share) if n in law.varies else getattr(begin, n) for n in chain.names
             })  # fmt: skip
             margin = self.margin(kinematics, at)
-            kept[owner[margin < SLACK]] = False
             with np.errstate(divide="ignore", invalid="ignore"):
-                proved = np.where(fastest[owner] > 0, margin / fastest[owner], np.inf)
-            open_ = kept[owner] & (proved < half)
-            owner, middle, proved = owner[open_], middle[open_], proved[open_]
-            low, high = low[open_], high[open_]
-            owner = np.concatenate([owner, owner])
-            low, high = np.concatenate([low, middle + proved]), np.concatenate([middle - proved, high])
-        return kept
+                proved = np.where(fastest[motions] > 0, margin / fastest[motions], np.inf)
+            return np.where(margin < SLACK, 0.0, proved)
+
+        return proved_along(size, around)
 
 
 def _fastest(law: Law, name: str, start: States, end: States) -> FloatArray:

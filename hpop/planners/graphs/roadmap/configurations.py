@@ -276,7 +276,7 @@ def configuration_roadmap(
     stops = [] if tour is None else [tour.stops[i] for i in tour.remaining]
     at_stops = [connections.rows(drawn_states(problem, stop)) for stop in stops]
     free = connections.states(np.concatenate([ends_and_guides.inner, *at_stops, rows]))
-    nodes = concatenated_states(space, [start, free, goals])
+    nodes = concatenated_states(space, [start, free, goals, connections.states(ends_and_guides.following)])
     near = neighbours or (math.ceil(2 * math.e * math.log(nodes.size)) if in_plane else NEAREST)
     nearest_in_random_subsets = (0 if in_plane else FAR) if far is None else far
     name = f"the roadmap of {len(rows)} samples (seed {seed}) and {near} neighbours of each"
@@ -290,23 +290,23 @@ def configuration_roadmap(
     if not problem.target.listed:
         name += f", {goals.size} free states of the goal ({ends_and_guides.goal_count} found, {GOAL_STATES} sought)"
         chosen = {**chosen, "goal_states": goals.size, "goal_states_found": ends_and_guides.goal_count}
-    if kept := connections.collision.constraint:
-        name += f", on which {kept}"
+    name += _constraints_text(ends_and_guides)
+    links = links_between(
+        space,
+        start,
+        free,
+        goals,
+        count=near,
+        far=nearest_in_random_subsets,
+        chosen=guide_links(found, ends_and_guides.goal_nodes(free.size)),
+        rng=of_links,
+        spending=spending,
+    )
     return ConfigurationRoadmap(
         model,
         problem.world,
         nodes,
-        links_between(
-            space,
-            start,
-            free,
-            goals,
-            count=near,
-            far=nearest_in_random_subsets,
-            chosen=guide_links(found, ends_and_guides.goal_nodes(free.size)),
-            rng=of_links,
-            spending=spending,
-        ),
+        np.concatenate([links, ends_and_guides.approach_links(free.size)]),
         ends_and_guides.target_nodes(free.size),
         name=name,
         chosen=chosen,
@@ -323,19 +323,25 @@ def guide_roadmap(ends_and_guides: Survey, spending: Spending) -> ConfigurationR
 
     It can be searched quickly, and every roadmap with samples contains it.
     """
-    free = len(ends_and_guides.inner)
-    kept = ends_and_guides.connections.collision.constraint
+    free, connections = len(ends_and_guides.inner), ends_and_guides.connections
+    inner, following = (connections.states(rows) for rows in (ends_and_guides.inner, ends_and_guides.following))
+    links = guide_links(ends_and_guides.guides, ends_and_guides.goal_nodes(free))
     return ConfigurationRoadmap(
         ends_and_guides.problem.model,
         ends_and_guides.problem.world,
-        concatenated_states(
-            ends_and_guides.connections.space,
-            [ends_and_guides.start, ends_and_guides.connections.states(ends_and_guides.inner), ends_and_guides.goals],
-        ),
-        guide_links(ends_and_guides.guides, ends_and_guides.goal_nodes(free)),
+        concatenated_states(connections.space, [ends_and_guides.start, inner, ends_and_guides.goals, following]),
+        np.concatenate([links, ends_and_guides.approach_links(free)]),
         ends_and_guides.target_nodes(free),
         name=f"{len(ends_and_guides.guides)} guides of {free} states (seed {ends_and_guides.seed})"
-        + (f", on which {kept}" if kept else ""),
+        + _constraints_text(ends_and_guides),
         chosen={"trees": ends_and_guides.pairs, "seed": ends_and_guides.seed},
         spending=spending,
     )
+
+
+def _constraints_text(ends_and_guides: Survey) -> str:
+    """Return what all motions of a roadmap keep, and how goals are approached, as text for certificates."""
+    kept = ends_and_guides.connections.collision.constraint
+    lines = {str(goal.straight) for goal in ends_and_guides.problem.target.alternatives() if goal.straight is not None}
+    texts = [f"on which {kept}"] * bool(kept)
+    return "".join(f", {text}" for text in (*texts, *(f"which reaches its goals {line}" for line in sorted(lines))))

@@ -34,11 +34,13 @@ class Survey:
     connections  distances between states, and collision checks of motions between them
     start        (1,)  state
     goals        (G,)  goal states without a collision; NaN for an angle that may have any value, if the robot is free
-                 at one of the values that were tried
+                 at one of the values that were tried. If a goal has a straight approach: the states in which it begins
     goal_count   number of all goal states, including blocked ones
     pairs        number of pairs of random trees that searched for guides
     guides       collision-free paths that the trees found, shortest first
     seed         seed of all random draws
+    approaches   for each goal, the rows of the states that follow on its straight approach, the goal itself last; ()
+                 if no goal has one
     """
 
     problem: Problem
@@ -49,6 +51,7 @@ class Survey:
     pairs: int
     guides: list[Guide]
     seed: int
+    approaches: tuple[FloatArray, ...] = ()
 
     @property
     def ends(self) -> tuple[FloatArray, FloatArray]:
@@ -66,14 +69,38 @@ class Survey:
         return np.concatenate([start[:0], *(guide.rows[1:-1] for guide in self.guides)])
 
     def goal_nodes(self, free: int) -> list[int]:
-        """Return the node numbers of the goals in a roadmap: nodes are the start, ``free`` samples, then the goals."""
+        """Return the node numbers of the goals in a roadmap.
+
+        Nodes are the start, ``free`` samples, the goals, and the states that follow on their approaches.
+        """
         return list(range(1 + free, 1 + free + self.goals.size))
+
+    @property
+    def following(self) -> FloatArray:
+        """Coordinates (n, k) of all states that follow the goals on their straight approaches."""
+        return np.concatenate([self.connections.rows(self.start)[:0], *self.approaches])
+
+    def approach_links(self, free: int) -> IntArray:
+        """Return the links (L, 2) of straight approaches, sorted; no other links lead to or from their inner states."""
+        first, links = 1 + free + self.goals.size, [np.zeros((0, 2), np.int64)]
+        for goal, rows in zip(self.goal_nodes(free), self.approaches, strict=False):
+            nodes = np.array([goal, *range(first, first + len(rows))])
+            links.append(np.stack([nodes[:-1], nodes[1:]], axis=1))
+            first += len(rows)
+        joined = np.concatenate(links)
+        return joined[np.argsort(joined[:, 0], kind="stable")]
 
     def target_nodes(self, free: int) -> list[int]:
         """Return the node numbers at which a path may end: the goals, and the start if it is at a goal already.
 
+        If goals have straight approaches, these are the ends of the approaches.
+
         free  number of samples, whose node numbers lie between those of start and goals
         """
+        if self.approaches:
+            last = (self.goals.size + free + np.cumsum([len(rows) for rows in self.approaches])).tolist()
+            ends = zip(self.goal_nodes(free), last, self.approaches, strict=True)
+            return [end if len(rows) else goal for goal, end, rows in ends]
         at_goal = reached_in(self.problem.world, self.problem.target, self.problem.model, self.start)[0]
         return [START, *self.goal_nodes(free)] if at_goal else self.goal_nodes(free)
 
@@ -91,11 +118,12 @@ def survey(problem: Problem, trees: int | None, seed: int, spending: Spending) -
     of_goals, _, of_trees, _ = np.random.default_rng(seed).spawn(4)
     start, (goals, goal_count) = _free_start(problem), _free_goals(problem, of_goals)
     connections = Connections(problem, space)
+    goals, approaches = _approached(connections, problem, goals)
     pairs = (0 if in_plane else PAIRS) if trees is None else trees
     begin, ends = connections.rows(start)[0], connections.rows(goals)
     ends = np.where(np.isnan(ends), begin, ends)  # free coordinates take the start's values
     found = guides(connections, begin, ends, pairs, of_trees, spending) if pairs else []
-    return Survey(problem, connections, start, goals, goal_count, pairs, found, seed)
+    return Survey(problem, connections, start, goals, goal_count, pairs, found, seed, approaches)
 
 
 def guide_links(guides: Sequence[Guide], goals: Sequence[int]) -> IntArray:
@@ -158,6 +186,48 @@ def _free_goals(problem: Problem, rng: np.random.Generator) -> tuple[States, int
     if not usable:
         raise QueryError(" ".join(refusals))
     return concatenated_states(model.space, usable), len(target.listed)
+
+
+def _approached(connections: Connections, problem: Problem, goals: States) -> tuple[States, tuple[FloatArray, ...]]:
+    """Return the states (G,) at which straight approaches to goals begin, and the rows that follow each.
+
+    Goals with an approach that is impossible or collides are left out. Raises QueryError if none remains, or if the
+    problem has a tour.
+    """
+    every = problem.target.alternatives()
+    if not any(each.straight is not None for each in every):
+        return goals, ()
+    if problem.tour is not None:
+        raise QueryError("the goal of a tour cannot have an approach; leave the approach or the tour out")
+    begins, follow = list[FloatArray](), list[FloatArray]()
+    left, reasons = np.ones(goals.size, dtype=bool), list[str]()
+    given = connections.rows(goals)
+    for each in sorted(every, key=lambda one: one.straight is not None):  # those without an approach come first
+        there = np.flatnonzero(left & each.reached(problem.model, goals))
+        if each.straight is None:
+            left[there] = False
+            begins += list(given[there])
+            follow += [given[:0]] * there.size
+            continue
+        lines = each.straight.lines(problem.model, connections.space, problem.world, goals.take(there))
+        found = [rows for rows in lines.rows if rows is not None]
+        colliding = 0
+        for index, rows in zip(there.tolist(), lines.rows, strict=True):
+            if rows is not None and (connections.free(rows[:-1], rows[1:])).all():
+                left[index] = False
+                begins.append(rows[0])
+                follow.append(rows[1:])
+            colliding += rows is not None and bool(left[index])
+        strayed, ends = int(lines.strayed.sum()), there.size - len(found) - int(lines.strayed.sum())
+        reasons.append(
+            f"the goal {each} cannot be approached like this: of its {there.size} free states, {ends} have no states "
+            f"on the line within the joint limits, {strayed} none that motions join within the tolerances, and at "
+            f"{colliding} the approach is blocked. Give a shorter distance, another axis or direction, or larger "
+            "tolerances"
+        )
+    if not begins:
+        raise QueryError(" ".join(reasons))
+    return connections.states(np.array(begins)), tuple(follow)
 
 
 def _state_text(values: Sequence[float | None]) -> str:

@@ -17,6 +17,7 @@ import numpy as np
 from hpop.base.arrays import FloatArray
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import trajectory_costs
+from hpop.goals.approach import split
 from hpop.motions import JointCollision, States
 from hpop.planners.programs.outcome import ONE_PROGRAM, Deadline, ImprovedTrajectory, Outcome, one_numpy_thread
 from hpop.planners.programs.spline.knots import LAW, Knots, PieceCosts, SplineLaw
@@ -54,6 +55,7 @@ class _PathRun:
     settled  whether one more step is predicted to gain almost nothing
     splines  finished splines
     steps    spline at the beginning of the current search, then after each step, all of them proved free
+    approach  straight approach at the end of the path, which stays as it is; None if there is none
     """
 
     counts: Counter[str]
@@ -61,6 +63,7 @@ class _PathRun:
     settled: bool = False
     splines: list[ImprovedTrajectory] = field(default_factory=list)
     steps: list[Knots] = field(default_factory=list)
+    approach: Trajectory | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +125,11 @@ class SplineJob:
     def _splined(self, path: Trajectory, pieces: PieceCosts, run: _PathRun) -> tuple[ImprovedTrajectory, ...] | str:
         if not path.duration:
             return "the start is the goal"
+        kept = split(self.problem.target, path, self.problem.world)
+        if not kept:
+            return "it consists of its straight approach"
+        if kept < len(path):
+            path, run.approach = path.part(0, kept), path.part(kept, len(path))
         run.longest = path.duration
         (bounds,) = trajectory_costs(self.criteria, [path], self.problem.world)[:, list(self.smooth)]
         reason = ""
@@ -162,20 +170,23 @@ class SplineJob:
         last = run.steps[-1]
         if len(run.steps) == 1:  # the start is the path, or was recorded already
             return last, NOTHING_LESS
-        spline, reason = self._candidate(last, pieces, bounds, run.settled)
+        spline, reason = self._candidate(last, pieces, bounds, run, run.settled)
         within = [knots for knots in run.steps[1:-1] if (pieces.costs(knots) <= bounds).all()] if reason else []
         if within:
-            spline, reason = self._candidate(within[-1], pieces, bounds, False)
+            spline, reason = self._candidate(within[-1], pieces, bounds, run, False)
         if not reason:
             run.splines.append(spline)
         return last, reason
 
     def _candidate(
-        self, knots: Knots, pieces: PieceCosts, bounds: FloatArray, settled: bool
+        self, knots: Knots, pieces: PieceCosts, bounds: FloatArray, run: _PathRun, settled: bool
     ) -> tuple[ImprovedTrajectory, str]:
         """Return a spline as a candidate, and a text that names the costs in which it is worse than its path, or "".
 
-        bounds   (k,)  costs of the path
+        A straight approach of the path follows the spline, from rest.
+
+        bounds   (k,)  costs of the path, without its straight approach
+        run      record of the work on the path
         settled  whether one more step is predicted to gain almost nothing
         """
         trajectory = knots.trajectory(self.problem.model, pieces.law)
@@ -185,6 +196,11 @@ class SplineJob:
         names = [self.criteria[j].name for j, more in zip(self.smooth, worse, strict=True) if more]
         planned = costs.copy()
         planned[list(self.smooth)] = pieces.costs(knots)
+        if run.approach is not None:
+            trajectory = trajectory.then(run.approach)
+            costs, after = trajectory_costs(self.criteria, [trajectory, run.approach], self.problem.world)
+            worst = np.array([criterion.aggregate == "max" for criterion in self.criteria])
+            planned = np.where(worst, np.maximum(planned, after), planned + after)
         provenance = {"pieces": knots.shares.size, "settled": settled}
         spline = ImprovedTrajectory(trajectory, planned, QUADRATURE * np.abs(costs) + quanta, provenance)
         return spline, f"no better than its path in {', '.join(names)}" if names else ""

@@ -1,0 +1,338 @@
+"""Straight approach of a body to its goal: over the last metres it moves along a line, in one orientation.
+
+The line ends where the body is at the end of the trajectory. States on it are found by inverse kinematics, each from
+the next one; motions between them are straight in joint space, not in space. So each motion is proved to stay near the
+line: along a motion with share s, position and orientation change at most by upper bounds V, m, and W, rad, per unit of
+s. If both are a distance within their tolerances at s, they are within them at all s' that are near enough. Intervals
+of s are tested in their middle; what this proves is cut out, and the rest is tested later (:func:`proved_along`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from hpop.base.arrays import BoolArray, Column, FloatArray, IntArray
+from hpop.base.math import cross, dot, norm
+from hpop.base.options import Degrees, real
+from hpop.base.text import shown
+from hpop.errors import QueryError
+from hpop.goals.base import Goal
+from hpop.goals.region import InverseKinematics, Region, checked_angle, checked_numbers, written
+from hpop.motions import Model, Motions, Pose, States, StateSpace, Twist, Vector
+
+if TYPE_CHECKING:
+    from hpop.trajectories.trajectory import Trajectory
+    from hpop.world import World
+
+REACH = "reach"  # kind of the motions that are straight in joint space
+KEYS = ("distance", "axis", "direction", "tolerance", "angle")
+FORM = 'approach must be a mapping such as {"distance": 0.1, "axis": (1, 0, 0)} or {"distance": 0.1, "direction": '
+LONGEST = 10.0  # m
+SMALLEST = 1e-4  # m and rad: smallest tolerances
+TOLERANCE, ANGLE = 2e-3, math.radians(2)
+SLACK = 0.02  # share of the tolerances: a motion is refused only if it comes nearer than this to one of them
+PARTS = (1, 2, 4, 8, 16, 32)  # numbers of motions that are tried
+SURE = 4  # with so many motions, states that are not found are given up
+ON_LINE = 1e-7  # m, or of the body's axes: states at the ends of these motions are no farther from the line
+
+
+def proved_along(size: int, around: Callable[[IntArray, FloatArray], FloatArray]) -> BoolArray:
+    """Return which motions (M,) are proved to keep a condition all along, ends included.
+
+    around  function of motions (N,) and a share (N,) of each: by how much the share may change so that the condition
+            holds; 0 or less where it does not hold
+    """
+    kept = np.ones(size, dtype=bool)
+    owner, low, high = np.arange(size), np.zeros(size), np.ones(size)
+    while owner.size:
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        proved = around(owner, middle)
+        kept[owner[proved <= 0.0]] = False
+        open_ = kept[owner] & (proved < half)
+        owner, middle, proved = owner[open_], middle[open_], proved[open_]
+        low, high = low[open_], high[open_]
+        owner = np.concatenate([owner, owner])
+        low, high = np.concatenate([low, middle + proved]), np.concatenate([middle - proved, high])
+    return kept
+
+
+class ApproachRows(NamedTuple):
+    """Approaches to N states.
+
+    rows     for each state the states of its approach, as rows (K + 1, n), the given one last; None if there is none
+    strayed  (N,)  True where states on the line were found, but no motions between them that stay near it
+    """
+
+    rows: list[FloatArray | None]
+    strayed: BoolArray
+
+
+@dataclass(frozen=True)
+class Approach:
+    """Straight approach of a body: where it begins, in which direction it leads, and how far motions may stray from it.
+
+    body       name of the body
+    distance   m    length of the line, which ends where the body is at the end of the trajectory
+    axis            unit vector along which the body moves, in its own frame (x ahead, y left, z up); or None
+    direction       unit vector along which it moves, in the world; or None
+    tolerance  m    largest distance of the body from the line
+    angle      rad  largest angle between the body's orientation and the one that it has at the end
+    """
+
+    body: str
+    distance: float
+    axis: Vector | None
+    direction: Vector | None
+    tolerance: float = TOLERANCE
+    angle: float = ANGLE
+
+    @classmethod
+    def from_spec(cls, body: str, given: Any) -> Approach:
+        """Check a mapping with distance, axis or direction (the body's x axis by default), tolerance and angle."""
+        if not isinstance(given, Mapping) or "distance" not in given or not set(given) <= set(KEYS):
+            raise QueryError(
+                f"{FORM}(0, 0, -1)}}, and may have tolerance (m) and angle (rad) as well; got {shown(given)}"
+            )
+        if given.get("axis") is not None and given.get("direction") is not None:
+            raise QueryError(
+                "approach takes axis, in the frame of the body, or direction, in the world, got both; leave one out"
+            )
+        distance, tolerance = (
+            float(real(f"{key} of approach", given.get(key, TOLERANCE), SMALLEST, LONGEST, "m", error=QueryError))
+            for key in ("distance", "tolerance")
+        )
+        angle = checked_angle("angle of approach", Degrees.in_radians(given.get("angle", ANGLE)))
+        real("angle of approach", angle, SMALLEST, math.pi / 2, "an angle in rad", error=QueryError)
+        if tolerance >= distance:
+            raise QueryError(f"tolerance of approach must be less than its distance, {distance:g} m, got {tolerance:g}")
+        direction = None if given.get("direction") is None else _unit("direction", given["direction"])
+        axis = None if direction is not None else _unit("axis", given.get("axis") or (1.0, 0.0, 0.0))
+        return cls(body, distance, axis, direction, tolerance, angle)
+
+    def described(self) -> dict[str, Any]:
+        """Return the mapping that :meth:`from_spec` takes."""
+        way = {"axis": self.axis} if self.direction is None else {"direction": self.direction}
+        numbers = {"tolerance": self.tolerance, "angle": self.angle}
+        return {"distance": self.distance, **{key: list(value or ()) for key, value in way.items()}, **numbers}
+
+    def __str__(self) -> str:
+        """Return the approach as short text for messages."""
+        way = f"its axis {written(self.axis)}" if self.axis is not None else written(self.direction or ())
+        return f"straight over the last {self.distance:g} m along {way}"
+
+    def lines(self, model: Model, space: StateSpace, world: World, ends: States) -> ApproachRows:
+        """Return the approach to each of the states (N,), with as few motions as stay within the tolerances.
+
+        space  state space, which bounds the states
+        """
+        line = _Line.to(self, model, ends)
+        sought = _JointsMove(model, space, _Frame(self.body))
+        given = sought.rows(ends)
+        rows: list[FloatArray | None] = [None] * ends.size
+        left, strayed = np.arange(ends.size), np.zeros(ends.size, dtype=bool)
+        for count in PARTS:
+            states = np.repeat(given[left, None], count + 1, axis=1)  # (L, count + 1, n)
+            there = np.arange(left.size)  # those of them with states on the line so far
+            for i in reversed(range(count)):
+                aims = line.frames(left[there], self.distance * (count - i) / count)
+                states[there, i] = sought.descend(states[there, i + 1], aims, aims)
+                there = there[
+                    (np.abs(sought.excess(sought.states(states[there, i]), aims, aims)) <= ON_LINE).all(axis=1)
+                ]
+            strayed[left] = False
+            strayed[left[there]] = True
+            begin, end = (states[there, part].reshape(-1, states.shape[2]) for part in (slice(-1), slice(1, None)))
+            near = self._stays(model, world, line, np.repeat(left[there], count), *map(sought.states, (begin, end)))
+            found = there[near.reshape(-1, count).all(axis=1)]
+            for i in found.tolist():
+                rows[left[i]] = states[i]
+            strayed[left[found]] = False
+            left = np.setdiff1d(left[there] if count >= SURE else left, left[found])
+            if not left.size:
+                break
+        return ApproachRows(rows, strayed)
+
+    def begin(self, trajectory: Trajectory, world: World) -> int | None:
+        """Return the motion with which the approach of a trajectory begins; None if its end is no straight approach.
+
+        All motions from there on are proved to stay within the tolerances.
+        """
+        model, size = trajectory.model, len(trajectory)
+        states = trajectory.states.take(np.arange(size + 1))
+        line = _Line.to(self, model, states.take([size]))
+        owner = np.zeros(size + 1, np.int64)
+        off, turned, behind = line.errors(owner, model.pose(self.body, states))
+        near = (off <= self.tolerance) & (turned <= self.angle)
+        begins = near & (behind >= self.distance - self.tolerance)
+        last = size
+        while last and near[last] and not begins[last]:
+            last -= 1
+        motions = np.arange(last, size)
+        if not size or not begins[last] or any(trajectory.kinds[i] != REACH for i in motions.tolist()):
+            return None
+        start, end = states.take(motions), states.take(motions + 1)
+        return last if self._stays(model, world, line, owner[motions], start, end).all() else None
+
+    def _stays(self, model: Model, world: World, line: _Line, owner: IntArray, begin: States, end: States) -> BoolArray:
+        """Return which reaches (M,) between states are proved to stay near a line; ``owner`` (M,) says near which."""
+        if not owner.size:
+            return np.zeros(0, dtype=bool)
+        legs = list(model.connect(begin, end))
+        direct = ~np.any([leg.present for leg in legs if leg.kind != REACH] or [np.zeros(owner.size, bool)], axis=0)
+        stop, law = legs[-1].end, model.laws[REACH]
+        metres, radians = (
+            np.broadcast_to(np.asarray(bound, float), owner.shape)
+            for bound in model.extent(Motions(world, model, law, begin, stop))
+        )
+
+        def around(motions: IntArray, share: FloatArray) -> FloatArray:
+            first, last = begin.take(motions), stop.take(motions)
+            names = model.space.names
+            at = States(**{
+                n: law.interpolate(n, first, last, share) if n in law.varies else getattr(first, n) for n in names
+            })  # fmt: skip
+            off, turned, _ = line.errors(owner[motions], model.pose(self.body, at))
+            room, angle = self.tolerance - off, self.angle - turned
+            with np.errstate(divide="ignore", invalid="ignore"):
+                proved = np.minimum(room / metres[motions], angle / radians[motions])
+            inside = (room >= SLACK * self.tolerance) & (angle >= SLACK * self.angle) & direct[motions]
+            return np.where(inside, np.nan_to_num(proved, nan=np.inf, posinf=np.inf), 0.0)
+
+        return proved_along(owner.size, around)
+
+
+@dataclass(frozen=True, eq=False)
+class _Line:
+    """ApproachRows of the approaches to N states.
+
+    frame  (N, 9)  position, m, and the axes ahead and left of the body at the end of each line
+    along  (N, 3)  unit vector of each line
+    """
+
+    approach: Approach
+    frame: FloatArray
+    along: FloatArray
+
+    @classmethod
+    def to(cls, approach: Approach, model: Model, ends: States) -> _Line:
+        """Return the lines to states (N,)."""
+        pose, size = model.pose(approach.body, ends), ends.size
+        frame = _columns((pose.x, pose.y, pose.z, *pose.ahead, *pose.left), size)
+        way = approach.direction or (0.0, 0.0, 0.0)
+        if approach.axis is not None:
+            parts = zip(pose.ahead, pose.left, pose.up, strict=True)
+            way = tuple(sum(a * b for a, b in zip(approach.axis, part, strict=True)) for part in parts)
+        return cls(approach, frame, _columns(way, size))
+
+    def frames(self, lines: IntArray, before: float) -> FloatArray:
+        """Return position and axes (L, 9) of the body on some lines, ``before`` m from their ends."""
+        frames = self.frame[lines].copy()
+        frames[:, :3] -= before * self.along[lines]
+        return frames
+
+    def errors(self, owner: IntArray, pose: Pose) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the distance of poses (M,) from their lines, m, the angle to the orientation there, rad, and m behind.
+
+        The last is how far behind the end of the line the body is. ``owner`` (M,) says which line belongs to each pose.
+        """
+        place, ahead, left = ((*self.frame[owner, 3 * i : 3 * i + 3].T,) for i in range(3))
+        along = (*self.along[owner].T,)
+        off = [own - there for own, there in zip((pose.x, pose.y, pose.z), place, strict=True)]
+        behind = -np.asarray(dot(off, along))
+        within = np.clip(behind, 0.0, self.approach.distance)
+        error = norm([part + within * way for part, way in zip(off, along, strict=True)])
+        axes: list[tuple[Sequence[Column], Sequence[Column]]]
+        axes = [(pose.ahead, ahead), (pose.left, left), (pose.up, cross(ahead, left))]
+        normals = [cross(own, there) for own, there in axes]
+        sine = 0.5 * np.asarray(norm([sum(part) for part in zip(*normals, strict=True)]))
+        cosine = 0.5 * (sum(np.asarray(dot(own, there), float) for own, there in axes) - 1.0)
+        return np.asarray(error), np.arctan2(sine, cosine), behind
+
+
+@dataclass(frozen=True)
+class _Frame(Region):
+    """Region of a body in a given position and orientation, which its bounds give row by row."""
+
+    name: ClassVar[str] = "frame"
+
+    of: str = field(default="tool")
+
+    @property
+    def body(self) -> str:
+        """Return the name of the body."""
+        return self.of
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Return no useful bounds: each row has its own."""
+        return np.zeros(9), np.zeros(9)
+
+    @property
+    def lengths(self) -> BoolArray:
+        """Mask (9,) of the coordinates in m."""
+        return np.arange(9) < 3
+
+    def coordinates(self, pose: Pose) -> tuple[Column, ...]:
+        """Return the position, m, and the components of the axes ahead and left."""
+        return (pose.x, pose.y, pose.z, *pose.ahead, *pose.left)
+
+    def rates(self, pose: Pose, twist: Twist) -> tuple[Column, ...]:
+        """Return the rates of the coordinates."""
+        return (*twist.velocity, *cross(twist.rotation, pose.ahead), *cross(twist.rotation, pose.left))
+
+
+class _JointsMove(InverseKinematics):
+    """Inverse kinematics in which only joints move, and the base of a mobile arm stands."""
+
+    def _jacobian(self, states: States) -> FloatArray:
+        jacobian = super()._jacobian(states)
+        jacobian[:, :, ~self._moving] = 0.0
+        return jacobian
+
+    @cached_property
+    def _moving(self) -> BoolArray:
+        varies = self.model.laws[REACH].varies
+        return np.array([name in varies for name in self.space.names])
+
+
+def split(goal: Goal, trajectory: Trajectory, world: World) -> int:
+    """Return the motion with which a trajectory begins the straight approach that its goal requires.
+
+    This is the number of its motions if the goal requires none.
+    """
+    every = [each.straight for each in goal.alternatives() if each.straight is not None]
+    last = trajectory.states.take([-1])
+    if not every or any(e.straight is None and e.reached(trajectory.model, last)[0] for e in goal.alternatives()):
+        return len(trajectory)
+    begins = [begin for each in every if (begin := each.begin(trajectory, world)) is not None]
+    return max(begins, default=len(trajectory))
+
+
+def misses_line(goal: Goal, trajectory: Trajectory, world: World) -> bool:
+    """Return whether a trajectory that ends at a goal lacks the straight approach that the goal requires."""
+    every = goal.alternatives()
+    if not any(each.straight is not None for each in every):
+        return False
+    last = trajectory.states.take([-1])
+    there = [each for each in every if each.reached(trajectory.model, last)[0]]
+    return bool(there) and all(
+        each.straight is not None and each.straight.begin(trajectory, world) is None for each in there
+    )
+
+
+def _columns(columns: Any, size: int) -> FloatArray:
+    return np.stack([np.broadcast_to(np.asarray(column, float), (size,)) for column in columns], axis=1)
+
+
+def _unit(key: str, given: Any) -> Vector:
+    x, y, z = checked_numbers(f"{key} of approach", given, 3, "(x, y, z), a vector of any length")
+    length = math.hypot(x, y, z)
+    if length < SMALLEST:
+        raise QueryError(f"{key} of approach must be (x, y, z), a vector of any length but 0, got {shown(given)}")
+    return x / length, y / length, z / length
