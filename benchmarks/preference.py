@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import seeded_fronts
 
-from hpop.frontier import Front
+from hpop.frontier import ItemFront
 from hpop.preference import Preference, Prior
 from hpop.scenario import load_scenario
 
@@ -30,19 +30,19 @@ ROWS = 10, 50, 400, 3_290
 CRITERIA = 5
 
 
-def museum() -> Front[Any]:
+def museum() -> ItemFront[Any]:
     """158 trajectories: exposure, turns and length."""
     scenario = load_scenario(Path(__file__).parents[1] / "examples" / "museum.yaml")
     return scenario.problem.solve(list(scenario.planners))
 
 
-def seeded(n: int, k: int) -> Front[Any]:
+def seeded(n: int, k: int) -> ItemFront[Any]:
     """Return a front of n rows with costs alone."""
     costs = seeded_fronts.costs_of(np.random.default_rng(1), n + n // 10, k)
-    return Front.of(costs)[:n]
+    return ItemFront.of(costs)[:n]
 
 
-def measured(name: str, front: Front[Any], ties: bool) -> dict[str, Any]:
+def measured(name: str, front: ItemFront[Any], ties: bool) -> dict[str, Any]:
     """Measure the processor seconds of questions, and the regret after them."""
     asking, judging, regrets = [], [], []
     for seed in range(PEOPLE):

@@ -5,19 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from hpop.base.arrays import FloatArray
-from hpop.frontier import Front
+from hpop.frontier import ItemFront
 from hpop.preference import Preference, Prior
 
 
-def front(n: int = 60, k: int = 3, seed: int = 0) -> Front[int]:
+def front(n: int = 60, k: int = 3, seed: int = 0) -> ItemFront[int]:
     """Points on a convex front of about n rows, in metres, counts and seconds."""
     rng = np.random.default_rng(seed)
     away = np.abs(rng.normal(size=(n, k)))
     costs = 1.0 - away / np.linalg.norm(away, axis=1)[:, None]
     scales = np.array([40.0, 12.0, 3.0, 0.5, 700.0])[:k]
     units = ["m", "1", "s", "rad", "J"][:k]
-    return Front.of(5.0 + costs * scales, names=["length", "turns", "exposure", "rotation", "energy"][:k], units=units,
-                    quanta=[1e-6] * k)  # fmt: skip
+    names = ["length", "turns", "exposure", "rotation", "energy"][:k]
+    return ItemFront.of(5.0 + costs * scales, names=names, units=units, quanta=[1e-6] * k)
 
 
 def drawn(prior: Prior, f: int, seed: int) -> tuple[FloatArray, float, float]:

@@ -160,7 +160,7 @@ def right_values() -> Right:
         "hpop.ros.GoalPlanner": planning,
         "hpop.search.Prepared": lambda: search.Prepared(graph, 2), "hpop.ros.PathServer": types["PathServer"],
         "hpop.world.Ground": world.ground, "hpop.world.Raster": raster, "hpop.motions.StateSpace": robot.space,
-        "hpop.motions.States": states, "hpop.frontier.Front": hpop.frontier.Front.of([[1.0, 2], [2, 1]]),
+        "hpop.motions.States": states, "hpop.frontier.ItemFront": hpop.frontier.ItemFront.of([[1.0, 2], [2, 1]]),
         "hpop.search.timed.TimedPaths": timed_paths(timed, 0, 2), "hpop.models.base.PlanarModel": robot,
         "hpop.study.Analysis": lambda: study.analyse(design, answers), "hpop.world.Field": world.clearance_field(),
         "hpop.study.statistics.Strengths": statistics.bradley_terry([0, 1] * 2, [1, 0] * 2, [0, 0, 1, 1], stimuli=2),
@@ -292,13 +292,13 @@ def _add_rest(right: Right) -> None:
     fitted = study.fit_criterion([1, 2, 3], [0, 1, 2], problem, ["length"], front=front, source="nobody")
     fitted.save("learnt.json")
     field, shares = world.clearance_field(), np.array([[0.25, 0.75]])
-    saved = hpop.frontier.Front.of([[1.0, 2], [2, 1]])
+    saved = hpop.frontier.ItemFront.of([[1.0, 2], [2, 1]])
     saved.save("plain.json")
     results = batches.batch([problem], [{"lattice": {"step": 1.0}}], out="batch")
     types |= {"Results": results, "PlannerSummary": batches.summaries(results)[0]}
     owners |= {
         "hpop.criteria.Learnt": lambda: hpop.criteria.Learnt("learnt.json"),
-        "hpop.criteria.LookAt": lambda: hpop.criteria.LookAt(target=(4.0, 3.0, 1.0)),
+        "hpop.criteria.LookAtCriterion": lambda: hpop.criteria.LookAtCriterion(target=(4.0, 3.0, 1.0)),
         "hpop.criteria.Occlusion": lambda: hpop.criteria.Occlusion(target=(4.0, 3.0, 1.0)),
         "hpop.criteria.ViewDistance": lambda: hpop.criteria.ViewDistance(target=(4.0, 3.0, 1.0)),
         "hpop.goals.CameraAt": camera_at, "hpop.goals.CameraAt.states": camera_at, "hpop.goals.LookAt": look_at,
@@ -312,10 +312,10 @@ def _add_rest(right: Right) -> None:
     }  # fmt: skip
     names |= {
         **{f"hpop.Front.{key}": value for key, value in vars(front).items()},
-        **{f"hpop.frontier.Front.{key}": value for key, value in vars(saved).items()},
+        **{f"hpop.frontier.ItemFront.{key}": value for key, value in vars(saved).items()},
         "hpop.Front.of.costs": front.costs, "hpop.Front.select.weights": {"length": 1.0},
         "hpop.batches.Results.folder": "batch", "hpop.view.draw_batch.path": Path("figure.png"),
-        "hpop.frontier.Front.load.path": "plain.json", "hpop.frontier.dominates.a": [1.0, 2.0],
+        "hpop.frontier.ItemFront.load.path": "plain.json", "hpop.frontier.dominates.a": [1.0, 2.0],
         "hpop.frontier.dominates.b": [2.0, 1.0], "hpop.Person.along.others": {},
         "hpop.criteria.Learnt.file": "learnt.json",
         "hpop.criteria.OSpace.centre.group": (Person(1, 1, 0), Person(2, 1, 0)),

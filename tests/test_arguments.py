@@ -58,7 +58,7 @@ RESULTS = [
     "hpop.drive.Option",
     "hpop.drive.Options",
     "hpop.drive.Wish",
-    "hpop.frontier.Point",
+    "hpop.frontier.ItemPoint",
     "hpop.search.MeanPaths",
     "hpop.search.ParetoPaths",
     "hpop.search.SupportedPaths",

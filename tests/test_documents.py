@@ -26,7 +26,7 @@ from hpop.batches.cases import Specification
 from hpop.cli import main
 from hpop.cli.beside import PicturesBeside
 from hpop.errors import MapError
-from hpop.frontier import Front
+from hpop.frontier import ItemFront
 from hpop.scenario import load_scenario
 from hpop.scenario.events import load_events
 from hpop.world.content.content import Landmark
@@ -91,7 +91,7 @@ def tour() -> hpop.Problem:
 def preference(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Write the preference of a person, as `hpop prefer` does."""
     path = tmp_path_factory.mktemp("people") / "p07.json"
-    front = Front.of([[1.0, 2.0], [2.0, 1.0]], names=["turns", "length"], units=["1", "m"])
+    front = ItemFront.of([[1.0, 2.0], [2.0, 1.0]], names=["turns", "length"], units=["1", "m"])
     study.Preference.fit(front, [(0, 1)]).save(path)
     return path
 

@@ -119,7 +119,7 @@ DOORS = {
         {},
     ),
     "front": (
-        lambda *given, **also: frontier.Front.of(*given, **also).costs,
+        lambda *given, **also: frontier.ItemFront.of(*given, **also).costs,
         [[[1, 2], [2, 1]], ["a", "b"]],
         {"quanta": [0.5, 0.5], "maximise": [True, False], "provenance": [{"seed": 1, "far": 0.5}, {"first": True}]},
     ),

@@ -49,7 +49,7 @@ hpop.export.export_format
 hpop.export.save
 hpop.export.write
 hpop.front.Point
-hpop.frontier.Front
+hpop.frontier.ItemFront
 hpop.frontier.FrontError
 hpop.frontier.default_reference
 hpop.frontier.filter

@@ -125,11 +125,11 @@ def test_a_repr_is_short_and_says_what_it_is(make: Callable[[], object], said: s
 
 def test_points_and_fronts_are_short_whatever_they_hold() -> None:
     item = "x" * 10_000
-    front = hpop.frontier.Front.of(
+    front = hpop.frontier.ItemFront.of(
         [[1.0, 2.0], [2.0, 1.0]], [item, item], names=("turns", "length"), units=("1", "m"), quanta=(1, 1),
         status="complete", certificate=" | ".join(["exact"] * 1_000), provenance=[{"w": list(range(1_000))}] * 2,
     )  # fmt: skip
     assert len(repr(front)) < MOST
     assert repr(front[0]).startswith("<Point 0: turns 1, length 2; 'xxx")
     assert len(repr(front[0])) < MOST
-    assert "\\u200b" in repr(hpop.frontier.Front.of([[1.0], [2.0]], names=("turns\u200b",)))
+    assert "\\u200b" in repr(hpop.frontier.ItemFront.of([[1.0], [2.0]], names=("turns\u200b",)))

@@ -16,9 +16,7 @@ HOME = sorted(f"hpop/{path.name}" for path in (ROOT / "hpop").iterdir() if path.
 ROOMS = [*(room for room in HOME if "__pycache__" not in room), "tests", "benchmarks", "examples", "docs", "tools"]
 #: Rooms whose docstrings are not rewritten yet, and names that still have several classes. Both only shrink.
 EXEMPT: set[str] = set()
-SEVERAL = """
-    Front LookAt Point
-"""
+SEVERAL = ""
 FIRST = re.compile(r"(What|That|Whether|How|Who|Whom|Whose|Where|Which|When|The same|Of|So many|By how much)\b")
 PRONOUN = re.compile(r"\b(somebody|nobody|whom)\b", re.IGNORECASE)
 

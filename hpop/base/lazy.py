@@ -1,4 +1,4 @@
-"""Lazy imports: names and modules that are imported on first use, and modules under their former names."""
+"""Lazy imports: names and modules that are imported on first use, and names and modules under their former names."""
 
 from __future__ import annotations
 
@@ -14,14 +14,20 @@ from types import ModuleType
 from typing import Any
 
 
-def on_first_use(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
+def on_first_use(
+    package: str, homes: Mapping[str, str], former: Mapping[str, str] | None = None
+) -> Callable[[str], Any]:
     """Return a function for ``__getattr__`` of a package that imports each public name when it is first used.
 
-    homes  for each name, the module that defines it, as returned by :func:`homes_of`; "" if the name is itself a
-           submodule of the package
+    homes   for each name, the module that defines it, as returned by :func:`homes_of`; "" if the name is itself a
+            submodule of the package
+    former  for each deprecated name, its new one; it gives the new one, with a DeprecationWarning
     """
 
     def imported(name: str) -> Any:
+        if former and name in former:
+            warnings.warn(f"{package}.{name} is {package}.{former[name]} now", DeprecationWarning, stacklevel=2)
+            return getattr(sys.modules[package], former[name])
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         return getattr(import_module(homes[name]), name) if homes[name] else import_module(f"{package}.{name}")

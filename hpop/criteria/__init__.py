@@ -58,7 +58,7 @@ if TYPE_CHECKING:
     from hpop.criteria.performance.surroundings import Obstruction as Obstruction
     from hpop.criteria.performance.surroundings import Openness as Openness
     from hpop.criteria.performance.surroundings import WorstObstruction as WorstObstruction
-    from hpop.criteria.performance.targets import LookAt as LookAt
+    from hpop.criteria.performance.targets import LookAtCriterion as LookAtCriterion
     from hpop.criteria.performance.targets import Occlusion as Occlusion
     from hpop.criteria.performance.targets import ViewDistance as ViewDistance
     from hpop.criteria.robot.clearance import Clearance as Clearance
@@ -75,4 +75,4 @@ if TYPE_CHECKING:
 
 _HOMES = homes_of(__name__)
 __all__ = [*_HOMES, "Criterion", "criterion", "make_criterion", "motion_costs", "trajectory_cost"]
-__getattr__ = on_first_use(__name__, _HOMES)
+__getattr__ = on_first_use(__name__, _HOMES, former={"LookAt": "LookAtCriterion"})

@@ -10,7 +10,7 @@ import numpy as np
 from hpop.base.text import shown
 from hpop.frontier import choosing
 from hpop.frontier.dominance import FloatArray, IntArray
-from hpop.frontier.points import FrontError, Point
+from hpop.frontier.points import FrontError, ItemPoint
 
 T = TypeVar("T")
 
@@ -44,7 +44,7 @@ class Choices(Generic[T]):
     status: str
     certificate: str
 
-    def _point(self, row: int) -> Point[T]:
+    def _point(self, row: int) -> ItemPoint[T]:
         """Return the point in a row of the front."""
         raise NotImplementedError
 
@@ -58,18 +58,18 @@ class Choices(Generic[T]):
         self._require_points()
         return cast(FloatArray, self.costs.max(axis=0))
 
-    def knee(self) -> Point[T]:
+    def knee(self) -> ItemPoint[T]:
         """Return the knee, the best compromise: the point that bulges most towards the ideal.
 
         :func:`hpop.frontier.choosing.knee` has the definition.
         """
         return self._point(choosing.knee(self._counts()))
 
-    def best(self, name: str) -> Point[T]:
+    def best(self, name: str) -> ItemPoint[T]:
         """Return the point with the smallest cost in one criterion; the other criteria break ties, in their order."""
         return self.lexicographic([name])
 
-    def lexicographic(self, order: Sequence[str]) -> Point[T]:
+    def lexicographic(self, order: Sequence[str]) -> ItemPoint[T]:
         """Return the best point in the first criterion of ``order``; the second criterion breaks ties, and so on.
 
         Further criteria follow in the order of the front. Example: ``front.lexicographic(["turns", "length"])``.
@@ -82,7 +82,9 @@ class Choices(Generic[T]):
         columns = self._columns(order)
         return self._point(choosing.lexicographic(self._counts(), columns))
 
-    def select(self, weights: Mapping[str, float] | None = None, *, preference: Preferring | None = None) -> Point[T]:
+    def select(
+        self, weights: Mapping[str, float] | None = None, *, preference: Preferring | None = None
+    ) -> ItemPoint[T]:
         """Return the point with the smallest weighted sum of normalised costs, or the point that a person prefers.
 
         Weights are finite, not negative, and not all zero; criteria without a weight do not count. An example is
@@ -106,7 +108,7 @@ class Choices(Generic[T]):
         vector[self._columns(weights)] = values
         return self._point(choosing.weighted_sum(self._counts(), vector))
 
-    def nearest(self, wishes: Mapping[str, float]) -> Point[T]:
+    def nearest(self, wishes: Mapping[str, float]) -> ItemPoint[T]:
         """Return the point nearest to the values that a user wishes for, in criteria or reported values.
 
         Only the named columns count, each scaled by its range over the front. Ties go to the point with the smallest
@@ -120,7 +122,7 @@ class Choices(Generic[T]):
         table = np.hstack([counts, self.reported])  # (n, k + r)
         return self._point(choosing.nearest(table[:, columns], values / steps[columns], counts[:, unnamed]))
 
-    def reference_point(self, aspirations: Mapping[str, float]) -> Point[T]:
+    def reference_point(self, aspirations: Mapping[str, float]) -> ItemPoint[T]:
         """Return the point that comes closest to aspiration levels (desired costs), or is furthest below them.
 
         It minimises the augmented Chebyshev achievement function (:func:`hpop.frontier.choosing.achievement`).

@@ -5,7 +5,7 @@ best value of each column) to the nadir (the worst value of each column over the
 constant over the front cannot distinguish points and is left out. Scaled values that differ only by rounding are ties.
 Every function states how it breaks ties; of rows that are still tied, the first is taken.
 
-Methods of :class:`hpop.frontier.Front` with the same names call these functions with costs in whole quanta.
+Methods of :class:`hpop.frontier.ItemFront` with the same names call these functions with costs in whole quanta.
 """
 
 from __future__ import annotations

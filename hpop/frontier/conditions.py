@@ -22,7 +22,7 @@ from hpop.frontier.dominance import BoolArray, FloatArray
 from hpop.frontier.points import FrontError
 
 if TYPE_CHECKING:
-    from hpop.frontier.front import Front
+    from hpop.frontier.front import ItemFront
 
 OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
     "<=": operator.le,
@@ -99,7 +99,7 @@ def conditions(given: Mapping[str, Any] | None, named: Mapping[str, Any]) -> tup
     return tuple(ColumnCondition.of(name, bound) for name, bound in wanted)
 
 
-def met(front: Front[Any], wanted: Sequence[ColumnCondition]) -> BoolArray:
+def met(front: ItemFront[Any], wanted: Sequence[ColumnCondition]) -> BoolArray:
     """Return the mask (n,) of the points that meet all conditions; UnknownColumnError for an unknown name."""
     kept = np.ones(len(front), dtype=np.bool_)
     for condition in wanted:
@@ -107,7 +107,7 @@ def met(front: Front[Any], wanted: Sequence[ColumnCondition]) -> BoolArray:
     return kept
 
 
-def nearest(front: Front[Any], wanted: Sequence[ColumnCondition]) -> int:
+def nearest(front: ItemFront[Any], wanted: Sequence[ColumnCondition]) -> int:
     """Return the row that misses the conditions least, by Euclidean distance with columns scaled by their ranges."""
     gaps = []
     for condition in wanted:
@@ -117,7 +117,7 @@ def nearest(front: Front[Any], wanted: Sequence[ColumnCondition]) -> int:
     return choosing.least(np.linalg.norm(gaps, axis=0))
 
 
-def in_words(front: Front[Any], wanted: Sequence[ColumnCondition]) -> str:
+def in_words(front: ItemFront[Any], wanted: Sequence[ColumnCondition]) -> str:
     """Return the conditions as a text for a certificate; if no point meets them, the text names the nearest point."""
     words = " and ".join(map(str, wanted))
     if not len(front) or met(front, wanted).any():
@@ -143,7 +143,7 @@ def _read(name: str, text: str) -> tuple[str, float]:
         ) from None
 
 
-def _column(front: Front[Any], name: str) -> tuple[FloatArray, float]:
+def _column(front: ItemFront[Any], name: str) -> tuple[FloatArray, float]:
     """Return the values (n,) of a criterion and its quantum; for a reported value the quantum is 0."""
     column = choosing.column_index(name, front.names + front.reported_names)
     k = len(front.names)

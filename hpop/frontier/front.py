@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hpop.base.arguments import checked_arguments
+from hpop.base.lazy import on_first_use
 from hpop.base.status import Status
 from hpop.base.text import printable, shown
 from hpop.frontier import conditions, storage, union
@@ -25,7 +26,7 @@ from hpop.frontier.dominance import (
     is_nondominated,
     quantised,
 )
-from hpop.frontier.points import FrontError, FrontFileError, Point, as_json, floats, minimised, names_of, origins
+from hpop.frontier.points import FrontError, FrontFileError, ItemPoint, as_json, floats, minimised, names_of, origins
 from hpop.frontier.representative import SHARE, representative
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ MOST_CLAIMED = 200  # largest number of characters of a certificate in a repr
 
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
-class Front(Choices[T], Generic[T]):
+class ItemFront(Choices[T], Generic[T]):
     """Mutually non-dominated cost vectors, each with the item that has these costs. All costs are minimised.
 
     Costs are compared after rounding to whole multiples of a quantum per criterion (:func:`hpop.frontier.quantised`).
@@ -65,7 +66,7 @@ class Front(Choices[T], Generic[T]):
 
     Examples
     --------
-    >>> front = Front.of([[2.0, 0.3], [3.0, 0.1 + 0.2], [1.0, 5.0]], ["a", "b", "c"],
+    >>> front = ItemFront.of([[2.0, 0.3], [3.0, 0.1 + 0.2], [1.0, 5.0]], ["a", "b", "c"],
     ...     names=("turns", "length"), units=("1", "m"), quanta=(1.0, 1e-6),
     ...     status="complete", certificate="exact")
     >>> front
@@ -123,7 +124,7 @@ class Front(Choices[T], Generic[T]):
         in_order = np.array_equal(np.lexsort(integers.T[::-1]), np.arange(n))
         if not (in_order and is_nondominated(integers).all()):
             raise ValueError(
-                "costs must be sorted and without dominated or equal rows, but are not; build the front by Front.of"
+                "costs must be sorted and without dominated or equal rows, but are not; build the front by ItemFront.of"
             )
         integers.setflags(write=False)
         object.__setattr__(self, "integers", integers)
@@ -178,7 +179,7 @@ class Front(Choices[T], Generic[T]):
             As the fields of the front, with a row or an entry for each candidate. Defaults: groups "", no reported
             values, their names from a pandas table or "r1", "r2", ..., their units "1", provenance {}.
 
-        >>> Front.of([[3, 0.5], [1, 0.2], [4, 0.1]], "abc", names=["cost", "yield"], maximise=["yield"])
+        >>> ItemFront.of([[3, 0.5], [1, 0.2], [4, 0.1]], "abc", names=["cost", "yield"], maximise=["yield"])
         <Front: 2 points of cost [1], -yield [1]; complete; the non-dominated ones of 3 candidates>
         """
         if items is None:
@@ -233,12 +234,12 @@ class Front(Choices[T], Generic[T]):
         return len(self.items)
 
     @overload
-    def __getitem__(self, index: int | np.integer[Any], /) -> Point[T]: ...
+    def __getitem__(self, index: int | np.integer[Any], /) -> ItemPoint[T]: ...
 
     @overload
     def __getitem__(self, index: slice | BoolArray | Sequence[bool], /) -> Self: ...
 
-    def __getitem__(self, index: Any, /) -> Point[T] | Self:
+    def __getitem__(self, index: Any, /) -> ItemPoint[T] | Self:
         """Return the point in a row; for a slice or a boolean mask (n,), return the front of these points, in order."""
         try:
             row = as_index(index)
@@ -249,8 +250,8 @@ class Front(Choices[T], Generic[T]):
             raise IndexError(f"an index must be {known} in a front of {len(self)} points, got {row}")
         return self._point(row % len(self))
 
-    def _point(self, row: int) -> Point[T]:
-        return Point(**self._fields_of(row))
+    def _point(self, row: int) -> ItemPoint[T]:
+        return ItemPoint(**self._fields_of(row))
 
     def _fields_of(self, row: int) -> dict[str, Any]:
         """Return the fields of the point in a row."""
@@ -262,7 +263,7 @@ class Front(Choices[T], Generic[T]):
             "provenance": self.provenance[row],
         }
 
-    def __iter__(self) -> Iterator[Point[T]]:
+    def __iter__(self) -> Iterator[ItemPoint[T]]:
         return (self._point(row) for row in range(len(self)))
 
     def __repr__(self) -> str:
@@ -336,7 +337,7 @@ class Front(Choices[T], Generic[T]):
 
         Raises FrontError if their criteria, units, groups, quanta, reported values or problems differ.
         """
-        return union.join(self, other) if isinstance(other, Front) else NotImplemented
+        return union.join(self, other) if isinstance(other, ItemFront) else NotImplemented
 
     def save(
         self,
@@ -413,3 +414,6 @@ class Front(Choices[T], Generic[T]):
             return cls(**{**cast(dict[str, Any], stored), "items": tuple(decoded)})
         except ValueError as error:
             raise FrontFileError(f"{path}: expected a front, but {error!s:.600}") from error
+
+
+__getattr__ = on_first_use(__name__, {}, former={"Front": "ItemFront"})  # of pickled fronts

@@ -10,6 +10,7 @@ from typing import Any, Generic, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hpop.base.lazy import on_first_use
 from hpop.base.scalars import python_value
 from hpop.base.text import shown
 from hpop.frontier.dominance import FloatArray, cost_matrix
@@ -112,7 +113,7 @@ def as_json(name: str, value: Mapping[str, Any]) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Point(Generic[T]):
+class ItemPoint(Generic[T]):
     """Point of a front: its costs, and the item that has them.
 
     index       row in the front
@@ -133,3 +134,6 @@ class Point(Generic[T]):
             ", ".join(f"{name} {value:.6g}" for name, value in values.items()) for values in (self.costs, self.reported)
         )
         return f"<Point {self.index}: {costs}{f' (reported: {reported})' if reported else ''}; {shown(self.item)}>"
+
+
+__getattr__ = on_first_use(__name__, {}, former={"Point": "ItemPoint"})  # of pickled points

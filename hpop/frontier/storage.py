@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-    from hpop.frontier.front import Front
+    from hpop.frontier.front import ItemFront
 
 SCHEMA = "hpop-front"
 VERSION = 2
@@ -244,7 +244,7 @@ def _refuse(source: Path, expected: str, found: str, advice: str) -> NoReturn:
     raise FrontFileError(f"{source}: expected {expected}, found {found:.200}; {advice}") from None
 
 
-def dataframe(front: Front[Any]) -> pandas.DataFrame:
+def dataframe(front: ItemFront[Any]) -> pandas.DataFrame:
     """Return a front as a pandas table with one row for each point.
 
     Its columns are the costs, the reported values, and the keys of the provenance.
@@ -255,7 +255,7 @@ def dataframe(front: Front[Any]) -> pandas.DataFrame:
     return frame
 
 
-def dataset(front: Front[Any]) -> xarray.Dataset:
+def dataset(front: ItemFront[Any]) -> xarray.Dataset:
     """Return a front as an xarray dataset: a variable for each column, along the dimension "point", with its unit."""
     units = _units(front)
     variables = {
@@ -265,7 +265,7 @@ def dataset(front: Front[Any]) -> xarray.Dataset:
     return library("xarray", "to_xarray()").Dataset(variables, {"point": _index(front)}, _claims(front))
 
 
-def _columns(front: Front[Any]) -> dict[str, Any]:
+def _columns(front: ItemFront[Any]) -> dict[str, Any]:
     """Return the columns (n,) of a front by name: costs, reported values, and one for each key of the provenance."""
     columns: dict[str, Any] = dict(zip(front.names, front.costs.T, strict=True))
     columns |= zip(front.reported_names, front.reported.T, strict=True)
@@ -277,13 +277,13 @@ def _columns(front: Front[Any]) -> dict[str, Any]:
     return columns
 
 
-def _index(front: Front[Any]) -> np.ndarray[Any, np.dtype[np.int64]]:
+def _index(front: ItemFront[Any]) -> np.ndarray[Any, np.dtype[np.int64]]:
     return np.arange(len(front))
 
 
-def _units(front: Front[Any]) -> dict[str, str]:
+def _units(front: ItemFront[Any]) -> dict[str, str]:
     return dict(zip(front.names + front.reported_names, front.units + front.reported_units, strict=True))
 
 
-def _claims(front: Front[Any]) -> dict[str, str]:
+def _claims(front: ItemFront[Any]) -> dict[str, str]:
     return {"status": front.status, "certificate": front.certificate}

@@ -16,9 +16,9 @@ from hpop.frontier.dominance import FloatArray, filter, finite_costs
 from hpop.frontier.points import FrontError
 
 if TYPE_CHECKING:
-    from hpop.frontier.front import Front
+    from hpop.frontier.front import ItemFront
 
-F = TypeVar("F", bound="Front[Any]")
+F = TypeVar("F", bound="ItemFront[Any]")
 
 # Separator between the statuses and certificates of the fronts in a union.
 JOINT = " | "

@@ -15,7 +15,7 @@ from hpop.base.arrays import FloatArray
 from hpop.base.options import MOST_SEED, real, whole
 from hpop.base.text import counted
 from hpop.errors import StudyError
-from hpop.frontier import Front
+from hpop.frontier import ItemFront
 from hpop.preference import storage
 from hpop.preference.answers import (
     PairAnswer,
@@ -84,12 +84,12 @@ class Preference:
     ties: bool
     seed: int
     front: str
-    points: Front[Any] | None
+    points: ItemFront[Any] | None
 
     @classmethod
     def fit(
         cls,
-        front: Front[Any],
+        front: ItemFront[Any],
         choices: Iterable[Any] = (),
         *,
         ratings: Mapping[int, float] | None = None,
@@ -151,7 +151,7 @@ class Preference:
             answers.append(answer)
         return replace(self, answers=tuple(answers), draws=draws)
 
-    def on(self, front: Front[Any]) -> Self:
+    def on(self, front: ItemFront[Any]) -> Self:
         """Return the preference with another front, on which a unit of each cost keeps its weight.
 
         Raises StudyError if the front lacks a cost.
@@ -196,7 +196,7 @@ class Preference:
         """True if there are answers, and the probability that the person answers at random is below one half."""
         return bool(self.answers) and self.random < 0.5
 
-    def best(self, front: Front[Any] | None = None) -> Best:
+    def best(self, front: ItemFront[Any] | None = None) -> Best:
         """Return the point with the least expected cost for the person, and each point's probability to be the best.
 
         front  by default the front of the preference, :attr:`points`
@@ -211,13 +211,13 @@ class Preference:
         rest = tuple(other for other in order if other != row)
         return Best(row, front[row], probability, regrets, (row, *rest))
 
-    def row(self, front: Front[Any]) -> int:
+    def row(self, front: ItemFront[Any]) -> int:
         """Return the row of the best point of a front, for ``front.select(preference=...)``."""
         if not len(front):
             raise StudyError("expected a front with at least one point to choose from, got none")
         return least_cost_row(self.scale.rows_on(front), self._shares)
 
-    def expected(self, front: Front[Any], costs: FloatArray) -> FloatArray:
+    def expected(self, front: ItemFront[Any], costs: FloatArray) -> FloatArray:
         """Return the expected total cost (m,) for this person of costs (m, k), relative to a point with costs of 0.
 
         The k costs are in the order of ``front.names``. The total is the sum of the scaled costs (0 and 1 at the ideal
@@ -306,7 +306,7 @@ class Preference:
         """Return ``count`` equally weighted draws of the posterior of the person's weights."""
         return self.draws.equally_weighted(count, np.random.default_rng([self.seed, 3, len(self.answers), count]))
 
-    def _points(self) -> Front[Any]:
+    def _points(self) -> ItemFront[Any]:
         """Return the front of the preference; StudyError if it was read from a file and has none."""
         if self.points is None:
             raise StudyError("this preference was read from a file and has no front; attach one: preference.on(front)")

@@ -19,7 +19,7 @@ from hpop.base.arrays import FloatArray
 from hpop.base.options import MOST, real
 from hpop.base.text import counted, shown
 from hpop.errors import StudyError, did_you_mean
-from hpop.frontier import Front
+from hpop.frontier import ItemFront
 from hpop.frontier.choosing import ROUNDING
 
 LOG = "log"
@@ -60,9 +60,9 @@ class CostScale:
             self._check_feature(name, feature)
 
     @classmethod
-    def of(cls, front: Front[Any], features: Mapping[str, Feature] | None = None) -> CostScale:
+    def of(cls, front: ItemFront[Any], features: Mapping[str, Feature] | None = None) -> CostScale:
         """Return the scale of a front's costs; StudyError for fewer than two points, or an invalid feature."""
-        if not isinstance(front, Front):
+        if not isinstance(front, ItemFront):
             raise StudyError(f"a preference needs a front, such as problem.solve() returns, got {shown(front)}")
         if len(front) < 2:
             raise StudyError(
@@ -109,7 +109,7 @@ class CostScale:
                 columns.append(np.maximum(costs[:, j] - bound, 0.0) / room if room > 0 else np.zeros(len(costs)))
         return np.column_stack(columns)
 
-    def column_indices(self, front: Front[Any]) -> list[int]:
+    def column_indices(self, front: ItemFront[Any]) -> list[int]:
         """Return the indices of this scale's costs among the costs of a front; StudyError that names a missing cost."""
         places = []
         for name, unit in zip(self.names, self.units, strict=True):
@@ -129,11 +129,11 @@ class CostScale:
             places.append(j)
         return places
 
-    def costs_on(self, front: Front[Any]) -> FloatArray:
+    def costs_on(self, front: ItemFront[Any]) -> FloatArray:
         """Return the costs (n, k) of a front in the order of this scale; StudyError that names a missing cost."""
         return np.asarray(front.costs[:, self.column_indices(front)])
 
-    def rows_on(self, front: Front[Any]) -> FloatArray:
+    def rows_on(self, front: ItemFront[Any]) -> FloatArray:
         """Return the scaled costs (n, f) of the points of a front."""
         return self.scaled(self.costs_on(front))
 
@@ -175,7 +175,7 @@ class CostScale:
             )
 
 
-def fingerprint(front: Front[Any]) -> str:
+def fingerprint(front: ItemFront[Any]) -> str:
     """Return the SHA-256 of a front's names, units and costs, by which files refer to the front."""
     text = json.dumps([front.names, front.units, front.costs.tolist()], allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()

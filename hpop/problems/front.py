@@ -34,8 +34,8 @@ FOR_YOU = "for you"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Point(frontier.Point[Trajectory]):
-    """Point of a front of trajectories; see :class:`hpop.frontier.Point`."""
+class Point(frontier.ItemPoint[Trajectory]):
+    """Point of a front of trajectories; see :class:`hpop.frontier.ItemPoint`."""
 
     @property
     def trajectory(self) -> Trajectory:
@@ -45,10 +45,10 @@ class Point(frontier.Point[Trajectory]):
 
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
-class Front(frontier.Front[Trajectory]):
+class Front(frontier.ItemFront[Trajectory]):
     """Pareto front: non-dominated trajectories, one for each cost vector.
 
-    :class:`hpop.frontier.Front` has the methods that choose points and join fronts.
+    :class:`hpop.frontier.ItemFront` has the methods that choose points and join fronts.
     """
 
     def _point(self, row: int) -> Point:
@@ -90,7 +90,7 @@ class Front(frontier.Front[Trajectory]):
     def _numbers(cls, n: int) -> Sequence[Trajectory]:
         raise FrontError(
             "items of hpop.Front.of must be trajectories, one for each row of costs, got none; give them, or use "
-            "hpop.frontier.Front.of(costs) for a front of other things"
+            "hpop.frontier.ItemFront.of(costs) for a front of other things"
         )
 
     @property
@@ -234,8 +234,8 @@ def _stored_model(path: str | os.PathLike[str], problem: Mapping[str, Any] | Non
     if problem is None:
         raise FrontFileError(
             f"{path}: expected a front with its problem and robot model, as `hpop plan` writes it, found a front "
-            "without them, such as one of a graph or a table; load it by hpop.frontier.Front.load, with decode= if its "
-            "items are no JSON values"
+            "without them, such as one of a graph or a table; load it by hpop.frontier.ItemFront.load, with decode= if "
+            "its items are no JSON values"
         )
     try:
         return cast(Model, make_model(problem["model"]))

@@ -8,9 +8,7 @@ ros scenario.yaml --url ws://localhost:9090`` does (extra ``ros``).
 
 from __future__ import annotations
 
-import warnings
-from typing import Any
-
+from hpop.base.lazy import on_first_use
 from hpop.ros.bridge import Bridge
 from hpop.ros.messages import PlanarPose, plain, planar_pose, pose_message, typed
 from hpop.ros.path_server import PathServer
@@ -32,10 +30,4 @@ __all__ = [
     "typed",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    """Return the class behind a deprecated name."""
-    if name == "Planning":
-        warnings.warn("hpop.ros.Planning is hpop.ros.GoalPlanner now", DeprecationWarning, stacklevel=2)
-        return GoalPlanner
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = on_first_use(__name__, {}, former={"Planning": "GoalPlanner"})

@@ -15,7 +15,7 @@ from hpop.base.options import MOST_COUNTED, amounts, whole
 from hpop.base.scalars import python_value
 from hpop.base.text import shown
 from hpop.errors import GraphError, OptionError, QueryError, did_you_mean
-from hpop.frontier import Front
+from hpop.frontier import ItemFront
 from hpop.runtime.status import Budget, Status
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import ANYTHING, Precision
@@ -129,8 +129,10 @@ class ParetoPaths:
         table: Any = np.array(measured, edges.values.dtype)
         return cast(FloatArray | IntArray, table.reshape(self.costs.shape))
 
-    def front(self, *, names: Sequence[str] | None = None, units: Sequence[str] | None = None) -> Front[list[Hashable]]:
-        """Return the result as a Front, to choose from and to save: costs are `values`, items are lists of nodes.
+    def front(
+        self, *, names: Sequence[str] | None = None, units: Sequence[str] | None = None
+    ) -> ItemFront[list[Hashable]]:
+        """Return the result as an ItemFront, to choose from and to save: costs are `values`, items are lists of nodes.
 
         Paths whose exact values are dominated are left out. There may be some, because roundings along a path can add
         up to more than a quantum.
@@ -141,7 +143,7 @@ class ParetoPaths:
         edges = self._graph.edges
         if names is None and edges is not None:
             names = edges.names
-        return Front.of(
+        return ItemFront.of(
             self.values,
             [self.path(i) for i in range(len(self))],
             names=names,

@@ -230,10 +230,10 @@ def _turn_entry(trajectory: Trajectory) -> list[Handle]:
 def shown_label(criterion: Criterion) -> str:
     """Return the label of the colour bar of a criterion.
 
-    >>> from hpop.criteria import Clearance, Length, LookAt, Turns
+    >>> from hpop.criteria import Clearance, Length, LookAtCriterion, Turns
     >>> shown_label(Length()), shown_label(Turns()), shown_label(Clearance())
     ('m a second', 'count on the spot', 'm on the spot')
-    >>> shown_label(LookAt(target=(0.0, 0.0, 1.0)))  # rad s, added up
+    >>> shown_label(LookAtCriterion(target=(0.0, 0.0, 1.0)))  # rad s, added up
     'rad on the spot'
     """
     if _counts(criterion):

@@ -164,7 +164,7 @@ def test_further_criteria_choose_too(run: Run, refused: Callable[..., None], fol
 def test_a_front_of_something_else_than_trajectories_is_told(
     run: Run, refused: Callable[..., None], tmp_path: Path
 ) -> None:
-    frontier.Front.of([[1.0, 2.0], [2.0, 1.0]]).save(tmp_path / "front.json")
+    frontier.ItemFront.of([[1.0, 2.0], [2.0, 1.0]]).save(tmp_path / "front.json")
     refused(run("pick", tmp_path), 12, "found a front without them, such as one of a graph or a table")
 
 

@@ -21,7 +21,7 @@ import hpop
 from hpop.cli import asking_page, preferring
 from hpop.cli.picking import differences
 from hpop.errors import OutputError
-from hpop.frontier import Front
+from hpop.frontier import ItemFront
 from hpop.preference import Preference
 from tests import preferring as people
 from tests.view.explorer.fronts import seeded
@@ -135,14 +135,14 @@ def marks_of(page: str) -> list[dict[str, Any]]:
 
 
 def test_differences_are_told_in_words() -> None:
-    front: Front[int] = Front.of(
+    front: ItemFront[int] = ItemFront.of(
         [[30.0, 2.0, 5.0], [30.5, 1.0, 5.0], [40.0, 0.0, 5.0]],
         names=["length", "turns", "height"], units=["m", "1", "m"], quanta=[0.001, 1.0, 0.001],
     )  # fmt: skip
     near = [one.words for one in differences(front, (0, 1))]  # type: ignore[arg-type]
     assert near == ["a has a little less, by 0.500 m", "b has less, by 1", "the same"]
     assert differences(front, (2, 0))[0].words == "b has much less, by 10.000 m"  # type: ignore[arg-type]
-    alike: Front[int] = Front.of([[30.0, 2.0], [30.1, 1.0]], names=["length", "turns"], units=["m", "1"])
+    alike: ItemFront[int] = ItemFront.of([[30.0, 2.0], [30.1, 1.0]], names=["length", "turns"], units=["m", "1"])
     words = differences(alike, (0, 1))[0].words  # type: ignore[arg-type]
     assert words.startswith("a has a little less"), "all that the front differs by, and nobody would notice it"
 

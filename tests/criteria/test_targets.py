@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 import hpop
-from hpop.criteria import LookAt, Occlusion, ViewDistance, make_criterion, motion_costs, trajectory_cost
+from hpop.criteria import LookAtCriterion, Occlusion, ViewDistance, make_criterion, motion_costs, trajectory_cost
 from hpop.criteria.base import describe_criterion
 from hpop.errors import CriterionError
 from hpop.motions import Motions
@@ -26,7 +26,7 @@ def test_a_turn_towards_a_target_costs_what_is_left_of_the_angle():
     model = hpop.DifferentialDrive(camera_height=1.0)
     turn = hpop.Trajectory.from_poses(model, [(0, 0, 0), (0, 0, 1.3)])
     target = (5 * math.cos(1.3), 5 * math.sin(1.3), 1.0)
-    assert trajectory_cost(LookAt(target), turn, WORLD) == pytest.approx(0.65 * turn.duration, rel=1e-9)
+    assert trajectory_cost(LookAtCriterion(target), turn, WORLD) == pytest.approx(0.65 * turn.duration, rel=1e-9)
 
 
 def test_it_adds_up_on_edges_trajectories_and_symbols_as_sampled_for_look_at():
@@ -34,7 +34,7 @@ def test_it_adds_up_on_edges_trajectories_and_symbols_as_sampled_for_look_at():
     _, step, place, (ahead, *_) = moments(trajectory, 20_000)
     d = np.array(TARGET_LOOK_AT)[:, None] - place
     expected = np.sum(np.arccos(np.sum(ahead * d, axis=0) / np.linalg.norm(d, axis=0))) * step
-    assert agrees_everywhere(LookAt(TARGET_LOOK_AT), Jointed(), WORLD) == pytest.approx(expected, rel=1e-4)
+    assert agrees_everywhere(LookAtCriterion(TARGET_LOOK_AT), Jointed(), WORLD) == pytest.approx(expected, rel=1e-4)
 
 
 def test_turning_the_world_with_the_robot_changes_nothing():
@@ -44,7 +44,10 @@ def test_turning_the_world_with_the_robot_changes_nothing():
     target = (x * math.cos(angle) - y * math.sin(angle), x * math.sin(angle) + y * math.cos(angle), z)
     costs = [
         trajectory_cost(criterion, tour(model), WORLD)
-        for model, criterion in ((Jointed(foot=(0.2, 0.0, 0.3)), LookAt(TARGET_LOOK_AT)), (turned, LookAt(target)))
+        for model, criterion in (
+            (Jointed(foot=(0.2, 0.0, 0.3)), LookAtCriterion(TARGET_LOOK_AT)),
+            (turned, LookAtCriterion(target)),
+        )
     ]
     assert costs[0] == pytest.approx(costs[1], rel=1e-12)
 
@@ -52,22 +55,22 @@ def test_turning_the_world_with_the_robot_changes_nothing():
 def test_a_camera_that_is_off_by_a_hair_is_off_by_that():
     model = hpop.DifferentialDrive(camera_height=1.0)
     stands = hpop.Trajectory.from_poses(model, [(0, 0, 0), (1e-3, 0, 0)])
-    off = trajectory_cost(LookAt((4.0, 4e-9, 1.0)), stands, WORLD) / stands.duration
+    off = trajectory_cost(LookAtCriterion((4.0, 4e-9, 1.0)), stands, WORLD) / stands.duration
     assert off == pytest.approx(1e-9, rel=1e-3)
 
 
 def test_a_target_is_given_by_whoever_asks():
-    again = make_criterion(describe_criterion(LookAt([1, 2.5, 0])))
-    assert again == LookAt((1.0, 2.5, 0.0))
+    again = make_criterion(describe_criterion(LookAtCriterion([1, 2.5, 0])))
+    assert again == LookAtCriterion((1.0, 2.5, 0.0))
     for wrong in ((1.0, 2.0), "here", (1.0, 2.0, math.nan)):
         with pytest.raises(CriterionError, match="target"):
-            LookAt(wrong)
+            LookAtCriterion(wrong)
     with pytest.raises(CriterionError, match="target"):
         make_criterion("look_at")
 
 
 def test_what_it_declares_for_look_at():
-    assert (LookAt.group, LookAt.unit, LookAt.aggregate) == ("P", "rad s", "sum")
+    assert (LookAtCriterion.group, LookAtCriterion.unit, LookAtCriterion.aggregate) == ("P", "rad s", "sum")
 
 
 TARGET_VIEW_DISTANCE = (0.6, 0.5, 0.4)

@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as hnp
 
 import hpop
 from hpop import frontier
-from hpop.frontier import Front, FrontError
+from hpop.frontier import FrontError, ItemFront
 
 costs = st.tuples(st.integers(1, 8), st.integers(1, 4)).flatmap(
     lambda shape: hnp.arrays(np.int64, shape, elements=st.integers(0, 5))
@@ -36,7 +36,7 @@ def test_a_knee_is_a_row_of_the_front_whatever_else_is_there(Y, shift):
 
 @given(costs)
 def test_a_knee_of_an_array_is_that_of_its_front(Y):
-    front = Front.of(Y)
+    front = ItemFront.of(Y)
     assert Y[frontier.knee(Y)].tolist() == list(front.knee().costs.values())
 
 
@@ -58,7 +58,7 @@ def test_the_default_reference_is_a_tenth_of_the_range_beyond_the_nadir_of_the_f
     assert frontier.hypervolume(np.zeros((0, 3))) == 0.0
 
 
-@pytest.mark.parametrize("ask", [frontier.knee, frontier.hypervolume, frontier.filter, Front.of])
+@pytest.mark.parametrize("ask", [frontier.knee, frontier.hypervolume, frontier.filter, ItemFront.of])
 def test_what_is_no_table_of_costs_is_refused(ask):
     with pytest.raises(ValueError, match=r"shape \(n, k\)"):
         ask([1.0, 2.0])
@@ -76,16 +76,16 @@ def test_a_knee_needs_a_row_of_finite_costs():
 
 
 def test_a_front_of_an_array_alone():
-    front = Front.of([[3.0, 0.5], [1.0, 0.75], [4.0, 0.5]])
+    front = ItemFront.of([[3.0, 0.5], [1.0, 0.75], [4.0, 0.5]])
     assert (front.names, front.units, front.items) == (("f1", "f2"), ("1", "1"), (1, 0))
     assert (front.status, front.certificate) == ("complete", "the non-dominated ones of 3 candidates")
     assert front.quanta.tolist() == [1.0, 1e-10]
     assert front.best("f2").item == 0
-    assert len(Front.of(np.zeros((0, 2)))) == 0
+    assert len(ItemFront.of(np.zeros((0, 2)))) == 0
 
 
 def test_a_front_takes_names_units_and_labels():
-    front = Front.of([[3.0, 0.5], [1.0, 0.75]], ["left", "right"], names=["length", "risk"], units=["m", "1"])
+    front = ItemFront.of([[3.0, 0.5], [1.0, 0.75]], ["left", "right"], names=["length", "risk"], units=["m", "1"])
     assert repr(front).startswith("<Front: 2 points of length [m], risk [1]; complete")
     assert front.where(length="<2")[0].item == "right"
 
@@ -93,7 +93,7 @@ def test_a_front_takes_names_units_and_labels():
 @pytest.mark.parametrize("maximise", [["gain"], [False, True], np.array([False, True]), "gain"])
 def test_what_is_maximised_is_kept_with_a_minus(maximise):
     X = np.array([[3.0, 0.5], [1.0, 0.25], [4.0, 0.125]])
-    front = Front.of(X, names=["cost", "gain"], maximise=maximise)
+    front = ItemFront.of(X, names=["cost", "gain"], maximise=maximise)
     assert front.names == ("cost", "-gain")
     assert front.costs.tolist() == [[1.0, -0.25], [3.0, -0.5]]
 
@@ -108,20 +108,20 @@ def test_what_is_maximised_is_kept_with_a_minus(maximise):
 )
 def test_a_column_to_maximise_that_is_not_there_is_refused(maximise, message):
     with pytest.raises(FrontError, match=message):
-        Front.of([[1.0, 2.0]], names=["cost", "gain"], maximise=maximise)
+        ItemFront.of([[1.0, 2.0]], names=["cost", "gain"], maximise=maximise)
 
 
 def test_a_table_of_pandas_brings_its_names():
     pandas = pytest.importorskip("pandas")
     table = pandas.DataFrame({"length": [3.0, 1.0], "risk": [0.5, 0.75]})
-    front = Front.of(table)
+    front = ItemFront.of(table)
     assert front.names == ("length", "risk")
-    assert Front.of(front.to_dataframe()).costs.tolist() == front.costs.tolist()
+    assert ItemFront.of(front.to_dataframe()).costs.tolist() == front.costs.tolist()
 
 
 def test_values_that_differ_by_the_order_of_a_sum_are_one_value():
-    assert len(Front.of([[0.1 + 0.2, 1.0], [0.3, 1.0]])) == 1
-    assert len(Front.of([[0.3 + 1e-6, 1.0], [0.3, 1.5]])) == 2
+    assert len(ItemFront.of([[0.1 + 0.2, 1.0], [0.3, 1.0]])) == 1
+    assert len(ItemFront.of([[0.3 + 1e-6, 1.0], [0.3, 1.5]])) == 2
 
 
 def test_a_front_of_trajectories_has_no_numbers_in_their_place():

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from hpop.frontier import Front, FrontError, UnknownColumnError, is_nondominated
+from hpop.frontier import FrontError, ItemFront, UnknownColumnError, is_nondominated
 from hpop.frontier.choosing import achievement, differing, knee, lexicographic, nearest, weighted_sum
 
 NAMES = ("turns", "length", "exposure", "d", "e", "f")
@@ -17,7 +17,7 @@ NAMES = ("turns", "length", "exposure", "d", "e", "f")
 def front_of(costs, quantum=1e-6, **changes):
     costs = np.asarray(costs, dtype=float)
     k = costs.shape[1]
-    return Front.of(
+    return ItemFront.of(
         costs,
         [tuple(row) for row in costs.tolist()],
         names=NAMES[:k],

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from hpop.frontier import Front, FrontError, is_nondominated
+from hpop.frontier import FrontError, ItemFront, is_nondominated
 
 
 def front_of(costs, *, items=None, **changes):
@@ -22,7 +22,7 @@ def front_of(costs, *, items=None, **changes):
         "certificate": "exact",
         **changes,
     }
-    return Front.of(costs, list(range(len(costs))) if items is None else items, **fields)
+    return ItemFront.of(costs, list(range(len(costs))) if items is None else items, **fields)
 
 
 # Tenths plus rounding-sized noise: many candidates are equal in quanta and unequal in float64.
@@ -140,12 +140,12 @@ def test_arrays_cannot_be_changed_from_outside():
 
 
 def test_a_front_without_points_is_legal():
-    nothing = Front.of([], [], names=["a"], units=["m"], quanta=[1.0], status="no path", certificate="exact")
+    nothing = ItemFront.of([], [], names=["a"], units=["m"], quanta=[1.0], status="no path", certificate="exact")
     assert (len(nothing), nothing.costs.shape, list(nothing)) == (0, (0, 1), [])
     for choose in (nothing.ideal, nothing.nadir, nothing.knee, lambda: nothing.best("a")):
         with pytest.raises(FrontError, match=r"has none.*'no path'"):
             choose()
-    something = Front.of([[1.0]], ["x"], names=["a"], units=["m"], quanta=[1.0], status="complete", certificate="c")
+    something = ItemFront.of([[1.0]], ["x"], names=["a"], units=["m"], quanta=[1.0], status="complete", certificate="c")
     assert (something | nothing).items == ("x",)
     assert (something | nothing).status == "complete | no path"
 
@@ -237,9 +237,9 @@ def test_what_does_not_fit_together_is_refused(changes, message):
 def test_the_constructor_takes_only_what_is_a_front(rows):
     good = front_of([[1.0, 2.0], [2.0, 1.0]])
     fields = {name: getattr(good, name) for name in good.__dataclass_fields__ if name != "integers"}
-    assert Front(**fields).costs.tolist() == good.costs.tolist()
+    assert ItemFront(**fields).costs.tolist() == good.costs.tolist()
     with pytest.raises(ValueError, match=r"Front\.of"):
-        Front(**{**fields, "costs": np.array(rows)})
+        ItemFront(**{**fields, "costs": np.array(rows)})
 
 
 @pytest.mark.parametrize("name", ["Y_N_didactic", "Y_N_sppnw01", "Y_N_sppaa05"])
@@ -255,8 +255,8 @@ def test_a_published_front_with_solver_noise_keeps_its_size_in_whole_units(share
 
 
 def test_reported_values_need_no_units_and_no_names():
-    front = Front.of([[1.0, 2.0], [2.0, 1.0]], reported=[[7.0], [8.0]], reported_names=["seen"])
+    front = ItemFront.of([[1.0, 2.0], [2.0, 1.0]], reported=[[7.0], [8.0]], reported_names=["seen"])
     assert (front.reported_names, front.reported_units) == (("seen",), ("1",))
     assert front.reported[:, 0].tolist() == [7.0, 8.0]
-    named = Front.of([[1.0, 2.0], [2.0, 1.0]], reported=[[7.0, 1.0], [8.0, 2.0]])
+    named = ItemFront.of([[1.0, 2.0], [2.0, 1.0]], reported=[[7.0, 1.0], [8.0, 2.0]])
     assert (named.reported_names, named.reported_units) == (("r1", "r2"), ("1", "1"))

@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.optimize import linprog
 
-from hpop.frontier import Front, is_nondominated
+from hpop.frontier import ItemFront, is_nondominated
 from hpop.frontier.choosing import _depth, knee, normalised
 
 
 def test_knee_of_a_cubic_where_its_slope_is_minus_one():
     # y = (1 - x)^3 runs from (0, 1) to (1, 0), deepest below the chord where y' = -1: x = 1 - 1/sqrt(3).
     x = np.linspace(0.0, 1.0, 2001)
-    front = Front.of(
+    front = ItemFront.of(
         np.column_stack([1000.0 * x, 3.0 + 7.0 * (1 - x) ** 3]),
         [None] * len(x),
         names=("turns", "length"),

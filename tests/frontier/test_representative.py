@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from hpop.frontier import Front, FrontError, is_nondominated, representative
+from hpop.frontier import FrontError, ItemFront, is_nondominated, representative
 
 BOX = 1.1
 
@@ -71,7 +71,7 @@ def test_a_count_that_is_no_number_of_points_is_refused(count):
 
 
 def test_the_certificate_says_of_how_many_points_they_are():
-    whole = Front.of(front(1, 2), list("abcdefghijk"), certificate="exact")
+    whole = ItemFront.of(front(1, 2), list("abcdefghijk"), certificate="exact")
     few = whole.representative(3)
     assert len(few) == 3
     assert few.certificate.startswith("selected from 11 points by greedy hypervolume (at least 63 % of ")

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hpop.frontier import Front, FrontError, UnknownColumnError, is_nondominated
+from hpop.frontier import FrontError, ItemFront, UnknownColumnError, is_nondominated
 from tests.frontier.test_choosing import front_of, fronts
 
 COMPARISONS = {
@@ -26,7 +26,7 @@ LINE = np.array([[0.0, 9.0], [1.0, 8.0], [3.0, 4.0], [6.0, 2.0], [9.0, 0.0]])
 
 
 @pytest.fixture
-def line() -> Front:
+def line() -> ItemFront:
     """Five points of turns and length, with a reported value each."""
     return front_of(LINE, reported=[[0.5], [0.4], [0.3], [0.2], [0.1 + 0.2]], reported_names=["open space"],
                     reported_units=["1"], provenance=[{"planner": "a", "row": i} for i in range(5)])  # fmt: skip
@@ -57,7 +57,7 @@ def test_slices_and_masks_are_those_of_a_list(Y, data):
     assert front[mask].items == tuple(item for item, kept in zip(front.items, mask, strict=True) if kept)
 
 
-def test_a_part_keeps_what_is_known_of_its_points_and_says_of_how_many_it_is(line: Front) -> None:
+def test_a_part_keeps_what_is_known_of_its_points_and_says_of_how_many_it_is(line: ItemFront) -> None:
     part = line[1:3]
     assert part.certificate == "selected from 5 points by rows 1:3: exact"
     assert [(p.index, p.costs, p.reported, p.provenance["row"], p.item) for p in part] == [
@@ -72,8 +72,8 @@ def test_a_part_keeps_what_is_known_of_its_points_and_says_of_how_many_it_is(lin
     assert both.certificate == "selected from 5 points by turns <= 3 and length < 9: exact"
 
 
-def test_each_statement_of_a_joint_certificate_is_of_the_part(line: Front) -> None:
-    other = Front.of([[5.0, 3.0]], ["new"], **{
+def test_each_statement_of_a_joint_certificate_is_of_the_part(line: ItemFront) -> None:
+    other = ItemFront.of([[5.0, 3.0]], ["new"], **{
         name: getattr(line, name) for name in ("names", "units", "quanta", "groups", "status")
     }, certificate="local", reported=[[0.9]], reported_names=["open space"], reported_units=["1"])  # fmt: skip
     part = (line | other).where(turns=5)
@@ -84,14 +84,14 @@ def test_each_statement_of_a_joint_certificate_is_of_the_part(line: Front) -> No
     assert (part | part).certificate == part.certificate
 
 
-def test_what_is_reported_can_be_a_condition_and_rounding_does_not_decide(line: Front) -> None:
+def test_what_is_reported_can_be_a_condition_and_rounding_does_not_decide(line: ItemFront) -> None:
     assert line.where({"open space": "<=0.3"}).costs.tolist() == LINE[2:].tolist()  # 0.1 + 0.2 is above 0.3
     assert line.where({"open space": 0.3}).costs.tolist() == LINE[[2, 4]].tolist()
     lengths = front_of([[0.1 + 0.2], [0.3]], quantum=1e-6)
     assert (len(lengths.where(turns="<=0.3")), len(lengths.where(turns="<0.3"))) == (1, 0)
 
 
-def test_where_nothing_is_left_the_certificate_names_the_nearest_point(line: Front) -> None:
+def test_where_nothing_is_left_the_certificate_names_the_nearest_point(line: ItemFront) -> None:
     none = line.where(turns="<0", length="<=2")  # 2 of 9 turns are less than 4 of 9 m, and 6 turns too many
     assert len(none) == 0
     assert none.certificate == (
@@ -126,19 +126,19 @@ def test_where_nothing_is_left_the_certificate_names_the_nearest_point(line: Fro
         ("turns<=5", "conditions must be keywords such as turns='<=5', or a dict"),
     ],
 )
-def test_what_is_no_condition_is_refused(line: Front, given: object, said: str) -> None:
+def test_what_is_no_condition_is_refused(line: ItemFront, given: object, said: str) -> None:
     with pytest.raises(FrontError, match=re.escape(said)):
         line.where(given)
 
 
-def test_a_name_with_two_conditions_is_refused(line: Front) -> None:
+def test_a_name_with_two_conditions_is_refused(line: ItemFront) -> None:
     with pytest.raises(FrontError, match=r"one condition, got two for \['turns'\]"):
         line.where({"turns": "<=5"}, turns=">=2")
     with pytest.raises(UnknownColumnError):
         line.where(lenght="<=5")
 
 
-def test_what_is_no_index_is_refused(line: Front) -> None:
+def test_what_is_no_index_is_refused(line: ItemFront) -> None:
     for index in ("turns", None, 1.5, [0, 2], [[True]], [[1], [1, 2]], np.zeros((5, 1), bool)):
         with pytest.raises(TypeError, match="index a front by a row, a slice such as"):
             line[index]
@@ -148,7 +148,7 @@ def test_what_is_no_index_is_refused(line: Front) -> None:
         line[::-1]
 
 
-def test_a_table_of_pandas_holds_costs_reported_values_and_provenance(line: Front) -> None:
+def test_a_table_of_pandas_holds_costs_reported_values_and_provenance(line: ItemFront) -> None:
     frame = line.to_dataframe()
     assert frame.columns.tolist() == ["turns", "length", "open space", "provenance.planner", "provenance.row"]
     assert frame[["turns", "length"]].to_numpy().tolist() == line.costs.tolist()
@@ -161,7 +161,7 @@ def test_a_table_of_pandas_holds_costs_reported_values_and_provenance(line: Fron
     assert len(line.where(turns=77).to_dataframe()) == 0
 
 
-def test_a_dataset_of_xarray_has_units(line: Front) -> None:
+def test_a_dataset_of_xarray_has_units(line: ItemFront) -> None:
     data = line.to_xarray()
     assert data.sizes == {"point": 5}
     assert data["length"].values.tolist() == line.costs[:, 1].tolist()
@@ -169,7 +169,7 @@ def test_a_dataset_of_xarray_has_units(line: Front) -> None:
     assert data.attrs["status"] == "complete"
 
 
-def test_a_library_that_is_not_there_is_named_with_its_extra(line: Front, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_library_that_is_not_there_is_named_with_its_extra(line: ItemFront, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "pandas", None)
     with pytest.raises(ImportError, match=r"pip install 'hpop\[tables\]'"):
         line.to_dataframe()

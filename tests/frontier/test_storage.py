@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hpop.frontier import Front, FrontFileError, storage
+from hpop.frontier import FrontFileError, ItemFront, storage
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 json_values = st.recursive(
@@ -27,7 +27,7 @@ def front_of(costs=((1.0, 0.1 + 0.2), (0.0, 2.5)), *, items=None, **changes):
         "runs": [{"planner": "lattice", "labels": 7}],
         **changes,
     }
-    return Front.of(
+    return ItemFront.of(
         costs,
         [{"x": [i]} for i in range(len(costs))] if items is None else items,
         names=("turns", "length"),
@@ -56,7 +56,7 @@ def refuse_text(tmp_path):
         changed = change(path.read_text(encoding="utf-8"))
         path.write_bytes(changed if isinstance(changed, bytes) else changed.encode())
         with pytest.raises(FrontFileError) as caught:
-            Front.load(path)
+            ItemFront.load(path)
         assert str(path) in str(caught.value)
         return str(caught.value)
 
@@ -81,13 +81,13 @@ def refuse(refuse_text):
 def test_all_of_a_front_comes_back(tmp_path):
     front = front_of()
     front.save(tmp_path / "front.json")
-    assert contents(Front.load(tmp_path / "front.json")) == contents(front)
+    assert contents(ItemFront.load(tmp_path / "front.json")) == contents(front)
 
 
 def test_an_empty_front_comes_back(tmp_path):
     front = front_of(costs=np.zeros((0, 2)))
     front.save(tmp_path / "front.json")
-    assert contents(Front.load(tmp_path / "front.json")) == contents(front)
+    assert contents(ItemFront.load(tmp_path / "front.json")) == contents(front)
 
 
 @settings(max_examples=settings.default.max_examples // 2)
@@ -102,14 +102,14 @@ def test_numbers_items_and_provenance_come_back_exactly(tmp_path_factory, costs,
     n = len(costs)
     front = front_of(costs, items=[item] * n, reported=[[value]] * n, provenance=[origin] * n, problem=origin)
     front.save(path)
-    assert contents(Front.load(path)) == contents(front)
+    assert contents(ItemFront.load(path)) == contents(front)
 
 
 def test_the_smallest_and_largest_floats_come_back(tmp_path):
     values = [5e-324, 1.7976931348623157e308, 0.1, 1 / 3]
     front = front_of([[float(i), -float(i)] for i in range(4)], reported=[[v] for v in values])
     front.save(tmp_path / "front.json")
-    assert Front.load(tmp_path / "front.json").reported.ravel().tolist() == values
+    assert ItemFront.load(tmp_path / "front.json").reported.ravel().tolist() == values
 
 
 @pytest.mark.parametrize("whole", [3000, 2**63, 10**300], ids=["3000", "2**63", "10**300"])
@@ -118,26 +118,26 @@ def test_whole_numbers_are_read_up_to_the_largest_float(tmp_path, whole):
     path = tmp_path / "front.json"
     front_of().save(path)
     path.write_text(path.read_text().replace("0.3333333333333333", str(whole)))
-    assert Front.load(path).reported.max() == whole
+    assert ItemFront.load(path).reported.max() == whole
 
 
 def test_a_codec_turns_items_into_json_and_back(tmp_path):
     front = front_of(items=[3 + 4j, 1j])
     front.save(tmp_path / "front.json", encode=lambda z: [z.real, z.imag])
-    loaded = Front.load(tmp_path / "front.json", decode=lambda pair: complex(*pair))
+    loaded = ItemFront.load(tmp_path / "front.json", decode=lambda pair: complex(*pair))
     assert loaded.items == front.items == (1j, 3 + 4j)
 
 
 def test_the_problem_is_kept_beside_the_front(tmp_path):
     front_of(problem=None).save(tmp_path / "front.json", problem={"map": "museum.yaml"})
-    assert Front.load(tmp_path / "front.json").problem == {"map": "museum.yaml"}
+    assert ItemFront.load(tmp_path / "front.json").problem == {"map": "museum.yaml"}
     front_of().save(tmp_path / "front.json")
-    assert Front.load(tmp_path / "front.json").problem == front_of().problem
+    assert ItemFront.load(tmp_path / "front.json").problem == front_of().problem
 
 
 def test_half_a_surrogate_pair_as_in_names_of_files_comes_back(tmp_path):
     front_of(items=["\udcff"] * 2).save(tmp_path / "front.json")
-    assert Front.load(tmp_path / "front.json").items == ("\udcff",) * 2
+    assert ItemFront.load(tmp_path / "front.json").items == ("\udcff",) * 2
 
 
 def nested(depth):
@@ -188,7 +188,7 @@ def test_a_missing_folder_is_named_with_the_way_out(tmp_path):
 
 @pytest.mark.parametrize("path", [3, None, b"front.json"])
 def test_what_is_no_path_is_refused(path):
-    for use in (front_of().save, Front.load):
+    for use in (front_of().save, ItemFront.load):
         with pytest.raises(FrontFileError, match="path must be a string or a path object"):
             use(path)
 
@@ -199,10 +199,10 @@ def test_a_file_above_the_limit_is_neither_written_nor_read(tmp_path, monkeypatc
     size = path.stat().st_size
     monkeypatch.setattr(storage, "SIZE_LIMIT", size)
     front_of().save(path)
-    assert len(Front.load(path)) == 2
+    assert len(ItemFront.load(path)) == 2
     monkeypatch.setattr(storage, "SIZE_LIMIT", size - 1)
     with pytest.raises(FrontFileError, match=f"at most {size - 1} bytes"):
-        Front.load(path)
+        ItemFront.load(path)
     with pytest.raises(FrontFileError, match=r"must be at most .* bytes"):
         front_of().save(path)
 
@@ -214,7 +214,7 @@ def test_every_truncation_of_a_file_is_refused(tmp_path):
     for length in range(0, len(data), 7):
         path.write_bytes(data[:length])
         with pytest.raises(FrontFileError, match=r"expected JSON.*save the front again"):
-            Front.load(path)
+            ItemFront.load(path)
 
 
 @pytest.mark.parametrize(
@@ -302,19 +302,19 @@ def test_an_item_that_does_not_decode_names_its_point(tmp_path):
     with pytest.raises(
         FrontFileError, match=r"points\[0\] cannot be decoded \(KeyError: 'y'\); pass the function decode="
     ):
-        Front.load(path, decode=lambda item: item["y"])
+        ItemFront.load(path, decode=lambda item: item["y"])
 
 
 def test_a_missing_file_is_not_a_bad_front(tmp_path):
     with pytest.raises(FileNotFoundError):
-        Front.load(tmp_path / "absent.json")
+        ItemFront.load(tmp_path / "absent.json")
 
 
 def test_what_is_no_regular_file_is_refused_at_once(tmp_path):
     os.mkfifo(tmp_path / "fifo")
     for path, found in ((tmp_path / "fifo", "a FIFO"), ("/dev/zero", "a device"), (tmp_path, "a folder")):
         with pytest.raises(OSError, match=f"expected a regular file, found {found}"):
-            Front.load(path)
+            ItemFront.load(path)
 
 
 def test_what_points_share_is_written_once(tmp_path):
@@ -322,7 +322,7 @@ def test_what_points_share_is_written_once(tmp_path):
     front = front_of(np.stack([np.arange(n), -np.arange(n)], axis=1), provenance=[{"planner": "a" * 500}] * n)
     front.save(tmp_path / "front.json")
     assert (tmp_path / "front.json").read_text().count("a" * 500) == 1
-    again = Front.load(tmp_path / "front.json")
+    again = ItemFront.load(tmp_path / "front.json")
     assert again.provenance == front.provenance
     assert len({id(origin) for origin in again.provenance}) == 1
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hpop.errors import StudyError
-from hpop.frontier import Front
+from hpop.frontier import ItemFront
 from hpop.preference import People, Preference, Prior
 from tests import preferring as people
 
@@ -106,9 +106,9 @@ def test_a_profile_beyond_those_of_all_earlier_people_counts_as_the_nearest(fort
     assert forty.prior({"mssq": -1e5}) == forty.prior({"mssq": min(known)})
 
 
-def stretched(factors: list[float]) -> Front[int]:
+def stretched(factors: list[float]) -> ItemFront[int]:
     """Return the front with other ranges of length, turns and exposure."""
-    return Front.of(FRONT.costs * factors, names=FRONT.names, units=FRONT.units, quanta=[1e-6] * 3)
+    return ItemFront.of(FRONT.costs * factors, names=FRONT.names, units=FRONT.units, quanta=[1e-6] * 3)
 
 
 def test_a_prior_is_rescaled_by_units_on_a_front_of_other_ranges() -> None:
@@ -139,7 +139,7 @@ def test_a_prior_of_other_costs_or_units_or_bends_is_refused(tmp_path: Path) -> 
     prior = People([Preference.fit(FRONT, count=1_000)]).prior()
     with pytest.raises(StudyError, match="asked about length, turns, exposure, but here the costs are length, turns"):
         Preference.fit(people.front(k=2), prior=prior)
-    units: Front[int] = Front.of(FRONT.costs, names=FRONT.names, units=["mm", "1", "s"], quanta=[1e-6] * 3)
+    units: ItemFront[int] = ItemFront.of(FRONT.costs, names=FRONT.names, units=["mm", "1", "s"], quanta=[1e-6] * 3)
     with pytest.raises(StudyError, match="about 'length' in 'm', but here it is in 'mm'"):
         Preference.fit(units, prior=prior)
     bent = [Preference.fit(stretched([f, 1, 1]), features={"length": "log"}, count=1_000) for f in (1.0, 1.05, 3.0)]

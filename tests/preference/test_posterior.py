@@ -9,11 +9,13 @@ from scipy.stats import chisquare
 
 from hpop.base.arrays import FloatArray
 from hpop.errors import StudyError
-from hpop.frontier import Front
+from hpop.frontier import ItemFront
 from hpop.preference import Preference, Prior
 from tests import preferring as people
 
-TRIANGLE: Front[int] = Front.of([[0.0, 1.0], [1.0, 0.0], [0.4, 0.4]], names=["turns", "length"], quanta=[1e-6, 1e-6])
+TRIANGLE: ItemFront[int] = ItemFront.of(
+    [[0.0, 1.0], [1.0, 0.0], [0.4, 0.4]], names=["turns", "length"], quanta=[1e-6, 1e-6]
+)
 
 
 def integrated(gains: FloatArray, prior: Prior) -> tuple[float, float]:
@@ -136,7 +138,7 @@ def test_the_order_of_a_pair_changes_nothing() -> None:
 def test_a_change_of_units_changes_nothing() -> None:
     front = people.front()
     factors = np.array([1000.0, 60.0, 1 / 3600])
-    other: Front[int] = Front.of(
+    other: ItemFront[int] = ItemFront.of(
         front.costs * factors, names=front.names, units=["mm", "1", "h"], quanta=factors * 1e-6
     )
     choices = [(3, 9), (8, 4), (1, 5), (2, 20), (40, 30)]
@@ -155,7 +157,7 @@ def test_the_same_answers_give_the_same_preference_and_another_seed_nearly_the_s
 
 def test_a_cost_that_is_the_same_everywhere_keeps_its_prior() -> None:
     costs = np.column_stack([people.front(k=2).costs, np.full(60, 4.0)])
-    front: Front[int] = Front.of(costs, names=["length", "turns", "height"], quanta=[1e-6] * 3)
+    front: ItemFront[int] = ItemFront.of(costs, names=["length", "turns", "height"], quanta=[1e-6] * 3)
     person = Preference.fit(front, [(3, 9), (4, 20)])
     assert person.weights["height"] == pytest.approx(1 / 3, abs=0.05)
 

@@ -8,12 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.errors import StudyError
-from hpop.frontier import Front
+from hpop.frontier import ItemFront
 from hpop.preference import Preference, Prior
 from hpop.preference.posterior import NOTICEABLE, expected_information, least_cost_row, row_probability_and_regret
 from tests import preferring as people
 
-THREE: Front[int] = Front.of([[0.0, 1.0], [0.3, 0.3], [1.0, 0.0]], names=["turns", "length"], quanta=[1e-6, 1e-6])
+THREE: ItemFront[int] = ItemFront.of(
+    [[0.0, 1.0], [0.3, 0.3], [1.0, 0.0]], names=["turns", "length"], quanta=[1e-6, 1e-6]
+)
 
 
 def test_of_three_rows_each_pair_is_asked_in_both_orders_and_then_none() -> None:
@@ -33,7 +35,9 @@ def test_what_nobody_can_tell_apart_is_never_asked() -> None:
         a, b = person.next_pair() or pytest.fail("a pair")
         assert (np.abs(front.costs[a] - front.costs[b]) / span).max() >= NOTICEABLE
         person = person.told(a, b, a)
-    alike: Front[int] = Front.of([[0.0, 1.0], [0.01, 0.99], [1.0, 0.0]], names=["turns", "length"], quanta=[1e-6, 1e-6])
+    alike: ItemFront[int] = ItemFront.of(
+        [[0.0, 1.0], [0.01, 0.99], [1.0, 0.0]], names=["turns", "length"], quanta=[1e-6, 1e-6]
+    )
     assert {frozenset(pair) for pair in pairs_of(Preference.fit(alike))} == {frozenset((0, 2)), frozenset((1, 2))}
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hpop.errors import StudyError
-from hpop.frontier import Front
+from hpop.frontier import ItemFront
 from hpop.preference import Preference
 from tests import preferring as people
 
@@ -61,13 +61,13 @@ def test_without_a_front_it_says_what_to_do(tmp_path: Path) -> None:
 
 def test_on_another_front_a_metre_weighs_as_much() -> None:
     """Twice the range of length, as many turns: by units length decides twice as much, by the range it would not."""
-    near: Front[int] = Front.of(
+    near: ItemFront[int] = ItemFront.of(
         [[10.0, 5.0], [20.0, 1.0]], names=["length", "turns"], units=["m", "1"], quanta=[1e-6, 1.0]
     )
     person = Preference.fit(near, [(0, 1)] * 6)
     share = person.weights["length"]
     a_metre, a_turn = share / 10.0, (1 - share) / 4.0
-    far: Front[int] = Front.of(
+    far: ItemFront[int] = ItemFront.of(
         [[100.0, 50.0], [103.0, 40.0], [140.0, 30.0]], names=["length", "turns"], units=["m", "1"], quanta=[1e-6, 1.0]
     )
     costs = far.costs @ [a_metre, a_turn]
@@ -79,12 +79,12 @@ def test_a_front_that_lacks_a_cost_or_has_another_unit_is_refused_by_name() -> N
     bare = people.front(k=2)
     with pytest.raises(StudyError, match="weighs 'exposure', which the front does not have"):
         bare.select(preference=person)
-    other: Front[int] = Front.of(
+    other: ItemFront[int] = ItemFront.of(
         people.front().costs, names=["length", "turns", "exposure"], units=["mm", "1", "s"], quanta=[1e-6] * 3
     )
     with pytest.raises(StudyError, match="'length' in 'm', the front in 'mm'"):
         person.best(other)
-    order: Front[int] = Front.of(
+    order: ItemFront[int] = ItemFront.of(
         people.front().costs[:, [2, 0, 1]],
         names=["exposure", "length", "turns"],
         units=["s", "m", "1"],

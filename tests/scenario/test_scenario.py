@@ -23,7 +23,7 @@ from hpop.errors import (
     UnknownName,
     UnsupportedModel,
 )
-from hpop.frontier import Front as Costs
+from hpop.frontier import ItemFront as Costs
 from hpop.motions import Motions
 from hpop.preference import Preference
 from hpop.problems.front import Front

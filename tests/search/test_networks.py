@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hpop.errors import GraphError, OptionError, QueryError
-from hpop.frontier import Front, is_nondominated
+from hpop.frontier import ItemFront, is_nondominated
 from hpop.search import Graph, capped_mean_paths, pareto_paths, supported_paths
 
 KINDS = [nx.Graph, nx.DiGraph, nx.MultiGraph, nx.MultiDiGraph]
@@ -144,14 +144,14 @@ def test_bounds_and_tolerances_go_by_name_in_units():
 def test_the_front_of_paths_holds_their_values_and_nodes_and_is_saved(tmp_path):
     paths = pareto_paths(city(nx.Graph, 3), "place 0", "place 1", costs=COSTS, aggregates=AGGREGATES)
     front = paths.front(units=["m", "1", "m"])
-    assert isinstance(front, Front)
+    assert isinstance(front, ItemFront)
     assert (front.names, front.units, front.status) == (tuple(COSTS), ("m", "1", "m"), "complete")
     assert front.certificate.startswith("all non-dominated vectors of paths, costs rounded up edge by edge to quanta")
     np.testing.assert_array_equal(np.sort(front.costs, axis=0), np.sort(paths.values, axis=0))
     shortest = min(range(len(paths)), key=lambda i: paths.values[i, 0])
     assert front.best("length").item == paths.path(shortest)
     front.save(tmp_path / "front.json")
-    assert Front.load(tmp_path / "front.json").items == front.items
+    assert ItemFront.load(tmp_path / "front.json").items == front.items
     numbered = pareto_paths(Graph.from_arcs(2, [0], [1], [[4, 2]]), 0, 1).front()
     assert (numbered.names, numbered.items) == (("f1", "f2"), ([0, 1],))
 

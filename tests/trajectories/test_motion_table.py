@@ -191,7 +191,7 @@ def test_a_table_that_is_none_is_refused(tmp_path, document, change, message):
 def test_a_front_of_anything_does_not_read_the_table_of_another(tmp_path, document):
     (tmp_path / "front.json").write_text(document)
     with pytest.raises(FrontFileError, match=r"only the class that saved the front can read.*hpop\.Front"):
-        hpop.frontier.Front.load(tmp_path / "front.json")
+        hpop.frontier.ItemFront.load(tmp_path / "front.json")
 
 
 def test_a_file_is_a_small_part_of_what_its_trajectories_would_take(tmp_path):

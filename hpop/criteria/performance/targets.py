@@ -51,7 +51,7 @@ def checked_target(target: Any) -> tuple[float, float, float]:
 
 @criterion("look_at", group="P", unit="rad s", aggregate="sum", requires=("camera",), world_frame=True)
 @dataclass(frozen=True)
-class LookAt(Targeted):
+class LookAtCriterion(Targeted):
     """Angle between the middle of the view and the target, over time: ∫ γ dt.
 
     target  (x, y, z)  m, world frame

@@ -13,7 +13,7 @@ from hpop.base.registry import planners
 from hpop.base.text import counted, shown
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
-from hpop.frontier import Front
+from hpop.frontier import ItemFront
 from hpop.motions import HOLD
 from hpop.planners.base import Candidates, Planner, joined, make_planner, motions_key, stages_of
 from hpop.planners.judgement import judge
@@ -26,7 +26,7 @@ from hpop.trajectories.trajectory import Trajectory
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-WarmStart = str | Mapping[str, Mapping[str, Any]] | Front[Trajectory] | Sequence[Trajectory]
+WarmStart = str | Mapping[str, Mapping[str, Any]] | ItemFront[Trajectory] | Sequence[Trajectory]
 SHARED = ("step", "headings")  # options that a planner passes on to the planner of its warm starts
 SHARE = 0.5  # share of the time limit that the planner of the warm starts may take
 FORMS = "the name of a planner, {name: options}, a front, or a list of trajectories"
@@ -130,7 +130,7 @@ def check_warm_start(starting: Starting) -> None:
     spec = starting.warm_start
     if isinstance(spec, str | Mapping):
         warm_planner(starting)
-    elif not isinstance(spec, Front) and not _are_trajectories(spec):
+    elif not isinstance(spec, ItemFront) and not _are_trajectories(spec):
         raise OptionError(f"warm_start must be {FORMS}, got {shown(spec)}")
     elif not len(spec):
         raise OptionError("warm_start needs at least one trajectory, got none; pass some, or the name of a planner")
@@ -244,7 +244,7 @@ def _passed_in(starting: Starting, problem: Problem, *, holding: bool = False) -
     Raises OptionError if their model is not that of the problem.
     """
     spec = starting.warm_start
-    trajectories = spec.items if isinstance(spec, Front) else cast(Sequence[Trajectory], spec)
+    trajectories = spec.items if isinstance(spec, ItemFront) else cast(Sequence[Trajectory], spec)
     if any(trajectory.model != problem.model for trajectory in trajectories):
         raise OptionError(
             "warm_start must have trajectories of the problem's model, got some of another model; plan them with the "

@@ -54,7 +54,7 @@ class MeanPaths(ParetoPaths):
     def front(self, *, names: Sequence[str] | None = None, units: Sequence[str] | None = None) -> NoReturn:
         """Raise OptionError: a front of the summed costs would leave out walks with the best means."""
         raise OptionError(
-            "front() needs costs that are sums, but one cost here is a mean; call hpop.frontier.Front.of with the "
+            "front() needs costs that are sums, but one cost here is a mean; call hpop.frontier.ItemFront.of with the "
             "columns that you want, such as paths.means and columns of paths.values, and with paths.path(i) as items"
         )
 

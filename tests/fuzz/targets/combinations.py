@@ -1,6 +1,6 @@
 """Random combinations of what is allowed, planned and used: what comes of them is right, in time and within memory.
 
-A front with a dominated row cannot be made (:class:`hpop.frontier.Front` raises), so it counts as a traceback.
+A front with a dominated row cannot be made (:class:`hpop.frontier.ItemFront` raises), so it counts as a traceback.
 """
 
 from __future__ import annotations
