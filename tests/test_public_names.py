@@ -318,6 +318,21 @@ def test_a_module_s_former_name_leads_to_it_with_a_warning(monkeypatch: pytest.M
 
 
 @pytest.mark.parametrize(
+    ("former", "now"),
+    [
+        ("hpop.criteria.LookAt", "hpop.criteria.LookAtCriterion"),
+        ("hpop.frontier.Front", "hpop.frontier.ItemFront"),
+        ("hpop.frontier.Point", "hpop.frontier.ItemPoint"),
+        ("hpop.ros.Planning", "hpop.ros.GoalPlanner"),
+    ],
+)
+def test_a_class_s_former_name_leads_to_it_with_a_warning(former: str, now: str) -> None:
+    with pytest.warns(DeprecationWarning, match=f"{former} is {now} now"):
+        found = pkgutil.resolve_name(former)
+    assert found is pkgutil.resolve_name(now)
+
+
+@pytest.mark.parametrize(
     "name",
     ["batches", "drive", "errors", "export", "frontier", "ros", "scenario", "search", "study", "testing", "view"],
 )

@@ -125,5 +125,5 @@ def test_values_that_differ_by_the_order_of_a_sum_are_one_value():
 
 
 def test_a_front_of_trajectories_has_no_numbers_in_their_place():
-    with pytest.raises(FrontError, match=r"hpop\.frontier\.Front\.of"):
+    with pytest.raises(FrontError, match=r"hpop\.frontier\.ItemFront\.of"):
         hpop.Front.of([[1.0, 2.0]])

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import re
 
 import numpy as np
@@ -338,3 +339,14 @@ def test_what_points_share_is_written_once(tmp_path):
 )
 def test_what_a_file_says_at_length_is_cut(refuse, change):
     assert len(refuse(change)) < 1000
+
+
+@pytest.mark.filterwarnings("ignore:.* is .* now:DeprecationWarning")
+def test_a_front_pickled_under_the_former_names_of_its_classes_is_read():
+    front = front_of()
+    pickled = pickle.dumps([front, front[0]], protocol=0)
+    former = pickled.replace(b"\nItemFront\n", b"\nFront\n").replace(b"\nItemPoint\n", b"\nPoint\n")
+    assert former != pickled
+    again, point = pickle.loads(former)
+    assert contents(again) == contents(front)
+    assert vars(point) == vars(front[0])
