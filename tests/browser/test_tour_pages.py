@@ -86,7 +86,7 @@ def test_bounds_and_an_order_both_hold_and_a_link_restores_both(page: Page, fron
     expected = ((turns <= most) & np.array([one == order for one in orders])).tolist()
     assert selected(page).tolist() == expected
     assert 0 < sum(expected) < orders.count(order)
-    until(page, f"location.hash.includes('stops={order.replace(' ', '-')}')")
+    until(page, f"['turns:', 'stops={order.replace(' ', '-')}'].every(part => location.hash.includes(part))")
     link = page.evaluate("location.hash")
     explored.fresh(page)
     page.evaluate("link => { location.hash = link }", link)
