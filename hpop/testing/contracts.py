@@ -239,7 +239,7 @@ def _integral_fault(criterion: Criterion) -> str:
     return ""
 
 
-def _as_trajectories(motions: Motions) -> Iterator[Trajectory]:
+def as_trajectories(motions: Motions) -> Iterator[Trajectory]:
     """Yield each motion as a trajectory."""
     names = motions.start.names
     ends = {name: np.stack([getattr(motions.start, name), getattr(motions.end, name)], axis=1) for name in names}
@@ -286,7 +286,7 @@ def twist_fault(bodies: list[str], batches: list[Motions], rng: np.random.Genera
     """Return a message if twists or their rates differ from finite differences of poses or twists; "" otherwise."""
     for motions in batches:
         model = motions.model
-        for trajectory in _as_trajectories(motions):
+        for trajectory in as_trajectories(motions):
             times = rng.uniform(2 * MOMENT, max(3 * MOMENT, trajectory.duration - 2 * MOMENT), MOMENTS)
             states, (rates, changes) = trajectory.at(times), trajectory.rates(times)
             around = [(trajectory.at(t), trajectory.rates(t)[0]) for t in (times - MOMENT, times + MOMENT)]
@@ -323,7 +323,7 @@ def length_fault(bodies: list[str], batches: list[Motions]) -> str:
         for name in bodies:
             body: Body = motions.body(name)
             way, turned, rotation, tilted = (np.zeros(size) for _ in range(4))
-            for i, trajectory in enumerate(_as_trajectories(motions)):
+            for i, trajectory in enumerate(as_trajectories(motions)):
                 states = trajectory.at(np.linspace(0.0, trajectory.duration, SAMPLES))
                 axes = axes_of(motions.model.pose(name, states), SAMPLES)
                 steps = _rotations(axes[1:, :, :-1], axes[1:, :, 1:])

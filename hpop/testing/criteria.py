@@ -22,16 +22,19 @@ from hpop.models.driven import driven
 from hpop.motions import HOLD, Model, Motions, States
 from hpop.planners.graphs.lattice.graph import StateLattice
 from hpop.planners.graphs.lattice.grid import Headings
-from hpop.testing.contracts import Check, criterion_says, differ, fault_of, raise_faults
+from hpop.testing.contracts import Check, as_trajectories, criterion_says, differ, fault_of, raise_faults
 from hpop.testing.models import drawn_motions
 from hpop.testing.worlds import (
     FRAME,
     in_frame,
+    jumps_across,
     predicted_batches,
     prediction_checks,
     random_motions,
     random_world,
     reframed,
+    wide_motions,
+    wide_world,
 )
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
@@ -53,6 +56,8 @@ ALONE = 8  # every eighth motion is evaluated alone
 DIFFERENTIATED = 4  # motions of each batch; among many motions, one would lie at a kink
 GRADIENT_STEP = 1e-5  # m or rad, of the central difference
 GRADIENT_TOLERANCE = 1e-3
+WIDELY = 400  # motions at positions and speeds of all magnitudes
+GRADUALLY = "let it rise gradually, such as np.clip((x - limit) / width, 0.0, 1.0)"
 FRAME_TOLERANCE = 0.03  # relative: distance fields with cells of 0.1 m are sampled on another grid
 
 
@@ -78,12 +83,17 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
     jointed = "joints" in criterion.requires
     model = make_model({"pan_tilt": {"base": base}} if jointed else base)
     world = random_world(random)
+    wide = wide_world(world)
     tours = [_head_tour(model)] if jointed else [_detour(model, 1.0), _slalom(model)]
     if criterion.aggregate == "trajectory":
         trajectories = tours if jointed else [_detour(model, 0.3), *tours]
 
         def ask(asked: Criterion) -> FloatArray:
             return np.concatenate([running_costs(asked, trajectory, world) for trajectory in trajectories])
+
+        def wide_costs() -> None:
+            for scale in () if jointed else (-1.0, -4.0, 5.0):
+                running_costs(criterion, _detour(model, scale), wide)
 
     else:
         kinds, drawn = (OF_HEAD, _linear_motions) if jointed else (KINDS, random_motions)
@@ -94,6 +104,15 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
         def ask(asked: Criterion) -> FloatArray:
             return np.concatenate([motion_costs(asked, motions) for motions in batches])
 
+        def wide_costs() -> None:
+            spread = np.random.default_rng((seed, 2))
+            if jointed:
+                others = [drawn(spread, wide, model, kind, SIZES[-1]) for kind in kinds]
+            else:
+                others = wide_motions(spread, wide, model, WIDELY)
+            for motions in others:
+                motion_costs(criterion, motions)
+
     declared = Check("has valid declarations", fault_of(lambda: criterion_says(criterion)))
     yield declared
     if declared.fault:
@@ -102,6 +121,7 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
 
     def costs() -> str:
         first.append(ask(criterion))
+        wide_costs()
         return "" if first[0].size else "no costs"
 
     finite = Check("costs a finite number >= 0 for each motion", fault_of(costs))
@@ -144,6 +164,8 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
         yield Check(
             "costs the same wherever a curve is cut", fault_of(lambda: _cutting_fault(criterion, random, world, model))
         )
+        if criterion.aggregate != "max":
+            yield Check("has a rate without jumps", fault_of(lambda: _jump_fault(criterion, seed, wide, model)))
     if criterion.smooth:
         functions = cache(lambda: list(_on_symbols(criterion, batches)))
         yield Check("has the same value on CasADi symbols", fault_of(lambda: _symbols_fault(criterion, functions)))
@@ -184,16 +206,26 @@ def _subset(motions: Motions, index: slice | IntArray) -> Motions:
 
 def _cutting_fault(criterion: Criterion, rng: np.random.Generator, world: World, model: Model) -> str:
     """Return a fault if the costs of curves (trajectories of one motion) change when they are cut in two or in five."""
-    m = random_motions(rng, world, model, "drive", 12)
-    columns = {name: np.stack([getattr(m.start, name), getattr(m.end, name)], axis=1) for name in m.start.names}
-    wholes = [Trajectory(model, States(**{n: c[i] for n, c in columns.items()}), (m.kind,)) for i in range(len(m))]
-    expected = trajectory_costs([criterion], wholes, world)
+    return _pieces_fault(criterion, random_motions(rng, world, model, "drive", 12))
+
+
+def _pieces_fault(criterion: Criterion, m: Motions) -> str:
+    wholes = list(as_trajectories(m))
+    expected = trajectory_costs([criterion], wholes, m.world)
     for pieces in (2, 5):
-        apart = trajectory_costs([criterion], [whole.cut(np.array([pieces])) for whole in wholes], world)
-        limits = (world.cell, 1.0) if criterion.aggregate == "max" else (CUT_TOLERANCE, None)
+        apart = trajectory_costs([criterion], [whole.cut(np.array([pieces])) for whole in wholes], m.world)
+        limits = (m.world.cell, 1.0) if criterion.aggregate == "max" else (CUT_TOLERANCE, None)
         fault = differ(f"in {pieces} pieces", expected, apart, *limits)
         if fault:
             return fault
+    return ""
+
+
+def _jump_fault(criterion: Criterion, seed: int, wide: World, model: Model) -> str:
+    """Return a fault if a rate jumps, so that motions across the jump cost another amount in pieces."""
+    for jump, motions in jumps_across(criterion, np.random.default_rng((seed, 3)), wide, model):
+        if fault := _pieces_fault(criterion, motions):
+            return f"{jump}; the cost of a {motions.kind} across it, {fault}; {GRADUALLY}"
     return ""
 
 

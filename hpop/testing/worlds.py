@@ -1,4 +1,4 @@
-"""Random worlds, motions and predictions of people for conformance checks."""
+"""Random worlds, motions and predictions of people for conformance checks, and a search for rates that jump."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.arrays import FloatArray
+from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.options import whole
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
@@ -31,6 +31,15 @@ MOST_DRAWN = 100_000
 TOLERANCE = 2e-3  # relative: the panels of integrals end where people turn, so they differ between worlds
 ASKED = ("move", HOLD.kind)
 SLACK = 0.1  # relative tolerance of a worst moment, since it lies between two samples
+WIDE = 30.0  # m: a wide world has its origin in the middle of a square of twice this side
+NARROWEST, FASTEST = 1e-3, 5.0  # least distance, m, and largest speed, m/s, or turn rate, rad/s, of wide motions
+LINES = ("position", "speed", "turn rate", "yaw")
+RAYS, DENSITY = 12, 16  # lines of each kind, and samples on each side of a line
+ASIDE = 0.02  # m, standard deviation of the distances at which lines pass by people
+MOMENT, BRACKET = 1e-6, 1e-5  # m, m/s, rad/s or rad: where a rate is sampled, and where it is said to jump
+FIRST, HALVINGS = 6, 22  # times that an interval of a line is halved before it may be dropped, and at most
+LEAST_JUMP = 1e-2  # share of the largest rate on the line
+MOST_JUMPS, ACROSS = 6, 8  # jumps of each kind of line that are looked at, and motions across each
 
 
 @checked_arguments
@@ -120,6 +129,124 @@ def holds(world: World, model: Model, states: States, rng: np.random.Generator) 
     clock, lasts = rng.uniform(0, 60, states.size), rng.uniform(0.2, 3.0, states.size)
     start, end = (States(**states.__dict__ | {CLOCK: time}) for time in (clock, clock + lasts))
     return Motions(world, model, HOLD, start, end, t0=clock)
+
+
+def wide_world(world: World) -> World:
+    """Return a world with the same obstacles and content, in a square of 60 m around the origin."""
+    c = world.content
+    wide = World(Ground(world.obstacles, extent=shapely.box(-WIDE, -WIDE, WIDE, WIDE)))
+    return wide.with_content(people=c.people, groups=c.groups, landmarks=c.landmarks, zones=c.zones)
+
+
+def wide_motions(rng: np.random.Generator, wide: World, model: Model, size: int) -> list[Motions]:
+    """Return moves and curves (size,) at positions, speeds and turn rates of both signs and of all magnitudes."""
+
+    def drawn(most: float) -> FloatArray:
+        magnitude: FloatArray = np.exp(rng.uniform(np.log(NARROWEST), np.log(most), size))
+        return magnitude * rng.choice([-1.0, 1.0], size)
+
+    x, y, yaw = drawn(0.9 * WIDE), drawn(0.9 * WIDE), rng.uniform(-np.pi, np.pi, size)
+    length, lasts = rng.uniform(0.1, 0.4, (2, size))
+    clock = np.zeros(size)
+    start = States(x=x, y=y, yaw=yaw)
+    end = States(x=x + length * np.cos(yaw), y=y + length * np.sin(yaw), yaw=yaw)
+    fast = States(x=x, y=y, yaw=yaw, speed=drawn(FASTEST), turn_rate=drawn(FASTEST), clock=clock)
+    speed, turn_rate = drawn(FASTEST), drawn(FASTEST)
+    curve_end = states_after(fast, (speed - fast.speed) / lasts, (turn_rate - fast.turn_rate) / lasts, lasts)
+    move, drive = model.laws["move"], model.laws["drive"]
+    return [Motions(wide, model, move, start, end, t0=clock), Motions(wide, model, drive, fast, curve_end, t0=clock)]
+
+
+class _Lines:
+    """Lines in the space of states, along each of which one quantity varies: position, speed, turn rate or yaw.
+
+    Lines of positions pass by the origin, people, landmarks and random places. The quantity is then the distance
+    from there, m. They do not pass exactly through a person, where even a good rate may jump.
+    """
+
+    def __init__(self, rng: np.random.Generator, wide: World, model: Model, quantity: str) -> None:
+        self.world, self.model, self.quantity = wide, model, quantity
+        places = [(0.0, 0.0), (0.0, 0.0), *((one.x, one.y) for one in (*wide.content.people, *wide.content.landmarks))][
+            :RAYS
+        ]
+        free = rng.uniform((1.0, 1.0), (11.0, 8.0), size=(RAYS - len(places), 2))
+        beside = np.concatenate([np.array(places), free]) + rng.normal(0.0, ASIDE, (RAYS, 2))
+        self.x, self.y = beside.T
+        self.yaw = np.arange(RAYS) % 2 * (np.pi / 2) + rng.uniform(-0.4, 0.4, RAYS)  # about east or north
+
+    def samples(self) -> FloatArray:
+        """Return the sampled values (2 * DENSITY + 1,) of the quantity, in ascending order."""
+        if self.quantity == "yaw":
+            return np.linspace(-np.pi, np.pi, 2 * DENSITY + 1)
+        most = 0.8 * WIDE if self.quantity == "position" else FASTEST
+        above = np.geomspace(NARROWEST, most, DENSITY)
+        return np.concatenate([-above[::-1], [0.0], above])
+
+    def motions(self, line: IntArray, begin: FloatArray, end: FloatArray) -> Motions:
+        """Return motions (N,) along lines, in which the quantity rises from ``begin`` to ``end``."""
+        x, y, yaw, clock = self.x[line], self.y[line], self.yaw[line], np.zeros(line.size)
+        if self.quantity == "position":
+            ends = [States(x=x + r * np.cos(yaw), y=y + r * np.sin(yaw), yaw=yaw) for r in (begin, end)]
+            return Motions(self.world, self.model, self.model.laws["move"], ends[0], ends[1], t0=clock)
+        columns = {"yaw": yaw, "speed": clock + 0.5, "turn_rate": clock + float(self.quantity == "yaw")}
+        columns[self.quantity.replace(" ", "_")] = begin
+        faster, tighter = (clock + float(self.quantity == name) for name in ("speed", "turn rate"))
+        start = States(x=x, y=y, **columns, clock=clock)
+        law = self.model.laws["drive"]
+        return Motions(self.world, self.model, law, start, states_after(start, faster, tighter, end - begin), t0=clock)
+
+    def rates(self, criterion: Criterion, line: IntArray, value: FloatArray) -> FloatArray:
+        """Return the cost per second (N,) of very short motions on lines."""
+        motions = self.motions(line, value, value + MOMENT)
+        return np.asarray(motion_costs(criterion, motions) / motions.duration)
+
+    def jumps(self, criterion: Criterion) -> Iterator[tuple[int, float, float, float]]:
+        """Yield the largest jumps of a rate: line, value of the quantity, and the rates before and after.
+
+        Intervals between samples are halved. Half of an interval is kept: that in which the rate changes more. An
+        interval is dropped if its change has become small in proportion to its width.
+        """
+        samples = self.samples()
+        every = np.repeat(np.arange(RAYS), samples.size)
+        found = self.rates(criterion, every, np.tile(samples, RAYS)).reshape(RAYS, samples.size)
+        scale = np.abs(found).max(axis=1)
+        line, interval = np.nonzero(np.abs(np.diff(found, axis=1)) > LEAST_JUMP * scale[:, None])
+        low, high = samples[interval], samples[interval + 1]
+        before, after = found[line, interval], found[line, interval + 1]
+        first = np.abs(after - before)
+        for halving in range(HALVINGS):
+            if not line.size:
+                return
+            middle = 0.5 * (low + high)
+            between = self.rates(criterion, line, middle)
+            lower = np.abs(between - before) >= np.abs(after - between)
+            low, high = np.where(lower, low, middle), np.where(lower, middle, high)
+            before, after = np.where(lower, before, between), np.where(lower, between, after)
+            change = np.abs(after - before)
+            kept = change > LEAST_JUMP * scale[line]
+            if halving >= FIRST:
+                kept &= change > 4.0 * first * 0.5 ** (halving + 1)
+            line, low, high, before, after, first = (c[kept] for c in (line, low, high, before, after, first))
+        change = np.where(high - low < BRACKET, np.abs(after - before), 0.0)
+        for i in np.argsort(-change, kind="stable")[:MOST_JUMPS]:
+            if change[i]:
+                yield int(line[i]), float(high[i]), float(before[i]), float(after[i])
+
+
+def jumps_across(
+    criterion: Criterion, rng: np.random.Generator, wide: World, model: Model
+) -> Iterator[tuple[str, Motions]]:
+    """Yield motions (ACROSS,) across each place where the rate of a criterion jumps, with a text on the jump."""
+    for quantity in LINES:
+        lines = _Lines(rng, wide, model, quantity)
+        for line, value, before, after in lines.jumps(criterion):
+            width, share = rng.uniform((0.1, 0.1), (0.4, 0.9), (ACROSS, 2)).T
+            m = lines.motions(np.full(ACROSS, line), value - share * width, value + (1.0 - share) * width)
+            x, y = lines.x[line], lines.y[line]
+            if quantity == "position":
+                x, y = x + value * np.cos(lines.yaw[line]), y + value * np.sin(lines.yaw[line])
+            at = "" if quantity == "position" else f" at a {quantity} of {value:.4g}"
+            yield f"the rate jumps from {before:.4g} to {after:.4g}{at} near x = {x:.4g}, y = {y:.4g}", m
 
 
 def sure_world(world: World) -> World:

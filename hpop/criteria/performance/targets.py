@@ -123,7 +123,8 @@ class Occlusion(Targeted):
 
     Accuracy: the share jumps as each ray becomes blocked or free, and the time of a jump is found to about a hundredth
     of the motion's duration. In 2,000 long reaches of an arm, the error of the cost was 0.2 % on average and at most
-    0.02 s. Programs on CasADi symbols, such as those of splines, cannot use this criterion.
+    0.02 s. `hpop check` reports the jumps. Programs on CasADi symbols, such as those of splines, cannot use this
+    criterion.
     """
 
     radius: float = 0.1
