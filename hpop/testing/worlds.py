@@ -143,7 +143,7 @@ def wide_motions(rng: np.random.Generator, wide: World, model: Model, size: int)
 
     def drawn(most: float) -> FloatArray:
         magnitude: FloatArray = np.exp(rng.uniform(np.log(NARROWEST), np.log(most), size))
-        return magnitude * rng.choice([-1.0, 1.0], size)
+        return np.copysign(magnitude, rng.uniform(-1.0, 1.0, size))
 
     x, y, yaw = drawn(0.9 * WIDE), drawn(0.9 * WIDE), rng.uniform(-np.pi, np.pi, size)
     length, lasts = rng.uniform(0.1, 0.4, (2, size))
@@ -157,7 +157,7 @@ def wide_motions(rng: np.random.Generator, wide: World, model: Model, size: int)
     return [Motions(wide, model, move, start, end, t0=clock), Motions(wide, model, drive, fast, curve_end, t0=clock)]
 
 
-class _Lines:
+class _StateLines:
     """Lines in the space of states, along each of which one quantity varies: position, speed, turn rate or yaw.
 
     Lines of positions pass by the origin, people, landmarks and random places. The quantity is then the distance
@@ -166,9 +166,9 @@ class _Lines:
 
     def __init__(self, rng: np.random.Generator, wide: World, model: Model, quantity: str) -> None:
         self.world, self.model, self.quantity = wide, model, quantity
-        places = [(0.0, 0.0), (0.0, 0.0), *((one.x, one.y) for one in (*wide.content.people, *wide.content.landmarks))][
-            :RAYS
-        ]
+        content = wide.content
+        places = [(person.x, person.y) for person in content.people] + [(one.x, one.y) for one in content.landmarks]
+        places = [(0.0, 0.0), (0.0, 0.0), *places][:RAYS]
         free = rng.uniform((1.0, 1.0), (11.0, 8.0), size=(RAYS - len(places), 2))
         beside = np.concatenate([np.array(places), free]) + rng.normal(0.0, ASIDE, (RAYS, 2))
         self.x, self.y = beside.T
@@ -238,7 +238,7 @@ def jumps_across(
 ) -> Iterator[tuple[str, Motions]]:
     """Yield motions (ACROSS,) across each place where the rate of a criterion jumps, with a text on the jump."""
     for quantity in LINES:
-        lines = _Lines(rng, wide, model, quantity)
+        lines = _StateLines(rng, wide, model, quantity)
         for line, value, before, after in lines.jumps(criterion):
             width, share = rng.uniform((0.1, 0.1), (0.4, 0.9), (ACROSS, 2)).T
             m = lines.motions(np.full(ACROSS, line), value - share * width, value + (1.0 - share) * width)
