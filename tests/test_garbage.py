@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import pytest
 
 from hpop.base.registry import criteria, goals, models, planners, readers
-from hpop.runtime import garbage
+from hpop.runtime import interrupts
 
 
 @pytest.fixture(autouse=True)
@@ -27,9 +27,9 @@ def _frozen_as_before() -> Iterator[None]:
 def test_what_a_command_leaves_is_not_looked_through(monkeypatch: pytest.MonkeyPatch) -> None:
     for registry in (criteria, goals, models, planners, readers):  # other tests may have registered theirs
         monkeypatch.setattr(registry, "own", dict)
-    monkeypatch.delitem(sys.modules, garbage.COUNTING, raising=False)
+    monkeypatch.delitem(sys.modules, interrupts.COUNTING, raising=False)
     kept = [[] for _ in range(100)]  # type: ignore[var-annotated]
-    garbage.stop_collecting()
+    interrupts.stop_collecting()
     assert gc.get_freeze_count() > len(kept)
 
 
@@ -39,12 +39,12 @@ def test_where_somebody_elses_code_is_registered_the_end_of_python_is_as_ever(mo
 
     theirs.__module__ = "somebody.elses"
     monkeypatch.setattr(readers, "own", lambda: {"theirs": theirs})
-    garbage.stop_collecting()
+    interrupts.stop_collecting()
     assert not gc.get_freeze_count()
 
 
 def test_where_a_library_prints_what_is_left_the_end_of_python_is_as_ever() -> None:
     """OMPL's bindings name each object that Python has not collected, in some thirty lines on a user's terminal."""
-    command = "from hpop.runtime import garbage; garbage.collect_rarely(); import ompl.base"
+    command = "from hpop.runtime import interrupts; interrupts.collect_rarely(); import ompl.base"
     done = subprocess.run([sys.executable, "-P", "-c", command], capture_output=True, text=True, check=True)
     assert done.stderr == ""

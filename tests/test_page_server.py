@@ -20,7 +20,7 @@ from starlette.routing import Route
 
 import hpop
 from hpop import study
-from hpop.cli import asking_page
+from hpop.cli import serving
 from hpop.cli.live_server import LiveFront, server_of
 from hpop.cli.serving import OnePage
 from hpop.runtime.page_server import CONNECTIONS, LOCAL, PageServer, body, no_port
@@ -111,7 +111,7 @@ def test_a_page_of_another_origin_answers_no_question_of_a_preference() -> None:
         said.append(line)
         told.set()
 
-    Thread(target=asking_page.serve, args=(asked, 0, say), daemon=True).start()
+    Thread(target=serving.serve, args=(asked, 0, say), daemon=True).start()
     assert told.wait(60)
     port, path = re.findall(r":(\d+)(/\S+)", said[0])[0]
     for origin, code in (("http://evil.example", 403), ("null", 403), (f"http://{LOCAL}:{port}", 303)):

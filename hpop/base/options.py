@@ -13,8 +13,7 @@ from math import nan, radians
 from numbers import Integral
 from typing import Annotated, Any, TypeVar
 
-from hpop.base.scalars import is_number, is_whole, python_value
-from hpop.base.text import shown
+from hpop.base.text import is_number, is_whole, python_value, shown
 from hpop.errors import HpopError, OptionError, did_you_mean
 
 T = TypeVar("T")

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from hpop.base.lazy import homes_of, on_first_use
 
 if TYPE_CHECKING:  # imported on first use, so that `hpop --help` and usage errors answer at once
-    from hpop.cli import asking_page as asking_page
     from hpop.cli import explain as explain
     from hpop.cli import picking as picking
     from hpop.cli import report as report

@@ -172,7 +172,7 @@ class PicturesBeside:
 
 def draw(which: str, folder: Path, max_memory: int | None, imports: Sequence[str]) -> None:
     """Draw pictures of the front saved in a folder, at low priority: only the map if ``which`` is "map", else all."""
-    runtime.garbage.collect_rarely()
+    runtime.interrupts.collect_rarely()
 
     if hasattr(os, "nice"):
         os.nice(NICENESS)

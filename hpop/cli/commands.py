@@ -24,13 +24,11 @@ from hpop.cli import listing, results
 from hpop.cli.batching import batch
 from hpop.cli.beside import LivePage, PicturesBeside
 from hpop.cli.driving import drive
-from hpop.cli.exporting import export, ros
-from hpop.cli.looking import look, new
+from hpop.cli.exporting import export, ride, ros
+from hpop.cli.listing import look, new
 from hpop.cli.preferring import prefer
 from hpop.cli.results import SAVED
-from hpop.cli.retiming import retime
-from hpop.cli.riding import ride
-from hpop.cli.saved import pick, show
+from hpop.cli.saved import pick, retime, show
 from hpop.cli.studying import study
 from hpop.cli.terminal import (
     INTERRUPTED,
@@ -121,7 +119,7 @@ def plan(
     """
     if workers is not None and dask is not None:
         raise click.UsageError("give --workers or --dask, not both")
-    runtime.garbage.collect_rarely()
+    runtime.interrupts.collect_rarely()
     from hpop.motions import collision_of
     from hpop.planners.base import sweeps
     from hpop.planners.searches.kernels import kernels_beside

@@ -141,7 +141,7 @@ def _print_options(options: Options, happening: Happening) -> None:
     table.add_column(cli.report.header("leaves at", "s"), justify="right")
     table.add_column(cli.report.header("next turn", "s from now"), justify="right")
     table.add_column("same side")
-    numbers = problems.recorded_visits.stop_numbers(options.front)
+    numbers = problems.named_rows.stop_numbers(options.front)
     if numbers:
         table.add_column("stops")
     table.add_column("")

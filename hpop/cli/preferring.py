@@ -153,7 +153,7 @@ def prefer(
     asking = Asking(_person(front, file, question, seed), problem, front, file, most)
     try:
         if web and not asking.is_over:
-            cli.asking_page.serve(asking, port, echo)
+            cli.serving.serve(asking, port, echo)
         elif not asking.is_over:
             _ask(asking, path.with_name(PICTURE))
     finally:

@@ -29,8 +29,8 @@ from hpop.motions.laws import SPEED
 from hpop.planners.objectives import integral_of
 from hpop.problems.evaluation import criteria_of
 from hpop.problems.front import Front
+from hpop.problems.named_rows import visit_order
 from hpop.problems.problem import Problem
-from hpop.problems.recorded_visits import visit_order
 from hpop.runtime.status import Status
 from hpop.trajectories.trajectory import Trajectory
 

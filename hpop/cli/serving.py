@@ -1,28 +1,45 @@
-"""Serve one page to a headset: over https with a temporary certificate, or over a cable.
+"""Web pages that the command line serves: one page to a headset, and the questions of ``hpop prefer --web``.
 
-Headsets show pages in VR only over a secure connection: https, or http from their own 127.0.0.1, which `adb reverse`
-connects to a port of this machine. Only the page is served, and only to requests that carry the token and address this
-machine by one of its names.
+Headsets show pages in VR only over a secure connection: https with a temporary certificate, or http from their own
+127.0.0.1, which `adb reverse` connects to a port of this machine. Only the page is served, and only to requests that
+carry the token and address this machine by one of its names.
+
+The page of questions asks a person which of two trajectories is better. It has plain HTML forms without scripts, and is
+served to this machine only. Requests need the token in its address, and pages of other origins cannot answer. Each
+answer carries the number of its question, so that an answer that is sent twice counts once.
 """
 
 from __future__ import annotations
 
 import datetime
+import html
 import ipaddress
 import secrets
 import socket
 import ssl
-from collections.abc import Sequence
+from base64 import b64encode
+from collections.abc import Callable, Sequence
+from http import HTTPStatus
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from threading import Event, Lock, Thread
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+from urllib.parse import parse_qs
 
-from starlette.responses import HTMLResponse
+from starlette.background import BackgroundTask
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route
 
+from hpop.base.text import printable
 from hpop.errors import OutputError
 from hpop.runtime.page_server import LOCAL as LOCAL
-from hpop.runtime.page_server import PageServer
+from hpop.runtime.page_server import PageServer, body
+
+if TYPE_CHECKING:
+    from hpop.cli.picking import Difference
+
 
 EVERYWHERE = "0.0.0.0"
 DAYS = 7
@@ -121,3 +138,130 @@ def context_of(certificate: Certificate) -> ssl.SSLContext:
             path.write_bytes(data)
         context.load_cert_chain(str(paths[0]), str(paths[1]))
     return context
+
+
+MOST_BYTES = 1_000
+"""Largest size of an answer, bytes."""
+POLICY = (
+    "default-src 'none'; img-src data:; style-src 'unsafe-inline'; form-action 'self'; base-uri 'none'; "
+    "frame-ancestors 'none'"
+)
+"""Content security policy: the sources from which the page may load."""
+# Trajectories a and b have the first two line colours and dashes of the map.
+STYLE = """body{font:17px/1.45 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#1b1b1b}
+body{background:#fff}table{border-collapse:collapse;margin:1rem 0}td,th{padding:.3rem .9rem .3rem 0;text-align:right}
+td:first-child,td:last-child,th:first-child{text-align:left}td:last-child{color:#555}img{max-width:100%;max-height:60vh}
+button{font:inherit;padding:.6rem 1.2rem;margin:.3rem .5rem .3rem 0;border:1px solid #555;border-radius:.4rem}
+button{background:#fff;color:#1b1b1b;cursor:pointer}button:focus-visible{outline:3px solid #1a6fb0}
+form{position:sticky;bottom:0;background:#fff;padding:.3rem 0}button{min-height:44px}h1{font-size:1.6rem}
+button.main{background:#1a6fb0;color:#fff;border-color:#1a6fb0}
+th.a{border-bottom:3px solid #000}th.b{border-bottom:3px dashed #d55e00}
+@media(max-width:560px){body{margin:.5rem auto}h1{font-size:1.25rem}table{margin:.5rem 0}td{font-size:.9rem}
+form{padding:.5rem 0;display:grid;grid-template-columns:1fr 1fr;gap:.5rem}
+button{margin:0}}"""
+HEAD = (
+    "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content='width=device-width'>"
+    f"<title>Which do you prefer?</title><style>{STYLE}</style><main>"
+)
+LABELS = {"a": "I prefer a", "b": "I prefer b", "tie": "No difference", "stop": "Stop here"}
+
+
+class Questionnaire(Protocol):
+    """Interface between the page and a series of questions: the current question with its picture, or the result.
+
+    number       of the current question, from 1
+    words        text of the current question
+    is_over      whether no question is left
+    differences  costs of the two trajectories of the current question, compared
+    picture      PNG file: a map of both trajectories
+    result       lines of text for the end
+    answer       saves "a", "b" or "tie" and goes on to the next question; "stop" ends the questions
+    """
+
+    @property
+    def number(self) -> int: ...
+    @property
+    def words(self) -> str: ...
+    @property
+    def is_over(self) -> bool: ...
+    def differences(self) -> list[Difference]: ...
+    def picture(self) -> bytes: ...
+    def result(self) -> list[str]: ...
+    def answer(self, word: str) -> None: ...
+
+
+def page_of(questions: Questionnaire) -> str:
+    """Return the HTML page: the current question with map, table and buttons, or the result after the last question."""
+    if questions.is_over:
+        result = "".join(f"<p>{html.escape(printable(line))}</p>" for line in questions.result())
+        return f"{HEAD}<h1>Thank you</h1>{result}<p>You can close this page.</p>"
+    rows = "".join(
+        "<tr>"
+        + "".join(f"<td>{html.escape(printable(cell))}</td>" for cell in (cost.label, cost.a, cost.b, cost.words))
+        + "</tr>"
+        for cost in questions.differences()
+    )
+    image = b64encode(questions.picture()).decode()
+    buttons = "".join(
+        f"<button name=answer value={word}{' class=main' * (word in 'ab')}>{label}</button>"
+        for word, label in LABELS.items()
+    )
+    return (
+        f"{HEAD}<h1>{html.escape(questions.words)}</h1>"
+        f"<img alt='Map of both trajectories, a and b' src='data:image/png;base64,{image}'>"
+        "<table><tr><td aria-hidden=true></td><th class=a scope=col>a</th><th class=b scope=col>b</th>"
+        f"<td aria-hidden=true></td></tr>{rows}</table>"
+        f"<form method=post><input type=hidden name=question value={questions.number}>{buttons}</form>"
+    )
+
+
+def _page_of_loss(why: str, address: str) -> str:
+    """Return the HTML page which says that an answer could not be saved; a link leads back to the same question."""
+    reason = html.escape(printable(why))
+    way_back = f"<p><a href={address}>Ask again</a></p>"
+    return f"{HEAD}<h1>Please answer again</h1><p>The answer was not saved: {reason}</p>{way_back}"
+
+
+def serve(questions: Questionnaire, port: int, say: Callable[[str], None]) -> None:
+    """Serve the page until the last question is answered and the browser has received the result.
+
+    ``say`` prints a line. Raises OutputError if the port is taken.
+    """
+    token, lock, over = secrets.token_urlsafe(16), Lock(), Event()
+
+    def show(request: Request) -> Response:
+        """Return the page. Once the page with the result has been sent, the command ends."""
+        with lock:
+            page = page_of(questions)
+            ends = BackgroundTask(over.set) if questions.is_over else None
+        return HTMLResponse(page, headers={"Content-Security-Policy": POLICY}, background=ends)
+
+    def answer(word: str, number: str) -> None:
+        with lock:
+            if word in LABELS and number == str(questions.number) and not questions.is_over:
+                questions.answer(word)
+
+    async def take(request: Request) -> Response:
+        """Save the answer from a submitted form, and redirect to the page with the next question."""
+        data = await body(request, MOST_BYTES)
+        if data is None:
+            return Response(status_code=HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
+        given = parse_qs(data.decode("ascii", "replace"))
+        try:
+            await run_in_threadpool(answer, given.get("answer", [""])[0], given.get("question", [""])[0])
+        except OutputError as error:
+            say(str(error))
+            page = _page_of_loss(str(error), f"/{token}")
+            return HTMLResponse(page, HTTPStatus.INTERNAL_SERVER_ERROR, {"Content-Security-Policy": POLICY})
+        return RedirectResponse(f"/{token}", HTTPStatus.SEE_OTHER)
+
+    routes = [Route("/", show), Route("/", take, methods=["POST"])]
+    with PageServer(routes, port=port, token=token) as server:
+        serving = Thread(target=server.serve_forever, daemon=True)
+        serving.start()
+        try:
+            say(f"the questions are at {server.root()}/{token}")
+            over.wait()
+        finally:
+            server.shutdown()
+            serving.join()

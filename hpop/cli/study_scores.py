@@ -73,7 +73,7 @@ def report(folder: Path, named: str, method: str, correction: str | None, out: P
         score=_score(named),
         correction=cast("Correction | None", correction),
     )
-    page = analysis.save(out or folder / hpop.study.folder.REPORT)
+    page = analysis.save(out or folder / hpop.study.documents.REPORTS)
     echo(analysis.text())
     echo(f"written: {page}")
     hpop.study.folder.front_of(folder, answers.design)

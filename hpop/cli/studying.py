@@ -250,7 +250,7 @@ def withdraw(folder: Path, participant: str, yes: bool) -> None:
     PARTICIPANT is an id, such as p07. The data are deleted after a confirmation, or with --yes; tables and reports are
     made again without them. The next person takes the place, under another id.
     """
-    from hpop.study.leaving import known_of
+    from hpop.study.folder import known_of
 
     files = known_of(folder, participant)
     if not yes:
@@ -276,9 +276,9 @@ def _check_words(language: str, path: Path | None) -> None:
     ``language`` selects hpop's own texts.
     """
     if path is None:
-        hpop.study.words.words(language)
+        hpop.study.documents.words(language)
     else:
-        hpop.study.words.checked_file(path)
+        hpop.study.documents.checked_file(path)
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from hpop.drive.plan import SAME, Cut, Plan, between, cut_of, held, joined, moti
 from hpop.drive.surroundings import DriveSurroundings
 from hpop.drive.tour_progress import TourProgress
 from hpop.motions import States
-from hpop.problems.recorded_visits import StopVisit
+from hpop.problems.named_rows import StopVisit
 from hpop.trajectories.history import sections
 from hpop.trajectories.trajectory import Trajectory
 

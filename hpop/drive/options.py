@@ -14,8 +14,7 @@ import shapely
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray
-from hpop.base.scalars import is_whole
-from hpop.base.text import shown
+from hpop.base.text import is_whole, shown
 from hpop.drive.closings import Closing
 from hpop.drive.plan import speed_of
 from hpop.errors import DriveError

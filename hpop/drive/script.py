@@ -13,8 +13,7 @@ from shapely.geometry import shape
 from hpop.base.arguments import checked_arguments
 from hpop.base.options import MOST, real
 from hpop.base.registry import planners
-from hpop.base.scalars import is_whole
-from hpop.base.text import shown
+from hpop.base.text import is_whole, shown
 from hpop.drive.closings import Closing
 from hpop.drive.execution import Execution
 from hpop.drive.options import Option, Options

@@ -14,8 +14,7 @@ import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from hpop.base.arrays import FloatArray
-from hpop.base.scalars import is_whole
-from hpop.base.text import shown
+from hpop.base.text import is_whole, shown
 from hpop.drive.closings import Closing, named_areas, to_close, to_open
 from hpop.drive.drive_graph import OF_PEOPLE
 from hpop.errors import DriveError, did_you_mean

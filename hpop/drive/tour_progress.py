@@ -14,7 +14,7 @@ from hpop.drive.plan import SAME, between
 from hpop.errors import DriveError, did_you_mean
 from hpop.goals import Tour
 from hpop.motions import HOLD
-from hpop.problems.recorded_visits import StopVisit
+from hpop.problems.named_rows import StopVisit
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:

@@ -15,18 +15,18 @@ from hpop.export.base import Content, Exported, Frames, export_format
 
 if TYPE_CHECKING:
     from hpop.export.glb import glb as glb
-    from hpop.export.joints import follow_joint_trajectory as follow_joint_trajectory
-    from hpop.export.joints import joint_trajectory as joint_trajectory
-    from hpop.export.joints import moveit as moveit
-    from hpop.export.poses import euroc as euroc
-    from hpop.export.poses import pose_csv as pose_csv
-    from hpop.export.poses import pose_json as pose_json
-    from hpop.export.poses import tum as tum
-    from hpop.export.poses import unity_csv as unity_csv
-    from hpop.export.poses import unreal_csv as unreal_csv
     from hpop.export.ros import bag as bag
     from hpop.export.ros import mcap as mcap
     from hpop.export.ros import nav2_yaml as nav2_yaml
+    from hpop.export.streams import euroc as euroc
+    from hpop.export.streams import follow_joint_trajectory as follow_joint_trajectory
+    from hpop.export.streams import joint_trajectory as joint_trajectory
+    from hpop.export.streams import moveit as moveit
+    from hpop.export.streams import pose_csv as pose_csv
+    from hpop.export.streams import pose_json as pose_json
+    from hpop.export.streams import tum as tum
+    from hpop.export.streams import unity_csv as unity_csv
+    from hpop.export.streams import unreal_csv as unreal_csv
     from hpop.export.writing import save as save
     from hpop.export.writing import write as write
 

@@ -25,13 +25,12 @@ from hpop.base.text import HARMFUL, printable, shown
 from hpop.errors import OptionError
 from hpop.models.serial_arm.jerk import Jerk, jerk_limited
 from hpop.motions.bodies import JOINTS
-from hpop.trajectories.joint_rows import JointRows, joint_rows
-from hpop.trajectories.poses import Poses, poses_at, sample_times
+from hpop.trajectories.poses import JointRows, Poses, joint_rows, poses_at, sample_times
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from hpop.problems.named_rows import StopVisit
     from hpop.problems.problem import Problem
-    from hpop.problems.recorded_visits import StopVisit
 
 Content = bytes | Mapping[str, bytes]
 """Content of a file, or a mapping from file names to contents for a folder."""

@@ -14,7 +14,7 @@ from hpop.base.lazy import library
 from hpop.base.text import printable
 from hpop.errors import OptionError
 from hpop.export.base import Exported, back, export_format, matrices, product
-from hpop.export.joints import joint_states, joint_trajectory_message
+from hpop.export.streams import joint_states, joint_trajectory_message
 from hpop.motions.bodies import JOINTS
 from hpop.ros.messages import DIAGNOSTICS, PATH, STAMPED, TRANSFORMS, Message, header, pose_stamped, transform, typed
 from hpop.ros.paths import message_of, spaced

@@ -20,8 +20,7 @@ from hpop.export.base import PROGRAM, Content, Exported, Format, Frames, default
 from hpop.frontier import strict_json
 from hpop.models.serial_arm.jerk import Jerk
 from hpop.problems.front import Front
-from hpop.problems.named_rows import NamedRow, named_rows
-from hpop.problems.recorded_visits import stop_visits
+from hpop.problems.named_rows import NamedRow, named_rows, stop_visits
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:

@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.scalars import is_number
-from hpop.base.text import shown
+from hpop.base.text import is_number, shown
 from hpop.frontier.dominance import BoolArray, FloatArray, finite_costs, is_nondominated
 from hpop.frontier.points import FrontError, UnknownColumnError
 

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from hpop.base.scalars import is_number
-from hpop.base.text import shown
+from hpop.base.text import is_number, shown
 from hpop.frontier import choosing
 from hpop.frontier.dominance import BoolArray, FloatArray
 from hpop.frontier.points import FrontError

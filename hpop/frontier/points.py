@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hpop.base.lazy import on_first_use
-from hpop.base.scalars import python_value
-from hpop.base.text import shown
+from hpop.base.text import python_value, shown
 from hpop.frontier.dominance import FloatArray, cost_matrix
 from hpop.frontier.strict_json import plain
 

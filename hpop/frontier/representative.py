@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.scalars import is_whole, python_value
-from hpop.base.text import shown
+from hpop.base.text import is_whole, python_value, shown
 from hpop.frontier.dominance import FloatArray, IntArray, finite_costs, is_nondominated
 from hpop.frontier.points import FrontError
 

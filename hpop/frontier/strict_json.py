@@ -15,7 +15,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from hpop.base.scalars import python_value
+from hpop.base.text import python_value
 from hpop.frontier.dominance import FloatArray, IntArray
 
 SLICE = 2**16  # number of values of a long list that are written in one piece

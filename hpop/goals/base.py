@@ -18,8 +18,7 @@ from hpop.base.arrays import BoolArray
 from hpop.base.options import whole
 from hpop.base.randomness import RNG
 from hpop.base.registry import goals, plugin_from_spec, with_optional_members
-from hpop.base.scalars import python_value
-from hpop.base.text import shown
+from hpop.base.text import python_value, shown
 from hpop.errors import HpopWarning, QueryError
 from hpop.motions import Model, States
 from hpop.motions.states import StateSpace, StateSpec, Values

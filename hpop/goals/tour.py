@@ -13,8 +13,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.scalars import is_whole, python_value
-from hpop.base.text import counted, shown
+from hpop.base.text import counted, is_whole, python_value, shown
 from hpop.errors import QueryError, did_you_mean
 from hpop.goals.tour_stop import TourStop
 from hpop.motions.laws import LONGEST

@@ -21,8 +21,7 @@ import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.base.options import MOST, real, whole
-from hpop.base.scalars import python_value
-from hpop.base.text import HARMFUL, shown
+from hpop.base.text import HARMFUL, python_value, shown
 from hpop.errors import StudyError
 from hpop.preference.scale import CostScale
 

@@ -12,8 +12,7 @@ from scipy.special import gammaln
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.base.options import real, whole
-from hpop.base.scalars import set_python_values
-from hpop.base.text import shown
+from hpop.base.text import set_python_values, shown
 from hpop.errors import StudyError
 from hpop.preference.scale import LOG, Measure
 

@@ -23,8 +23,8 @@ from hpop.motions.states import Values
 from hpop.planners.judgement import on_map
 from hpop.problems.evaluation import claimable, criteria_of
 from hpop.problems.front import Front
+from hpop.problems.named_rows import executed_times
 from hpop.problems.problem import Problem
-from hpop.problems.recorded_visits import executed_times
 from hpop.trajectories.contacts import contact
 from hpop.trajectories.motion_table import MotionTable
 from hpop.trajectories.trajectory import Trajectory

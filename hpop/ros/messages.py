@@ -14,8 +14,7 @@ import numpy as np
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.options import FARTHEST
-from hpop.base.scalars import is_number, is_whole, python_value
-from hpop.base.text import shown
+from hpop.base.text import is_number, is_whole, python_value, shown
 from hpop.errors import RosError
 
 Message = dict[str, Any]

@@ -9,8 +9,8 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 
 from hpop.base.options import MOST_COUNTED, real
-from hpop.base.scalars import set_python_values
 from hpop.base.status import Status as Status
+from hpop.base.text import set_python_values
 
 LIMITS = {"time_limit": "seconds", "max_labels": "labels", "max_memory": "bytes"}  # units of the limits
 NO_LIMIT = "leave it out for no limit"

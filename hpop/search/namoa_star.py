@@ -21,7 +21,7 @@ from collections.abc import Iterable
 from itertools import pairwise
 from typing import NamedTuple, cast
 
-from hpop.base.scalars import is_whole
+from hpop.base.text import is_whole
 from hpop.search.graph import Graph
 
 Vector = tuple[int, ...]

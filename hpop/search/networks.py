@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.base.arrays import FloatArray, IntArray
-from hpop.base.scalars import is_number, python_value
-from hpop.base.text import shown
+from hpop.base.text import is_number, python_value, shown
 from hpop.errors import GraphError, did_you_mean
 from hpop.frontier import default_quanta
 

@@ -12,8 +12,7 @@ import numpy as np
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.options import MOST_COUNTED, amounts, whole
-from hpop.base.scalars import python_value
-from hpop.base.text import shown
+from hpop.base.text import python_value, shown
 from hpop.errors import GraphError, OptionError, QueryError, did_you_mean
 from hpop.frontier import ItemFront
 from hpop.runtime.status import Budget, Status

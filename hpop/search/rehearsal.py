@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hpop.runtime import garbage
+from hpop.runtime import interrupts
 from hpop.runtime.status import Budget
 from hpop.search.general.search import General
 from hpop.search.graph import Graph
@@ -106,7 +106,7 @@ def main() -> None:
     """Compile the kernels of the parts named on the command line, for the kinds of costs that it lists."""
     if os.cpu_count() == 1 and hasattr(os, "nice"):  # with more processors the search waits, so no yielding
         os.nice(NICENESS)
-    garbage.collect_rarely()
+    interrupts.collect_rarely()
     parts, turns, *aggregates = sys.argv[1:]
     for part in parts.split(","):
         rehearse(part, aggregates, int(turns))

@@ -26,7 +26,6 @@ from hpop.study.forms import Form, score
 from hpop.study.participants import unequal
 from hpop.study.session import MOST_BYTES, MOST_EVENTS, SCHEMA, VERSION, AnswersFile, Session, asked_at, questions_of
 
-FOLDER = "answers"
 MOST_FILES = 2000
 CSV, SQLITE, REMARKS = ("answers.csv", "scores.csv", "choices.csv"), "answers.sqlite", "remarks.csv"
 NOBODY = "no answers"
@@ -294,11 +293,11 @@ class Answers:
 
 def read_sessions(folder: Path, design: Design) -> tuple[list[Session], list[str]]:
     """Return the usable sessions in a study's folder, sorted by id, and messages about the unusable files."""
-    files = sorted(path for path in (folder / FOLDER).glob("*.json") if not path.name.startswith("."))
+    files = sorted(path for path in (folder / documents.ANSWERS).glob("*.json") if not path.name.startswith("."))
     if len(files) > MOST_FILES:
         raise StudyError(
-            f"{folder / FOLDER} has {len(files):,} .json files; expected at most {MOST_FILES:,}, one for each session; "
-            "move other files out of this folder"
+            f"{folder / documents.ANSWERS} has {len(files):,} .json files; expected at most {MOST_FILES:,}, "
+            "one for each session; move other files out of this folder"
         )
     sessions: dict[str, Session] = {}
     refused = []

@@ -19,8 +19,7 @@ from typing import Annotated, Any, Literal, cast
 from pydantic import BaseModel, ConfigDict, Field, Strict, StringConstraints, ValidationError, model_validator
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.scalars import is_number, python_value
-from hpop.base.text import shown
+from hpop.base.text import is_number, python_value, shown
 from hpop.errors import HpopError, StudyError, did_you_mean
 from hpop.scenario.faults import Faults
 from hpop.scenario.yaml_lines import Document

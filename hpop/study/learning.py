@@ -16,8 +16,7 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.files import replacing
 from hpop.base.options import MOST, one_of, real
-from hpop.base.scalars import is_whole
-from hpop.base.text import shown
+from hpop.base.text import is_whole, shown
 from hpop.criteria.base import Criterion, CriterionSpec, describe_criterion
 from hpop.criteria.costs import trajectory_costs
 from hpop.criteria.learnt import LEAST_WEIGHT, Learnt, Source, checked_parts, document

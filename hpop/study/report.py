@@ -19,9 +19,17 @@ from hpop.base.text import printable
 from hpop.errors import StudyError
 from hpop.study import design_file
 from hpop.study.conditions import unlike
-from hpop.study.documents import Contents, TableColumn, csv_bytes, remove_report, write_bytes, write_report
+from hpop.study.documents import (
+    KEPT,
+    REPORTS,
+    Contents,
+    TableColumn,
+    csv_bytes,
+    remove_report,
+    write_bytes,
+    write_report,
+)
 from hpop.study.figures import draw, figures
-from hpop.study.folder import KEPT, REPORT
 from hpop.study.results import Cell, Row
 from hpop.study.statistics.pairs import STEP
 from hpop.view.page import png_of
@@ -111,7 +119,7 @@ def _check_own(folder: Path) -> None:
         inside = there.relative_to(study).parts[:1]
         if (study / design_file.FILE).exists() and (not inside or inside[0] in KEPT):
             raise StudyError(
-                f"{folder} is a study's folder, but a report needs a folder of its own, such as {study / REPORT}"
+                f"{folder} is a study's folder, but a report needs a folder of its own, such as {study / REPORTS}"
             )
 
 

@@ -29,10 +29,10 @@ from hpop.base.files import open_regular
 from hpop.errors import HpopError, OutputError, StudyError
 from hpop.frontier.strict_json import parse
 from hpop.runtime.page_server import LOCAL, PageServer, body, same
-from hpop.study.answers import FOLDER, Ledger
+from hpop.study.answers import Ledger
 from hpop.study.design import Design
 from hpop.study.design_file import FILE, PEOPLE
-from hpop.study.documents import locked_for_changes, read_bytes, release, serve_alone, write_bytes
+from hpop.study.documents import ANSWERS, locked_for_changes, read_bytes, release, serve_alone, write_bytes
 from hpop.study.page import MOST_BYTES, Rides, rides_of, session_page
 
 MOST_BODY = 16_384
@@ -133,7 +133,7 @@ class Study:
                     "this page belongs to another design than the one that is served; reload it",
                     "design",
                 )
-            ledger = Ledger(self.folder / FOLDER / f"{participant}.json", design, participant)
+            ledger = Ledger(self.folder / ANSWERS / f"{participant}.json", design, participant)
             if event is None:
                 self.tabs[participant] = tab
                 return {"events": ledger.events}
@@ -183,7 +183,7 @@ class StudyServer(PageServer):
         self.study = Study(Path(folder))
         self.tell = tell
         self.study.page(self.study.design.expected[0].id)  # reports faults now, not to the first participant
-        answers = self.study.folder / FOLDER
+        answers = self.study.folder / ANSWERS
         try:
             answers.mkdir(exist_ok=True)
         except OSError as error:

@@ -16,9 +16,8 @@ matplotlib_folder.provide()
 matplotlib_folder.forget_current_folder()
 
 from hpop.view import save
-from hpop.view.batch import draw_batch
 from hpop.view.explorer.save import save_explorer, widget
-from hpop.view.front_plot import draw_front, draw_preference
+from hpop.view.front_plot import draw_batch, draw_front, draw_preference
 from hpop.view.map import draw_map
 from hpop.view.moments import draw_drive, draw_encounters
 from hpop.view.ride.equirect import render_360, save_360

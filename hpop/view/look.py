@@ -23,10 +23,9 @@ from hpop.view.content import draw_content
 from hpop.view.ground import View, outline, view_of
 from hpop.view.map import draw_frame, draw_headed_ends
 from hpop.view.marks import draw_stops, draw_targets, end_poses
+from hpop.view.outlines import LOOK, draw_map_obstacles, from_above, outlines_at
 from hpop.view.page import WHOLE, Handle, lay_out, new_figure, paragraphs
-from hpop.view.robot import LOOK, from_above, outlines_at
 from hpop.view.side import draw_side_of_ends
-from hpop.view.silhouettes import draw_map_obstacles
 from hpop.view.style import camera_heights, plain
 
 SEEN = 0.05  # share of the map's longer side: a smaller robot would be hidden by the letter at its start

@@ -44,6 +44,16 @@ from hpop.view.marks import (
     stop_places,
     targets_of,
 )
+from hpop.view.outlines import (
+    corners_of,
+    draw_map_obstacles,
+    draw_robot,
+    draw_sight,
+    from_above,
+    looks_aside,
+    robot_outlines,
+    sight_entry,
+)
 from hpop.view.page import (
     WHOLE,
     Bar,
@@ -56,8 +66,6 @@ from hpop.view.page import (
     new_figure,
     title_of,
 )
-from hpop.view.robot import corners_of, draw_robot, draw_sight, from_above, looks_aside, robot_outlines, sight_entry
-from hpop.view.silhouettes import draw_map_obstacles
 from hpop.view.style import (
     DASHES,
     NORMAL,

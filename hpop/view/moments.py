@@ -31,8 +31,8 @@ from hpop.trajectories.trajectory import Trajectory
 from hpop.view.content import INK, SKIN
 from hpop.view.ground import KEEP_OUT, View, draw_bare_floor, outline, view_of
 from hpop.view.marks import draw_stops
+from hpop.view.outlines import draw_map_obstacles
 from hpop.view.page import figure_for, new_figure, whole
-from hpop.view.silhouettes import draw_map_obstacles
 from hpop.view.style import (
     COLOURS,
     HALO,

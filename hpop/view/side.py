@@ -23,6 +23,19 @@ from hpop.view.content import INK, MOST_NAMES, STAR, write_name
 from hpop.view.ground import View
 from hpop.view.map import draw_all, draw_named, planner_entries, scale_of
 from hpop.view.marks import draw_ends, draw_stops, draw_targets, end_positions, goal_words, targets_of
+from hpop.view.outlines import (
+    PathSurroundings,
+    Section,
+    corners_of,
+    draw_cones,
+    draw_outlines,
+    draw_robot,
+    draw_silhouettes,
+    ends_of,
+    outlines_at,
+    robot_outlines,
+    sight_entry,
+)
 from hpop.view.page import (
     WHOLE,
     Handle,
@@ -35,16 +48,6 @@ from hpop.view.page import (
     stretch_of,
     title_of,
 )
-from hpop.view.robot import (
-    corners_of,
-    draw_cones,
-    draw_outlines,
-    draw_robot,
-    outlines_at,
-    robot_outlines,
-    sight_entry,
-)
-from hpop.view.silhouettes import PathSurroundings, Section, draw_silhouettes, ends_of
 from hpop.view.style import NORMAL, SMALL, Heights, camera_path, drawn_rows, marks, plain, whole_ticks
 from hpop.world.content.content import Landmark
 

@@ -38,9 +38,8 @@ from hpop.view.marks import (
     is_held,
     stop_places,
 )
+from hpop.view.outlines import draw_map_obstacles, from_above
 from hpop.view.page import LINE, Handle, figure_for, height_of, whole
-from hpop.view.robot import from_above
-from hpop.view.silhouettes import draw_map_obstacles
 from hpop.view.style import (
     LARGE,
     NORMAL,

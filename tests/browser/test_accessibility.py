@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from hpop import study
-from hpop.cli import asking_page
+from hpop.cli import serving
 from hpop.cli.live_server import SEARCHING, WAITING
 from hpop.cli.preferring import Asking
 from hpop.preference import Preference
@@ -58,7 +58,7 @@ def searching(folder: Path) -> str:
 
 def preferring(folder: Path) -> str:
     problem, front = seeded(30)
-    return asking_page.page_of(Asking(Preference.fit(front, count=1_000), problem, front, folder / "p.json", most=2))
+    return serving.page_of(Asking(Preference.fit(front, count=1_000), problem, front, folder / "p.json", most=2))
 
 
 @pytest.mark.proof

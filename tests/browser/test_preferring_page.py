@@ -10,7 +10,7 @@ import numpy as np
 from playwright.sync_api import Browser, Page, expect
 
 import hpop
-from hpop.cli import asking_page
+from hpop.cli import serving
 from hpop.cli.preferring import Asking
 from hpop.preference import Preference
 from tests.browser.sessions import too_small
@@ -30,7 +30,7 @@ def test_answers_in_the_file_are_what_was_clicked(browser: Browser, tmp_path: Pa
         said.append(line)
         told.set()
 
-    server = threading.Thread(target=asking_page.serve, args=(asking, 0, say), daemon=True)
+    server = threading.Thread(target=serving.serve, args=(asking, 0, say), daemon=True)
     server.start()
     assert told.wait(30)
     page = browser.new_context().new_page()

@@ -18,7 +18,7 @@ import pytest
 from click.testing import Result
 
 import hpop
-from hpop.cli import asking_page, preferring
+from hpop.cli import preferring, serving
 from hpop.cli.picking import differences
 from hpop.errors import OutputError
 from hpop.frontier import ItemFront
@@ -196,7 +196,7 @@ def test_the_page_asks_takes_each_answer_once_and_tells_the_end_to_who_knows_its
         said.append(line)
         told.set()
 
-    thread = threading.Thread(target=asking_page.serve, args=(asked, 0, say), daemon=True)
+    thread = threading.Thread(target=serving.serve, args=(asked, 0, say), daemon=True)
     thread.start()
     assert told.wait(30)
     port, token = re.findall(r"127\.0\.0\.1:(\d+)/(\S+)", said[0])[0]

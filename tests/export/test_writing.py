@@ -211,5 +211,5 @@ def test_a_format_of_your_own_is_a_function(tmp_path):
 
     assert write(GOES, tmp_path / "a.corners").read_text().startswith("1 1\n3 1\n")
     assert os.listdir(tmp_path) == ["a.corners"]
-    with pytest.raises(OptionError, match=r"format name 'tum' is taken by hpop.export.poses.tum; choose another"):
+    with pytest.raises(OptionError, match=r"format name 'tum' is taken by hpop.export.streams.tum; choose another"):
         export_format("tum", suffix=".x", axes="")(lambda given: b"")

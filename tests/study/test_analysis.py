@@ -1,4 +1,4 @@
-"""The analysis finds every answer, names every choice, and marks questions without an answer."""
+"""Analysis of a study, and simulated answers."""
 
 from __future__ import annotations
 
@@ -265,3 +265,51 @@ def test_an_item_is_analysed_as_a_score_is(design, answers):
     result = study.analyse(design, answers, score=("ssq", "nausea"))
     assert result.tables["scores"][1]["median"] in (0, 1, 2, 3)
     assert json.dumps(result.choices)
+
+
+SAME = dict.fromkeys("ABC", 0.0)
+
+
+def test_everybody_answers_all_and_is_marked_as_simulated(design):
+    answers = study.simulate(design, SAME, seed=1)
+    assert answers.people == tuple(person.id for person in design.participants)
+    assert answers.faults == ()
+    assert all(session.ended and session.device["simulated"] is True for session in answers.sessions)
+    assert not np.isnan(answers.matrix("ssq", "total").values).any()
+    assert len(answers.choices()) == 3 * len(answers.people)
+
+
+def test_the_seed_says_it_all(design):
+    assert study.simulate(design, SAME, seed=1).table == study.simulate(design, SAME, seed=1).table
+    assert study.simulate(design, SAME, seed=1).table != study.simulate(design, SAME, seed=2).table
+
+
+def test_who_feels_worse_answers_so_and_chooses_so(design):
+    answers = study.simulate(design, {"A": 0.0, "B": 2.0, "C": 6.0}, liking={"A": 0, "B": 0, "C": 9}, seed=1)
+    a, b, c = np.median(answers.matrix("ssq", "total").values, axis=0)
+    assert a < b < c
+    a, b, c = np.median(answers.matrix("comfort", "comfort").values, axis=0)
+    assert a > b > c
+    worst, liked = design.condition("C").row, design.condition("C").row
+    assert not any(one.chosen_row == worst for one in answers.choices(question="comfort"))
+    assert all(one.chosen_row == liked for one in answers.choices() if liked in one[1:3])
+
+
+def test_tiring_shows_by_place(design):
+    matrix = study.simulate(design, SAME, tiring=2.0, seed=1).matrix("ssq", "total")
+    first, last = (matrix.values[matrix.places == place] for place in (1, 3))
+    assert np.median(last) > np.median(first) + 10
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"discomfort": {"A": 0}}, r"discomfort must have a number for each stimulus \(A, B, C\), but lacks B"),
+        ({"discomfort": SAME, "liking": {"A": 0}}, "liking must have a number for each"),
+        ({"discomfort": SAME, "correlation": 2}, "correlation must be"),
+        ({"discomfort": SAME, "seed": -1}, "seed must be"),
+    ],
+)
+def test_what_cannot_be_simulated_is_refused(design, asked, said):
+    with pytest.raises(StudyError, match=said):
+        study.simulate(design, **asked)

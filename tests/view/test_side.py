@@ -17,7 +17,7 @@ import hpop
 from hpop.goals import LookAt
 from hpop.motions import Model, States
 from hpop.view import draw_map, draw_side, draw_trace, draw_where, save_pictures
-from hpop.view.silhouettes import Section
+from hpop.view.outlines import Section
 from hpop.view.style import camera_heights, camera_path, may_rise
 from hpop.world import Box, Solid, Sphere, pose_at
 from tests.view.robots import Lift, Reacher

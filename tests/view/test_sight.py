@@ -12,7 +12,7 @@ import hpop
 from hpop.motions import States
 from hpop.view import draw_map
 from hpop.view.ground import View
-from hpop.view.robot import APART, REACH
+from hpop.view.outlines import APART, REACH
 from tests.view.test_map import legend_texts, part
 
 WIDE = math.radians(110)

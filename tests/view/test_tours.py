@@ -9,7 +9,7 @@ import pytest
 
 import hpop
 from hpop.export import save
-from hpop.problems.recorded_visits import stop_visits, visit_order
+from hpop.problems.named_rows import stop_visits, visit_order
 from hpop.view import draw_map, draw_trace, draw_where
 from hpop.view.look import look
 from hpop.view.marks import holds_of, is_held, written_time

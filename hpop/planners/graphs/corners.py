@@ -13,7 +13,7 @@ import numpy as np
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.math import wrap
 from hpop.base.options import LEAST, set_wholes
-from hpop.base.scalars import set_python_values
+from hpop.base.text import set_python_values
 from hpop.criteria.visits import Visits, all_visits, missed_weights
 from hpop.goals import checked_goal
 from hpop.motions import HOLD, Motions, States

@@ -17,7 +17,7 @@ import numpy as np
 from hpop.base.arrays import FloatArray
 from hpop.base.options import one_of, set_wholes
 from hpop.base.randomness import MaybeRNG, set_seed
-from hpop.base.scalars import set_python_values
+from hpop.base.text import set_python_values
 from hpop.criteria.base import Criterion, make_criterion
 from hpop.criteria.costs import trajectory_costs
 from hpop.errors import OptionError, QueryError

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from hpop.base.options import MOST, amounts, set_wholes
-from hpop.base.scalars import set_python_values
+from hpop.base.text import set_python_values
 from hpop.errors import OptionError
 from hpop.planners.base import Candidates, joined, planner
 from hpop.planners.graphs.family import BuiltGraph, GraphFamily, NotBuilt, OnGraph

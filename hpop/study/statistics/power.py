@@ -17,8 +17,7 @@ from scipy import stats
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray
 from hpop.base.options import MOST_SEED, one_of, real, whole
-from hpop.base.scalars import python_value
-from hpop.base.text import counted, shown
+from hpop.base.text import counted, python_value, shown
 from hpop.errors import StudyError
 from hpop.study.statistics.choices import share
 from hpop.study.statistics.pairs import exact_p, rank_sum_chances

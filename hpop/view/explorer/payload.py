@@ -27,8 +27,8 @@ from hpop.errors import MapError
 from hpop.frontier.choices import Preferring
 from hpop.frontier.union import JOINT
 from hpop.problems.front import Front
+from hpop.problems.named_rows import stop_visits, visit_order
 from hpop.problems.problem import Problem
-from hpop.problems.recorded_visits import stop_visits, visit_order
 from hpop.runtime.status import Status
 from hpop.view.explorer import along
 from hpop.view.explorer.corners import MILLIMETRES, Packer, corners, millimetres

@@ -25,9 +25,8 @@ from hpop.errors import OptionError, OutputError
 from hpop.motions import Model, States
 from hpop.problems.evaluation import trace
 from hpop.problems.front import Front
-from hpop.problems.named_rows import NamedRow, named_rows
+from hpop.problems.named_rows import NamedRow, named_rows, stop_visits
 from hpop.problems.problem import Problem
-from hpop.problems.recorded_visits import stop_visits
 from hpop.trajectories.poses import on_one_side, poses, quaternions_of
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.explorer.along import columns_of, merged_rates, piece_ends, words

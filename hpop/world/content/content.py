@@ -21,8 +21,7 @@ from shapely.geometry.base import BaseGeometry
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray, distinct
 from hpop.base.options import LEAST
-from hpop.base.scalars import is_whole, python_value
-from hpop.base.text import shown
+from hpop.base.text import is_whole, python_value, shown
 from hpop.errors import MapError
 from hpop.world.content.futures import check_radians, named_as, set_numbers
 from hpop.world.content.people import Person, described_person, person_from

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.base.options import FARTHEST, one_of
-from hpop.base.scalars import is_number
-from hpop.base.text import shown
+from hpop.base.text import is_number, shown
 from hpop.errors import MapError
 from hpop.world.geometry.shapes import check_coordinates, check_positive
 from hpop.world.readers.features import Feature

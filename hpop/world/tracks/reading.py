@@ -16,8 +16,7 @@ import numpy as np
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray, distinct
 from hpop.base.options import one_of
-from hpop.base.scalars import python_value
-from hpop.base.text import shown
+from hpop.base.text import python_value, shown
 from hpop.errors import MapError
 from hpop.world.files import read_bytes, read_text
 from hpop.world.tracks import csv

@@ -24,8 +24,8 @@ from hpop.planners.lattice import Lattice
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.spending import Limits, Spending
 from hpop.problems.front import Front
+from hpop.problems.named_rows import stop_visits
 from hpop.problems.problem import Problem
-from hpop.problems.recorded_visits import stop_visits
 from hpop.problems.verify import verify
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person, World

@@ -191,7 +191,7 @@ export function whereIs(person: Person, t: number): Vector | null {
   return before === undefined ? null : [before[1], before[2], before[3]];
 }
 
-/** A stimulus of a study, `hpop-stimulus` version 1: hpop/study/stimuli.py writes it. It holds no name but its letter. */
+/** A stimulus of a study, `hpop-stimulus` version 1: hpop/study/page.py writes it. It holds no name but its letter. */
 export interface Stimulus extends Surroundings {
   readonly name: string;
   /** Whether nothing moves: the view from the start, at rest. */

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, Self
 import numpy as np
 
 from hpop.base.options import LEAST, MOST, set_reals, truth
-from hpop.base.scalars import set_python_values
-from hpop.base.text import shown
+from hpop.base.text import set_python_values, shown
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
 from hpop.planners.graphs.family import BuiltGraph, GraphFamily, graph_family

@@ -11,7 +11,7 @@ import numpy as np
 
 from hpop.base.options import set_wholes
 from hpop.base.randomness import MaybeRNG, set_seed
-from hpop.base.scalars import set_python_values
+from hpop.base.text import set_python_values
 from hpop.errors import OptionError
 from hpop.planners.graphs.family import BuiltGraph, GraphFamily, graph_family
 from hpop.planners.graphs.joined_ends import Ends

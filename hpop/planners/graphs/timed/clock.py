@@ -16,7 +16,7 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.options import MOST, real
-from hpop.base.scalars import set_python_values
+from hpop.base.text import set_python_values
 from hpop.errors import OptionError
 from hpop.motions import States
 from hpop.motions.laws import LONGEST as LONGEST_HOLD

@@ -13,8 +13,7 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray
 from hpop.base.options import MOST_COUNTED, amounts, set_wholes
-from hpop.base.scalars import set_python_values
-from hpop.base.text import counted
+from hpop.base.text import counted, set_python_values
 from hpop.criteria.costs import trajectory_costs
 from hpop.errors import HpopWarning
 from hpop.planners.base import Candidates, planner

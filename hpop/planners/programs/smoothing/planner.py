@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from hpop.base.options import set_wholes
-from hpop.base.scalars import set_python_values
-from hpop.base.text import counted
+from hpop.base.text import counted, set_python_values
 from hpop.planners.base import Candidates, planner
 from hpop.planners.judgement import trusted
 from hpop.planners.objectives import Objectives, edge_objectives

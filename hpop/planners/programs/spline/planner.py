@@ -13,8 +13,7 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray
 from hpop.base.options import set_wholes
-from hpop.base.scalars import set_python_values
-from hpop.base.text import counted
+from hpop.base.text import counted, set_python_values
 from hpop.criteria.costs import trajectory_costs
 from hpop.errors import UnsupportedCriterion
 from hpop.motions import collision_of

@@ -1,4 +1,4 @@
-"""Claims: a stimulus rides as the trajectory is executed, and tells nothing of its row; pages hold no more."""
+"""Pages of a study: stimuli and sessions."""
 
 from __future__ import annotations
 
@@ -14,10 +14,12 @@ import hpop
 from hpop import study
 from hpop.errors import StudyError
 from hpop.runtime.status import Progress
+from hpop.study import Design
+from hpop.study.documents import words
 from hpop.study.page import rides_of, session_page
-from hpop.study.words import words
 from hpop.world.content.content import Landmark, Person
 from tests.study.conftest import CONSENT
+from tests.study.sessions import answered
 
 
 @pytest.fixture(scope="module")
@@ -205,3 +207,18 @@ def test_of_videos_progress_names_which_of_how_many_it_draws(front: hpop.Front, 
     assert len(told) == 1
     assert re.fullmatch(rf"drawing video {videos.conditions[0].id}, 1 of 2: frame 1 of [0-9,]+", told[0])
     assert list(tmp_path.rglob("*.mp4*")) == []
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "study.md"
+
+
+def test_the_python_of_the_page_runs(front: hpop.Front, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("hpop.study.report.DPI", 30)
+    names: dict[str, object] = {"hpop": hpop, "front": front}
+    for block in re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL):
+        exec(compile(block, str(PAGE), "exec"), names)
+        if "study.prepare(" in block:
+            design = Design.load("study")
+            answered(design, Path("study"), ["p07", "p08", "p09"], lambda who, *_: float(who == "p07"))
+    assert Design.load("study").withdrawn == {"p07"}
