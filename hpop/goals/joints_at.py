@@ -14,8 +14,8 @@ from hpop.base.randomness import RNG
 from hpop.base.text import shown
 from hpop.errors import QueryError, did_you_mean
 from hpop.goals.base import REACHED, GoalDefaults, checked_count, goal
-from hpop.goals.region import sampled_space
-from hpop.motions import Model, States
+from hpop.goals.region import InverseKinematics, Region, sampled_space
+from hpop.motions import Model, States, collision_of
 from hpop.motions.states import StateSpace
 
 if TYPE_CHECKING:
@@ -85,8 +85,22 @@ class JointsAt(GoalDefaults):
             some: FloatArray = rng.uniform(low[name], high[name], count)
             some[:1] = min(max(value, low[name]), high[name])
             columns[name] = some
+        if (kept := collision_of(problem.model, problem.world).kept) is not None:
+            columns = self._inside(problem.model, space.bounded(**{n: (low[n], high[n]) for n in low}), kept, columns)
         rows = np.unique(np.stack(list(columns.values()), axis=1), axis=0, return_index=True)[1]
         return States(**{name: column[np.sort(rows)] for name, column in columns.items()})
+
+    def _inside(
+        self, model: Model, space: StateSpace, kept: Region, columns: dict[str, FloatArray]
+    ) -> dict[str, FloatArray]:
+        """Return columns of states that are moved, within bounds of the joints, until the robot keeps an orientation.
+
+        Those for which this fails stay as they are.
+        """
+        sought = InverseKinematics(model, space, kept)
+        given = States(**columns)
+        moved = sought.states(sought.descend(sought.rows(given), *sought.bounds(given.size)))
+        return {n: np.where(self.reached(model, moved), getattr(moved, n), column) for n, column in columns.items()}
 
     def reached(self, model: Model, states: States) -> BoolArray:
         """Return which states (M,) have all named joints within their tolerances, up to 1e-6 rad or m."""

@@ -17,6 +17,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
+from itertools import chain
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -29,7 +30,7 @@ from hpop.base.randomness import RNG
 from hpop.base.text import shown
 from hpop.errors import QueryError
 from hpop.goals.base import REACHED, GoalDefaults, checked_count
-from hpop.motions import Model, Pose, States, StateSpace, Twist
+from hpop.motions import Model, Pose, States, StateSpace, Twist, collision_of
 from hpop.motions.states import LazyStates
 
 if TYPE_CHECKING:
@@ -57,11 +58,26 @@ class Miss(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class InverseKinematics:
-    """Search for states in a model's state space that put one of its bodies into a region."""
+    """Search for states in a model's state space that put one of its bodies into a region.
+
+    also  another region, in which its body shall be as well; None for none. Bounds of its coordinates follow those of
+          ``region`` in all arguments
+    """
 
     model: Model
     space: StateSpace
     region: Region
+    also: Region | None = None
+
+    @cached_property
+    def _regions(self) -> tuple[Region, ...]:
+        return (self.region,) if self.also is None else (self.region, self.also)
+
+    def bounds(self, rows: int) -> tuple[FloatArray, FloatArray]:
+        """Return the bounds of all coordinates (rows, k)."""
+        sides = zip(*(region.bounds for region in self._regions), strict=True)
+        low, high = (np.tile(np.concatenate(side), (rows, 1)) for side in sides)
+        return low, high
 
     def states(self, rows: FloatArray) -> States:
         """Convert rows (M, n), with one column per state variable, to states (M,)."""
@@ -73,14 +89,15 @@ class InverseKinematics:
 
     def excess(self, states: States, low: FloatArray, high: FloatArray) -> FloatArray:
         """Return how far (M, k), with sign, the region's coordinates are outside bounds (M, k) or (k,); 0 inside."""
-        pose = self.model.pose(self.region.body, states)
-        found = _stacked(self.region.coordinates(pose), states.size)
+        columns = [each.coordinates(self.model.pose(each.body, states)) for each in self._regions]
+        found = _stacked(tuple(chain.from_iterable(columns)), states.size)
         return found - np.clip(found, low, high)
 
     def miss(self, states: States) -> Miss:
         """Return how far the body is outside the region in each state (M,)."""
-        low, high = self.region.bounds
-        excess, lengths = self.excess(states, low, high), self.region.lengths
+        low, high = self.bounds(states.size)
+        lengths = self.region.lengths
+        excess = self.excess(states, low, high)[:, : lengths.size]
         return Miss(*(np.sqrt((excess[:, part] ** 2).sum(axis=1)) for part in (lengths, ~lengths)))
 
     def descend(self, rows: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
@@ -133,11 +150,14 @@ class InverseKinematics:
 
     def _jacobian(self, states: States) -> FloatArray:
         """Return the derivatives (m, k, n) of the region's coordinates with respect to the state variables."""
-        pose = self.model.pose(self.region.body, states)
+        poses = [self.model.pose(each.body, states) for each in self._regions]
         columns = []
         for name in self.space.names:
-            twist = self.model.twist(self.region.body, states, _unit_rates(states, name))
-            columns.append(_stacked(self.region.rates(pose, twist), states.size))
+            rates = _unit_rates(states, name)
+            twists = [self.model.twist(each.body, states, rates) for each in self._regions]
+            parts = zip(self._regions, poses, twists, strict=True)
+            each = (region.rates(pose, twist) for region, pose, twist in parts)
+            columns.append(_stacked(tuple(chain.from_iterable(each)), states.size))
         return np.stack(columns, axis=2)
 
     @cached_property
@@ -233,7 +253,8 @@ class Region(GoalDefaults, ABC):
         """
         count = checked_count(count)
         model, rng = problem.model, np.random.default_rng(rng)
-        sought = InverseKinematics(model, sampled_space(model, problem.world), self)
+        kept = collision_of(model, problem.world).kept
+        sought = InverseKinematics(model, sampled_space(model, problem.world), self, kept)
         found, nearest, fruitless = np.zeros((0, len(sought.space.names))), (np.inf, np.inf), 0
         refused = 0
         while len(found) < count:
@@ -274,12 +295,15 @@ class Region(GoalDefaults, ABC):
     def _descend_from(self, sought: InverseKinematics, rng: np.random.Generator, seeds: int) -> FloatArray:
         """Return random states as rows (seeds, n), each moved to a random point within the bounds.
 
-        States for which this fails are moved towards any point within the bounds; some may still be outside.
+        States for which this fails are moved towards any point within the bounds; some may still be outside. All are
+        also moved into the region that the robot must keep, if there is one.
         """
-        low, high = (np.broadcast_to(bound, (seeds, len(bound))) for bound in self.bounds)
-        aims = rng.uniform(low, high)
-        rows = sought.descend(sought.rows(sought.space.sample(rng, seeds)), aims, aims)
-        if np.array_equal(low, high):
+        low, high = sought.bounds(seeds)
+        own = self.lengths.size
+        aims = rng.uniform(low[:, :own], high[:, :own])
+        least, most = (np.hstack([aims, bound[:, own:]]) for bound in (low, high))
+        rows = sought.descend(sought.rows(sought.space.sample(rng, seeds)), least, most)
+        if sought.also is None and np.array_equal(low, high):
             return rows
         off = np.flatnonzero(~self.reached(sought.model, sought.states(rows)))
         rows[off] = sought.descend(rows[off], low[off], high[off])

@@ -16,6 +16,7 @@ from hpop.motions.laws import HOLD, Law, LawDefaults, Leg
 from hpop.motions.states import Pose, States, StateSpace, Twist
 
 if TYPE_CHECKING:
+    from hpop.goals.region import Region
     from hpop.motions.batch import Motions
     from hpop.motions.bodies import Body
     from hpop.trajectories.trajectory import Trajectory
@@ -28,6 +29,7 @@ COLLISION_DEFAULTS: dict[str, Any] = {
     "posture_matters": False,
     "turn_part": 0.0,
     "projected": None,
+    "kept": None,
     "constraint": "",
     "differs": lambda collision, before, x, y, within: np.ones(x.shape, dtype=np.bool_),
 }
@@ -49,6 +51,7 @@ class Collision(Protocol):
                      all its pieces are; default 0, if there is no such angle
     projected        method: takes states (N,), returns states moved so that they fulfil a constraint of the robot, as
                      far as possible; default None, no constraint
+    kept             region (:class:`hpop.goals.Region`) in which a body stays in all states; default None
     constraint       what motions must keep besides being free, and how this is checked, for certificates; default ""
     differs          for robots in the plane, method: takes the collision test in an earlier world, positions (P,) and a
                      distance, m; returns a mask (P,): where collisions within it may have changed; default all True
@@ -78,6 +81,9 @@ class WholeCollision(Collision, Protocol):
 
     @property
     def projected(self) -> Callable[[States], States] | None: ...
+
+    @property
+    def kept(self) -> Region | None: ...
 
     @property
     def constraint(self) -> str: ...

@@ -8,7 +8,7 @@ motions hold for all of them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -21,6 +21,7 @@ from hpop.models.collision.parts import Part as Prism
 from hpop.models.serial_arm.chain import ArmPart, Chain, FrameMount, Pair, pair_of
 from hpop.models.serial_arm.collision import ArmCollision, always_touching
 from hpop.models.serial_arm.judge import ArmJudge
+from hpop.models.serial_arm.keep import KeepingCollision, KeepingJudge, KeptAxis
 from hpop.motions import Collision, Motions, States, StateSpace
 from hpop.world import World
 from hpop.world.geometry.solids import Cylinder, Hull, Solid
@@ -127,6 +128,16 @@ class LinksJudge(ArmJudge):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
+class KeepingLinks(KeepingCollision, Links):
+    """Collision test of the links of a mobile arm that keeps an orientation."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class KeepingLinksJudge(KeepingJudge, LinksJudge):
+    """Collision test of such links for verification."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class MobileCollision(BaseAndLinks):
     """Collision test of a mobile arm for planning: exact for straight moves of the base, proved for the links.
 
@@ -142,6 +153,25 @@ class MobileCollision(BaseAndLinks):
     def is_uncompiled(self) -> bool:
         """True if kernels must be compiled at the first call, which takes some 20 s."""
         return self.links.is_uncompiled
+
+    @property
+    def _keeping(self) -> KeepingLinks | None:
+        return self.links if isinstance(self.links, KeepingLinks) else None
+
+    @property
+    def kept(self) -> KeptAxis | None:
+        """Orientation that the arm keeps, or None."""
+        return None if self._keeping is None else self._keeping.kept
+
+    @property
+    def constraint(self) -> str:
+        """Return the orientation that is kept, and how this is checked, as text for certificates; "" if none is."""
+        return "" if self._keeping is None else self._keeping.constraint
+
+    @property
+    def projected(self) -> Callable[[States], States] | None:
+        """Function that moves states until the arm keeps its orientation; None if it need not."""
+        return None if self._keeping is None else self._keeping.projected
 
     def clearance(self, states: States) -> FloatArray:
         """Return a lower bound (N,), m, on the distance between robot and world; the base counts as a circle."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -26,6 +27,8 @@ from hpop.models.laws import Run, cruise_speed
 from hpop.models.mobile_arm.collision import (
     PLATFORM,
     BaseAndLinks,
+    KeepingLinks,
+    KeepingLinksJudge,
     Links,
     LinksJudge,
     MobileCollision,
@@ -48,6 +51,7 @@ from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, frames, levers
 from hpop.models.serial_arm.collision import SAMPLES
 from hpop.models.serial_arm.enlarged import pairs_apart
 from hpop.models.serial_arm.judge import LIBRARIES
+from hpop.models.serial_arm.keep import SLACK
 from hpop.models.serial_arm.kinematics import Kinematics
 from hpop.models.serial_arm.laws import ArmBody, Reach
 from hpop.models.serial_arm.laws import faults as joint_faults
@@ -105,6 +109,13 @@ class MobileArm(OnBase, Model):
             values = self._rest.values()
         except QueryError as error:
             raise ModelError(str(error)) from None
+        if (kept := self.arm.kept) is not None:
+            rest = self.arm.space.state(tuple(values))
+            if float(kept.margin(Kinematics(self.arm.chain), rest)[0]) < SLACK:
+                raise ModelError(
+                    f"the folded arm must keep its orientation as well, as it is folded while the base moves: {kept}. "
+                    "Give another folded state, or wider bounds of keep"
+                )
         if not isinstance(self.folded, str):
             object.__setattr__(self, "folded", tuple(values))
 
@@ -330,7 +341,8 @@ class MobileArm(OnBase, Model):
 
     def collision(self, world: World) -> MobileCollision:
         """Return the collision test for planning: of the base in the plane, with proofs for the links."""
-        links = Links(self.chain, self.parts, self._apart_in(world), world)
+        given, kept = (self.chain, self.parts, self._apart_in(world), world), self.arm.kept
+        links = Links(*given) if kept is None else KeepingLinks(*given, kept, self)
         return MobileCollision(PlanarCollision(self.platform, world), links, self.platform, world)
 
     def judge(self, world: World) -> BaseAndLinks:
@@ -342,8 +354,9 @@ class MobileArm(OnBase, Model):
 
     def judge_by(self, library: str, world: World) -> BaseAndLinks:
         """Return :meth:`judge` with distances of the links by a library: "fcl" or "coal"."""
-        links = LinksJudge(self.chain, self.parts, self._apart_in(world), world, library=library)
-        return BaseAndLinks(SolidCollision(self.platform, world), links)
+        given, kept = (self.chain, self.parts, self._apart_in(world), world), self.arm.kept
+        links = LinksJudge(*given) if kept is None else KeepingLinksJudge(*given, kept)
+        return BaseAndLinks(SolidCollision(self.platform, world), replace(links, library=library))
 
     def describe(self) -> dict[str, Any]:
         """Return name and parameters for JSON, enough to build an equal robot; arm and base are described likewise."""
@@ -355,8 +368,11 @@ def _check_parts(arm: Any, base: Any) -> None:
     """Raise ModelError for an arm and a base that cannot form a mobile arm."""
     if not isinstance(arm, SerialArm):
         raise ModelError(f"arm must be a serial arm, arm=SerialArm(...), got {shown(arm)}")
-    if arm.keep is not None:
-        raise ModelError("an arm on a base cannot keep an orientation; leave keep out, or plan for the arm alone")
+    if arm.kept is not None and math.hypot(*arm.kept.direction[:2]) > UNFOLDED:
+        raise ModelError(
+            "direction of keep must be vertical, (0, 0, 1), for an arm on a base, as the base turns; got "
+            f"{shown(list(arm.kept.direction))}"
+        )
     if not isinstance(base, PlanarModel) or not base.provides >= CARRIES:
         raise ModelError(
             f"base must be a model in the plane without joints, such as base=DifferentialDrive(...), got {shown(base)}"

@@ -132,19 +132,20 @@ class KeptAxis(Region):
     def turning(self, chain: Chain) -> BoolArray:
         """Return which joints (n,) can change the angle.
 
-        Sliding joints cannot. Nor can the first turning joint if its axis is along the direction, nor the last one if
-        its axis is along the axis that is kept.
+        Sliding joints cannot. Nor can the first turning joints if their axes are along the direction, nor the last one
+        if its axis is along the axis that is kept.
         """
         mount = chain.mounts[self.of]
         counts = ~chain.sliding & (np.arange(len(chain)) < mount.frame)
         places = np.flatnonzero(counts)
         if places.size:
-            first, last = int(places[0]), int(places[-1])
-            frame = np.eye(3)
-            for k in range(first + 1):
+            last, frame = int(places[-1]), np.eye(3)
+            for k in range(last + 1):
                 frame = frame @ chain.origins[k][:3, :3]
-            if np.linalg.norm(np.cross(frame @ chain.axes[first], self.direction)) < ALIGNED:
-                counts[first] = False
+                if not chain.sliding[k]:
+                    if np.linalg.norm(np.cross(frame @ chain.axes[k], self.direction)) >= ALIGNED:
+                        break
+                    counts[k] = False
             frame = np.eye(3)
             for k in range(last + 1, mount.frame):
                 frame = frame @ chain.origins[k][:3, :3]
@@ -176,6 +177,8 @@ class KeptAxis(Region):
 
 def _fastest(law: Law, name: str, start: States, end: States) -> FloatArray:
     """Return the largest derivative (M,) of a joint by the share of the motion done, rad."""
+    if name not in law.varies:
+        return np.zeros(start.size)
     if isinstance(law, Reach):
         return np.asarray(np.abs(getattr(end, name) - getattr(start, name)))
     lasts = sum(phase.duration for phase in law.phases(start, end))
@@ -216,8 +219,7 @@ class KeepingCollision(ArmCollision):
         sought = InverseKinematics(self.model, self.model.space, self.kept)
         rows = sought.rows(states)
         off = np.flatnonzero(self.kept.margin(self._kinematics, states) < SLACK)
-        low, high = (np.broadcast_to(bound, (off.size, 1)) for bound in self.kept.bounds)
-        rows[off] = sought.descend(rows[off], low, high)
+        rows[off] = sought.descend(rows[off], *sought.bounds(off.size))
         return sought.states(rows)
 
     @cached_property

@@ -6,9 +6,11 @@ from math import pi, radians
 
 import numpy as np
 import pytest
+import shapely
 
 import hpop
 from hpop.errors import ModelError, QueryError
+from hpop.goals import JointsAt, LookAt, ToolAt
 from hpop.models.serial_arm.keep import SLACK
 from hpop.models.serial_arm.kinematics import Kinematics
 from hpop.models.serial_arm.laws import rate_of
@@ -138,8 +140,59 @@ def test_a_start_that_does_not_keep_it_is_refused_and_says_why():
 def test_what_cannot_be_kept_is_refused(keep, said):
     with pytest.raises(ModelError, match=said):
         arm6(keep=keep)
-    with pytest.raises(ModelError, match="an arm on a base cannot keep an orientation"):
-        hpop.MobileArm(arm6(keep=CUP))
+
+
+def test_an_arm_on_a_base_keeps_it_while_it_drives_and_reaches():
+    """The folded arm holds the cup upright as well; the frames are those of the URDF, turned by the base's heading."""
+    upright = {"body": "tool", "axis": (-1, 0, 0), "angle": (0, radians(25))}
+    folded = (0, -1.0, 2.5, 0, pi / 2 - 1.5, 0)
+    robot = hpop.MobileArm(arm6(keep=upright, base=(0, 0, 0.3, 0, 0, 0)), folded=folded)
+    world = World.from_polygons([], extent=shapely.box(-3, -3, 3, 3))
+    goal = ToolAt((1.2, 0.6, 0.8))
+    problem = hpop.Problem(world, robot, (-1, 0, 0, *folded), goal, ["duration", "rotation"])
+    front = problem.solve("roadmap", samples=80, trees=3)
+    assert len(front)
+    assert verify(problem, front) == []
+    assert "proved all along each motion that was checked" in front.certificate
+    for trajectory in front.trajectories:
+        states = trajectory.at(np.linspace(0, trajectory.duration, 500))
+        pose = robot.pose("tool", states)
+        assert np.arccos(np.clip(-np.broadcast_to(pose.ahead[2], 500), -1, 1)).max() <= radians(25) + 1e-9
+    free = hpop.MobileArm(arm6(base=(0, 0, 0.3, 0, 0, 0)), folded=folded)
+    turned = ToolAt((1.2, 0.6, 0.8), direction=(1, 0, 0))
+    other = hpop.Problem(world, free, (-1, 0, 0, *folded), turned, ["duration", "rotation"])
+    loose = other.solve("roadmap", samples=80, trees=3)
+    assert any("does not keep its orientation" in fault for fault in verify(problem, loose))
+
+
+def test_keeping_arms_on_bases_that_cannot_are_refused():
+    with pytest.raises(ModelError, match="direction of keep must be vertical"):
+        hpop.MobileArm(arm6(keep=CUP | {"direction": (1, 0, 0)}))
+    with pytest.raises(ModelError, match="the folded arm must keep its orientation as well"):
+        hpop.MobileArm(arm6(keep=CUP), folded="upright")
+
+
+@pytest.mark.parametrize(
+    "goal",
+    [
+        ToolAt((0.5, 0.3, 0.5)),
+        LookAt((0.9, 0.2, 0.5), distance=(0.2, 0.4)),
+        JointsAt({"base_to_shoulder": 0.5}, tolerance=0.1),
+    ],
+    ids=["tool_at", "look_at", "joints_at"],
+)
+def test_goal_states_are_drawn_inside_the_bounds(goal):
+    """Without this, at most 40 of 100 states that reach a goal keep an orientation within 5 degrees."""
+    narrow = {"body": "camera", "axis": (0, 1, 0), "angle": (radians(85), radians(95))}
+    arms = arm6(keep=narrow), arm6()
+    shares = []
+    for arm in arms:
+        problem = hpop.Problem(FAR, arm, (0, 0.5, 0.5, 0, 0, 0), goal, ["duration"])
+        states = problem.target.states(problem, np.random.default_rng(3), 100)
+        assert goal.reached(arm, states).all()
+        shares.append(np.mean(np.abs(angles(arms[0], states) - pi / 2) <= radians(5)))
+    assert shares[0] >= 0.9
+    assert shares[1] <= 0.4
 
 
 def test_scaled_velocities_are_never_exceeded_and_reached():
