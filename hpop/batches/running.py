@@ -114,7 +114,7 @@ def solve(shared: Setting, task: CaseTask) -> list[dict[str, Any]]:
         "seconds": time.perf_counter() - wall,
         "processor_seconds": time.process_time() - processor,
         "memory": _peak_memory(),
-        "seed": next((seed for p in task.planners if isinstance(seed := getattr(p, "seed", None), int)), None),
+        "seed": next((planner.seed for planner in task.planners if planner.seed is not None), None),
         "versions": VERSIONS,
     }
     if front is None or error is not None:

@@ -19,7 +19,7 @@ from hpop.base.text import shown
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
 from hpop.planners.objectives import edge_objectives as edge_objectives
-from hpop.runtime.status import ProgressCallback, Status
+from hpop.runtime.status import Budget, ProgressCallback, Status
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -159,6 +159,7 @@ class Planner(Protocol):
                        replan on that graph; () for a planner without a graph
     graph_of_drives    graph family on which a driving robot replans, or None
     time_options       options of planning among moving people, or None
+    seed               seed of its random numbers; None if it draws none
     """
 
     @property
@@ -180,6 +181,10 @@ class Planner(Protocol):
         INTERRUPTED and no other stage follows. If ``solve`` accepts an executor, ``stages`` accepts it too.
         """
         return _only_stage(self, problem, progress, **on_executor)
+
+    def budget(self) -> Budget | None:
+        """Return the limits of time and memory if they include reading the map; by default None."""
+        return None
 
     def anchored(self) -> Planner:
         """Return a copy of the planner with a graph that does not depend on the start, so that queries can share it.
@@ -235,6 +240,9 @@ class Planner(Protocol):
         @property
         def time_options(self) -> Any: ...
 
+        @property
+        def seed(self) -> int | None: ...
+
 
 PlannerSpec = str | Planner | Mapping[str, Mapping[str, Any] | None]
 
@@ -285,7 +293,9 @@ _DEFAULTS: dict[str, Any] = {
     "graph_options": (),
     "graph_of_drives": None,
     "time_options": None,
+    "seed": None,
     "stages": _only_stage,
+    "budget": lambda planner: None,
     "anchored": lambda planner: planner,
 }
 """Defaults of the attributes that a planner class does not define."""

@@ -16,11 +16,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import islice
 from time import perf_counter
-from typing import TYPE_CHECKING, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from hpop.planners.base import Candidates
+from hpop.planners.base import Candidates, Planner
 from hpop.planners.objectives import Objectives
 from hpop.runtime import limits
 from hpop.runtime.interrupts import interrupts_held
@@ -204,20 +204,12 @@ class Spending:
                         future.cancel()
 
 
-@runtime_checkable
-class Limited(Protocol):
-    """Planner whose time and memory limits include reading the map."""
-
-    def budget(self) -> Budget:
-        """Return the time and memory limits of the planner."""
-
-
-def common_spending(planners: Iterable[object]) -> Spending:
+def common_spending(planners: Iterable[Planner]) -> Spending:
     """Return the limits for work that several planners share, such as reading a map: the largest of their limits.
 
     There is no limit of time (memory) if one of the planners has none.
     """
-    budgets = [planner.budget() if isinstance(planner, Limited) else Budget() for planner in planners]
+    budgets = [planner.budget() or Budget() for planner in planners]
     seconds, memory = [budget.time_limit for budget in budgets], [budget.max_memory for budget in budgets]
     return Spending(Budget(time_limit=_largest_limit(seconds), max_memory=_largest_limit(memory)))
 

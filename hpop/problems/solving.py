@@ -27,7 +27,7 @@ from hpop.motions import Model, States
 from hpop.planners.base import Candidates, Planner, PlannerSpec, joined, make_planner, stages_of
 from hpop.planners.judgement import evaluable_in_time
 from hpop.planners.needs import check_goal, refuse_unsupported
-from hpop.planners.spending import Limited, Spending
+from hpop.planners.spending import Spending
 from hpop.problems.front import Front
 from hpop.runtime.status import Budget, Progress, ProgressCallback, Status, log
 from hpop.search.machinery.checkpoint import Checkpoint
@@ -247,9 +247,10 @@ def _spending(problem: Problem, planner: Planner) -> Spending:
 
     The time for reading the map counts too if the planner's limits include it.
     """
-    if isinstance(planner, Limited):
-        return Spending(Budget(planner.budget().time_limit), spent=problem.read_seconds)
-    return Spending(Budget(planner.time_limit))
+    budget = planner.budget()
+    if budget is None:
+        return Spending(Budget(planner.time_limit))
+    return Spending(Budget(budget.time_limit), spent=problem.read_seconds)
 
 
 def _until_limit(spending: Spending) -> float | None:

@@ -177,7 +177,7 @@ def read_scenario(document: Document, worlds: dict[str, World]) -> Scenario:
         people = [person for entry in entered for person in entry or ()]
         content = Content(*map(tuple, (people, groups, landmarks, zones)))  # type: ignore[arg-type]
     faults.raise_all()
-    folder, spending = document.path.parent, common_spending(chosen)
+    folder, spending = document.path.parent, common_spending(cast(list[Planner], chosen))
     given_as = reader or next(name for name, value in file.world if value is not None)
     with faults.collected(("world", given_as)), _reading(spending):
         section = json.dumps(given.get("world"), sort_keys=True)
