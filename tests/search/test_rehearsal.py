@@ -65,8 +65,8 @@ def test_a_rehearsal_compiles_what_the_search_of_a_lattice_takes(kind: str, monk
     assert {
         "advance",
         "trace_paths",
-        "cost_to_go",
-        "sort_arcs_by_head",
+        "settle_groups",
+        "pack_arcs",
         "costs_of_least_path",
         "weighted_path",
     } <= ahead.keys()

@@ -2,11 +2,13 @@
 
 h_j(v) is the least cost j of any path from v to a target, found by Dijkstra for a sum and by bottleneck Dijkstra for a
 maximum. It is exact for each cost alone, and therefore consistent: h(u) <= c(u, v) + h(v), and
-h(u) <= max(c(u, v), h(v)). If turns form groups (:mod:`.machinery.turns`), no path needs two turns in a row. So the
-backward search does not add a turn before a path that begins with a turn. If all turns of a group have equal costs, it
-adds turns only at the node of the group that it reaches first: other nodes are farther from the target, and could not
-improve the rest. Source: Mandow and Perez de la Cruz, "Multiobjective A* search with consistent heuristics", JACM 2010
-(the ideal-point heuristic of Tung and Chew 1992).
+h(u) <= max(c(u, v), h(v)). Source: Mandow and Perez de la Cruz, "Multiobjective A* search with consistent heuristics",
+JACM 2010 (the ideal-point heuristic of Tung and Chew 1992).
+
+If turns form groups (:mod:`.machinery.turns`), a faster search works on whole groups (:mod:`.group_bounds`), unless
+costs are too large for it. The search on nodes uses that no path needs two turns in a row: it does not add a turn
+before a path that begins with a turn. If all turns of a group have equal costs, it adds turns only at the node of the
+group that it reaches first: other nodes are farther from the target, and could not improve the rest.
 """
 
 from __future__ import annotations
@@ -21,10 +23,11 @@ from hpop.base.arrays import IntArray, numbered
 from hpop.runtime.compiled import lean
 from hpop.runtime.status import Status
 from hpop.search.graph import Graph
+from hpop.search.machinery.group_bounds import UNREACHABLE as UNREACHABLE
+from hpop.search.machinery.group_bounds import GroupSearches, can_be_packed, in_graph_numbers, memory_of_group_searches
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups, NoRoom
 
-UNREACHABLE = np.int64(2**62)
 PILES = 63  # of the radix heap: costs have up to 62 bits
 ARC, COST = 4, 8  # bytes of a reversed arc, and of each of its costs
 NODE, NODE_COST = 24, 29  # bytes of a node, and for each cost: bound, next node, dearest turn, 9 of the search backward
@@ -110,14 +113,8 @@ def cost_to_go(
     tops: IntArray,
     above: NDArray[np.int32],
     below: NDArray[np.int32],
-    last: IntArray,
-    source: int,
-    until: int,
-) -> int:
+) -> None:
     """Search backward from the targets by one cost; write the least remaining cost of each node and its next node.
-
-    The search stops before nodes that are farther than `until`, or than the source. Returns the distance of the nearest
-    open node, or UNREACHABLE if none is left. The next call with the same arrays continues from there.
 
     start, tails, weights   arcs sorted by head, of :func:`sort_arcs_by_head`, with this cost alone
     is_max                  True if the cost of a path is its largest arc cost, False if it is the sum
@@ -125,12 +122,9 @@ def cost_to_go(
     dearest, uniform, turns this cost of the turns, see :class:`.Groups` (`uniform` is an entry of `alike`)
     targets                 nodes at which paths may end, in the numbering of the groups
     out, parent (n,)        output: least cost, and next node on such a path or -1, in the numbering of the groups
-    turned (g,)             state: 1 for groups whose turns were added, 0 before the first call
-    turning (n,)            state: 1 for nodes whose best path begins with a turn, 0 before the first call
-    tops (PILES,)           state of the radix heap, -1 before the first call; above and below (n,): its linked lists
-    last (1,)               state: cost of the last node taken, -1 before the first call
-    source                  node in the numbering of the groups at which the search stops, or -1
-    until                   largest cost at which the search goes on
+    turned (g,)             scratch: 1 for groups whose turns were added, 0 before the call
+    turning (n,)            scratch: 1 for nodes whose best path begins with a turn, 0 before the call
+    tops (PILES,)           scratch for the radix heap, -1 before the call; above and below (n,): its linked lists
 
     Open nodes are in a radix heap (Ahuja, Mehlhorn, Orlin and Tarjan 1990). Let d be the cost of the last node taken.
     Pile 0 holds the open nodes of cost d. Pile b holds those whose cost differs from d in bit b, counted from 1, and in
@@ -138,32 +132,27 @@ def cost_to_go(
     """
     n = len(start) - 1
     lowest = np.int64(0)  # not 0: numba would compile the helpers once for that number alone
-    d = max(int(last[0]), 0)
-    if last[0] < 0:
-        for v in range(n):
-            out[v] = UNREACHABLE
-            parent[v] = -1
-        for v in targets:
-            if out[v] > 0:
-                out[v] = 0
-                put_on_pile(v, lowest, tops, above, below)
+    d = np.int64(0)
+    for v in range(n):
+        out[v] = UNREACHABLE
+        parent[v] = -1
+    for v in targets:
+        if out[v] > 0:
+            out[v] = 0
+            put_on_pile(v, lowest, tops, above, below)
     while True:
         if tops[0] < 0:
             pile = 1
             while pile < PILES and tops[pile] < 0:
                 pile += 1
             if pile == PILES:
-                last[0] = d
-                return int(UNREACHABLE)
+                return
             top = tops[pile]
-            nearest = int(out[top])
+            nearest = out[top]
             v = below[top]
             while v >= 0:
                 nearest = min(nearest, out[v])
                 v = below[v]
-            if nearest > until:
-                last[0] = d
-                return int(nearest)
             tops[pile] = -1
             d = nearest
             v = top
@@ -173,8 +162,6 @@ def cost_to_go(
                 v = following
         v = tops[0]
         take_from_pile(v, lowest, tops, above, below)
-        if v == source:
-            until = min(until, d)
         g = group[v]
         offset, members = rows[g, OFFSET], rows[g, SIZE]
         entering = start[v + 1] - start[v]
@@ -254,11 +241,17 @@ def lower_bounds(
         groups = groups or Groups.of(graph, clock)
     except NoRoom:
         return np.empty((k, 0), np.int64), np.zeros((0, k), np.int64), Status.MEMORY_LIMIT
-    memory = memory_of_searches(graph, groups)
+    is_packed = can_be_packed(graph, groups)
+    memory = memory_of_group_searches(graph, groups) if is_packed else memory_of_searches(graph, groups)
     status = clock.exceeded(0, memory)
     if status is not None:
         return np.empty((k, 0), np.int64), np.zeros((0, k), np.int64), status
-    h, onward = costs_to_go(graph, targets, clock, groups)
+    if is_packed:
+        searches = GroupSearches(graph, targets, clock, groups)
+        searches.settle(-1, np.full(k, UNREACHABLE))
+        h, onward = searches.results()
+    else:
+        h, onward = costs_to_go(graph, targets, clock, groups)
     return h, costs_of_least_paths(graph, source, h, onward, clock), clock.exceeded(0, memory)
 
 
@@ -276,63 +269,25 @@ def costs_to_go(
     The next node is the successor on a path that is least in this cost; it is -1 at targets and at nodes that reach
     none.
     """
-    searches = BackwardSearches(graph, targets, clock, groups, columns)
-    searches.settle(-1, np.full(len(searches.columns), UNREACHABLE))
-    return searches.results()
+    chosen = range(graph.criteria) if columns is None else columns
+    n, m = graph.nodes, len(groups.heads)
+    is_max = _is_max(graph)
+    group = np.repeat(np.arange(len(groups.rows)), groups.rows[:, SIZE])
+    begin, tails = np.zeros(n + 2, np.int64), np.empty(m, np.int32)
+    weights = np.empty((graph.criteria, m), np.int64)
+    costs, rows = groups.costs_of_arcs(graph)
+    clock.call(sort_arcs_by_head, groups.start, groups.heads, rows, costs, begin, tails, weights)
+    h, onward = np.empty((len(chosen), n), np.int64), np.empty((len(chosen), n), np.int32)
+    dearest, ends = np.ascontiguousarray(groups.dearest.T), groups.new_number[targets]
 
+    def arguments(row: int, j: int) -> tuple[Any, ...]:
+        turns = (group, groups.rows, dearest[j], bool(groups.alike[j]), groups.turns[j])
+        marks = (np.zeros(len(groups.rows), np.uint8), np.zeros(n, np.uint8))
+        piles = (np.full(PILES, -1), np.empty(n, np.int32), np.empty(n, np.int32))
+        return (begin[:-1], tails, weights[j], bool(is_max[j]), *turns, ends, h[row], onward[row], *marks, *piles)
 
-class BackwardSearches:
-    """Backward searches from the targets, one for each cost, that can stop at a distance and continue later."""
-
-    def __init__(
-        self, graph: Graph, targets: IntArray, clock: Clock, groups: Groups, columns: Sequence[int] | None = None
-    ) -> None:
-        """Prepare the searches: sort the plain arcs by head.
-
-        columns  columns of the costs for which there is a search, by default all
-        """
-        self.clock, self.groups = clock, groups
-        self.columns = range(graph.criteria) if columns is None else columns
-        n, k, m = graph.nodes, len(self.columns), len(groups.heads)
-        is_max = _is_max(graph)
-        group = np.repeat(np.arange(len(groups.rows)), groups.rows[:, SIZE])
-        begin, tails, weights = (
-            np.zeros(n + 2, np.int64),
-            np.empty(m, np.int32),
-            np.empty((graph.criteria, m), np.int64),
-        )
-        costs, rows = groups.costs_of_arcs(graph)
-        clock.call(sort_arcs_by_head, groups.start, groups.heads, rows, costs, begin, tails, weights)
-        self.h, self.parents = np.empty((k, n), np.int64), np.empty((k, n), np.int32)
-        dearest = np.ascontiguousarray(groups.dearest.T)
-        ends = groups.new_number[targets]
-
-        def arguments(row: int, j: int) -> tuple[Any, ...]:
-            turns = (group, groups.rows, dearest[j], bool(groups.alike[j]), groups.turns[j])
-            marks = (np.zeros(len(groups.rows), np.uint8), np.zeros(n, np.uint8))
-            piles = (np.full(PILES, -1), np.empty(n, np.int32), np.empty(n, np.int32), np.full(1, -1))
-            distances = (self.h[row], self.parents[row])
-            return (begin[:-1], tails, weights[j], bool(is_max[j]), *turns, ends, *distances, *marks, *piles)
-
-        self._searches = [arguments(row, j) for row, j in enumerate(self.columns)]
-
-    def settle(self, source: int, until: IntArray) -> IntArray:
-        """Continue each search up to a distance ``until`` (k,), or to the distance of node ``source`` if this is less.
-
-        With a source of -1, only the distance counts. Returns for each search the distance (k,) of its nearest open
-        node, UNREACHABLE if none is open.
-        """
-        end = source if source < 0 else int(self.groups.new_number[source])
-        calls = [(*search, end, distance) for search, distance in zip(self._searches, until.tolist(), strict=True)]
-        return np.array(self.clock.call_all(cost_to_go, calls), np.int64)
-
-    def results(self) -> tuple[IntArray, NDArray[np.int32]]:
-        """Return for each search the least remaining cost (k, n) of each node so far, and its next node (k, n)."""
-        groups = self.groups
-        if (groups.nodes[:-1] < groups.nodes[1:]).all():  # no node was renumbered
-            return self.h, self.parents
-        parents = np.where(self.parents < 0, -1, groups.nodes[self.parents]).astype(np.int32)
-        return self.h[:, groups.new_number], parents[:, groups.new_number]
+    clock.call_all(cost_to_go, [arguments(row, j) for row, j in enumerate(chosen)])
+    return in_graph_numbers(groups, h, onward)
 
 
 def costs_of_least_paths(graph: Graph, source: int, h: IntArray, onward: NDArray[np.int32], clock: Clock) -> IntArray:

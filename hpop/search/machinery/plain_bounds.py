@@ -20,12 +20,11 @@ from hpop.runtime.status import Status
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import (
     UNREACHABLE,
-    BackwardSearches,
     costs_of_least_paths,
     lower_bounds,
-    memory_of_searches,
     sort_arcs_by_head,
 )
+from hpop.search.machinery.group_bounds import GroupSearches, can_be_packed, memory_of_group_searches
 from hpop.search.machinery.kernels import WORD_BITS
 from hpop.search.machinery.labels import layer_of
 from hpop.search.machinery.slices import Clock
@@ -124,8 +123,8 @@ def plain_bounds(
     """Return lower bounds of remaining costs, the costs of the best path for each cost, and the limit passed or None.
 
     The result has the form of :func:`.lower_bounds`, but comes sooner. Its bounds are smaller at nodes far from the
-    targets, and suffice only for a search from this source. On a graph without groups of turns whose costs do not fit a
-    heap entry, the result is that of :func:`.lower_bounds`.
+    targets, and suffice only for a search from this source. On a graph whose costs do not fit a heap entry, or a packed
+    arc of a graph with groups of turns, the result is that of :func:`.lower_bounds`.
     """
     if groups.column >= 0:
         return _bounds_with_groups(graph, source, targets, clock, groups)
@@ -165,12 +164,14 @@ def _bounds_with_groups(
     graph: Graph, source: int, targets: IntArray, clock: Clock, groups: Groups
 ) -> tuple[IntArray, IntArray, Status | None]:
     """Return the result of :func:`plain_bounds` for a graph whose turns form groups of nodes."""
+    if not can_be_packed(graph, groups):
+        return lower_bounds(graph, source, targets, clock, groups)
     clock.report("bounds")
-    k, memory = graph.criteria, memory_of_searches(graph, groups)
+    k, memory = graph.criteria, memory_of_group_searches(graph, groups)
     status = clock.exceeded(0, memory)
     if status is not None:
         return np.empty((k, 0), np.int64), np.zeros((0, k), np.int64), status
-    searches = BackwardSearches(graph, targets, clock, groups)
+    searches = GroupSearches(graph, targets, clock, groups)
     searches.settle(source, np.full(k, UNREACHABLE))
     samples = costs_of_least_paths(graph, source, *searches.results(), clock)
     until = samples.max(axis=0) if len(samples) else np.full(k, UNREACHABLE)
