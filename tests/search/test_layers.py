@@ -8,9 +8,11 @@ import pytest
 from hpop.runtime.status import Budget, Status
 from hpop.search import Graph, pareto_paths, supported_paths
 from hpop.search.general.search import General
+from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
 from hpop.search.machinery.plain_bounds import plain_bounds
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import Groups
+from hpop.search.namoa_star import ideal_cost_to_go
 from tests.search.test_extended import turning, with_ends
 
 LAYERS = 4
@@ -70,6 +72,17 @@ def test_arcs_of_layers_are_those_of_copies(kind, seed):
     assert {tuple(cost) for cost in layered.distinct_costs.tolist()} == {tuple(cost) for cost in copied.costs.tolist()}
     for name in ("nodes", "indptr", "heads", "costs", "arc", "largest"):
         assert np.array_equal(getattr(layered, name), getattr(copied, name)), name
+
+
+@pytest.mark.parametrize("kind", KINDS[:3])
+@pytest.mark.parametrize("seed", range(3))
+def test_bounds_of_layers_are_the_scalar_optima(kind, seed):
+    graph = made(kind, seed, is_reused=True)
+    for _ in range(2):  # the second time, arcs sorted for the first are at hand
+        h, _, _ = lower_bounds(graph, seed, np.array([graph.nodes - 1]), Clock(Budget(), None))
+        for j in range(graph.criteria):
+            expected = ideal_cost_to_go(graph, {graph.nodes - 1}, j)
+            assert h[j].tolist() == [expected.get(v, int(UNREACHABLE)) for v in range(graph.nodes)]
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -8,6 +8,7 @@ import pytest
 from hpop.runtime.status import Budget, Status
 from hpop.search import Graph
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
+from hpop.search.machinery.group_bounds import can_be_packed
 from hpop.search.machinery.plain_bounds import plain_bounds
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import Groups
@@ -36,12 +37,13 @@ def test_bounds_are_the_scalar_optima(seed):
             assert (samples[:, j] >= h[j, 3]).all()
 
 
+@pytest.mark.parametrize(("cells", "size"), [(12, 5), (2, 65)], ids=["by groups", "by nodes, as groups are too large"])
 @pytest.mark.parametrize("how", ["sum", "max"])
 @pytest.mark.parametrize("seed", range(8))
-def test_bounds_are_the_scalar_optima_where_turns_make_groups(seed, how):
+def test_bounds_are_the_scalar_optima_where_turns_make_groups(seed, how, cells, size):
     """Turns of unlike prices (metric, as groups ask), and plain arcs inside groups as well as between them."""
     rng = np.random.default_rng(seed)
-    cells, size, plain = 12, 5, 90
+    plain = 90
     tails, heads = rng.integers(0, cells * size, (2, plain))
     heads[::3] = tails[::3] // size * size + rng.integers(0, size, len(tails[::3]))
     moves = np.c_[rng.integers(0, 40, plain), np.zeros(plain, int), rng.integers(0, 3, plain)]
@@ -54,6 +56,7 @@ def test_bounds_are_the_scalar_optima_where_turns_make_groups(seed, how):
     graph = Graph.from_arcs(cells * size, *arcs, aggregates=[how, "sum", "sum"])
     groups = Groups.of_turns(graph, 1, Clock(Budget(), None))
     assert groups is not None
+    assert can_be_packed(graph, groups) == (size == 5)
     h, _, _ = lower_bounds(graph, 0, np.array([7, 8]), Clock(Budget(), None), groups)
     for j in range(3):
         expected = ideal_cost_to_go(graph, {7, 8}, j)
