@@ -18,7 +18,7 @@ from PIL import Image
 from rosbags.typesys import Stores, get_typestore
 
 import hpop
-import hpop.preference.scale
+import hpop.preference.answers
 from hpop import batches, export, motions, preference, ros, search, study
 from hpop.base.symbols import lift
 from hpop.planners.objectives import edge_objectives
@@ -329,7 +329,7 @@ def _add_rest(right: Right) -> None:
         "hpop.motions.StateSpace.units": ("m",), "hpop.motions.StateSpace.low": (0.0,),
         "hpop.motions.StateSpace.high": (1.0,), "hpop.motions.StateSpace.weights": (1.0,),
         "hpop.preference.Preference.expected.costs": front.costs,
-        "hpop.preference.Prior.on.measures": [preference.scale.Measure("length", "m", 1.0)],
+        "hpop.preference.Prior.on.measures": [preference.answers.Measure("length", "m", 1.0)],
         **{f"hpop.preference.Prior.{of}.shares": shares for of in ("log_density", "log_densities")},
         "sharpness": np.array([1.0]), "ties": np.array([0.5]),
         "hpop.ros.Bridge.url": "ws://localhost:9090", "hpop.ros.PathServer.connected.send": lambda: (lambda text: None),

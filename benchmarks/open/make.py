@@ -25,7 +25,7 @@ import numpy as np
 
 from hpop.base.arrays import IntArray
 from hpop.benchmark.graph_files import file_hash, read_graph, write_graph
-from hpop.benchmark.reference import (
+from hpop.benchmark.running import (
     REFERENCE,
     DifferentFronts,
     described_graph,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from hpop.benchmark import graph_files, reference, running
+from hpop.benchmark import graph_files, running
 from hpop.errors import HpopError
 from hpop.runtime.status import Budget
 from hpop.search import pareto_paths
@@ -61,7 +61,7 @@ def run(
     """
     program = running.ForeignProgram(binary, first_node, count, clock)
     results = []
-    for result in running.run_program(program, reference.read_queries(instances, only), time_limit):
+    for result in running.run_program(program, running.read_queries(instances, only), time_limit):
         results.append(result)
         ends = f"{result.instance} {result.source} {result.target}"
         message = f" ({result.message})" if result.message else ""
@@ -124,7 +124,7 @@ def add(graph: Path, source: int, target: int) -> None:
 
     The reference is in the folder of the graph.
     """
-    query = reference.add_query(graph, source, target)
+    query = running.add_query(graph, source, target)
     click.echo(f"{graph.stem} {source} {target}: {query['vectors']} vectors, by {' and '.join(query['checked_by'])}")
 
 

@@ -17,8 +17,8 @@ from hpop.base.text import counted, printable
 from hpop.cli.report import number, plain_table, print_wide
 from hpop.cli.results import output_errors
 from hpop.errors import OptionError, UnknownName
-from hpop.frontier import FrontError, UnknownColumnError, conditions
-from hpop.frontier.conditions import ColumnCondition
+from hpop.frontier import FrontError, UnknownColumnError, choices
+from hpop.frontier.choices import ColumnCondition
 from hpop.preference import Preference
 from hpop.preference.posterior import NEAR
 from hpop.problems.front import FOR_YOU, Front, Point
@@ -56,9 +56,9 @@ def picked(
         if row is not None:
             return Picked(front[row], f"row {row}, as asked")
         asked = [ColumnCondition.of(name, f"<={bound!r}") for name, bound in at_most.items()]
-        rows = np.flatnonzero(conditions.met(front, asked))
+        rows = np.flatnonzero(choices.met(front, asked))
         if not rows.size:
-            raise OptionError(f"no trajectory to pick with {conditions.in_words(front, asked)}; raise --at-most")
+            raise OptionError(f"no trajectory to pick with {choices.in_words(front, asked)}; raise --at-most")
         part = front.where({name: f"<={bound!r}" for name, bound in at_most.items()}) if at_most else front
         if least:
             point, why = part.lexicographic(least), f"the least {', then '.join(least)}"
@@ -82,7 +82,7 @@ def picked(
         raise UnknownName(f"{error}{hint}") from None
     except (FrontError, IndexError) as error:
         raise OptionError(str(error)) from None
-    among = f", among the {rows.size:,} with {conditions.in_words(front, asked)}" if asked else ""
+    among = f", among the {rows.size:,} with {choices.in_words(front, asked)}" if asked else ""
     return Picked(front[int(rows[point.index])], why + among)
 
 

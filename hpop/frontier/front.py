@@ -15,7 +15,7 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.lazy import on_first_use
 from hpop.base.status import Status
 from hpop.base.text import printable, shown
-from hpop.frontier import conditions, storage, union
+from hpop.frontier import choices, storage, union
 from hpop.frontier.choices import Choices
 from hpop.frontier.dominance import (
     BoolArray,
@@ -27,7 +27,7 @@ from hpop.frontier.dominance import (
     quantised,
 )
 from hpop.frontier.points import FrontError, FrontFileError, ItemPoint, as_json, floats, minimised, names_of, origins
-from hpop.frontier.representative import SHARE, representative
+from hpop.frontier.union import SHARE, representative
 
 if TYPE_CHECKING:
     import pandas
@@ -244,7 +244,7 @@ class ItemFront(Choices[T], Generic[T]):
         try:
             row = as_index(index)
         except TypeError:
-            return self._selected(*conditions.kept(index, len(self)))
+            return self._selected(*choices.kept(index, len(self)))
         if not -len(self) <= row < len(self):
             known = f"from {-len(self)} to {len(self) - 1}" if len(self) else "left out"
             raise IndexError(f"an index must be {known} in a front of {len(self)} points, got {row}")
@@ -283,8 +283,8 @@ class ItemFront(Choices[T], Generic[T]):
 
         Raises UnknownColumnError for a name that the front does not have, FrontError for an invalid condition.
         """
-        wanted = conditions.conditions(conditions_by_name, named)
-        return self._selected(conditions.met(self, wanted), conditions.in_words(self, wanted))
+        wanted = choices.conditions(conditions_by_name, named)
+        return self._selected(choices.met(self, wanted), choices.in_words(self, wanted))
 
     def representative(self, count: int) -> Self:
         """Return the front of up to ``count`` points that represent this one: together they have a large hypervolume.

@@ -21,9 +21,9 @@ from hpop.base.arrays import FloatArray
 from hpop.base.options import MOST, real
 from hpop.base.text import shown
 from hpop.errors import StudyError
+from hpop.preference.answers import Measure
 from hpop.preference.preference import Preference
 from hpop.preference.prior import SELECTIVE, Prior, log_dirichlet, range_ratio, rescale_shares
-from hpop.preference.scale import Measure
 
 LEAST_PEOPLE = 20
 """Least number of people for a prior that uses profiles; with fewer, associations are only reported."""

@@ -18,12 +18,15 @@ from hpop.errors import StudyError
 from hpop.frontier import ItemFront
 from hpop.preference import storage
 from hpop.preference.answers import (
+    CostScale,
+    Feature,
     PairAnswer,
     answer_of,
     answers_of_choices,
     answers_of_ratings,
     checked_question,
     evidence,
+    fingerprint,
 )
 from hpop.preference.posterior import (
     COUNT,
@@ -36,7 +39,6 @@ from hpop.preference.posterior import (
     row_probability_and_regret,
 )
 from hpop.preference.prior import Prior
-from hpop.preference.scale import CostScale, Feature, fingerprint
 
 QUESTIONS = 12
 """Default number of questions after which asking stops."""

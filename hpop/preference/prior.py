@@ -14,7 +14,7 @@ from hpop.base.arrays import BoolArray, FloatArray
 from hpop.base.options import real, whole
 from hpop.base.text import set_python_values, shown
 from hpop.errors import StudyError
-from hpop.preference.scale import LOG, Measure
+from hpop.preference.answers import LOG, Measure
 
 SELECTIVE = 0.3
 """Share of people who care for only some of the costs."""

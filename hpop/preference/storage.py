@@ -20,9 +20,8 @@ from hpop.base.options import MOST_SEED
 from hpop.base.text import shown
 from hpop.errors import StudyError
 from hpop.frontier.strict_json import Kinds, numbers, parse, parts, pieces
-from hpop.preference.answers import MOST_ANSWERS, PairAnswer, checked_question
+from hpop.preference.answers import MOST_ANSWERS, CostScale, Measure, PairAnswer, checked_question
 from hpop.preference.prior import Prior
-from hpop.preference.scale import CostScale, Measure
 
 SCHEMA = "hpop-preference"
 VERSION = 1

@@ -9,9 +9,8 @@ ros scenario.yaml --url ws://localhost:9090`` does (extra ``ros``).
 from __future__ import annotations
 
 from hpop.base.lazy import on_first_use
-from hpop.ros.bridge import Bridge
+from hpop.ros.bridge import Bridge, PathServer
 from hpop.ros.messages import PlanarPose, plain, planar_pose, pose_message, typed
-from hpop.ros.path_server import PathServer
 from hpop.ros.paths import path_message, trajectory_of
 from hpop.ros.planning import GoalPlanner
 from hpop.ros.protocol import Interface

@@ -1,18 +1,20 @@
-"""Websocket connection to rosbridge, which reconnects whenever it breaks.
+"""Action server for ComputePathToPose, and the websocket connection that connects it to rosbridge.
 
-Incoming messages are limited in size, number and rate; further ones wait at the sender. A bridge that accepts no data
-is disconnected after a while.
+Goals are accepted at once, and planned one at a time in a thread. A new goal replaces older ones. The connection
+reconnects whenever it breaks. Incoming messages are limited in size, number and rate; further ones wait at the sender.
+A bridge that accepts no data is disconnected after a while.
 """
 
 from __future__ import annotations
 
 import logging
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from math import inf
 from socket import SO_SNDTIMEO, SOL_SOCKET
-from threading import Event, Lock
+from threading import Condition, Event, Lock, Thread
 from time import monotonic
 from typing import Any
 from urllib.parse import urlsplit
@@ -20,10 +22,227 @@ from urllib.parse import urlsplit
 from hpop.base.arguments import checked_arguments
 from hpop.base.lazy import library
 from hpop.base.text import printable, shown
-from hpop.errors import OptionError
+from hpop.errors import OptionError, RosError
 from hpop.ros import protocol
-from hpop.ros.path_server import PathServer
-from hpop.runtime.status import log
+from hpop.ros.messages import Message, PlanarPose, planar_pose
+from hpop.ros.planning import GoalPlanner
+from hpop.ros.protocol import ErrorCode, Failure, GoalResult, canceled, failed
+from hpop.runtime.status import Progress, log
+
+Send = Callable[[str], None]
+ALIVE = 1.0  # least time between two feedback messages, s
+MOST_REMARKS = 20  # most complaints about invalid messages
+FAREWELL = 10.0  # s to wait until planning stops
+
+
+class _GivenUp(Exception):
+    """Signal that stops planning because no client waits for the result any more."""
+
+
+@dataclass(eq=False)
+class _Goal:
+    """Goal that the server has accepted.
+
+    id    text by which the bridge names the goal
+    args  fields of the goal, as received
+    open  whether its result is still to be sent
+    """
+
+    id: str
+    args: Any
+    open: bool = True
+
+
+@checked_arguments
+class PathServer:
+    """Action server that plans goals; a bridge passes messages to and from it.
+
+    The bridge calls ``connected``, ``received`` and ``disconnected`` from one thread. A new goal aborts the
+    goal that is being planned, because Nav2 sends a new goal every second. Invalid messages are ignored, and
+    reported once for each wording, up to `MOST_REMARKS`.
+
+    Parameters
+    ----------
+    planning : planner of the goals
+    say : called with a line of text for each event
+    """
+
+    def __init__(self, planning: GoalPlanner, *, say: Callable[[str], None] = log.info) -> None:
+        self.planning, self.known, self.say = planning, planning.known, say
+        self._changed = Condition()
+        self._send: Send | None = None
+        self._robot: PlanarPose | None = None
+        self._next: _Goal | None = None
+        self._now: _Goal | None = None
+        self._closed = False
+        self._remarks: set[str] = set()
+        self._thread = Thread(target=self._plan, name="hpop-ros-planning", daemon=True)
+        self._thread.start()
+
+    # Called by the bridge
+
+    def connected(self, send: Send) -> None:
+        """Offer the action on a new connection.
+
+        ``send`` sends a message; any thread may call it, and it raises nothing.
+        """
+        with self._changed:
+            self._send, self._robot = send, None
+        for message in protocol.greetings(self.known):
+            send(protocol.encoded(message))
+
+    def received(self, data: str | bytes) -> None:
+        """Handle one incoming message; an invalid one is reported and ignored."""
+        try:
+            message = protocol.parsed(data)
+            take = self._ops().get(message["op"])
+            if take is None:
+                raise RosError(f"a message with op {shown(message['op'])}, which an action server does not handle")
+            take(message)
+        except RosError as error:
+            self._remark(f"ignored {error}")
+
+    def disconnected(self) -> None:
+        """Drop all goals after the connection is lost, because the bridge has aborted them."""
+        with self._changed:
+            self._send = None
+            for goal in (self._next, self._now):
+                if goal is not None:
+                    goal.open = False
+            self._next = None
+
+    def close(self) -> None:
+        """Stop planning and end the thread; wait for it for at most `FAREWELL` s."""
+        with self._changed:
+            self._closed = True
+        self.disconnected()
+        with self._changed:
+            self._changed.notify_all()
+        self._thread.join(FAREWELL)
+
+    def _ops(self) -> Mapping[str, Callable[[Mapping[str, Any]], None]]:
+        """Return the methods that handle incoming messages, by the message's ``op``."""
+        return {"send_action_goal": self._accept, "cancel_action_goal": self._cancel, "publish": self._heard}
+
+    def _accept(self, message: Mapping[str, Any]) -> None:
+        """Accept a new goal, abort older goals that are planned or wait, and send first feedback."""
+        self._check_action(message)
+        goal = _Goal(protocol.goal_id(message), message.get("args"))
+        with self._changed:
+            replaced = [old for old in (self._now, self._next) if old is not None and old.open]
+            self._next = goal
+            self._changed.notify_all()
+        why = Failure(ErrorCode.UNKNOWN, "a newer goal took its place")
+        for old in replaced:
+            self._end(old, failed(self.known, why, 0.0))
+        self._tell(protocol.feedback(self.known, goal.id))
+
+    def _cancel(self, message: Mapping[str, Any]) -> None:
+        """Cancel a goal that is planned or waits; RosError if there is none with its id."""
+        self._check_action(message)
+        asked = protocol.goal_id(message)
+        with self._changed:
+            found = [one for one in (self._now, self._next) if one is not None and one.open and one.id == asked]
+        if not found:
+            raise RosError(f"cancel_action_goal of {shown(asked)}, which is not being planned")
+        for one in found:
+            self._end(one, canceled(self.known))
+
+    def _heard(self, message: Mapping[str, Any]) -> None:
+        """Store the robot's pose that was published on the pose topic."""
+        if message.get("topic") != self.known.pose_topic:
+            raise RosError(f"a message of topic {shown(message.get('topic'))}, which was not subscribed to")
+        pose = planar_pose(message.get("msg"), "the robot's pose")
+        if pose.frame != self.known.frame_id:
+            raise RosError(f"a pose of the robot in the frame {shown(pose.frame)}, expected {self.known.frame_id}")
+        with self._changed:
+            self._robot = pose
+
+    def _check_action(self, message: Mapping[str, Any]) -> None:
+        """Raise RosError unless a message is for the offered action."""
+        if message.get("action") != self.known.action:
+            raise RosError(f"a goal of action {shown(message.get('action'))}, which is not offered here")
+
+    # In the planning thread
+
+    def _plan(self) -> None:
+        """Plan one goal after another, until the server is closed."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._closed or self._next is not None)
+                if self._closed:
+                    return
+                goal, self._next, robot = self._next, None, self._robot
+                self._now = goal
+            assert goal is not None
+            answer = self._answer(goal, robot)
+            if answer is not None:
+                self._end(goal, answer)
+            with self._changed:
+                self._now = None
+
+    def _answer(self, goal: _Goal, robot: PlanarPose | None) -> GoalResult | None:
+        """Plan a goal and return its result; None if no client waits for it any more.
+
+        An error in planning becomes a result with this error. ``robot`` is the pose of the robot, if known.
+        """
+        told = monotonic()
+
+        def follow(progress: Progress) -> None:
+            nonlocal told
+            if not goal.open:
+                raise _GivenUp
+            if monotonic() - told >= ALIVE:
+                told = monotonic()
+                self._tell(protocol.feedback(self.known, goal.id))
+
+        try:
+            return self.planning.answer(goal.args, robot, follow)
+        except _GivenUp:
+            return None
+        except Exception as error:  # a bug, or code of the user's own: this goal fails, and no other
+            log.exception("planning failed")
+            said = printable(f"{type(error).__name__}: {error}")
+            return failed(self.known, Failure(ErrorCode.UNKNOWN, f"planning failed ({said})"), 0.0)
+
+    def _end(self, goal: _Goal, answer: GoalResult) -> None:
+        """Send the result of a goal, unless it was sent before."""
+        with self._changed:
+            if not goal.open:
+                return
+            goal.open = False
+        self._tell(protocol.result(self.known, goal.id, answer.status, answer.values))
+        if answer.options is not None:
+            self._tell(protocol.publication(self.known, {"goal": goal.id, **answer.options}))
+        self.say(_line(goal, answer))
+
+    def _tell(self, message: Message) -> None:
+        """Send a message to the bridge, if there is a connection."""
+        with self._changed:
+            send = self._send
+        if send is not None:
+            send(protocol.encoded(message))
+
+    def _remark(self, text: str) -> None:
+        """Report an invalid message by ``say``: each text once, and at most `MOST_REMARKS` texts."""
+        if text in self._remarks or len(self._remarks) > MOST_REMARKS:
+            return
+        self._remarks.add(text)
+        self.say(text if len(self._remarks) <= MOST_REMARKS else "further invalid messages are not reported")
+
+
+def _line(goal: _Goal, answer: GoalResult) -> str:
+    """Return a line of text that reports the end of a goal."""
+    poses = len(answer.values["path"]["poses"])
+    seconds = answer.values["planning_time"]["sec"] + 1e-9 * answer.values["planning_time"]["nanosec"]
+    if answer.options is not None:
+        told = answer.options
+        names = [name for name, row in told["named"].items() if row == told["chosen"]]
+        what = f"row {told['chosen']} of {told['points']:,}{f' ({names[0]})' if names else ''}, {poses:,} poses"
+    else:
+        what = answer.values.get("error_msg", "")
+    return printable(f"goal {goal.id}: {answer.status.name.lower()} after {seconds:.2f} s; {what}".rstrip("; "))
+
 
 MOST_WAITING = 16  # most unread websocket frames
 MOST_A_SECOND = 500  # messages

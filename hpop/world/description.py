@@ -23,12 +23,12 @@ from hpop.base.arrays import BoolArray
 from hpop.base.text import shown
 from hpop.errors import MapError
 from hpop.world import readers
+from hpop.world.bodies import LinkRules
 from hpop.world.content.content import Content
 from hpop.world.files import by_names, place_seen_from, places_found_from
 from hpop.world.geometry.shapes import MAX_CELLS, Obstacle, Raster, check_size
 from hpop.world.geometry.solids import Solid
 from hpop.world.ground import Ground, Heights
-from hpop.world.link_rules import LinkRules
 
 if TYPE_CHECKING:
     from hpop.world.world import World

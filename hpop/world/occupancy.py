@@ -15,9 +15,8 @@ from hpop.base.options import real, whole
 from hpop.base.text import shown
 from hpop.errors import MapError
 from hpop.world.fields.field import TiledField
-from hpop.world.geometry.cells import CellSpace, changed_blocks, on_one_grid
+from hpop.world.geometry.cells import FINEST, CellSpace, boxes_of, changed_blocks, on_one_grid, voxels_of
 from hpop.world.geometry.shapes import Raster, check_heights
-from hpop.world.geometry.voxels import FINEST, boxes_of, voxels_of
 from hpop.world.ground import WHOLE, Ground, Heights
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from hpop.base.options import LEAST, MOST, real
 from hpop.base.table import facts_html, picture_html
 from hpop.base.text import shown
 from hpop.errors import MapError, OptionError
-from hpop.world.bodies import closed_bodies
+from hpop.world.bodies import LinkRules, closed_bodies
 from hpop.world.content.content import Content, Landmark, Person, Zone
 from hpop.world.description import FromFiles, build, describe, facts, summary
 from hpop.world.fields.field import Field
@@ -30,7 +30,6 @@ from hpop.world.geometry.planar import FreeSpace, without
 from hpop.world.geometry.shapes import Obstacle, Raster, prisms_of
 from hpop.world.geometry.solids import MARGIN, Solid, check_solids
 from hpop.world.ground import WHOLE, Cache, Ground, Heights, Layer, check_area, union
-from hpop.world.link_rules import LinkRules
 from hpop.world.occupancy import FromCells
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from hpop.models.serial_arm.chain import ArmPart, Pair, pair_of
+from hpop.world.bodies import LinkRules
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Shape, Sphere
-from hpop.world.link_rules import LinkRules
 
 
 def enlarged_parts(parts: Sequence[ArmPart], rules: LinkRules) -> dict[int, ArmPart]:

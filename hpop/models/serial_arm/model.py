@@ -39,7 +39,7 @@ from hpop.models.serial_arm.laws import ArmBody, JointLaw, JointSpline, Reach, d
 from hpop.models.serial_arm.meshes import WAYS, Way
 from hpop.motions import Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
 from hpop.trajectories.trajectory import Trajectory
-from hpop.world.link_rules import WIDEST
+from hpop.world.bodies import WIDEST
 
 if TYPE_CHECKING:
     from hpop.world import World

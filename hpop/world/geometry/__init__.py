@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from hpop.base.lazy import homes_of, on_first_use
 
 if TYPE_CHECKING:  # imported on first use: numba is slow to import
-    from hpop.world.geometry import _cells as _cells
     from hpop.world.geometry import _hulls as _hulls
     from hpop.world.geometry import _kernels as _kernels
     from hpop.world.geometry import _sight_in_space as _sight_in_space

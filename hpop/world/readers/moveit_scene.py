@@ -20,12 +20,10 @@ from hpop.base.text import counted, shown
 from hpop.errors import MapError, did_you_mean
 from hpop.runtime import limits
 from hpop.runtime.limits import READING
+from hpop.world.bodies import LinkRules
 from hpop.world.files import file_source, named, read_bytes, read_text, read_yaml_documents
 from hpop.world.geometry.solids import MOST_POINTS, Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
-from hpop.world.link_rules import LinkRules
-from hpop.world.readers.moveit_entry import SceneEntry
-from hpop.world.readers.moveit_rules import link_rules, rule_notes
-from hpop.world.readers.moveit_text import is_scene_text, scene_of_text
+from hpop.world.readers.moveit_parts import SceneEntry, is_scene_text, link_rules, rule_notes, scene_of_text
 from hpop.world.world import World
 
 MOST_BYTES = 5_000_000

@@ -13,7 +13,7 @@ from hpop.models.serial_arm.chain import ArmPart
 from hpop.models.serial_arm.collision import KEPT
 from hpop.models.serial_arm.enlarged import enlarged_parts
 from hpop.world import Box, Cylinder, Hull, Solid, Sphere, World, pose_at
-from hpop.world.link_rules import LinkRules
+from hpop.world.bodies import LinkRules
 from tests.models.serial_arm.arms import CRANE, crane
 from tests.models.serial_arm.cluttered import cluttered, pose, shape
 

@@ -18,7 +18,7 @@ export interface Filter {
 
 export const NO_FILTER: Filter = { bounds: new Map(), kept: null, order: null };
 
-// As in hpop/frontier/conditions.py: a bound as a count of quanta is off by its rounding.
+// As in hpop/frontier/choices.py: a bound as a count of quanta is off by its rounding.
 const ALIKE = 8 * Number.EPSILON;
 
 /** Limits of a bound, in whole quanta if there is a quantum, as `front.where` compares values. */
