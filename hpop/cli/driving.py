@@ -136,8 +136,8 @@ def _print_options(options: Options, happening: Happening) -> None:
     names = _named(options, happening)
     table, front = cli.report.plain_table(), options.front
     table.add_column("number", justify="right")
-    for name, unit in zip(front.names, front.units, strict=True):
-        table.add_column(cli.report.header(name, unit), justify="right")
+    for column in cli.report.headers(front):
+        table.add_column(column, justify="right")
     table.add_column(cli.report.header("leaves at", "s"), justify="right")
     table.add_column(cli.report.header("next turn", "s from now"), justify="right")
     table.add_column("same side")

@@ -40,7 +40,7 @@ def declared(item: Any) -> str:
     parts = [_fields(item)] if dataclasses.is_dataclass(item) else [getattr(item, "suffix", "")]
     if hasattr(item, "aggregate"):
         requires = f"requires {', '.join(item.requires)}" if item.requires else ""
-        parts = ["" if item.unit == "1" else item.unit, item.aggregate, requires, *parts]
+        parts = [item.quantity, "" if item.unit == "1" else item.unit, item.aggregate, requires, *parts]
     return ", ".join(filter(None, parts))
 
 

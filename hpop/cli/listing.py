@@ -161,7 +161,7 @@ def look(
     The picture, in metres, shows free space, start, goal, people, landmarks and zones. For an arm, a second picture
     shows it from the side, with heights; _side is added to its name. If the start or goal is blocked, the nearest free
     position is printed (exit code 5). If no path leads from the start to a goal, that is printed too (exit code 6). For
-    a MAP, start and goal are those that `hpop new` would try first.
+    a MAP, start and goal are those that `hpop new` would try first. An earlier picture of this name is replaced.
     """
     from hpop.view.look import look as looked
 
@@ -180,6 +180,9 @@ def look(
         given = new.GivenMap.of(path, reader, resolution, new.checked_options(options))
         problem = cast("Problem", new.first_problem(given.read(), radius))
     out = Path(f"{path.stem}_look.png") if out is None else out
+    replaced = " (replaced)" if out.exists() else ""
+    if replaced and out.samefile(path):
+        raise OutputError(f"--out: expected another name than that of the map, got {out}, which it would replace")
     seen = looked(problem, f"{path.name}: {_size(problem)}")
     with results.output_errors(f"cannot write {out}", "choose another --out"):
         hpop.view.save.save_figure(seen.figure, out, DPI)
@@ -188,7 +191,7 @@ def look(
             hpop.view.save.save_figure(seen.side, side, DPI)
     for note in (*problem.world.notes, *problem.notes, *seen.notes):
         echo(f"note: {note}")
-    echo(f"written to {out}" + ("" if side is None else f", and the view from the side to {side}"))
+    echo(f"written to {out}{replaced}" + ("" if side is None else f", and the view from the side to {side}"))
     if seen.refused:
         raise QueryError("\n".join(seen.refused))
     if seen.no_way:

@@ -20,6 +20,7 @@ from rich.text import Text
 from hpop.base.arrays import FloatArray, distinct
 from hpop.base.text import printable
 from hpop.criteria import make_criterion
+from hpop.criteria.base import quantity_of
 from hpop.criteria.costs import trajectory_costs
 from hpop.frontier import hypervolume, representative
 from hpop.frontier.choices import Preferring
@@ -170,8 +171,8 @@ class StageLines:
 
     The line has the time, the number of trajectories and the hypervolume. Costs are scaled so that the first front with
     points has ideal 0 and nadir 1; the reference point is 1.1. So the hypervolume of an improved front is never
-    smaller. If it exceeds that of a box with this side, as may happen after a first front of a few close points, words
-    are printed instead.
+    smaller. The first front depends on the time that the search took, so the line says whose scale it is. If it exceeds
+    that of a box with this side, as may happen after a first front of a few close points, words are printed instead.
     """
 
     def __init__(self) -> None:
@@ -186,9 +187,9 @@ class StageLines:
             self.first = front
         (volume,) = _hypervolumes([front], [self.first])
         planner = front.runs[-1].get("planner", "planner")
-        measured = "" if math.isnan(volume) else f", hypervolume {volume:.4f}"
+        measured = "" if math.isnan(volume) else f", hypervolume {volume:.4f} in the scale of this run's first front"
         if volume > BOX ** len(front.names):
-            measured = ", hypervolume beyond the scale of the first front"
+            measured = ", hypervolume beyond the scale of this run's first front"
         line = f"{perf_counter() - self._began:.2f} s  {planner}: {how_many(front)}{measured}, {front.status}"
         sys.stdout.write(f"{printable(line)}\n")  # plain text, so that the live progress line is not broken
 
@@ -246,9 +247,16 @@ def plain_table() -> Table:
     return Table(box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
 
 
-def header(name: str, unit: str) -> Text:
-    """Return the header of a column: name over unit."""
-    return Text(printable(name) if unit == "1" else f"{printable(name)}\n({printable(unit)})")
+def header(name: str, unit: str, what: str = "") -> Text:
+    """Return the header of a column: name over unit; ``what`` says what it measures, if its name does not."""
+    below = ", ".join(part for part in (what, "" if unit == "1" else unit) if part)
+    return Text(f"{printable(name)}\n({printable(below)})" if below else printable(name))
+
+
+def headers(front: Front) -> list[Text]:
+    """Return the headers of a front's costs."""
+    columns = zip(front.names, front.units, front.groups, strict=True)
+    return [header(name, unit, quantity_of(name, group)) for name, unit, group in columns]
 
 
 def _labels(names: Sequence[str]) -> Text:
@@ -260,8 +268,8 @@ def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence
     """Return the table of a front: row number, costs, reported values, order of stops on a tour, and labels."""
     table = plain_table()
     table.add_column("#", justify="right")
-    for name, unit in zip(front.names, front.units, strict=True):
-        table.add_column(header(name, unit), justify="right", no_wrap=True)
+    for words in headers(front):
+        table.add_column(words, justify="right", no_wrap=True)
     for name, unit in zip(front.reported_names, front.reported_units, strict=True):
         table.add_column(Text("reported\n") + header(name, unit), justify="right", style="dim", no_wrap=True)
     if is_tour := any("visits" in front.provenance[row] for row in rows):
@@ -328,7 +336,7 @@ def _executed_table(problem: Problem, front: Front, names: Mapping[int, Sequence
     more = [each for each in more if each.name not in {known.name for known in criteria}]
     criteria += [each for each in more if each.name in (*front.names, "duration")]
     for criterion in criteria:
-        table.add_column(header(criterion.name, criterion.unit), justify="right", no_wrap=True)
+        table.add_column(header(criterion.name, criterion.unit, criterion.quantity), justify="right", no_wrap=True)
     table.add_column("marked", no_wrap=True)
     for row, labels in sorted(names.items()):
         pair = [front.trajectories[row], front.trajectories[row].execution()]

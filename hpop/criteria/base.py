@@ -66,6 +66,8 @@ class Criterion(Protocol):
     mean         for a stand-in: the time-mean that it replaces; None
     stand_in_quantum  for a time-mean: the quantum that the user has set for its stand-in; None
     places       positions (x, y, z), m, that pictures mark; ()
+    quantity     what the cost measures, such as "shortfall", if its name reads like the opposite; tables and pictures
+                 print it before the unit; ""
     ball_radius  m, radius of a ball round the camera; pictures shade the map by its obstructed fraction; None
     bound        method: takes two states (M,), returns a lower bound (M,) on the cost of any trajectory between them;
                  None
@@ -109,6 +111,8 @@ class Criterion(Protocol):
         @property
         def stand_in_quantum(self) -> float | None: ...
         @property
+        def quantity(self) -> str: ...
+        @property
         def places(self) -> tuple[tuple[float, float, float], ...]: ...
         @property
         def ball_radius(self) -> float | None: ...
@@ -127,6 +131,7 @@ CRITERION_DEFAULTS: dict[str, Any] = {
     "stand_in_quantum": None,
     "places": (),
     "ball_radius": None,
+    "quantity": "",
     "bound": None,
     "convex": None,
 }
@@ -217,6 +222,17 @@ def make_criterion(spec: CriterionSpec) -> Criterion:
         f"a criterion must be a name or an instance such as Turns(), got {shown(spec)}; declare a class of your own "
         "with @hpop.criterion"
     )
+
+
+def quantity_of(name: str, group: str) -> str:
+    """Return what the cost of a front measures if its name does not say it, such as "shortfall"; "" otherwise.
+
+    group  the cost's group in the front: a column that is no criterion's cost has none, and may have any name
+    """
+    if not group or name not in criteria:
+        return ""
+    declared: Any = with_optional_members(criteria[name], CRITERION_DEFAULTS)
+    return str(declared.quantity) if declared.group == group else ""
 
 
 def index_of_role(role: Role, criteria: Sequence[Criterion]) -> int | None:

@@ -24,7 +24,7 @@ from hpop.problems.problem import Problem
 from hpop.runtime.status import Status, no_path_note
 from hpop.scenario.json_schema import LINE
 from hpop.world import World
-from hpop.world.readers.readers import reader_of
+from hpop.world.readers.readers import map_beside, reader_of
 
 SCHEMA = "scenario.schema.json"
 MOST_BYTES = 2**20  # largest part of a file that is examined
@@ -65,7 +65,7 @@ class GivenMap(NamedTuple):
         if reader == "image" and "resolution" not in given:
             raise OptionError(
                 f"{path} does not state its scale; give --resolution, metres per pixel: 0.02 if a door of 0.9 m is 45 "
-                "pixels wide"
+                f"pixels wide{map_beside(path)}"
             )
         return cls(path, reader, given)
 

@@ -22,6 +22,7 @@ from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.text import printable, shown
+from hpop.criteria.base import quantity_of
 from hpop.criteria.comfort.rotation import LEAST_TURN
 from hpop.errors import OptionError
 from hpop.frontier.choices import Preferring
@@ -97,30 +98,38 @@ class Quantity:
 
     values  (n,)  in the unit
     counts  whether the values are whole numbers by nature
+    what    what the column measures, such as "shortfall", if its name does not say it
     """
 
     name: str
     unit: str
     values: FloatArray
     counts: bool
+    what: str = ""
 
     @property
     def label(self) -> str:
         """Return the name with its unit, such as "length (m)" or "turns (count)"."""
-        return label(self.name, self.unit, self.counts)
+        return label(self.name, self.unit, self.counts, self.what)
 
     def text(self, value: float) -> str:
         """Return the name with a value, such as "length 12.3 m" or "turns 4"."""
-        return f"{self.name} {value_text(value, self.unit, self.counts)}"
+        name = f"{self.name} {self.what}" if self.what else self.name
+        return f"{name} {value_text(value, self.unit, self.counts)}"
 
 
-def label(name: str, unit: str, counts: bool) -> str:
-    """Return the axis label of a quantity.
+def label(name: str, unit: str, counts: bool, what: str = "") -> str:
+    """Return the axis label of a quantity; ``what`` says what it measures, if its name does not.
 
+    >>> label("clearance", "m", False, "shortfall"), label("openness", "1", False, "unseen share")
+    ('clearance (shortfall, m)', 'openness (unseen share)')
     >>> label("length", "m", False), label("turns", "1", True), label("obstruction", "1", False)
     ('length (m)', 'turns (count)', 'obstruction (share)')
     """
-    return printable(f"{name} ({('count' if counts else 'share') if unit == '1' else unit})")
+    measured = ("count" if counts else "share") if unit == "1" else unit
+    if what:
+        measured = what if unit == "1" else f"{what}, {unit}"
+    return printable(f"{name} ({measured})")
 
 
 def stacked(words: str) -> str:
@@ -163,12 +172,13 @@ def quantities(front: Front) -> tuple[Quantity, ...]:
     costs = np.where(np.abs(front.costs) < 0.5 * np.array(front.quanta), 0.0, front.costs)
     whole = [unit == "1" and quantum == 1.0 for unit, quantum in zip(front.units, front.quanta, strict=True)]
     return tuple(
-        Quantity(printable(name), printable(unit), values, counts)
-        for name, unit, values, counts in zip(
+        Quantity(printable(name), printable(unit), values, counts, quantity_of(name, group))
+        for name, unit, values, counts, group in zip(
             front.names + front.reported_names,
             front.units + front.reported_units,
             np.hstack([costs, front.reported]).T,
             whole + [False] * len(front.reported_names),
+            [*front.groups, *[""] * len(front.reported_names)],
             strict=True,
         )
     )

@@ -89,8 +89,8 @@ def draw_trace(
     for (motion, look), each in zip(looks, rates, strict=True):
         panels[-2].plot(_moments(motion), each.speed, **look)
         panels[-1].plot(_moments(motion), each.yaw_rate if upright else each.rotation_rate, **look)
-    _name_row(panels[-2], "camera speed", "m/s", "")
-    _name_row(panels[-1], "camera yaw rate" if upright else "camera rotation rate", "rad/s", "")
+    _name_row(panels[-2], "camera speed (m/s)", "")
+    _name_row(panels[-1], "camera yaw rate (rad/s)" if upright else "camera rotation rate (rad/s)", "")
     for axes in panels:
         _shade(axes, trajectory, turns_in_place(trajectory), TURN, "turn")
         _shade(axes, trajectory, is_held(trajectory), HELD, "hold")
@@ -175,12 +175,12 @@ def _draw_criterion(axes: Axes, trace: Trace, column: int) -> None:
         final, (1.0, cost), xycoords=("axes fraction", "data"), xytext=(4, 0), textcoords="offset points",
         fontsize=SMALL, va="center", annotation_clip=False,
     )  # fmt: skip
-    _name_row(axes, criterion.name, criterion.unit, text, counts=counts)
+    _name_row(axes, label(criterion.name, criterion.unit, counts, criterion.quantity), text, counts=counts)
 
 
-def _name_row(axes: Axes, name: str, unit: str, text: str, *, counts: bool = False) -> None:
-    """Write the name, unit and explanation of a panel."""
-    axes.set_ylabel(stacked(label(name, unit, counts)), fontsize=NORMAL)
+def _name_row(axes: Axes, words: str, text: str, *, counts: bool = False) -> None:
+    """Write the label, name and unit, and the explanation of a panel."""
+    axes.set_ylabel(stacked(words), fontsize=NORMAL)
     axes.set_title(text, fontsize=SMALL, color=QUIET, loc="left", pad=2)
     whole_ticks(axes.yaxis, counts, most=4)
     axes.spines[["top", "right"]].set_visible(False)

@@ -46,6 +46,7 @@ from hpop.view.style import (
     QUIET,
     SMALL,
     camera_heights,
+    label,
     mapped_body,
     mapped_points,
     path_points,
@@ -231,13 +232,13 @@ def shown_label(criterion: Criterion) -> str:
 
     >>> from hpop.criteria import Clearance, Length, LookAtCriterion, Turns
     >>> shown_label(Length()), shown_label(Turns()), shown_label(Clearance())
-    ('m a second', 'count on the spot', 'm on the spot')
+    ('m a second', 'count on the spot', 'shortfall, m on the spot')
     >>> shown_label(LookAtCriterion(target=(0.0, 0.0, 1.0)))  # rad s, added up
     'rad on the spot'
     """
     if _counts(criterion):
         return "count on the spot"
-    unit = "share" if criterion.unit == "1" else criterion.unit
+    unit = label("", criterion.unit, counts=False, what=criterion.quantity).strip(" ()")
     if criterion.aggregate == "sum" and unit.endswith(" s"):
         return f"{unit.removesuffix(' s')} on the spot"
     return f"{unit} on the spot" if criterion.aggregate in ("time-mean", "max") else f"{unit} a second"

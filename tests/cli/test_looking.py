@@ -164,6 +164,7 @@ def test_a_picture_is_called_as_its_map_and_no_way_has_its_own_exit_code(
     hall = _geojson(tmp_path)
     assert run("look", hall, "--set", "polygons=outline").exit_code == 0
     assert (tmp_path / "hall_look.png").exists()
+    assert "written to hall_look.png (replaced)" in run("look", hall, "--set", "polygons=outline").stdout
     wall = {"corners": [[4, 0], [5, 0], [5, 6], [4, 6]]}
     world = {"polygons": {"extent": [[0, 0], [9, 0], [9, 6], [0, 6]], "obstacles": [wall]}}
     asked = {"world": world, "start": [2, 2, 0], "goal": [7, 2, 0], "criteria": ["length"]}
@@ -204,10 +205,20 @@ def test_what_lacks_or_is_strange_is_told(
     image, hall, out = _image(tmp_path), _geojson(tmp_path), ["--out", tmp_path / "x.png"]
     refused(run("look", image, *out), 10, "give --resolution, metres per pixel")
     refused(run("look", image, "--resolution", "0.001", *out), 3, "free nowhere on this map of 0.16 x 0.12 m")
+    image.with_suffix(".yaml").touch()
+    refused(run("look", image, *out), 10, "or give", f"{image.stem}.yaml, which states it")
     refused(run("look", hall, *out), 3, "feature 0 'hall' contains all else", "--set polygons=outline")
     refused(run("look", hall, "--set", "polygon=outline", *out), 3, "Did you mean 'polygons'?", "--set")
     assert run("look", hall, "--set", "outline", *out).exit_code == 2
     refused(run("look", _ros(tmp_path, write_map), "--resolution", "0.1", *out), 10, "takes no --resolution")
+    refused(
+        run("look", image, "--resolution", "0.05", "--out", image), 12, "expected another name than that of the map"
+    )
+    (tmp_path / "empty").mkdir()
+    refused(run("new", tmp_path / "empty"), 3, "is a folder; give the path of a map, an image.")
+    folder = run("look", tmp_path)
+    refused(folder, 3, "is a folder; give the path of a map, such as ", "hall.geojson")
+    assert "bag" not in folder.stderr
     refused(run("look", tmp_path / "gone.yaml", *out), 4, "no such file")
     refused(run("look", tmp_path / "gone.png", *out), 3, "no such file")
     refused(

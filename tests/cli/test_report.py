@@ -53,6 +53,15 @@ def printed(front: hpop.Front, width: int = 80, **more: object) -> str:
     return console.file.getvalue()  # type: ignore[attr-defined]
 
 
+def test_a_cost_whose_name_reads_like_its_opposite_says_what_it_measures() -> None:
+    """The registered name stays: it is what `--at-most` and `--least` take."""
+    costs, names = [[0.0, 2.0, 1.0]], ("clearance", "passing_distance", "length")
+    text = printed(front_of(costs, names, groups=["R", "C", "C"]))
+    assert text.count("(shortfall, m)") == 2
+    assert "passing_distance" in text
+    assert "shortfall" not in printed(front_of(costs, names))  # a table of costs from elsewhere has no groups
+
+
 def front_part(text: str) -> str:
     return next(part for part in text.split("\n\n") if part.strip().startswith("The front"))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -167,6 +168,7 @@ class PassingDistance:
     telepresence, 2020-2022).
     """
 
+    quantity: ClassVar[str] = "shortfall"
     enough: float = 1.0  # m from visible obstacles, beyond which it costs nothing
     band: float = 0.5
 

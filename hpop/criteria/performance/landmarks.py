@@ -90,6 +90,8 @@ class LandmarkVisibility(_Unseen):
     ε_i are measured from the camera's own axes, roll included. Programs on CasADi symbols cannot use it then.
     """
 
+    quantity: ClassVar[str] = "unseen share"
+
     @property
     def integral(self) -> LandmarkBlindness:
         """The criterion that searches minimise in place of the mean: its time integral."""

@@ -7,6 +7,7 @@ moment. Openness makes two: the mean and the integral (enclosure).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from hpop.base.arrays import Column
 from hpop.base.options import LEAST, set_reals
@@ -137,6 +138,8 @@ class Openness(_Enclosed):
 
     Source: isovists of Benedikt (1979). If the camera's height changes, R is found by rays at its current height.
     """
+
+    quantity: ClassVar[str] = "unseen share"
 
     @property
     def integral(self) -> Enclosure:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -29,6 +30,7 @@ class Clearance:
     programs on CasADi symbols cannot use the criterion. A model needs either such a collision test or a base.
     """
 
+    quantity: ClassVar[str] = "shortfall"
     enough: float = 1.0  # m, clearance from which on the cost is 0
 
     def __post_init__(self) -> None:

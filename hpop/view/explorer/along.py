@@ -122,7 +122,7 @@ def words(criterion: Criterion) -> str:
     ('m a second', 'count a second', 'm at the time')
     """
     counts = criterion.unit == "1" and criterion.quantum == 1.0
-    unit = label("", criterion.unit, counts).strip(" ()")
+    unit = label("", criterion.unit, counts, criterion.quantity).strip(" ()")
     return f"{unit} at the time" if criterion.aggregate in ("time-mean", "max") else f"{unit} a second"
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 import inspect
 import os
 import shlex
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,9 @@ ENDINGS = {
     ".scene": "moveit_scene",
 }
 """Endings of file names, each with the name of its reader."""
+MOST_MAPS = 3  # maps that are named in a folder
+EXAMPLES = {"resolution": "0.05"}  # m for each pixel
+"""Examples of options that readers need."""
 CONVERT = "convert it to GeoJSON, such as by ogr2ogr -f GeoJSON -t_srs EPSG:4326 plan.geojson {}"
 OTHERS = {
     **dict.fromkeys((".shp", ".gpkg", ".kml", ".gml", ".gdb", ".fgb", ".parquet", ".gpx"), CONVERT),
@@ -70,16 +74,17 @@ OTHERS = {
 
 
 def reader_of(path: str | Path) -> str:
-    """Return the name of the reader for a file, by its ending; a folder counts as a ROS bag.
+    """Return the name of the reader for a file, by its ending; a folder of a ROS 2 bag has its reader too.
 
-    Raises `MapError` for an unknown ending.
+    Raises `MapError` for an unknown ending and for any other folder.
     """
     try:
         ending = Path(path).suffix.lower()
-        if os.path.isdir(path):
-            return "ros_bag"
+        is_folder = os.path.isdir(path)
     except (TypeError, ValueError):
         raise MapError(f"a map must be given by its path, a str or Path; got {shown(path)}.") from None
+    if is_folder:
+        return _reader_of_folder(Path(path))
     if ending in OTHERS:
         todo = OTHERS[ending].format(shlex.quote(Path(path).name))
         raise MapError(f"{named(path)} has a format that no reader reads; {todo}.")
@@ -89,6 +94,44 @@ def reader_of(path: str | Path) -> str:
             f"endings: {', '.join(sorted(ENDINGS))}."
         )
     return ENDINGS[ending]
+
+
+def _said(reader: str, path: str | Path, options: Mapping[str, Any], known: inspect.Signature) -> str:
+    """Say which options a reader does not have, or lacks; "" if there are none."""
+    _, *names = known.parameters
+    if any(parameter.kind == parameter.VAR_KEYWORD for parameter in known.parameters.values()):
+        return ""
+    if unknown := [name for name in options if name not in names]:
+        near = "".join(did_you_mean(name, names) for name in unknown)
+        return f"it has no option {', '.join(unknown)}.{near} Its options are {', '.join(names) or 'none'}"
+    missing = [
+        name for name in names if name not in options and known.parameters[name].default is inspect.Parameter.empty
+    ]
+    if not missing:
+        return ""
+    example = ", ".join(f"{name}={EXAMPLES.get(name, '...')}" for name in missing)
+    return (
+        f"it needs {', '.join(missing)}, which {named(path)} does not state; give it, such as "
+        f"World.from_file({str(path)!r}, {example}){map_beside(path)}. `hpop explain {reader}` says what it is"
+    )
+
+
+def map_beside(path: str | Path) -> str:
+    """Return the advice to give the YAML file of a ROS map instead of its image, if it is there; "" otherwise."""
+    file = Path(path).with_suffix(".yaml")
+    return f"; or give {shlex.quote(str(file))}, which states it" if file.is_file() else ""
+
+
+def _reader_of_folder(folder: Path) -> str:
+    """Return the reader of ROS 2 bags if a folder is one; else raise MapError and name maps in the folder."""
+    files = sorted(entry.name for entry in os.scandir(folder))
+    maps = [name for name in files if Path(name).suffix.lower() in ENDINGS]
+    if "metadata.yaml" in files or any(ENDINGS[Path(name).suffix.lower()] == "ros_bag" for name in maps):
+        return "ros_bag"
+    inside = (
+        f"such as {', '.join(shlex.quote(str(folder / name)) for name in maps[:MOST_MAPS])}" if maps else "an image"
+    )
+    raise MapError(f"{named(folder)} is a folder; give the path of a map, {inside}.")
 
 
 def read_world(reader: str, path: str | Path, **options: Any) -> World:
@@ -102,8 +145,7 @@ def read_world(reader: str, path: str | Path, **options: Any) -> World:
     try:
         known.bind(path, **options)
     except TypeError as error:
-        hints = (did_you_mean(name, known.parameters) for name in options if name not in known.parameters)
-        raise MapError(f"reader {reader!r}: {error}.{''.join(hints)} It takes {known}") from None
+        raise MapError(f"reader {reader!r}: {_said(reader, path, options, known) or error}") from None
     try:
         world = read(path, **options)
     except (HpopError, LimitPassed):

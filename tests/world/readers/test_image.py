@@ -2,6 +2,7 @@
 
 import re
 import tracemalloc
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -299,3 +300,15 @@ def test_a_transparent_colour_of_a_palette_is_paper(tmp_path):
     image.putpalette([0, 0, 0, 10, 10, 10, 255, 255, 255])
     image.save(tmp_path / "plan.png", transparency=1)
     assert World.from_image(tmp_path / "plan.png", 1).raster.cells.tolist() == [[True, False, False]]
+
+
+def test_an_image_without_a_scale_is_refused_with_the_call_that_reads_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Image.new("L", (4, 4), 255).save("map.pgm")
+    advice = r"needs resolution, .* such as World.from_file\('map.pgm', resolution=0.05\)"
+    with pytest.raises(MapError, match=advice + r"\. `hpop explain image`") as raised:
+        World.from_file("map.pgm")
+    assert "float" not in str(raised.value)  # no signature
+    Path("map.yaml").touch()
+    with pytest.raises(MapError, match=advice + "; or give map.yaml, which states it"):
+        World.from_file("map.pgm")
