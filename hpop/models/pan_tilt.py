@@ -22,6 +22,7 @@ from hpop.models.collision.parts import Part
 from hpop.models.differential_drive import FIXED, SLOWEST, DifferentialDrive, OnBase
 from hpop.models.joints import Stations, grid_of_stations, legs_of_joints, stop_faults, stops_of
 from hpop.models.laws import JointMove, Turn, Unwind, cruise_speed
+from hpop.models.ramps import doubtful_ramps, ramp_faults, ramps_of
 from hpop.models.rigid import Mount, RigidPose, RigidTwist, RigidTwistRate
 from hpop.motions import (
     MODEL_DEFAULTS,
@@ -37,6 +38,7 @@ from hpop.motions import (
     Vector,
     is_curve,
 )
+from hpop.motions.laws import CHANGE
 from hpop.trajectories.trajectory import Trajectory
 
 ALIKE = 1e-9  # rad: tolerance for equal angles
@@ -249,7 +251,9 @@ class PanTilt(OnBase, PlanarModel):
             "nod": JointMove("nod", "tilt", *tilt),
             "counterspin": None if both is None else Unwind(*both, kind="counterspin"),
         }
-        return {kind: law for kind, law in laws.items() if law is not None}
+        given = {kind: law for kind, law in laws.items() if law is not None}
+        executed = {kind: law for kind, law in given.items() if kind in self.executed.values()}
+        return given | ramps_of(executed, given.get(CHANGE), self.speed_classes)
 
     @property
     def mounts(self) -> Mapping[str, Mount]:
@@ -312,11 +316,13 @@ class PanTilt(OnBase, PlanarModel):
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
         """Yield a text for each motion that the base cannot execute, and for a pan or tilt beyond an end stop."""
         yield from self.base.faults(trajectory)
+        yield from ramp_faults(trajectory)
         yield from stop_faults(self.space, self.joints, trajectory.states)
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
         """Return a mask (M,) of the motions that the base may be unable to execute, or with a head beyond a stop."""
-        return self.base.doubtful(law, start, end) | super().doubtful(law, start, end)
+        wrong = self.base.doubtful(law, start, end) | super().doubtful(law, start, end)
+        return wrong | doubtful_ramps(law, start, end)
 
 
 def _view_change(motions: Motions) -> tuple[Column, Column]:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 INSTANT = 1e-12  # s: shorter phases are rounding errors, such as the cruise of a short turn
 _FOUND: dict[tuple[type, type], bool] = {}
 SPEED = "speed"  # m/s: the state with the speed of a base that has several (:mod:`hpop.models.speeds`)
+PACE = "pace"  # share of full speed: the state with the speed along a path (:mod:`hpop.models.ramps`)
 CHANGE = "speed_change"  # kind of the law by which such a base changes its speed
 CLOCK = "clock"  # s, from any zero: a state whose difference over a hold or a curve is the duration of that motion
 LONGEST = 3600.0  # s: all holds of a trajectory together last at most this long; more must be a mistake in the unit

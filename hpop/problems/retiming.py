@@ -17,6 +17,7 @@ from hpop.criteria.base import Criterion, CriterionSpec, make_criterion
 from hpop.criteria.costs import motion_costs, trajectory_costs
 from hpop.errors import ModelError, OptionError, QueryError
 from hpop.motions import HOLD, Motions, States
+from hpop.motions.by_law import extras
 from hpop.motions.laws import CLOCK
 from hpop.planners.base import Candidates
 from hpop.planners.needs import people_move
@@ -57,7 +58,8 @@ def _largest_flow(problem: Problem, criterion: Criterion, path: _Path) -> Discom
         knots = path.coordinates.knots(one.states, one.slopes, np.append(0.0, np.cumsum(one.steps)))
         n = one.steps.size
         start, end = knots.take(slice(0, n)), knots.take(slice(1, n + 1))
-        flows.append(motion_costs(criterion, Motions(problem.world, problem.model, path.coordinates.law, start, end)))
+        law = problem.model.laws[one.kind]
+        flows.append(motion_costs(criterion, Motions(problem.world, problem.model, law, start, end)))
     return Discomfort(flow=np.concatenate(flows))
 
 
@@ -120,9 +122,9 @@ class _Path:
             rates = part.slopes * root[place : place + n + 1, None]
             stretch = coordinates.knots(part.states, rates, clock)
             knots.append(stretch.take(slice(1 if knots else 0, None)))
-            kinds += [coordinates.kind] * n
+            kinds += [part.kind] * n
             now, interval, place = float(clock[-1]), interval + n, place + n + 1
-        names = knots[0].names
+        names = (*self.run.model.space.names, *extras(self.run.model, kinds))
         states = States(**{name: frozen(np.concatenate([getattr(k, name) for k in knots])) for name in names})
         return Trajectory(self.run.model, states, tuple(kinds))
 

@@ -17,7 +17,7 @@ from hpop.errors import ModelError, UnsupportedModel
 from hpop.models.base import PlanarModel
 from hpop.motions import HOLD, MODEL_DEFAULTS, Model, Motions, States, is_curve, laws_of, stands
 from hpop.motions.by_law import STILL
-from hpop.motions.laws import SPEED
+from hpop.motions.laws import PACE, SPEED
 from hpop.planners.needs import in_plane
 from hpop.testing.contracts import (
     SAME,
@@ -190,6 +190,9 @@ def drawn_motions(
         speeds = rng.permutation(np.resize(model.speed_classes, 2 * size)).reshape(2, size)
         before, after = speeds if SPEED in law.varies else speeds[[0, 0]]
         start, end = States(**start.__dict__ | {SPEED: before}), States(**led | {SPEED: after})
+    if PACE in law.extra:
+        before, after = rng.uniform(0.1, 1.0, (2, size))
+        start, end = States(**start.__dict__ | {PACE: before}), States(**led | {PACE: after})
     return Motions(world, model, law, start, end, t0=np.zeros(size))
 
 
@@ -212,7 +215,7 @@ def _laws_fault(model: Model, world: World, rng: np.random.Generator, batches: l
                 if fault := differ(f"{name} of a {kind} at {share:.0%}", getattr(states, name), found, 1e-6, 1.0):
                     return fault
             # Collision tests and integrals assume that other laws change states linearly with the share.
-            if is_curve(law) or name == SPEED:
+            if is_curve(law) or name in (SPEED, PACE):
                 continue
             middle, found = 0.5 * (getattr(start, name) + getattr(end, name)), law.interpolate(name, start, end, half)
             if fault := differ(f"{name} halfway through a {kind}, which is no curve", middle, found, 1e-6, 1.0):

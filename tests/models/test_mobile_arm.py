@@ -373,7 +373,7 @@ def slider() -> MobileArm:
 
 
 def test_any_base_in_the_plane_carries_an_arm(slider, home):
-    assert set(slider.laws) == {"glide", "reach"}
+    assert set(slider.laws) == {"glide", "reach", "reach_ramp"}
     assert "wheels" not in slider.provides
     a, b = drawn(slider, 5, 1), drawn(slider, 5, 2)
     legs = slider.connect(a, b)

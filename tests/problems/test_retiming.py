@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -13,11 +14,25 @@ from scipy.interpolate import CubicSpline
 import hpop
 from hpop.criteria import trajectory_cost
 from hpop.criteria.base import make_criterion
+from hpop.models.base import Mount, Part, PlanarModel, plane_space
 from hpop.models.driven import driven
+from hpop.models.laws import Move, Turn
 from hpop.motions import States
 from hpop.planners.programs.retiming.profile import Discomfort, Profiles
 from hpop.planners.programs.retiming.stretches import PathStretch, coordinates_of, stretches_of
 from hpop.problems.verify import verify
+
+
+class Gliding(PlanarModel):
+    """A base that has no law with a free speed."""
+
+    name = "gliding"
+
+    space, parts = plane_space(1.0), (Part(((0.0, 0.0),), 0.3, 0.0, 0.2),)
+    mounts: ClassVar = {"base": Mount()}
+    executed: ClassVar = {}
+    laws: ClassVar = {"move": Move(1.0), "turn": Turn(1.0, 2.0, 1.0)}
+
 
 WORLD = hpop.World.from_polygons([], extent=shapely.box(-30, -30, 30, 30))
 ROBOT = hpop.DifferentialDrive(radius=0.3)
@@ -306,14 +321,12 @@ def test_bad_input_is_refused():
     ):
         with pytest.raises(errors.OptionError, match=message):
             hpop.retime(problem, path, **options)
-    head = hpop.PanTilt(base=ROBOT)
     turning = hpop.Trajectory.from_poses(ROBOT, [(0, 0, 0), (3, 0, 0)])
     with pytest.raises(errors.ModelError, match="another robot"):
         hpop.retime(asked(path), hpop.Trajectory.from_poses(hpop.DifferentialDrive(radius=0.2), [(0, 0, 0), (3, 0, 0)]))
-    zeros = np.zeros(2)
-    states = States(x=np.array([0.0, 3.0]), y=zeros, yaw=zeros, pan=zeros, tilt=zeros)
-    with pytest.raises(errors.UnsupportedModel, match="needs limits of its acceleration and a law with free speeds"):
-        hpop.retime(asked(hpop.Trajectory(head, states, ("move",))), hpop.Trajectory(head, states, ("move",)))
+    gliding = hpop.Trajectory.from_poses(Gliding(), [(0, 0, 0), (3, 0, 0)])
+    with pytest.raises(errors.UnsupportedModel, match="needs limits of its acceleration and laws with free speeds"):
+        hpop.retime(asked(gliding, ["length"]), gliding)
     standing = hpop.Trajectory(ROBOT, turning.states.take([0]), ())
     with pytest.raises(errors.OptionError, match="does not move"):
         hpop.retime(asked(standing), standing)

@@ -36,6 +36,7 @@ from hpop.models.mobile_arm.collision import (
     carried_parts,
     touching_platform,
 )
+from hpop.models.ramps import doubtful_ramps, ramp_faults, ramps_of
 from hpop.models.rigid import (
     Mount,
     RigidPose,
@@ -177,7 +178,9 @@ class MobileArm(OnBase, Model):
         laws = {kind: base.laws[kind] for kind in kinds if kind != CHANGE}
         for kind, speed in self._run_speeds.items():
             laws[kind] = Run(speed, base.laws[CHANGE].acceleration, kind)  # type: ignore[attr-defined]
-        return {**laws, **{kind: law for kind, law in self.arm.laws.items() if isinstance(law, Reach)}}
+        reaches = {kind: law for kind, law in self.arm.laws.items() if isinstance(law, Reach)}
+        executed = {kind: law for kind, law in laws.items() if kind in base.executed.values()}
+        return {**laws, **reaches, **ramps_of({**executed, REACH: reaches[REACH]})}
 
     @property
     def _run_speeds(self) -> dict[str, float]:
@@ -309,6 +312,7 @@ class MobileArm(OnBase, Model):
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
         """Yield a text for each fault: of the base, of joints beyond limits, and of driving with an unfolded arm."""
         yield from self.base.faults(trajectory)
+        yield from ramp_faults(trajectory)
         states, count = trajectory.states, max(1, len(trajectory))
         start, end = states.take(slice(0, count)), states.take(slice(-count, None))
         yield from joint_faults(self.arm.chain, self.arm.laws[REACH], start, end, np.arange(count))
@@ -318,13 +322,17 @@ class MobileArm(OnBase, Model):
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
         """Return a mask (M,) of motions with a possible fault of base or arm, or that drive with an unfolded arm."""
-        found = self.base.doubtful(law, start, end) | self.arm.doubtful(self.arm.laws[REACH], start, end)
+        found = (
+            doubtful_ramps(law, start, end)
+            | self.base.doubtful(law, start, end)
+            | self.arm.doubtful(self.arm.laws[REACH], start, end)
+        )
         return found | self._is_unfolded(start) if law.kind in self._drives else found
 
     @property
     def _drives(self) -> frozenset[str]:
         """Kinds of motion in which the base moves: the names of all laws but those of reaches."""
-        return frozenset(self.laws) - self.arm.laws.keys()
+        return frozenset(kind for kind, law in self.laws.items() if not isinstance(law, Reach))
 
     def _is_unfolded(self, states: States) -> BoolArray:
         """Return a mask (N,) of the states in which the arm is not folded."""

@@ -277,10 +277,13 @@ class Profiles:
         cp = import_module("cvxpy")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a solution of less accuracy is checked like all
-            try:
-                program.solve(solver="CLARABEL", warm_start=True)
-            except cp.SolverError:
-                return None
+            for scaled in (True, False):  # some programs with joints of very different levers need the second
+                try:
+                    program.solve(solver="CLARABEL", warm_start=True, equilibrate_enable=scaled)
+                    break
+                except cp.SolverError:
+                    if not scaled:
+                        return None
         if program.status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
             return None
         b = np.zeros(self.at_rest.size)

@@ -9,14 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol, cast
 
 import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.errors import OptionError, UnsupportedModel
-from hpop.motions import HOLD, Law, Model, States, Wheeled, is_curve, laws_of
-from hpop.motions.laws import CLOCK, SPEED
+from hpop.models.ramps import SUFFIX, WAY, limits_of
+from hpop.motions import HOLD, Model, States, Wheeled, is_curve, laws_of
+from hpop.motions.laws import CHANGE, CLOCK, PACE, SPEED
 from hpop.planners.programs.spline.knots import LAW as SPLINE
 from hpop.planners.programs.spline.knots import SplineLaw
 from hpop.trajectories.trajectory import Trajectory
@@ -26,6 +28,7 @@ TURN_RATE = "turn_rate"
 INTERVAL, FEWEST, MOST = 0.1, 16, 400  # s: length of a grid interval at the input's speed; intervals in each phase
 CURVED = 600  # intervals in all motions of a stretch of curves
 REST = 1e-6  # share of full speed below which a robot stands
+BEFORE = 1e-7  # share of an interval: how long before a grid position its rates may be taken
 STRAIGHT = 1e-9  # difference of unit directions that is a rounding error
 PARALLEL = 1e-6  # difference of unit directions that counts as none
 
@@ -33,13 +36,8 @@ PARALLEL = 1e-6  # difference of unit directions that counts as none
 class Coordinates(Protocol):
     """Coordinates (c,) of a robot along a path, and the law that can drive any speed profile along it."""
 
-    @property
-    def kind(self) -> str:
-        """Kind of the law: "drive" or "spline"."""
-
-    @property
-    def law(self) -> Law:
-        """Law of this kind, from the laws of the model."""
+    def kind(self, executed: str) -> str:
+        """Return the kind of law with free speed that replaces an executed kind of motion."""
 
     @property
     def unit(self) -> FloatArray:
@@ -73,12 +71,10 @@ class BaseCoordinates:
     """Distance driven, m, and heading, rad, of a base with two wheels."""
 
     model: Wheeled
-    kind: str = DRIVE
     joins: bool = False
 
-    @property
-    def law(self) -> Law:
-        return self.model.laws[DRIVE]
+    def kind(self, executed: str) -> str:
+        return DRIVE
 
     @property
     def unit(self) -> FloatArray:
@@ -116,8 +112,10 @@ class JointCoordinates:
     """Joints of an arm, rad or m."""
 
     model: Model
-    kind: str = SPLINE
     joins: bool = True
+
+    def kind(self, executed: str) -> str:
+        return SPLINE
 
     @property
     def law(self) -> SplineLaw:
@@ -141,16 +139,65 @@ class JointCoordinates:
         return np.eye(len(self.law.names)), self.unit, np.array(self.law.accelerations)
 
 
+@dataclass(frozen=True)
+class MixedCoordinates:
+    """Distance driven, m, heading, rad, and joints of a base that carries a head or an arm.
+
+    Between two standstills, either the base moves straight ahead, or motions in place change some of the others.
+    """
+
+    model: Model
+    joins: bool = True
+
+    def kind(self, executed: str) -> str:
+        fastest = {slower: kind for pace in self.model.paces for kind, slower in pace.items()}
+        return fastest.get(executed, executed) + SUFFIX
+
+    @cached_property
+    def _limits(self) -> dict[str, tuple[float, float]]:
+        return limits_of(self.model)
+
+    @cached_property
+    def unit(self) -> FloatArray:
+        return np.array([speed for speed, _ in self._limits.values()])
+
+    def rates(self, states: States, rates: States) -> FloatArray:
+        columns = {WAY: np.hypot(rates.x, rates.y)}
+        rows = [np.broadcast_to(columns.get(n, getattr(rates, n, 0.0)), states.size) for n in self._limits]
+        return np.stack(rows, axis=1)
+
+    def rates_of_states(self, states: States, rates: FloatArray, changes: FloatArray) -> tuple[States, States]:
+        cos, sin, names, derivatives = np.cos(states.yaw), np.sin(states.yaw), list(self._limits), list[States]()
+        for columns in (rates, changes):  # nothing turns while the base moves
+            named = dict(zip(names, columns.T, strict=True))
+            way = named.pop(WAY)
+            derivatives.append(States(**{"x": way * cos, "y": way * sin} | named))
+        return derivatives[0], derivatives[1]
+
+    def knots(self, states: States, rates: FloatArray, clock: FloatArray) -> States:
+        pace = np.linalg.norm(rates / self.unit, axis=1)
+        return States(**{n: getattr(states, n) for n in self.model.space.names}, **{PACE: pace, CLOCK: clock})
+
+    def limits(self, slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        moves: BoolArray = np.any(np.abs(slopes) > REST * self.unit, axis=0)
+        accelerations = np.array([acceleration for _, acceleration in self._limits.values()])
+        return np.eye(moves.size)[moves], self.unit[moves], accelerations[moves]
+
+
 def coordinates_of(model: Model) -> Coordinates:
     """Return the coordinates of a model; raise UnsupportedModel if no law of it leaves the speed free."""
     if SPLINE in model.laws and "spline" in model.provides:
         return JointCoordinates(model)
     if DRIVE in model.laws and {"wheels", "rigid"} <= model.provides:
         return BaseCoordinates(cast(Wheeled, model))
+    mixed = MixedCoordinates(model)
+    kinds = {mixed.kind(model.executed.get(kind, kind)) for kind in {*model.laws} - {*model.executed, CHANGE}}
+    if "heading" in model.provides and {kind for kind in kinds if not kind.endswith(2 * SUFFIX)} <= {*model.laws}:
+        return mixed
     raise UnsupportedModel(
-        f"to retime a path, a model needs limits of its acceleration and a law with free speeds: {DRIVE} of a base "
-        f"with wheels, or {SPLINE} of an arm. The model {model.name} has the laws {', '.join(model.laws)}; plan with a "
-        "differential_drive or a serial_arm"
+        f"to retime a path, a model needs limits of its acceleration and laws with free speeds: {DRIVE} of a base "
+        f"with wheels, {SPLINE} of an arm, or NAME{SUFFIX} for each executed law NAME of a base with a heading. The "
+        f"model {model.name} has the laws {', '.join(model.laws)}; plan with a differential_drive, a pan_tilt or an arm"
     )
 
 
@@ -158,6 +205,7 @@ def coordinates_of(model: Model) -> Coordinates:
 class PathStretch:
     """Part of a path between two standstills, on a grid of n + 1 positions.
 
+    kind           kind of the law with free speed
     steps          (n,)           differences of the path coordinate s, all positive
     states         (n+1,)         states of the model
     slopes         (n+1, c)       dq/ds
@@ -169,6 +217,7 @@ class PathStretch:
     accelerations  (r,)           their largest accelerations
     """
 
+    kind: str
     steps: FloatArray
     states: States
     slopes: FloatArray
@@ -196,14 +245,14 @@ class PathStretch:
         limits = (self.rows, self.speeds, self.accelerations)
         pace = np.concatenate([self.pace, other.pace[1:]])
         pace[self.steps.size] = 0.5 * (pace[self.steps.size - 1] + pace[self.steps.size + 1])
-        return PathStretch(steps, States(**joined), slopes, bends, pace, States(**middle), *limits)
+        return PathStretch(self.kind, steps, States(**joined), slopes, bends, pace, States(**middle), *limits)
 
     def continues(self, before: PathStretch) -> bool:
         """Return whether the robot need not stand between stretch ``before`` and this one.
 
         This holds if both are straight and have the same direction.
         """
-        if before.bends.any() or self.bends.any():
+        if before.kind != self.kind or before.bends.any() or self.bends.any():
             return False
         return float(np.abs(before.slopes[-1] - self.slopes[0]).max()) < PARALLEL * float(np.abs(self.slopes[0]).max())
 
@@ -251,6 +300,10 @@ def _stretch(run: Trajectory, motions: Sequence[int], coordinates: Coordinates) 
         coordinates.rates(s, run.rates(t)[0]) / coordinates.unit for s, t in ((states, times), (middle, middles))
     )
     rates[[0, -1]] = 0.0  # at the end, `rates` are those of the next motion
+    unknown = np.flatnonzero(~rates.any(axis=1))[1:-1]  # in a phase of no duration, between speed-up and slow-down
+    if unknown.size:
+        before = times[unknown] - BEFORE * np.diff(times)[unknown - 1]
+        rates[unknown] = coordinates.rates(run.at(before), run.rates(before)[0]) / coordinates.unit
     pace, within = np.linalg.norm(rates, axis=1), np.linalg.norm(between, axis=1)
     steps = np.diff(times) * (pace[:-1] + 4.0 * within + pace[1:]) / 6.0  # Simpson's rule
     if (steps <= 0.0).any() or (pace[1:-1] < REST).any():
@@ -273,7 +326,8 @@ def _stretch(run: Trajectory, motions: Sequence[int], coordinates: Coordinates) 
         bends = np.stack([first - third * (half * steps)[:, None], last + third * ((1.0 - half) * steps)[:, None]])
     unit = coordinates.unit
     slopes, bends = slopes * unit, bends * unit
-    return PathStretch(steps, states, slopes, bends, pace, middle, *coordinates.limits(slopes))
+    kind = coordinates.kind(run.kinds[motions[0]])
+    return PathStretch(kind, steps, states, slopes, bends, pace, middle, *coordinates.limits(slopes))
 
 
 def _grid(run: Trajectory, motions: Sequence[int]) -> FloatArray:
