@@ -130,6 +130,6 @@ def test_points_and_fronts_are_short_whatever_they_hold() -> None:
         status="complete", certificate=" | ".join(["exact"] * 1_000), provenance=[{"w": list(range(1_000))}] * 2,
     )  # fmt: skip
     assert len(repr(front)) < MOST
-    assert repr(front[0]).startswith("<Point 0: turns 1, length 2; 'xxx")
+    assert repr(front[0]).startswith("<Point 0 of its front: turns 1, length 2; 'xxx")
     assert len(repr(front[0])) < MOST
     assert "\\u200b" in repr(hpop.frontier.ItemFront.of([[1.0], [2.0]], names=("turns\u200b",)))

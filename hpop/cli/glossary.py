@@ -182,6 +182,11 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
             arms.""",
         ),
         _entry(
+            "far, link, links",
+            """In a roadmap of configurations, each random state is linked to its nearest neighbours and to `far` states
+            that are farther away, each the nearest one in a random part of all states.""",
+        ),
+        _entry(
             "guide, guides",
             """A path that random trees find before the roadmap of an arm is made. Guides show where its samples are
             worth drawing.""",

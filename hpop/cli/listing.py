@@ -168,6 +168,7 @@ def look(
     if out is not None and out.suffix.lower() != ".png":
         raise OutputError(f"--out: expected a name that ends in .png, got {shown(str(out))}; the picture is a PNG file")
     cli.user_code.register(imports)
+    given: GivenMap | None = None
     if reader is None and hpop.scenario.new.is_scenario(path):
         if options or resolution is not None or radius is not None:
             raise click.UsageError(
@@ -190,7 +191,7 @@ def look(
         if seen.side is not None and side is not None:
             hpop.view.save.save_figure(seen.side, side, DPI)
     for note in (*problem.world.notes, *problem.notes, *seen.notes):
-        echo(f"note: {note}")
+        _say(note, given)
     echo(f"written to {out}{replaced}" + ("" if side is None else f", and the view from the side to {side}"))
     if seen.refused:
         raise QueryError("\n".join(seen.refused))
@@ -240,7 +241,7 @@ def new(
     problem = draft.problem
     _write(file, given, draft, chosen=start is None and goal is None)
     for note in problem.world.notes:
-        echo(f"note: {note}")
+        _say(note, given)
     echo(f"written: {file}, and its schema for editors, {file.with_name(scenarios.SCHEMA)}")
     shell, folder = argument(file), argument(Path("out", file.stem))
     if draft.status is None:
@@ -273,6 +274,12 @@ def _write(file: Path, given: GivenMap, draft: Draft, *, chosen: bool) -> None:
     except Exception:
         file.unlink()
         raise
+
+
+def _say(note: str, given: GivenMap | None) -> None:
+    """Print a note; if the map came from the command line, also options for it that the note proposes."""
+    options = "" if given is None else given.proposed(note)
+    echo(f"note: {note}" + (f"{'' if note.endswith('.') else '.'} Here: {options}" if options else ""))
 
 
 def _size(problem: Problem) -> str:

@@ -28,7 +28,7 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import Column
 from hpop.base.registry import criteria, plugin_from_spec, with_optional_members
 from hpop.base.text import shown
-from hpop.errors import CriterionError
+from hpop.errors import CriterionError, did_you_mean
 from hpop.motions import Model, lacking
 
 if TYPE_CHECKING:
@@ -122,6 +122,18 @@ class Criterion(Protocol):
         def convex(self) -> Callable[[ConvexPath], ConvexCost] | None: ...
 
 
+ROBOT_NEEDS = ("base", "camera", "tool", "joints", "heading", "wheels", "plane", "turn-move", "rigid")
+WORLD_NEEDS = (
+    "obstacles",
+    "keep_out",
+    "people",
+    "moving people",
+    "groups",
+    "landmarks",
+    "speed zones",
+    "one-way zones",
+)
+"""What the robots of hpop and worlds provide, for criteria that require it."""
 CRITERION_DEFAULTS: dict[str, Any] = {
     "role": None,
     "world_frame": False,
@@ -277,6 +289,13 @@ def check_requirements(criterion: Criterion, model: Model, world: World) -> None
     absent = lacking(with_optional_members(criterion, CRITERION_DEFAULTS).requires, model, world)
     if not absent:
         return
+    robots, worlds = {*ROBOT_NEEDS, *model.provides}, {*WORLD_NEEDS, *world.contents}
+    if unknown := [name for name in absent if name not in robots | worlds]:
+        raise CriterionError(
+            f"criterion {criterion.name!r} requires {', '.join(map(repr, unknown))}, which no robot of hpop and no "
+            f"world provides.{''.join(did_you_mean(name, robots | worlds) for name in unknown)} Robots provide some of "
+            f"{', '.join(sorted(robots))}; worlds some of {', '.join(sorted(worlds))}"
+        )
     substitutes = {name: cast(Criterion, criteria[name]) for name in criterion.instead if name in criteria}
     usable = [name for name, substitute in substitutes.items() if not lacking(substitute.requires, model, world)]
     raise CriterionError(

@@ -9,7 +9,7 @@ have these costs. ``Front`` and ``Point`` are the deprecated names of ItemFront 
 >>> hpop.frontier.filter(Y).tolist(), hpop.frontier.knee(Y), round(hpop.frontier.hypervolume(Y), 6)
 ([[1.0, 9.0], [3.0, 3.0], [9.0, 1.0]], 1, 49.44)
 >>> hpop.frontier.ItemFront.of(Y, ["a", "b", "c", "d"]).knee()
-<Point 1: f1 3, f2 3; 'b'>
+<Point 1 of its front: f1 3, f2 3; 'b'>
 """
 
 from __future__ import annotations

@@ -132,7 +132,8 @@ class ItemPoint(Generic[T]):
         costs, reported = (
             ", ".join(f"{name} {value:.6g}" for name, value in values.items()) for values in (self.costs, self.reported)
         )
-        return f"<Point {self.index}: {costs}{f' (reported: {reported})' if reported else ''}; {shown(self.item)}>"
+        more = f" (reported: {reported})" if reported else ""
+        return f"<Point {self.index} of its front: {costs}{more}; {shown(self.item)}>"
 
 
 __getattr__ = on_first_use(__name__, {}, former={"Point": "ItemPoint"})  # of pickled points

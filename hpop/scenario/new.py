@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import os
 import re
@@ -15,7 +16,7 @@ import yaml
 
 from hpop.base.files import read_regular
 from hpop.base.options import Degrees
-from hpop.base.registry import make_model
+from hpop.base.registry import make_model, readers
 from hpop.base.text import argument, shown
 from hpop.errors import NOTE, MapError, OptionError, QueryError
 from hpop.planners.needs import elsewhere
@@ -75,7 +76,18 @@ class GivenMap(NamedTuple):
             return World.from_file(self.path, reader=self.reader, **self.options)
         except MapError as error:
             said = str(error).rstrip(".")
-            raise MapError(f"{said}. Set options of the reader by --set, such as --set scale=0.01.") from None
+            example = self.proposed(said) or "--set scale=0.01"
+            raise MapError(f"{said}. Set options of the reader by --set, such as {example}.") from None
+
+    def proposed(self, note: str) -> str:
+        """Return the options of this reader that a note gives as ``name: value``, as the command line takes them.
+
+        >>> GivenMap(Path("plan.png"), "image", {}).proposed("to make them obstacles, give threshold: 0.68")
+        '--set threshold=0.68'
+        """
+        names = "|".join(inspect.signature(readers[self.reader]).parameters)
+        found = dict(re.findall(rf"\b({names}): ([\w.+-]*\w)", note))
+        return " ".join(f"--set {name}={argument(value)}" for name, value in found.items())
 
 
 class Draft(NamedTuple):

@@ -199,6 +199,16 @@ def test_start_and_goal_are_indoors_or_as_asked_for(
     assert not out.exists()
 
 
+def test_an_option_that_a_note_proposes_is_told_as_it_is_typed(run: Callable[..., Result], tmp_path: Path) -> None:
+    image, out = _image(tmp_path), ["--out", tmp_path / "x.png", "--resolution", "0.05"]
+    pixels = np.array(Image.open(image))
+    pixels[70:100, 20:50] = 160  # a grey table
+    Image.fromarray(pixels).save(image)
+    noted = run("look", image, *out).stdout
+    assert "give threshold: 0.64. Here: --set threshold=0.64\n" in noted
+    assert "0 are free" in run("look", image, *out, "--set", "threshold=0.64").stdout
+
+
 def test_what_lacks_or_is_strange_is_told(
     run: Callable[..., Result], refused: Callable[..., None], tmp_path: Path, write_map: Callable[..., None]
 ) -> None:

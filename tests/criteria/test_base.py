@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 import shapely
 
-from hpop.base.registry import criteria
+from hpop.base.registry import criteria, make_model
 from hpop.criteria import Exposure, Turns, criterion, make_criterion, motion_costs, trajectory_cost
-from hpop.criteria.base import Criterion, describe_criterion
+from hpop.criteria.base import ROBOT_NEEDS, WORLD_NEEDS, Criterion, describe_criterion
 from hpop.criteria.costs import running_costs
 from hpop.errors import CriterionError, MapError, UnknownName
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
+from hpop.testing import random_world
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
@@ -192,6 +193,26 @@ def test_a_requirement_that_nobody_meets_is_named():
     declared = criterion("glare", **GOOD, requires=("people", "camera"))(Glare)
     with pytest.raises(CriterionError, match="'glare' requires people, which neither the model nor the world has"):
         motion_costs(declared(), moves())
+
+
+def test_an_unknown_requirement_lists_the_known_ones_and_proposes_the_nearest():
+    declared = criterion("glare", **GOOD, requires=("camra", "landmark"))(Glare)
+    with pytest.raises(
+        CriterionError, match="requires 'camra', 'landmark', which no robot of hpop and no world prov"
+    ) as at:
+        motion_costs(declared(), moves())
+    for said in ("Did you mean 'camera'? Did you mean 'landmarks'?", "Robots provide some of base, camera, heading, "):
+        assert said in str(at.value)
+    assert "worlds some of groups, keep_out, landmarks, " in str(at.value)
+
+
+def test_the_known_requirements_are_those_of_robots_and_worlds():
+    """So that a name that is provided is never called unknown."""
+    robots = {"differential_drive": {}, "pan_tilt": {"base": "differential_drive"}}
+    provided = set().union(*(make_model({name: given}).provides for name, given in robots.items()))
+    assert provided <= set(ROBOT_NEEDS)
+    content = random_world(np.random.default_rng(0)).contents
+    assert content <= set(WORLD_NEEDS)
 
 
 @pytest.mark.parametrize(

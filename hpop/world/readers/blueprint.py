@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, IntArray
+from hpop.base.text import counted
 from hpop.errors import MapError
 from hpop.runtime import limits
 from hpop.runtime.limits import READING
@@ -141,8 +142,8 @@ def greys(shade: NDArray[np.uint8], dark: BoolArray, threshold: float, raster: R
     said = "; ".join(told) + f"; and {len(large) - TOLD:,} smaller" * (len(large) > TOLD)
     enough = math.ceil(100 * (brightest + 1) / 255) / 100
     yield (
-        f"{len(large):,} grey areas that are no edge of an obstacle are free: {said}. To make them obstacles, give "
-        f"threshold: {enough:g}"
+        f"{counted(len(large), 'grey area')} away from the edges of obstacles count{'s' * (len(large) == 1)} as free: "
+        f"{said}. To make all grey areas obstacles, give threshold: {enough:g}"
     )
 
 
@@ -300,8 +301,8 @@ def closing(raster: Raster) -> Iterator[str]:
         places.append(f"({x:.2f}, {y:.2f})")
     thickness = (THIN + 1) * raster.resolution
     yield (
-        f"{parting.size:,} lines of up to {THIN * raster.resolution:.2g} m close passages, thinner than the walls, at "
-        f"{', '.join(places)}{', ...' * (parting.size > TOLD)}: swings of doors, or windows. thinnest_obstacle: "
+        f"{counted(parting.size, 'line')} of up to {THIN * raster.resolution:.2g} m close passages, thinner than the "
+        f"walls, at {', '.join(places)}{', ...' * (parting.size > TOLD)}: swings of doors, or windows. thinnest_obstacle: "
         f"{thickness:.3g} (m) leaves out all such lines"
     )
 

@@ -196,7 +196,7 @@ def test_a_path_that_cannot_be_a_spline_stays_and_is_counted(arm, world):
 def test_a_cost_that_is_known_on_numbers_alone_comes_as_it_comes(arm, world, paths):
     problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], ["duration", {"exposure": {"radius": 0.3}}])
     found = make_planner({"spline": {"warm_start": [paths[0]], "pieces": 2}}).solve(problem)
-    assert any(note.startswith("exposure is not improved by splines") for note in found.notes)
+    assert any(note.startswith("exposure is computed for each spline, but not aimed at (") for note in found.notes)
     costs = [list(problem.evaluate(trajectory).values()) for trajectory in found.trajectories]
     np.testing.assert_allclose(found.planned, costs, rtol=0.01, atol=1e-9)
 

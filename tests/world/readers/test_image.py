@@ -236,7 +236,7 @@ def test_a_thin_line_that_closes_a_passage_is_told_and_left_out_where_that_is_as
     path = with_a_door(tmp_path)
     closed = World.from_image(path, 0.05)
     (note,) = [note for note in closed.notes if "close passages" in note]
-    assert "1 lines of up to 0.15 m close passages, thinner than the walls, at (" in note
+    assert "1 line of up to 0.15 m close passages, thinner than the walls, at (" in note
     x, y = map(float, re.search(r"at \(([\d.]+), ([\d.]+)\)", note).groups())
     assert (x, y) == pytest.approx((79 * 0.05, 50 * 0.05), abs=0.1)  # the middle of the swing
     opened = World.from_image(path, 0.05, thinnest_obstacle=float(re.search(r"obstacle: ([\d.]+)", note).group(1)))

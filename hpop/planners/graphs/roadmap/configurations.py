@@ -280,13 +280,15 @@ def configuration_roadmap(
     near = neighbours or (math.ceil(2 * math.e * math.log(nodes.size)) if in_plane else NEAREST)
     nearest_in_random_subsets = (0 if in_plane else FAR) if far is None else far
     name = f"the roadmap of {len(rows)} samples (seed {seed}) and {near} neighbours of each"
-    if at_stops:
-        name += f", {sum(map(len, at_stops))} states of stops"
     chosen: dict[str, Any] = {"samples": len(rows), "neighbours": near, "seed": seed}
     if nearest_in_random_subsets:
-        name, chosen = f"{name}, {nearest_in_random_subsets} far links", {**chosen, "far": nearest_in_random_subsets}
+        name += f" and {nearest_in_random_subsets} links of each to states farther away"
+        chosen = {**chosen, "far": nearest_in_random_subsets}
+    if at_stops:
+        name += f", {sum(map(len, at_stops))} states of stops"
     if pairs:
-        name, chosen = f"{name}, {len(found)} guides of {len(ends_and_guides.inner)} states", {**chosen, "trees": pairs}
+        name += f", {_guides_text(len(found), len(ends_and_guides.inner))}"
+        chosen = {**chosen, "trees": pairs}
     if not problem.target.listed:
         name += f", {goals.size} free states of the goal ({ends_and_guides.goal_count} found, {GOAL_STATES} sought)"
         chosen = {**chosen, "goal_states": goals.size, "goal_states_found": ends_and_guides.goal_count}
@@ -332,11 +334,17 @@ def guide_roadmap(ends_and_guides: Survey, spending: Spending) -> ConfigurationR
         concatenated_states(connections.space, [ends_and_guides.start, inner, ends_and_guides.goals, following]),
         np.concatenate([links, ends_and_guides.approach_links(free)]),
         ends_and_guides.target_nodes(free),
-        name=f"{len(ends_and_guides.guides)} guides of {free} states (seed {ends_and_guides.seed})"
+        name=f"{_guides_text(len(ends_and_guides.guides), free)} (seed {ends_and_guides.seed})"
         + _constraints_text(ends_and_guides),
         chosen={"trees": ends_and_guides.pairs, "seed": ends_and_guides.seed},
         spending=spending,
     )
+
+
+def _guides_text(count: int, states: int) -> str:
+    """Return the number of guides, and of states on them between start and goals, as text for certificates."""
+    through = f"through {states} states" if states else "straight to a goal"
+    return f"{count} guides (paths that random trees found) {through}"
 
 
 def _constraints_text(ends_and_guides: Survey) -> str:

@@ -121,7 +121,11 @@ class Spline:
         with ONE_PROGRAM:
             pieces, reasons = PieceCosts.with_gradients(problem.world, problem.model, criteria)
         smooth = tuple(j for j, reason in reasons.items() if not reason)
-        rough = [f"{criteria[j].name} is not improved by splines: {reason}" for j, reason in reasons.items() if reason]
+        rough = [
+            f"{criteria[j].name} is computed for each spline, but not aimed at ({reason.partition(';')[0]})"
+            for j, reason in reasons.items()
+            if reason
+        ]
         if not smooth:
             raise UnsupportedCriterion(
                 f"{NAME} needs a criterion with a gradient, such as 'duration', or take planner 'roadmap': "
