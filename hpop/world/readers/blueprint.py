@@ -302,8 +302,8 @@ def closing(raster: Raster) -> Iterator[str]:
     thickness = (THIN + 1) * raster.resolution
     yield (
         f"{counted(parting.size, 'line')} of up to {THIN * raster.resolution:.2g} m close passages, thinner than the "
-        f"walls, at {', '.join(places)}{', ...' * (parting.size > TOLD)}: swings of doors, or windows. thinnest_obstacle: "
-        f"{thickness:.3g} (m) leaves out all such lines"
+        f"walls, at {', '.join(places)}{', ...' * (parting.size > TOLD)}: swings of doors, or windows. "
+        f"thinnest_obstacle: {thickness:.3g} (m) leaves out all such lines"
     )
 
 
