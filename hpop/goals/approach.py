@@ -174,7 +174,8 @@ class Approach:
         while last and near[last] and not begins[last]:
             last -= 1
         motions = np.arange(last, size)
-        if not size or not begins[last] or any(trajectory.kinds[i] != REACH for i in motions.tolist()):
+        straight = {REACH, *(pace.get(REACH) for pace in model.paces)}
+        if not size or not begins[last] or not straight.issuperset(trajectory.kinds[last:]):
             return None
         start, end = states.take(motions), states.take(motions + 1)
         return last if self._stays(model, world, line, owner[motions], start, end).all() else None

@@ -174,6 +174,8 @@ class Model(Protocol):
     paces          speeds among which motions from rest to rest choose, from slow to fast, each as a mapping from kinds
                    of motion to the kinds of equal geometry that replace them; default (), one speed
     notes          sentences on assumptions about the robot, which are printed with every front; default ()
+    with_scene     method: takes a world, returns the robot with the objects that a planning scene attaches to its links
+                   (``world.link_rules``); default: the robot as it is
     judge_by       method: takes the name of a collision library and a world, returns the collision test for
                    verification that uses it; default: ``judge`` for "fcl", others are refused
     """
@@ -295,6 +297,9 @@ class Model(Protocol):
         def judge_by(self, library: str, world: World) -> Collision:
             return self.judge(world)
 
+        def with_scene(self, world: World) -> Model:
+            return self
+
 
 class Wheeled(Model, Protocol):
     """Model that provides "wheels": two driven wheels or tracks, left and right of the axis of its base.
@@ -366,6 +371,7 @@ MODEL_DEFAULTS: dict[str, Any] = {
     "paces": (),
     "notes": (),
     "judge_by": _judge_by,
+    "with_scene": lambda model, world: model,
 }
 """Values of a model's optional members."""
 

@@ -55,6 +55,7 @@ class Problem:
     horizon   s, up to which moving people are predicted; None: until they leave the map or come to an obstacle
     tour      stops to visit on the way, a :class:`hpop.Tour` or a mapping with its parameters; None for no stops
 
+    Objects that the world's planning scene attaches to links are parts of the problem's model.
     In the problem's world, predictions of people end where they become impossible
     (:func:`hpop.world.content.predictions.bounded`); ``notes`` (sentences for the user) say so. Planning, costs and
     pictures use that world. ``read_seconds``, s, and ``read_memory``, bytes, are the time and memory spent on reading
@@ -94,7 +95,8 @@ class Problem:
                 f"model must be a robot model, such as hpop.DifferentialDrive(radius=0.3), got {shown(model)}"
                 f"{_lacks(model)}"
             )
-        laws_of(with_optional_members(model, MODEL_DEFAULTS))
+        model = with_optional_members(model, MODEL_DEFAULTS).with_scene(world)
+        laws_of(model)
         if isinstance(criteria, str | Mapping) or not isinstance(criteria, Sequence) or not criteria:
             raise CriterionError(f"criteria must be a list such as ['turns', 'length'], got {shown(criteria)}")
         checked = tuple(make_criterion(spec) for spec in criteria)

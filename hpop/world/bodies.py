@@ -1,7 +1,8 @@
 """Bodies of a world for the collision checks of robot arms, and rules of a planning scene for a robot's links.
 
 Bodies are convex and stand for obstacles. Solids are taken as they are. Prisms (extruded polygons) are cut into convex
-pieces, and occupied cells are merged into boxes. Rules are padding, scale, and pairs of bodies that may touch.
+pieces, and occupied cells are merged into boxes. Rules are padding, scale, pairs of bodies that may touch, and objects
+that links carry.
 """
 
 from __future__ import annotations
@@ -207,6 +208,8 @@ def _check_count(count: int, what: str) -> None:
 
 Pair = tuple[str, str]
 """Names of two bodies, in alphabetical order."""
+MOST_ATTACHED = 100
+"""Largest number of objects attached to links."""
 WIDEST = 10.0
 """Largest padding of a link, m."""
 
@@ -219,12 +222,14 @@ class LinkRules:
     scale    by link: factor by which a link is enlarged before it is tested with obstacles
     pairs    by two names, of links or of obstacles, in alphabetical order: whether the two may touch
     others   by name of a link or an obstacle: whether it may touch any body that ``pairs`` does not name with it
+    attached  objects that links carry, as the option ``attached`` of an arm lists them
     """
 
     padding: Mapping[str, float] = field(default_factory=dict)
     scale: Mapping[str, float] = field(default_factory=dict)
     pairs: Mapping[Pair, bool] = field(default_factory=dict)
     others: Mapping[str, bool] = field(default_factory=dict)
+    attached: tuple[Mapping[str, Any], ...] = ()
 
     def may_touch(self, one: str, other: str) -> bool:
         """Return whether two bodies may touch.
@@ -242,7 +247,7 @@ class LinkRules:
         return bool(given) and all(given)
 
     def __bool__(self) -> bool:
-        return bool(self.padding or self.scale or self.pairs or self.others)
+        return bool(self.padding or self.scale or self.pairs or self.others or self.attached)
 
     def describe(self) -> dict[str, Any]:
         """Return a JSON-able description; :meth:`build` turns it into equal rules."""
@@ -251,6 +256,7 @@ class LinkRules:
             "scale": dict(self.scale),
             "pairs": [[*pair, allowed] for pair, allowed in self.pairs.items()],
             "others": dict(self.others),
+            **({"attached": [dict(each) for each in self.attached]} if self.attached else {}),
         }
 
     @classmethod
@@ -262,6 +268,7 @@ class LinkRules:
             {str(link): scale_of(f"the scale of {shown(link)}", by) for link, by in data["scale"].items()},
             pairs,
             {str(name): _flag(allowed) for name, allowed in data["others"].items()},
+            tuple(dict(each) for each in data.get("attached", ())),
         )
 
 

@@ -8,6 +8,7 @@ motions hold for all of them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,16 +18,20 @@ import numpy as np
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray
+from hpop.base.text import shown
+from hpop.errors import ModelError
 from hpop.models.collision.parts import Part as Prism
 from hpop.models.serial_arm.chain import ArmPart, Chain, FrameMount, Pair, pair_of
 from hpop.models.serial_arm.collision import ArmCollision, always_touching
 from hpop.models.serial_arm.judge import ArmJudge
-from hpop.models.serial_arm.keep import KeepingCollision, KeepingJudge, KeptAxis
+from hpop.models.serial_arm.keep import SLACK, KeepingCollision, KeepingJudge, KeptAxis
+from hpop.models.serial_arm.kinematics import Kinematics
 from hpop.motions import Collision, Motions, States, StateSpace
 from hpop.world import World
 from hpop.world.geometry.solids import Cylinder, Hull, Solid
 
 BASE = 3  # number of joints for the base, and the number of the frame that moves with it
+VERTICAL = 1e-6  # largest horizontal part of a vertical unit vector
 PLATFORM = "mobile base"  # name of the base as a link, in messages
 
 
@@ -135,6 +140,22 @@ class KeepingLinks(KeepingCollision, Links):
 @dataclass(frozen=True, eq=False, repr=False)
 class KeepingLinksJudge(KeepingJudge, LinksJudge):
     """Collision test of such links for verification."""
+
+
+def check_kept(kept: KeptAxis | None, chain: Chain, folded: States) -> None:
+    """Raise ModelError if a mobile arm with this ``folded`` state (1,) of its arm cannot keep an orientation."""
+    if kept is None:
+        return
+    if math.hypot(*kept.direction[:2]) > VERTICAL:
+        raise ModelError(
+            "direction of keep must be vertical, (0, 0, 1), for an arm on a base, as the base turns; got "
+            f"{shown(list(kept.direction))}"
+        )
+    if float(kept.margin(Kinematics(chain), folded)[0]) < SLACK:
+        raise ModelError(
+            f"the folded arm must keep its orientation as well, as it is folded while the base moves: {kept}. Give "
+            "another folded state, or wider bounds of keep"
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -34,6 +33,7 @@ from hpop.models.mobile_arm.collision import (
     MobileCollision,
     carried_chain,
     carried_parts,
+    check_kept,
     touching_platform,
 )
 from hpop.models.ramps import doubtful_ramps, ramp_faults, ramps_of
@@ -52,7 +52,6 @@ from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, frames, levers
 from hpop.models.serial_arm.collision import SAMPLES
 from hpop.models.serial_arm.enlarged import pairs_apart
 from hpop.models.serial_arm.judge import LIBRARIES
-from hpop.models.serial_arm.keep import SLACK
 from hpop.models.serial_arm.kinematics import Kinematics
 from hpop.models.serial_arm.laws import ArmBody, Reach
 from hpop.models.serial_arm.laws import faults as joint_faults
@@ -110,13 +109,7 @@ class MobileArm(OnBase, Model):
             values = self._rest.values()
         except QueryError as error:
             raise ModelError(str(error)) from None
-        if (kept := self.arm.kept) is not None:
-            rest = self.arm.space.state(tuple(values))
-            if float(kept.margin(Kinematics(self.arm.chain), rest)[0]) < SLACK:
-                raise ModelError(
-                    f"the folded arm must keep its orientation as well, as it is folded while the base moves: {kept}. "
-                    "Give another folded state, or wider bounds of keep"
-                )
+        check_kept(self.arm.kept, self.arm.chain, self.arm.space.state(tuple(values)))
         if not isinstance(self.folded, str):
             object.__setattr__(self, "folded", tuple(values))
 
@@ -125,6 +118,11 @@ class MobileArm(OnBase, Model):
         """Joint values of the folded arm, rad or m, by name."""
         state = self.arm.space.state(self.folded, what="folded arm")
         return {name: float(getattr(state, name)[0]) for name in self.joints}
+
+    def with_scene(self, world: World) -> MobileArm:
+        """Return this robot with the objects that a planning scene attaches to the links of its arm."""
+        arm = self.arm.with_scene(world)
+        return self if arm is self.arm else replace(self, arm=arm)
 
     # Structure
 
@@ -222,9 +220,11 @@ class MobileArm(OnBase, Model):
         """Pairs of links that are not tested for collision with each other; the base counts as a link."""
         return self.arm.apart | self._touching
 
-    def _apart_in(self, world: World) -> frozenset[Pair]:
-        """Return the pairs of links that are not tested with each other under the rules of a world."""
-        return pairs_apart(self.parts, self.apart, self.arm.touching | self._touching, world.link_rules)
+    def _in_world(self, world: World) -> tuple[Chain, tuple[ArmPart, ...], frozenset[Pair], World]:
+        """Return chain, parts, and pairs of links that are not tested with each other, in a world; and the world."""
+        own = self.with_scene(world)
+        touching = own.arm.touching | own._touching
+        return own.chain, own.parts, pairs_apart(own.parts, own.apart, touching, world.link_rules), world
 
     @cached_property
     def _touching(self) -> frozenset[Pair]:
@@ -349,7 +349,7 @@ class MobileArm(OnBase, Model):
 
     def collision(self, world: World) -> MobileCollision:
         """Return the collision test for planning: of the base in the plane, with proofs for the links."""
-        given, kept = (self.chain, self.parts, self._apart_in(world), world), self.arm.kept
+        given, kept = self._in_world(world), self.arm.kept
         links = Links(*given) if kept is None else KeepingLinks(*given, kept, self)
         return MobileCollision(PlanarCollision(self.platform, world), links, self.platform, world)
 
@@ -362,7 +362,7 @@ class MobileArm(OnBase, Model):
 
     def judge_by(self, library: str, world: World) -> BaseAndLinks:
         """Return :meth:`judge` with distances of the links by a library: "fcl" or "coal"."""
-        given, kept = (self.chain, self.parts, self._apart_in(world), world), self.arm.kept
+        given, kept = self._in_world(world), self.arm.kept
         links = LinksJudge(*given) if kept is None else KeepingLinksJudge(*given, kept)
         return BaseAndLinks(SolidCollision(self.platform, world), replace(links, library=library))
 
@@ -376,11 +376,6 @@ def _check_parts(arm: Any, base: Any) -> None:
     """Raise ModelError for an arm and a base that cannot form a mobile arm."""
     if not isinstance(arm, SerialArm):
         raise ModelError(f"arm must be a serial arm, arm=SerialArm(...), got {shown(arm)}")
-    if arm.kept is not None and math.hypot(*arm.kept.direction[:2]) > UNFOLDED:
-        raise ModelError(
-            "direction of keep must be vertical, (0, 0, 1), for an arm on a base, as the base turns; got "
-            f"{shown(list(arm.kept.direction))}"
-        )
     if not isinstance(base, PlanarModel) or not base.provides >= CARRIES:
         raise ModelError(
             f"base must be a model in the plane without joints, such as base=DifferentialDrive(...), got {shown(base)}"

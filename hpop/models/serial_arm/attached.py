@@ -8,12 +8,11 @@ from typing import Any, NamedTuple
 from hpop.base.options import Degrees
 from hpop.base.text import shown
 from hpop.errors import MapError, ModelError, did_you_mean
+from hpop.world.bodies import MOST_ATTACHED
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
 
 SHAPES = ("box", "cylinder", "sphere", "hull")
 KEYS = ("name", "link", *SHAPES, "position", "rpy", "touches")
-MOST_ATTACHED = 100
-"""Largest number of attached objects."""
 FORM = (
     'attached must be a list of objects such as {"name": "can", "link": "hand", "cylinder": {"radius": 0.03, "length": '
     '0.12}, "position": (0, 0, 0.1), "touches": ["left_finger"]}, with one of box, cylinder, sphere and hull; '

@@ -181,6 +181,12 @@ class SerialArm(Model):
         """
         return replace(self, attached=list(attached))  # type: ignore[arg-type]  # checked there
 
+    def with_scene(self, world: World) -> SerialArm:
+        """Return this arm with the objects that a planning scene attaches to its links, besides those in its hand."""
+        held = {each["name"] for each in self.attached}
+        more = [each for each in world.link_rules.attached if each["name"] not in held]
+        return self.holding(*self.attached, *more) if more else self
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, SerialArm) and self._identity == other._identity
 
@@ -364,40 +370,31 @@ class SerialArm(Model):
 
     def collision(self, world: World) -> ArmCollision:
         """Return the collision test for planning: on convex shapes, with proofs that whole motions are free."""
-        given = (self.chain, self.parts, self._apart_in(world), world)
+        given = self._in_world(world)
         return ArmCollision(*given) if self.kept is None else KeepingCollision(*given, self.kept, self)
 
     def judge(self, world: World) -> ArmJudge:
         """Return the collision test for verification: python-fcl at states between which no part moves over 1 mm."""
-        given = (self.chain, self.parts, self._apart_in(world), world)
+        given = self._in_world(world)
         return ArmJudge(*given) if self.kept is None else KeepingJudge(*given, self.kept)
 
     def judge_by(self, library: str, world: World) -> ArmJudge:
         """Return :meth:`judge` with distances by a library: "fcl" or "coal"; ModelError if it is not installed."""
         return replace(self.judge(world), library=library)
 
-    def _apart_in(self, world: World) -> frozenset[Pair]:
-        """Return the pairs of links that are not tested with each other under the rules of a world."""
-        return pairs_apart(self.parts, self.apart, self.touching, world.link_rules)
+    def _in_world(self, world: World) -> tuple[Chain, tuple[ArmPart, ...], frozenset[Pair], World]:
+        """Return chain, parts, and pairs of links that are not tested with each other, in a world; and the world."""
+        arm = self.with_scene(world)
+        return arm.chain, arm.parts, pairs_apart(arm.parts, arm.apart, arm.touching, world.link_rules), world
 
     def describe(self) -> dict[str, Any]:
         """Return name and parameters for JSON, enough to build an equal arm; files are given by path and SHA-256."""
         arm: dict[str, Any] = {**self._records, "tip": self.tip, "acceleration": self.acceleration}
         if self.packages:
             arm["packages"] = {name: record(folder) for name, folder in self.packages.items()}
-        arm |= {name: list(value) for name in ("camera", "base") if (value := getattr(self, name)) != HERE}
-        if self.fixed:
-            arm["fixed"] = dict(self.fixed)
-        if self.field_of_view is not None:
-            arm["field_of_view"] = list(self.field_of_view)
         if self._shares != (1.0,):
             arm["velocity_scaling"] = list(self._shares) if self.paces else self.velocity_scaling
-        if self.keep is not None:
-            arm["keep"] = self.keep
-        if self.padding:
-            arm["padding"] = self.padding
-        if self.meshes != WAYS[0]:
-            arm["meshes"] = self.meshes
-        if self.attached:
-            arm["attached"] = self.attached
+        for name in ("camera", "base", "fixed", "field_of_view", "keep", "padding", "meshes", "attached"):
+            if (value := getattr(self, name)) and value not in (HERE, WAYS[0]):
+                arm[name] = list(value) if isinstance(value, tuple) else value
         return {self.name: arm}

@@ -334,6 +334,20 @@ def pose_at(
     return pose
 
 
+def rpy_of(pose: FloatArray) -> FloatArray:
+    """Return roll, pitch and yaw (3,), rad, about the fixed axes x, y, z of a pose (4, 4); roll is 0 if z is along x.
+
+    >>> rpy_of(pose_at(rpy=(0.1, -0.2, 3.0))).round(12).tolist()
+    [0.1, -0.2, 3.0]
+    """
+    turned = pose[:3, :3]
+    upright = math.hypot(turned[0, 0], turned[1, 0])
+    roll, yaw = math.atan2(turned[2, 1], turned[2, 2]), math.atan2(turned[1, 0], turned[0, 0])
+    if upright < LEAST:
+        roll, yaw = 0.0, math.atan2(-turned[0, 1], turned[1, 1])
+    return np.array([roll, math.atan2(-turned[2, 0], upright), yaw]) + 0.0  # no -0.0
+
+
 def _checked_pose(pose: Any, name: str) -> FloatArray:
     what = f"the pose of solid {name!r}" if name else "a solid's pose"
     try:

@@ -1,6 +1,7 @@
 """Parts of planning scenes: checked values with their location in words, rules for links, and MoveIt's text format.
 
-Rules are ``link_padding``, ``link_scale`` and ``allowed_collision_matrix``. A ``.scene`` file is the text that MoveIt's
+Rules are ``link_padding``, ``link_scale`` and ``allowed_collision_matrix``, and the objects that the state of the robot
+attaches to links, ``attached_collision_objects``. A ``.scene`` file is the text that MoveIt's
 panel "Scene Objects" exports. Its first line is the name of the scene. An object is ``* NAME``, its position, its
 quaternion, the number of its shapes, the shapes, the number of its subframes, and the subframes. Files of before 2020
 have neither the pose nor the subframes. A shape is its type, its sizes, its position, its quaternion, and its colour.
@@ -10,14 +11,16 @@ The last line is a full stop.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import replace
 from typing import Any, NamedTuple
 
+from hpop.base.arrays import FloatArray
 from hpop.base.options import MOST, real
 from hpop.base.text import counted, shown
 from hpop.errors import MapError
-from hpop.world.bodies import LinkRules, Pair, padding_of, scale_of
-from hpop.world.geometry.solids import MOST_POINTS, MOST_SOLIDS
+from hpop.world.bodies import MOST_ATTACHED, LinkRules, Pair, padding_of, scale_of
+from hpop.world.geometry.solids import MOST_POINTS, MOST_SOLIDS, Shape, Solid, rpy_of
 
 CUT = "..."
 """Text that ``ros2 topic echo`` writes in place of omitted values."""
@@ -88,7 +91,54 @@ def link_rules(scene: SceneEntry, before: LinkRules) -> LinkRules:
         pairs, others = dict(before.pairs), dict(before.others)
     padding = _numbers(scene.get("link_padding"), "padding", padding_of)
     scale = _numbers(scene.get("link_scale"), "scale", scale_of)
-    return LinkRules({**before.padding, **padding}, {**before.scale, **scale}, pairs, others)
+    return LinkRules({**before.padding, **padding}, {**before.scale, **scale}, pairs, others, before.attached)
+
+
+def attached_objects(
+    state: SceneEntry,
+    before: LinkRules,
+    objects: Collection[str],
+    shapes: Callable[[SceneEntry], Iterable[tuple[Shape, FloatArray]]],
+) -> LinkRules:
+    """Return rules with the objects that a state of the robot attaches to links, added to those ``before``.
+
+    An object of several shapes becomes several objects, with numbers after its name.
+
+    objects  names of obstacles
+    shapes   function that yields each shape of a collision object, with its pose (4, 4) in the frame of its header
+
+    MapError for an object that is not given by shapes in the frame of its link, and for one that is to be detached.
+    """
+    found, pairs, others = {str(each["name"]): each for each in before.attached}, {**before.pairs}, {**before.others}
+    listed = state.get("attached_collision_objects") if isinstance(state.given, dict) else SceneEntry("", None)
+    for entry in listed.entries(MOST_ATTACHED):
+        link, thing = entry.get("link_name").name("a link"), entry.get("object")
+        name = thing.get("id").name("an object")
+        header, operation = thing.get("header"), thing.get("operation")
+        frame = None if header.given is None else header.get("frame_id").given
+        if name in objects:
+            raise MapError(
+                f"{thing.what}: {shown(name)} is attached to the link {shown(link)}, and is a collision object of the "
+                "world as well. Remove it from one of them."
+            )
+        if operation.given not in (None, 0, "\0", "add", "ADD"):
+            raise operation.fault("0 (add): to change what a robot holds, save the whole scene after the change")
+        if str(frame or link).lstrip("/") != link:
+            raise header.fault(f"the frame of the link that carries the object, {shown(link)}")
+        touches = [part.name("a link") for part in entry.get("touch_links").entries(MOST_NAMES)]
+        placed = list(shapes(thing))
+        if not placed:
+            raise thing.fault("an attached object with its shapes: primitives or meshes")
+        for number, (shape, pose) in enumerate(placed, 1):
+            solid = Solid(shape, pose, name if len(placed) == 1 else f"{name} {number}")
+            given = solid.describe()
+            del given["pose"]
+            place = {"position": pose[:3, 3].tolist(), "rpy": rpy_of(pose).tolist()}
+            found[solid.name] = {**given, "link": link, **place, "touches": touches}
+            of_part = {pair: may for pair, may in before.pairs.items() if name in pair}
+            pairs |= {_pair(solid.name, a if b == name else b): may for (a, b), may in of_part.items()}
+            others |= {solid.name: before.others[name]} if name in before.others else {}
+    return replace(before, pairs=pairs, others=others, attached=tuple(found.values()))
 
 
 def rule_notes(scene: SceneEntry, rules: LinkRules, objects: Collection[str]) -> Iterator[str]:
@@ -105,6 +155,9 @@ def rule_notes(scene: SceneEntry, rules: LinkRules, objects: Collection[str]) ->
             f"{scene.what} scales {counted(len(scaled), 'link')} by {min(scaled):g} to {max(scaled):g} (link_scale): "
             "links of these names are tested with obstacles at this size"
         )
+    if rules.attached:
+        held = ", ".join(f"{each['name']!r} on {each['link']!r}" for each in rules.attached[:8])
+        yield f"{scene.what} attaches objects to links, which an arm with these links holds: {held}"
     free = sorted({name for pair, may in rules.pairs.items() if may for name in pair if name in objects})
     free = sorted({*free, *(name for name, may in rules.others.items() if may and name in objects)})
     if free:
@@ -135,7 +188,7 @@ def _matrix(matrix: SceneEntry) -> tuple[dict[Pair, bool], dict[str, bool]]:
             f"values; got {len(rows)} rows of {', '.join(map(str, sorted({len(row) for row in rows})))} values."
         )
     pairs = {
-        (min(one, other), max(one, other)): rows[i][j] and rows[j][i]
+        _pair(one, other): rows[i][j] and rows[j][i]
         for i, one in enumerate(names)
         for j, other in enumerate(names[:i])
         if OCTOMAP not in (one, other)
@@ -148,6 +201,10 @@ def _matrix(matrix: SceneEntry) -> tuple[dict[Pair, bool], dict[str, bool]]:
             f"names and {len(values)} values."
         )
     return pairs, {name: value for name, value in zip(known, values, strict=True) if name != OCTOMAP}
+
+
+def _pair(one: str, other: str) -> Pair:
+    return (one, other) if one < other else (other, one)
 
 
 def _flags(row: SceneEntry) -> list[bool]:

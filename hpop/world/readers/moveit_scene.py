@@ -3,7 +3,7 @@
 It reads the collision objects of ``moveit_msgs/PlanningScene``: boxes, cylinders, spheres and convex meshes. Points are
 lists ``[x, y, z]`` or mappings ``{x: ..}``; quaternions are x, y, z, w. The output of ``ros2 topic echo`` may hold
 several messages, and prints a byte as a character. Also read are the rules for links: padding, scale, and the allowed
-collision matrix. The robot and its states are not read; a note says so.
+collision matrix, and objects attached to links. The joint values of the robot are not read; a note says so.
 """
 
 from __future__ import annotations
@@ -23,7 +23,14 @@ from hpop.runtime.limits import READING
 from hpop.world.bodies import LinkRules
 from hpop.world.files import file_source, named, read_bytes, read_text, read_yaml_documents
 from hpop.world.geometry.solids import MOST_POINTS, Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
-from hpop.world.readers.moveit_parts import SceneEntry, is_scene_text, link_rules, rule_notes, scene_of_text
+from hpop.world.readers.moveit_parts import (
+    SceneEntry,
+    attached_objects,
+    is_scene_text,
+    link_rules,
+    rule_notes,
+    scene_of_text,
+)
 from hpop.world.world import World
 
 MOST_BYTES = 5_000_000
@@ -67,10 +74,10 @@ def read(path: str | Path) -> World:
 
     The extent is the bounding box of the solids, 1 m larger on each side. There is no floor unless it is an object. If
     the file has several messages, changes (``is_diff``) are applied to the last whole scene before them.
-    Rules for links are applied by arms with links of these names (`World.link_rules`): ``link_padding``, ``link_scale``
-    and ``allowed_collision_matrix``. ``world.notes`` list these, and ignored parts: states of the robot, colours,
-    subframes. Solid parts that cannot be read are refused: other shapes, meshes that are not convex or in other files,
-    planes, octomaps, objects attached to the robot.
+    Rules for links are applied by arms with links of these names (`World.link_rules`): ``link_padding``,
+    ``link_scale``, ``allowed_collision_matrix``, and ``attached_collision_objects``, which become parts of the arm.
+    ``world.notes`` list these, and ignored parts: joint values of the robot, colours, subframes. Solid parts that
+    cannot be read are refused: other shapes, meshes that are not convex or in other files, planes, octomaps.
 
     Raises
     ------
@@ -98,7 +105,7 @@ def read(path: str | Path) -> World:
             objects.clear()
             rules = LinkRules()
         _apply(scene, objects, is_diff=is_diff)
-        rules = link_rules(scene, rules)
+        rules = attached_objects(scene.get("robot_state"), link_rules(scene, rules), objects, _placed_shapes)
         notes += [*_unread(scene), *rule_notes(scene, rules, objects)]
     if several:
         notes.append(
@@ -233,12 +240,6 @@ def _refuse_unread(scene: SceneEntry) -> None:
                 "octomap as a .bt file and write its cells as boxes: octree2pointcloud map.bt map.pcd, then "
                 "World.from_file('map.pcd', resolution=CELL)."
             )
-    state = scene.get("robot_state")
-    if isinstance(state.given, dict) and (attached := state.get("attached_collision_objects")).given:
-        raise MapError(
-            f"{attached.what} are not read. If the robot holds an object, give it to the arm as attached, and "
-            "remove it from the scene."
-        )
 
 
 def _frame(thing: SceneEntry) -> str:
@@ -271,6 +272,12 @@ def _check_frames(path: str | Path, frames: Mapping[str, str]) -> None:
             f"{named(path)}: object {shown(first)} is given in frame {shown(frame)}, object {shown(second)} in frame "
             f"{shown(other)}. Give all objects in one frame."
         )
+
+
+def _placed_shapes(thing: SceneEntry) -> Iterator[tuple[Shape, FloatArray]]:
+    """Yield each shape of an object with its pose (4, 4) in the frame of the object's header."""
+    base = _pose(thing.get("pose"))
+    return ((shape, base @ within) for shape, within in _shapes(thing))
 
 
 def _shapes(thing: SceneEntry) -> Iterator[tuple[Shape, FloatArray]]:

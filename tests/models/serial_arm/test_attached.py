@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from hpop.errors import ModelError
-from hpop.models import SerialArm
+from hpop.models import MobileArm, SerialArm
+from hpop.problems.problem import Problem
 from hpop.scenario import load_scenario
 from hpop.world import Box, Solid, World, pose_at
 from tests.models.serial_arm.arms import CRANE, HERE, arm6, crane
@@ -110,3 +111,39 @@ def test_a_joint_is_fixed_within_its_limits_only(tmp_path, value, is_within):
         return
     with pytest.raises(ModelError, match=r"joint 'wick' a value within its limits, 0.2 to 1 rad, got \d"):
         crane(tmp_path, fixed={"wick": value})
+
+
+def test_what_a_scene_attaches_is_a_part_of_the_arm(tmp_path):
+    """Planning, verification, the view and a saved problem have it, as if the arm had been given it."""
+    thing = {
+        "id": "cup",
+        "header": {"frame_id": "tool"},
+        "primitives": [{"type": "box", "dimensions": [0.05, 0.3, 0.05]}],
+        "pose": {"position": [0, 0, 0.05]},
+    }
+    places = [[0.5 * np.cos(i), 0.5 * np.sin(i), 0.5] for i in range(6)]
+    blocks = [
+        {"id": f"b{i}", "primitives": [{"type": "box", "dimensions": [0.2] * 3}], "pose": {"position": place}}
+        for i, place in enumerate(places)
+    ]
+    attached = [{"link_name": "tool", "object": thing, "touch_links": ["hand"]}]
+    scene = {"robot_state": {"attached_collision_objects": attached}, "world": {"collision_objects": blocks}}
+    (tmp_path / "scene.yaml").write_text(json.dumps(scene))
+    world, arm = World.from_moveit_scene(tmp_path / "scene.yaml"), arm6()
+    spec = {"name": "cup", "link": "tool", "box": (0.05, 0.3, 0.05), "position": (0, 0, 0.05), "touches": ["hand"]}
+    holding, empty = arm6(attached=[spec]), World.from_solids(world.bodies)
+    states = rows_of(arm)
+    expected = holding.collision(empty).states_free(states)
+    assert arm.collision(world).states_free(states).tolist() == expected.tolist()
+    assert arm.collision(empty).states_free(states).tolist() != expected.tolist()
+    some = states.take(np.arange(40))
+    assert arm.judge(world).states_free(some).tolist() == holding.judge(empty).states_free(some).tolist()
+    problem = Problem(world, arm, "home", "ready", ["duration"])
+    assert problem.model == holding
+    assert len(problem.model.bodies(states)) == len(arm.bodies(states)) + 1
+    again = Problem.from_description(json.loads(json.dumps(problem.describe())))
+    assert again.model == holding
+    robot = MobileArm(arm).with_scene(world)
+    assert robot.arm == holding
+    with pytest.raises(ModelError, match="the attached object 'cup' must be on a link of this file"):
+        Problem(world, crane(tmp_path), (0, 0, 0, 0), (0.1, 0, 0, 0), ["duration"])

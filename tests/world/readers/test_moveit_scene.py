@@ -72,6 +72,42 @@ def changed(*place, to):
     return scene
 
 
+CUP = {
+    "id": "cup",
+    "header": {"frame_id": "hand"},
+    "primitives": [{"type": "cylinder", "dimensions": [0.12, 0.03]}, {"type": "box", "dimensions": [0.02, 0.04, 0.03]}],
+    "primitive_poses": [{"position": [0, 0, 0.06]}, {"position": [0, 0.04, 0.05]}],
+    "pose": {"position": [0.01, 0.02, 0.08], "orientation": [0.1, -0.2, 0.3, 0.9]},
+}
+
+
+def held(**attached):
+    """Return the scene with an object attached to a hand."""
+    given = {"link_name": "hand", "touch_links": ["finger"], **attached}
+    return changed("robot_state", "attached_collision_objects", to=[given])
+
+
+def test_objects_attached_to_a_link_are_rules_for_arms_with_this_link(tmp_path):
+    """The poses are products of SciPy's rotations; MoveIt gives them in the frame of the link."""
+    scene = held(object=CUP) | {
+        "allowed_collision_matrix": {"entry_names": ["cup", "table"], "entry_values": [[False, True], [True, False]]}
+    }
+    world = World.from_moveit_scene(written(tmp_path, scene))
+    first, second = world.link_rules.attached
+    turned = Rotation.from_quat([0.1, -0.2, 0.3, 0.9])
+    for each, within in ((first, [0, 0, 0.06]), (second, [0, 0.04, 0.05])):
+        np.testing.assert_allclose(each["position"], np.add([0.01, 0.02, 0.08], turned.apply(within)), atol=1e-12)
+        np.testing.assert_allclose(Rotation.from_euler("xyz", each["rpy"]).as_matrix(), turned.as_matrix(), atol=1e-12)
+        assert (each["link"], each["touches"]) == ("hand", ["finger"])
+    assert (first["name"], first["cylinder"]) == ("cup 1", {"radius": 0.03, "length": 0.12})
+    assert (second["name"], second["box"]) == ("cup 2", [0.02, 0.04, 0.03])
+    assert world.link_rules.may_touch("cup 2", "table")
+    assert not world.link_rules.may_touch("cup 2", "ball")
+    assert any("attaches objects to links" in note and "'cup 1' on 'hand'" in note for note in world.notes)
+    assert World.from_description(world.describe()).link_rules == world.link_rules
+    assert not [solid for solid in world.bodies if "cup" in solid.name]
+
+
 def test_all_40_scenes_of_the_benchmark_are_read_as_an_independent_reading_has_them(shared_data):
     scenes = sorted(shared_data("mbm_panda").glob("problems/*/scene*.yaml"))
     assert len(scenes) == 40
@@ -208,8 +244,17 @@ TABLE, BALL, BLOCK = ((*OBJECTS, i) for i in range(3))
         (changed("world", "octomap", "octomap", "data", to=[1]), "octomap has cells, which are not read"),
         (
             changed("robot_state", "attached_collision_objects", to=[{"link_name": "hand"}]),
-            "attached_collision_objects are not read. If the robot holds an object, give it to the arm as attached",
+            "attached_collision_objects 0: object must be a yaml mapping",
         ),
+        (held(object={"id": "cup"}), "object must be an attached object with its shapes"),
+        (held(object=CUP | {"operation": 1}), "operation must be 0 .add.: to change what a robot holds"),
+        (held(object=CUP | {"header": {"frame_id": "world"}}), "must be the frame of the link that carries .* 'hand'"),
+        (
+            held(object=CUP | {"id": "table"}),
+            "'table' is attached to the link 'hand', and is a collision object",
+        ),
+        (held(object=CUP, link_name=""), "link_name must be the name of a link"),
+        (held(object=CUP, touch_links=[3]), "touch_links 0 must be the name of a link"),
     ],
 )
 def test_what_is_not_read_is_refused_with_the_object_and_what_was_expected(tmp_path, scene, message):
