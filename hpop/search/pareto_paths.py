@@ -34,8 +34,10 @@ from hpop.search.queries import (
 if TYPE_CHECKING:
     import networkx as nx
 
-    from hpop.search.machinery.slices import Clock, Search
+    from hpop.search.general.search import General
+    from hpop.search.machinery.slices import Clock
     from hpop.search.machinery.turns import Groups
+    from hpop.search.staircase.search import Staircase
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +58,7 @@ class SearchQuery:
 
     def search(
         self, method: str, order: tuple[int, ...], h: IntArray, groups: Groups, clock: Clock, *, jointly: bool
-    ) -> Search:
+    ) -> General | Staircase:
         """Return a new search for this query; raise TooWide if the costs do not fit the tables of "staircase".
 
         method   "staircase" or "general"
@@ -65,13 +67,18 @@ class SearchQuery:
         groups   groups of nodes joined by turns; for "staircase" turns must raise the index cost, or pass single nodes
         jointly  whether the search may use bounds of several costs together, which are tighter
         """
-        ends = self.graph, self.source, self.targets
         if method == "staircase":
-            three = (order[0], order[1], order[2] if len(order) > 2 else -1)
-            return staircase.search.Staircase(
-                *ends, h, three, groups, clock, self.precision, self.at_most, jointly=jointly
-            )
+            return self.staircase(order, h, groups, clock, jointly=jointly)
+        ends = self.graph, self.source, self.targets
         return general.search.General(*ends, h, order, groups, clock, self.precision, self.at_most)
+
+    def staircase(
+        self, order: tuple[int, ...], h: IntArray, groups: Groups, clock: Clock, *, jointly: bool
+    ) -> Staircase:
+        """Return a new search by the method "staircase", see :meth:`search`."""
+        ends = self.graph, self.source, self.targets
+        three = (order[0], order[1], order[2] if len(order) > 2 else -1)
+        return staircase.search.Staircase(*ends, h, three, groups, clock, self.precision, self.at_most, jointly=jointly)
 
 
 METHODS = ("auto", "staircase", "general")
@@ -190,7 +197,7 @@ class _ParetoRun:
         self.at_most = at_most
         self.keeper = keeper
         self.method = method if keeper is None else keeper.method or method
-        self.search: Search | None = None
+        self.search: General | Staircase | None = None
         self.order: tuple[int, ...] = ()
         self.samples = np.zeros((0, graph.criteria), np.int64)
         self.after_bounds = 0.0
@@ -207,7 +214,7 @@ class _ParetoRun:
             self.method = "general"
             return self.go(clock)
 
-    def _prepare(self, clock: Clock) -> Search | Status:
+    def _prepare(self, clock: Clock) -> General | Staircase | Status:
         """Compute bounds and choose the method; return the new search, or the status if the query ends before it."""
         try:
             groups = machinery.turns.Groups.of(self.graph, clock, has_arcs=False)
@@ -260,7 +267,7 @@ class _ParetoRun:
             if proven and awaited and self.search is not None:
                 estimates, least = self.search.estimates(), self.samples[:, list(self.order)]
                 gap = proven_gap(vectors[:, :k], estimates[:, :k])
-                if gap > self.precision.eps and isinstance(self.search, staircase.search.Staircase):
+                if gap > self.precision.eps:
                     gap = self.search.closer_gap(vectors, gap, estimates, least, clock)
                 gap = max(self.precision.eps, gap)
         stats = SearchStats(

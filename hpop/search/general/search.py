@@ -187,11 +187,18 @@ class General(HeapSearch):
         )
         return int(code)
 
-    def close(self, arcs: BoolArray) -> None:
-        """Close the marked arcs (m,) of a graph without layers before a search: they become loops, never used."""
+    def close(self, arcs: BoolArray, groups: BoolArray) -> None:
+        """Close the marked arcs (m,) of a graph without layers before a search: they become loops, never used.
+
+        ``groups`` have no effect, as the turns of groups are arcs like all others here.
+        """
         assert self.layered is None
         rows = np.flatnonzero(arcs[self.origin[: self.start[-1]]])
         self.table[rows, 0] = np.searchsorted(self.start, rows, side="right") - 1
+
+    def closer_gap(self, front: IntArray, gap: float, estimates: IntArray, least: IntArray, clock: Clock) -> float:
+        """Return ``gap``, which is proven already: this search has no tighter bounds than its estimates."""
+        return gap
 
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
         """Compute the last nodes and the estimates of saved labels (partial paths), see :meth:`.Search.retrace`."""

@@ -21,7 +21,7 @@ from hpop.runtime.compiled import lean
 from hpop.search.general.search import General
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import UNREACHABLE
-from hpop.search.machinery.slices import Clock, Search
+from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups
 from hpop.search.pareto_paths import SearchQuery
 from hpop.search.queries import UNLIMITED
@@ -121,15 +121,9 @@ class ClosedArcs:
         """Index (n,) of the group of each node, nodes in the order of the groups."""
         return np.repeat(np.arange(len(self.whole.rows), dtype=np.int32), self.whole.rows[:, SIZE])
 
-    def close_arcs_of(self, search: Search) -> None:
-        """Exclude the closed arcs from a new search, by changing its tables."""
-        if isinstance(search, General):
-            search.close(self.closed)
-        elif isinstance(search, Staircase):
-            turns_closed = (
-                self.turns > 0 if search.groups is self.whole else np.zeros(len(search.group_table), np.bool_)
-            )
-            search.close(self.closed, turns_closed)
+    def close_arcs_of(self, search: General | Staircase, groups: Groups) -> None:
+        """Exclude the closed arcs from a new search on ``groups``, by changing its tables."""
+        search.close(self.closed, self.turns > 0 if groups is self.whole else np.zeros(len(groups.rows), np.bool_))
 
 
 class KnownPaths(NamedTuple):
@@ -276,10 +270,9 @@ class StaircaseBounds:
         if groups.column != index or groups.step != 1 or not sums[1]:
             return cls(h)
         try:
-            search = SearchQuery(graph, source, targets).search("staircase", order, h, groups, clock, jointly=False)
+            search = SearchQuery(graph, source, targets).staircase(order, h, groups, clock, jointly=False)
         except TooWide:
             return cls(h)
-        assert isinstance(search, Staircase)
         tables = search.nodes, search.start, search.arcs
         layers = costs_by_turns(groups, rest, *tables, search.is_target, clock)
         if not sums[0]:

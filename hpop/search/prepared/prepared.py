@@ -87,7 +87,7 @@ class PreparedRun:
         query = SearchQuery(prepared.graph, self.source, prepared.targets)
         groups = prepared.closed_arcs.groups
         search = query.search(self.method, self.order, prepared.bounds, groups, clock, jointly=False)
-        prepared.closed_arcs.close_arcs_of(search)
+        prepared.closed_arcs.close_arcs_of(search, groups)
         self.exact = search
         staircase_bounds, in_groups = prepared.staircase_bounds, groups is prepared.closed_arcs.whole
         if isinstance(search, Staircase) and in_groups and staircase_bounds.layers is not None:
@@ -122,9 +122,8 @@ class PreparedRun:
         clock.labels, clock.memory = int(exact.counters[N_GENERATED]), exact.memory()
         query = SearchQuery(graph, self.source, prepared.targets, Precision(GAP))
         try:
-            search = query.search("staircase", self.order, h, groups, clock, jointly=True)
-            assert isinstance(search, Staircase)
-            prepared.closed_arcs.close_arcs_of(search)
+            search = query.staircase(self.order, h, groups, clock, jointly=True)
+            prepared.closed_arcs.close_arcs_of(search, groups)
             along, paths_along = search.front_near_hull(hull, clock)
             costs_found, labels, *_ = exact.results()
             costs = np.concatenate([self.known.costs[:, list(self.order)], costs_found, along])
