@@ -217,6 +217,7 @@ hpop.view.render_360
 hpop.view.save_360
 hpop.view.save_frames
 hpop.view.save_pictures
+hpop.view.save_arm_page
 hpop.view.save_ride
 hpop.view.save_video
 hpop.view.widget

@@ -13,7 +13,7 @@ import hpop
 from hpop import cli
 from hpop.base.text import argument, shown
 from hpop.cli import results
-from hpop.cli.terminal import NO_PATH, NOTHING_FOUND, echo, imports_option, user_errors
+from hpop.cli.terminal import NO_PATH, NOTHING_FOUND, echo, imports_option, open_page, user_errors
 from hpop.errors import OptionError, OutputError, QueryError
 from hpop.runtime.status import Status
 
@@ -107,6 +107,7 @@ COMMANDS = (criteria, models, goals, planners, formats, explain, schema)
 
 
 DPI = 150
+URDF = ".urdf"
 
 
 def _pairs(context: click.Context, option: click.Parameter, given: Sequence[str]) -> dict[str, str]:
@@ -142,32 +143,42 @@ def _map_options(command: Any) -> Any:
 
 
 @click.command()
-@click.argument("path", metavar="MAP|SCENARIO", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), metavar="PNG", help="[NAME_look.png]")
+@click.argument("path", metavar="MAP|SCENARIO|URDF", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), metavar="PNG|HTML", help="[NAME_look.png, NAME_look.html]")
+@click.option("--web", is_flag=True, help="For an arm, write NAME_look.html too, a page to move its joints.")
+@click.option("--open", "opens", is_flag=True, help="Write this page and open it in a browser.")
 @_map_options
 @imports_option
 @user_errors
 def look(
     path: Path,
     out: Path | None,
+    web: bool,
+    opens: bool,
     resolution: float | None,
     options: dict[str, str],
     reader: str | None,
     radius: float | None,
     imports: tuple[str, ...],
 ) -> None:
-    """Draw a map or scenario, before planning.
+    """Draw a map, scenario or arm, before planning.
 
     The picture, in metres, shows free space, start, goal, people, landmarks and zones. For an arm, a second picture
-    shows it from the side, with heights; _side is added to its name. If the start or goal is blocked, the nearest free
+    shows it from the side, with heights; _side is added to its name. With --web, a page shows an arm among its
+    obstacles, with joints to move, and names the bodies that collide. If the start or goal is blocked, the nearest free
     position is printed (exit code 5). If no path leads from the start to a goal, that is printed too (exit code 6). For
-    a MAP, start and goal are those that `hpop new` would try first. An earlier picture of this name is replaced.
+    a MAP, start and goal are those that `hpop new` would try first. An earlier picture of this name is replaced. For a
+    URDF, only the page is written; --set gives parameters of the model serial_arm, such as tip=tool; its tip is the end
+    of the longest chain of joints by default.
     """
-    from hpop.view.look import look as looked
-
+    cli.user_code.register(imports)
+    if path.suffix.lower() == URDF:
+        _look_at_urdf(path, out, options, opens=opens)
+        return
     if out is not None and out.suffix.lower() != ".png":
         raise OutputError(f"--out: expected a name that ends in .png, got {shown(str(out))}; the picture is a PNG file")
-    cli.user_code.register(imports)
+    from hpop.view.look import look as looked
+
     given: GivenMap | None = None
     if reader is None and hpop.scenario.new.is_scenario(path):
         if options or resolution is not None or radius is not None:
@@ -184,6 +195,7 @@ def look(
     replaced = " (replaced)" if out.exists() else ""
     if replaced and out.samefile(path):
         raise OutputError(f"--out: expected another name than that of the map, got {out}, which it would replace")
+    page = hpop.view.save_arm_page(problem, out.with_suffix(".html")) if web or opens else None
     seen = looked(problem, f"{path.name}: {_size(problem)}")
     with results.output_errors(f"cannot write {out}", "choose another --out"):
         hpop.view.save.save_figure(seen.figure, out, DPI)
@@ -193,11 +205,41 @@ def look(
     for note in (*problem.world.notes, *problem.notes, *seen.notes):
         _say(note, given)
     echo(f"written to {out}{replaced}" + ("" if side is None else f", and the view from the side to {side}"))
+    if page is not None:
+        _say_page(page, opens=opens)
+    elif side is not None and "base" not in problem.model.provides:
+        echo(f"to move its joints in a browser: hpop look {argument(path)} --web")
     if seen.refused:
         raise QueryError("\n".join(seen.refused))
     if seen.no_way:
         echo("error: no path seems to lead from the start to a goal; the picture shows the reached area", err=True)
         sys.exit(NO_PATH)
+
+
+def _say_page(page: Path, *, opens: bool) -> None:
+    echo(f"written: {page}, to move the arm's joints in a browser and see what collides")
+    if opens:
+        open_page(page)
+
+
+def _look_at_urdf(path: Path, out: Path | None, options: dict[str, str], *, opens: bool) -> None:
+    """Write the page of an arm whose URDF is given; values of options are YAML, such as fixed={finger: 0.04}."""
+    import yaml
+
+    from hpop.models.serial_arm.model import SerialArm
+    from hpop.models.serial_arm.urdf import read_urdf
+
+    try:
+        given = {name: yaml.safe_load(text) for name, text in options.items()}
+    except yaml.YAMLError as error:
+        raise OptionError(f"--set: values are YAML, such as fixed={{finger: 0.04}}; {error}") from None
+    if "tip" not in given:
+        given["tip"] = read_urdf(path).farthest_tip
+        echo(f"note: the tip is {given['tip']}, at the end of the most joints; --set tip=NAME chooses another link")
+    arm = SerialArm.from_urdf(path, **{"acceleration": 1.0, **given})  # how fast it may move is of no matter here
+    for note in arm.notes:
+        echo(f"note: {note}")
+    _say_page(hpop.view.save_arm_page(arm, Path(f"{path.stem}_look.html") if out is None else out), opens=opens)
 
 
 @click.command()

@@ -16,6 +16,7 @@ matplotlib_folder.provide()
 matplotlib_folder.forget_current_folder()
 
 from hpop.view import save
+from hpop.view.arm_page import save_arm_page
 from hpop.view.explorer.save import save_explorer, widget
 from hpop.view.front_plot import draw_batch, draw_front, draw_preference
 from hpop.view.map import draw_map
@@ -43,6 +44,7 @@ __all__ = [
     "draw_where",
     "render_360",
     "save_360",
+    "save_arm_page",
     "save_explorer",
     "save_frames",
     "save_pictures",

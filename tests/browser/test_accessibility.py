@@ -15,10 +15,11 @@ from hpop.cli.preferring import Asking
 from hpop.preference import Preference
 from hpop.study.folder import write_pages
 from hpop.study.server import PAGE
-from hpop.view import save_ride
+from hpop.view import save_arm_page, save_ride
 from tests.browser.explored import written
 from tests.browser.rides import front_of, problem_of, room
 from tests.browser.sessions import small_study
+from tests.models.serial_arm.arms import arm6
 from tests.view.explorer.fronts import seeded
 
 AXE = Path(__file__).parents[2] / "web" / "node_modules" / "axe-core" / "axe.min.js"
@@ -34,6 +35,10 @@ def explorer(folder: Path) -> str:
 def ride(folder: Path) -> str:
     problem = problem_of(room())
     return save_ride(problem, front_of(problem), folder / "ride.html", rows=[0, 1]).read_text()
+
+
+def arm(folder: Path) -> str:
+    return save_arm_page(arm6(), folder / "arm.html").read_text()
 
 
 def session(folder: Path) -> str:
@@ -63,7 +68,7 @@ def preferring(folder: Path) -> str:
 
 @pytest.mark.proof
 @pytest.mark.skipif(not AXE.exists(), reason="axe is not installed: npm ci in web/")
-@pytest.mark.parametrize("make", [explorer, ride, session, report, sessions, searching, preferring])
+@pytest.mark.parametrize("make", [explorer, ride, arm, session, report, sessions, searching, preferring])
 def test_a_page_passes_the_rules_of_axe(browser: Browser, tmp_path: Path, make: Callable[[Path], str]) -> None:
     file = tmp_path / "page.html"
     file.write_text(make(tmp_path), encoding="utf-8")

@@ -107,3 +107,4 @@ def test_an_arms_camera_turns_in_all_directions_and_its_links_go_with_it(opened:
         for link, there in zip(links, placed, strict=True):
             assert np.allclose(link["position"], there[:3, 3], atol=1e-3)
             assert np.allclose(link["ahead"], there[:3, 0], atol=5e-3)
+            assert np.allclose(link["up"], there[:3, 2], atol=5e-3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 from collections.abc import Callable
 from pathlib import Path
@@ -278,3 +279,48 @@ def test_a_look_at_a_map_needs_nothing_else(run: Callable[..., Result], tmp_path
     assert result.exit_code == 0, result.output
     assert (tmp_path / "look.png").exists()
     assert "in 2 parts between which it cannot go" in result.stdout
+
+
+ARM = Path(__file__).parents[2] / "examples" / "arm"
+
+
+def test_look_writes_the_page_of_a_urdf_and_says_which_tip_it_took(
+    run: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = run(
+        "look", ARM / "arm6.urdf", "--set", f"srdf={ARM / 'arm6.srdf'}", "--set", "camera=[0, 0, 0.1, 0, 0, 0]"
+    )
+    assert result.exit_code == 0, result.output
+    assert "note: the tip is camera, at the end of the most joints" in result.output
+    (payload,) = re.findall(r'id="payload">(.*?)</script>', (tmp_path / "arm6_look.html").read_text())
+    page = json.loads(payload)
+    assert [state["name"] for state in page["states"]] == ["home", "ready", "upright", "all 0"]
+    apart = np.array(page["camera"]["pose"])[:, 3] - np.array(page["tool"]["pose"])[:, 3]
+    assert np.linalg.norm(apart) == pytest.approx(0.1)
+
+    result = run("look", ARM / "arm6.urdf", "--set", "tip=forearm", "--out", tmp_path / "some.html")
+    assert result.exit_code == 0, result.output
+    (payload,) = re.findall(r'id="payload">(.*?)</script>', (tmp_path / "some.html").read_text())
+    assert len(json.loads(payload)["joints"]) == 4
+    for wrong, code in ((["--set", "tip=nose"], 9), (["--set", "fixed={"], 10), (["--out", "arm.png"], 10)):
+        assert run("look", ARM / "arm6.urdf", *wrong).exit_code == code
+
+
+def test_look_writes_the_page_of_an_arms_scenario_and_refuses_it_for_a_base(
+    run: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The start is in the table: this is said of the start, and the page is there to see it."""
+    monkeypatch.chdir(tmp_path)
+    scenario = yaml.safe_load((ARM.parent / "arm_shelf.yaml").read_text())
+    scenario["model"]["serial_arm"] |= {"urdf": str(ARM / "arm6.urdf"), "srdf": str(ARM / "arm6.srdf")}
+    scenario["start"] = [0.3, 0.8, 0.9, 0, 0, 0]
+    (tmp_path / "blocked.yaml").write_text(yaml.safe_dump(scenario))
+    result = run("look", "blocked.yaml", "--web")
+    assert result.exit_code == 5
+    assert "the start is not usable: the link 'hand' touches the obstacle" in " ".join(result.stderr.split())
+    (payload,) = re.findall(r'id="payload">(.*?)</script>', (tmp_path / "blocked_look.html").read_text())
+    assert json.loads(payload)["states"][0] == {"name": "start", "values": scenario["start"]}
+    result = run("look", ARM.parent / "museum.geojson", "--web")
+    assert result.exit_code == 9
+    assert "this page shows arms" in result.stderr

@@ -22,11 +22,10 @@ from hpop.models.serial_arm.arm_notes import (
 from hpop.models.serial_arm.attached import AttachedObject
 from hpop.models.serial_arm.chain import ArmPart, Chain, FrameMount, Pair, pair_of
 from hpop.models.serial_arm.meshes import ReadMeshes, Way, read_meshes
-from hpop.models.serial_arm.urdf import Robot, Semantics, UrdfJoint, UrdfMesh, read_srdf, read_urdf
+from hpop.models.serial_arm.urdf import MOVING, Robot, Semantics, UrdfJoint, UrdfMesh, read_srdf, read_urdf
 from hpop.world.files import sha256
 from hpop.world.geometry.solids import Solid
 
-MOVING = ("revolute", "prismatic", "continuous")
 LONGEST_MIMICRY = 20
 """Longest sequence of joints that mimic the next one; a longer sequence may be a circle."""
 Place = tuple[int, FloatArray]

@@ -73,16 +73,21 @@ class ArmCollision:
         return self.world.bodies
 
     @cached_property
-    def _scene(self) -> ArmScene:
+    def scene(self) -> ArmScene:
         """Arrays of all bodies, with the pairs that must not touch; cached in the world, which outlives the model."""
         return self.world.derived(("arm", self.chain, self.parts, self.apart), self._scene_with_pairs)
 
+    @cached_property
+    def enlarged_bodies(self) -> dict[int, int]:
+        """Number of the body that replaces a part in tests with obstacles, by number of each enlarged part."""
+        first = len(self.parts) + len(self._solids)
+        return {part: first + i for i, part in enumerate(enlarged_parts(self.parts, self.world.link_rules))}
+
     def _scene_with_pairs(self) -> ArmScene:
         """Return the arrays of all bodies; pairs are links that may not touch, and links with obstacles in reach."""
-        larger = enlarged_parts(self.parts, self.world.link_rules)
+        larger, body = enlarged_parts(self.parts, self.world.link_rules), self.enlarged_bodies
         scene = scene_of(self.chain, self.parts, self._solids, [*larger.values()])
         inside = within_reach(scene, self.chain, NEAR)
-        body = dict(zip(larger, range(len(self.parts) + len(self._solids), len(scene.frames)), strict=True))
         outer = ((body.get(a, a), b) for a, b in self._outer_pairs())
         own = [
             (a, b)
@@ -103,7 +108,7 @@ class ArmCollision:
     @cached_property
     def _outer_scene(self) -> ArmScene:
         """Arrays for clearances: pairs of a moving part, not enlarged, and a solid that it must not touch."""
-        return paired(self._scene, [*self._outer_pairs()])
+        return paired(self.scene, [*self._outer_pairs()])
 
     @property
     def is_uncompiled(self) -> bool:
@@ -163,7 +168,7 @@ class ArmCollision:
         while True:
             owner, distance = np.empty(room, np.int64), np.empty(room)
             gradient = np.empty((room, len(self.chain)))
-            found = serial_arm.distances.near_pairs(self._scene, rows, within, owner, distance, gradient)
+            found = serial_arm.distances.near_pairs(self.scene, rows, within, owner, distance, gradient)
             if found <= room:
                 return Separations(owner[:found], distance[:found], gradient[:found])
             room = found
@@ -177,7 +182,7 @@ class ArmCollision:
         (pair,) = self._blocking_pairs(row, row, np.zeros_like(row), KEPT, KEPT).tolist()
         if pair < 0:
             return ""
-        names = [self._body_name(b) for b in self._scene.pairs[pair].tolist()]
+        names = [self._body_name(b) for b in self.scene.pairs[pair].tolist()]
         return f"{names[1]} touches {names[0]}, or is closer than {1000 * KEPT:g} mm. Choose other joint values"
 
     def _body_name(self, body: int) -> str:
@@ -225,7 +230,7 @@ class ArmCollision:
         found = np.full(len(start), -1)
         for part in _slices(len(start)):
             serial_arm.certificate.blocked_by(
-                self._scene, start[part], end[part], deviation[part], near, kept, found[part]
+                self.scene, start[part], end[part], deviation[part], near, kept, found[part]
             )
         return found
 
@@ -238,7 +243,7 @@ class ArmCollision:
             [self._second_derivatives(law, start, end, np.full(len(motions), share)) for share in (0.0, 0.5, 1.0)],
             axis=0,
         )
-        farthest = np.where(self.chain.sliding, 1.0, self._scene.levers.max(axis=0, initial=0.0))
+        farthest = np.where(self.chain.sliding, 1.0, self.scene.levers.max(axis=0, initial=0.0))
         pieces = np.ceil(np.sqrt(most @ farthest / (8.0 * BEND))).astype(np.int64).clip(1, MOST_PIECES)
         owner, piece = numbered(pieces)
         begin, stop, count = start.take(owner), end.take(owner), pieces[owner]

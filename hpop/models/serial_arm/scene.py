@@ -136,7 +136,7 @@ def scene_of(
     The padding of an enlarged part is a ball to be added to its solid; that of other parts is ignored. Pairs to be
     tested are not set yet (:func:`paired`).
     """
-    aligned = [np.eye(4), *map(_along_z, chain.axes)]
+    aligned = [np.eye(4), *map(along_z, chain.axes)]
     origins = np.array(
         [before.T @ origin @ after for before, origin, after in zip(aligned, chain.origins, aligned[1:], strict=False)]
     ).reshape(-1, 4, 4)
@@ -183,7 +183,7 @@ def within_reach(scene: ArmScene, chain: Chain, near: float) -> BoolArray:
     return np.asarray(np.linalg.norm(np.maximum(0.0, outside), axis=1) <= reach[:, None] + near)
 
 
-def _along_z(axis: FloatArray) -> FloatArray:
+def along_z(axis: FloatArray) -> FloatArray:
     """Return a rotation (4, 4) that turns the z axis to a given axis; the identity for the z axis itself."""
     if axis[2] == 1.0:
         return np.eye(4)

@@ -29,6 +29,9 @@ MOST_SHOWN = 12
 """Largest number of links that a message about a circle of links names."""
 
 
+MOVING = ("revolute", "prismatic", "continuous")
+
+
 class UrdfMesh(NamedTuple):
     """Mesh file that a URDF names: the link, the name of the file as in the URDF, the scale (3,) of its coordinates."""
 
@@ -113,6 +116,19 @@ class Robot:
             found.append(above[tip])
             tip = above[tip].parent
         return found[::-1]
+
+    @property
+    def farthest_tip(self) -> str:
+        """Link at the end of the most joints that move on their own; of several, the one after most fixed joints."""
+        mimicked = {joint.mimic.joint for joint in self.joints.values() if joint.mimic is not None}
+
+        def length(link: str) -> tuple[int, int]:
+            joints = self.ancestry(link)
+            moving = [joint for joint in joints if joint.kind in MOVING]
+            usable = not any(joint.mimic is not None or joint.name in mimicked for joint in moving)
+            return (len(moving), len(joints)) if usable else (-1, 0)
+
+        return max(self.links, key=length)
 
 
 def read_urdf(path: str | os.PathLike[str]) -> Robot:

@@ -286,7 +286,7 @@ def _prisms(world: World, storey: float) -> Iterator[Prism]:
         low, high = _ends(obstacle.heights, storey)
         is_wall = _looks_like_a_wall(obstacle, high)
         tilted = obstacle.solid is not None and not obstacle.solid.is_upright
-        colour = surfaces.WALL if is_wall else _colour_of(obstacle.name or f"{obstacle.heights}")
+        colour = surfaces.WALL if is_wall else colour_of(obstacle.name or f"{obstacle.heights}")
         solid = obstacle.solid if tilted else None
         yield Prism(_rings(obstacle.polygon), low, high, 0, colour, is_wall, obstacle.name, solid)
 
@@ -316,7 +316,7 @@ def _looks_like_a_wall(obstacle: Obstacle, high: float) -> bool:
     return "wall" in obstacle.name.lower() if obstacle.name else high >= WALL_FROM
 
 
-def _colour_of(name: str) -> Colour:
+def colour_of(name: str) -> Colour:
     """Return an obstacle's colour. It depends only on the name without digits, so "chair 1" and "chair 2" match."""
     name = name.strip(" _-0123456789") or name
     return surfaces.THINGS[zlib.crc32(name.encode("utf-8", "replace")) % len(surfaces.THINGS)]

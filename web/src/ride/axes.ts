@@ -14,9 +14,11 @@ export function positionToThree(p: Vector3): Vector3 {
   return p.set(p.x, p.z, -p.y);
 }
 
-/** The orientation of a body of the world, as one of an object of three with the body's own axes, in place. */
+const FROM_THREE = TO_THREE.clone().invert();
+
+/** The orientation of a body of the world, as one of an object whose corners are in the axes of three, in place. */
 export function bodyToThree(q: Quaternion): Quaternion {
-  return q.premultiply(TO_THREE);
+  return q.premultiply(TO_THREE).multiply(FROM_THREE);
 }
 
 /** The orientation of a camera of the world, as one of a camera of three, in place. */

@@ -49,8 +49,8 @@ export interface Checks {
   numbers(columns: number, rows: number, face: number): number[];
   /** Red, green and blue of each pixel of the same picture. */
   colours(columns: number, rows: number, face: number): number[];
-  /** Where the robot's links are, in world axes: their origins, m, and the directions of their x. */
-  links(): { position: number[]; ahead: number[] }[];
+  /** Where the robot's links are, in world axes: their origins, m, and the directions of their x and z. */
+  links(): { position: number[]; ahead: number[]; up: number[] }[];
 }
 
 export function checks(clock: Clock, stage: Stage): Checks {
@@ -113,6 +113,7 @@ export function checks(clock: Clock, stage: Stage): Checks {
       stage.scenery.links.map((link) => ({
         position: world(link.position),
         ahead: world(new Vector3(1, 0, 0).applyQuaternion(link.quaternion)),
+        up: world(new Vector3(0, 1, 0).applyQuaternion(link.quaternion)),
       })),
     pose() {
       const q = stage.rig.getWorldQuaternion(new Quaternion());

@@ -206,6 +206,8 @@ export class Materials {
   readonly zones: ShaderMaterial;
   readonly solids: ShaderMaterial;
   readonly people: ShaderMaterial;
+  /** Like people, but what is behind shines through. */
+  readonly glass: ShaderMaterial;
   readonly sky: ShaderMaterial;
   private readonly shared: Record<string, { value: unknown }>;
 
@@ -224,6 +226,7 @@ export class Materials {
     this.zones = this.surface(pattern, { depthWrite: false, share: surfaces.zone_share });
     this.solids = this.surface(pattern, {});
     this.people = this.surface(pattern, { boost: 1.6 });
+    this.glass = this.surface(pattern, { boost: 1.6, share: 0.22, depthWrite: false });
     this.sky = new ShaderMaterial({
       uniforms: { ...this.shared, zenith: { value: colourOf(surfaces.sky[1]) } },
       vertexShader: SKY_VERTEX,
