@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,7 +35,7 @@ from hpop.base.options import LEAST
 from hpop.models.laws import Run
 from hpop.motions import HOLD, Law, Model, States
 from hpop.motions.by_law import extras
-from hpop.motions.laws import CLOCK
+from hpop.motions.laws import CHANGE, CLOCK
 from hpop.trajectories.trajectory import STRAIGHT, Trajectory
 
 RUN_SAMPLES = 400  # samples of the distance covered in a run, to find when planned states are passed
@@ -53,7 +53,13 @@ class Ramps(NamedTuple):
 
     @classmethod
     def of(cls, model: Model) -> Ramps | None:
-        """Return the ramps of a model that executes moves as :class:`Run`; None for models that do not."""
+        """Return the ramps of a model that executes moves as :class:`Run`; None for models that do not.
+
+        With several speeds, plans contain the waits as changes of speed, so that ``half`` is 0.
+        """
+        if model.speed_classes and CHANGE in model.laws:
+            change: Any = model.laws[CHANGE]
+            return cls(0.0, model.speed_classes[-1] ** 2 / (8.0 * change.acceleration))
         run = model.laws.get(model.executed.get("move", ""))
         if not isinstance(run, Run):
             return None

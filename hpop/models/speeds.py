@@ -31,7 +31,7 @@ import numpy as np
 
 from hpop.base.arrays import BoolArray, Column, FloatArray, IntArray
 from hpop.base.math import smooth_abs
-from hpop.base.options import MOST, real
+from hpop.base.options import LEAST, MOST, real
 from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.models.laws import InPlaceGeometry, Move, StraightGeometry, linear
@@ -151,6 +151,8 @@ def class_execution(planned: Trajectory, executed: Mapping[str, str]) -> tuple[T
     """Return the execution of a plan with speed classes, and the time (n+1,), s, at which each planned state is passed.
 
     executed  law of execution by planned law, "run" for moves; motions of other laws are executed as planned
+
+    In the execution of a punctual plan, each straight run lies in the middle of its planned time.
     """
     laws, kinds = laws_of(planned.model), planned.kinds
     if not {*executed, CHANGE} & {*kinds}:  # it is executed as planned
@@ -160,6 +162,16 @@ def class_execution(planned: Trajectory, executed: Mapping[str, str]) -> tuple[T
     speeds, done, held = [np.zeros(1)], list[str](), [np.zeros(1)]
     passed_in = np.zeros((planned.states.size, 3))  # executed motion, way in it, speed at its start
     motions, i = 0, 0
+
+    def add_wait(row: int, lasts: float) -> None:
+        nonlocal motions
+        for name, column in spaced.items():
+            columns[name].append(column[row : row + 1])
+        speeds.append(np.zeros(1))
+        held.append(np.array([lasts]))
+        done.append(HOLD.kind)
+        motions += 1
+
     while i < len(kinds):
         j = _run_end(planned, laws, i)
         if j == i:  # in place
@@ -175,6 +187,10 @@ def class_execution(planned: Trajectory, executed: Mapping[str, str]) -> tuple[T
         way = np.append(0.0, np.cumsum(np.hypot(np.diff(spaced["x"][i : j + 1]), np.diff(spaced["y"][i : j + 1]))))
         limits = getattr(planned.states, SPEED)[i:j]
         ends, reached = _profile(way, limits, laws[CHANGE].acceleration)  # type: ignore[attr-defined]
+        wait = 0.5 * (planned.times[j] - planned.times[i] - _lasting(ends, reached)) if planned.punctual else 0.0
+        waits = wait >= LEAST
+        if waits:
+            add_wait(i, wait)
         for name, column in spaced.items():
             columns[name].append(np.interp(ends[1:], way, column[i : j + 1]))
         speeds.append(reached[1:])
@@ -183,12 +199,23 @@ def class_execution(planned: Trajectory, executed: Mapping[str, str]) -> tuple[T
         piece = np.clip(np.searchsorted(ends, way, side="right") - 1, 0, max(0, ends.size - 2))
         passed_in[i : j + 1] = np.column_stack([motions + piece, way - ends[piece], reached[piece]])
         motions += ends.size - 1
+        if waits:
+            add_wait(j, wait)
         i = j
     states = {name: np.concatenate(column) for name, column in columns.items()}
     states |= {SPEED: np.concatenate(speeds), CLOCK: np.cumsum(np.concatenate(held))}
     names = (*planned.model.space.names, *extras(planned.model, done))
     made = Trajectory(planned.model, States(**{name: states[name] for name in names}), tuple(done))
     return made, _passing_times(made, states[SPEED], passed_in)
+
+
+def _lasting(ends: FloatArray, reached: FloatArray) -> float:
+    """Return the seconds of a run of ramps and cruises from the distances (p,), m, at which they begin and end.
+
+    reached  (p,)  speeds there, m/s
+    """
+    total = reached[1:] + reached[:-1]
+    return float(np.sum(2.0 * np.diff(ends) / total)) if ends.size > 1 else 0.0
 
 
 def _passing_times(made: Trajectory, speed: FloatArray, passed_in: FloatArray) -> FloatArray:

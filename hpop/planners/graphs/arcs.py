@@ -225,7 +225,7 @@ class MotionChains:
                 f"the model's method connect must use only kinds of motion that are in its laws, "
                 f"{sorted(graph.model.laws)}, got {sorted(unknown)}; add these to the laws"
             )
-        return cls(graph, tails, heads, kinds, (a, *corners), present)
+        return graph.driven(cls(graph, tails, heads, kinds, (a, *corners), present))
 
     @classmethod
     def between(cls, graph: TrajectoryGraph, tails: IntArray, heads: IntArray, a: States, b: States) -> MotionChains:

@@ -19,10 +19,11 @@ from hpop.planners.base import Candidates
 from hpop.planners.graphs.assemble import assemble
 from hpop.planners.graphs.joined_ends import Ends
 from hpop.planners.graphs.query import Query, built_query
+from hpop.planners.graphs.run_speeds import with_run_speeds
 from hpop.planners.graphs.speeds import with_speeds
 from hpop.planners.graphs.tour_stops import with_tour
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
-from hpop.planners.needs import refuse_moving
+from hpop.planners.needs import people_move, refuse_moving
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.spending import Limits, Spending
 from hpop.runtime import limits
@@ -170,7 +171,10 @@ class GraphFamily:
         """
         if problem.tour is None:
             for built in self.graphs(problem, objectives, spending, in_stages=in_stages):
-                yield replace(built, ends=with_speeds(built.ends, problem.model, objectives.optimised))
+                if people_move(problem):
+                    yield replace(built, ends=with_run_speeds(built.ends, problem.model))
+                else:
+                    yield replace(built, ends=with_speeds(built.ends, problem.model, objectives.optimised))
             return
         for built in self.graphs(problem, objectives, spending):
             yield replace(built, ends=with_tour(built.ends, built.problem, problem.tour, objectives.optimised))

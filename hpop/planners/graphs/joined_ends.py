@@ -8,7 +8,7 @@ or to the start.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -147,6 +147,16 @@ class JoinedEnds(TrajectoryGraph):
             return to
         ends = {**to.added_states, **{what: self.ends[what] for what in self.stops}}
         return JoinedEnds(alone.model, alone.world, alone, ends, self.reach, self.stops, spending=alone.spending)
+
+    def over_states(self, change: Callable[[StateGraph], StateGraph]) -> JoinedEnds:
+        """Return the ends joined to ``change`` of the graph of states."""
+        return replace(self, inner=change(self.inner))
+
+    def at_rest(self, ids: IntArray) -> BoolArray:
+        """Return a mask (N,): True for the ends, and for states of the inner graph in which the robot may stand."""
+        rest = ids >= self.inner.size
+        rest[~rest] = self.inner.at_rest(ids[~rest])
+        return np.asarray(rest)
 
     def node(self, what: str) -> int:
         """Return the node number of an end by its name in ``ends``."""

@@ -51,6 +51,10 @@ class StateGraph(TrajectoryGraph):
         """The graph itself, since it has no added nodes for start and goals."""
         return self
 
+    def over_states(self, change: Callable[[StateGraph], StateGraph]) -> StateGraph:
+        """Return ``change`` of this graph."""
+        return change(self)
+
     @abstractmethod
     def places(self, ids: IntArray) -> IntArray:
         """Return the number (N,) of the place of each state; states with equal numbers have the same position."""

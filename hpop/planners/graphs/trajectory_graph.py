@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -270,6 +270,14 @@ class TrajectoryGraph(ABC):
         configurations, or if this graph has layers, for speeds or a tour.
         """
         return None
+
+    def over_states(self, change: Callable[[StateGraph], StateGraph]) -> TrajectoryGraph:
+        """Return the graph with its graph of states, `states_alone`, replaced by ``change`` of it."""
+        raise NotImplementedError
+
+    def driven(self, chains: MotionChains) -> MotionChains:
+        """Return chains of motions of the model as this graph drives them; by default, as they are."""
+        return chains
 
     @property
     def one_layer(self) -> TrajectoryGraph:

@@ -162,8 +162,8 @@ class ExactSearch:
         If ``in_stages``, early results come first.
         """
         moving, family = people_move(problem), self.family
-        if moving:
-            refuse_speeds(problem, f"{self.name} among moving people")
+        if moving and problem.tour is not None:
+            refuse_speeds(problem, f"a tour of {self.name} among moving people")
         if self.max_detour is not None and problem.tour is not None and problem.tour.optional:
             raise OptionError(
                 "max_detour cannot be combined with optional stops of a tour: leave max_detour out, or set optional to "

@@ -55,13 +55,33 @@ class Case:
     ticks: int = 28
 
     @property
+    def stray(self) -> float:
+        """Largest distance, m, of the robot from its plan."""
+        return STRAY
+
+    @property
+    def criteria(self) -> list[str]:
+        return ["duration", "length", "turns"]
+
+    def costs(self, motions: Sequence[Motion], ticks: int) -> tuple[float, float, float]:
+        """Return duration, s, length, m, and turns of a plan."""
+        kinds = [kind for kind, _ in motions]
+        return ticks * self.robot.tick, self.robot.step * kinds.count("move"), float(kinds.count("turn"))
+
+    def lasts(self, kind: str, amount: int) -> int:
+        """Return the ticks of a motion."""
+        if kind == "turn":
+            return self.robot.half if amount == 2 else self.robot.quarter
+        return self.robot.move if kind == "move" else amount
+
+    @property
     def problem(self) -> Problem:
         (x, y, heading), step = self.start, self.robot.step
         highest = [step * (count - 1) + OUTSIDE for count in self.size]
         world = World.from_polygons([], extent=shapely.box(-OUTSIDE, -OUTSIDE, *highest))
         start, goal = (x * step, y * step, heading * math.pi / 2), (*(step * i for i in self.goal), None)
         crowded = world.with_content(people=self.people)
-        return Problem(crowded, self.robot.model, start, goal, ["duration", "length", "turns"])
+        return Problem(crowded, self.robot.model, start, goal, self.criteria)
 
     def front(self) -> tuple[Problem, Front]:
         """Return the problem, and the front of the lattice."""
@@ -74,7 +94,7 @@ class Case:
         """Yield the costs of all plans, and their motions."""
         hold = None if self.hold is None else round(self.hold / self.robot.tick)
         for motions, ticks in motions_in_a_grid(self.robot, self.start, self.goal, self.size, self.ticks, hold):
-            yield costs(self, motions, ticks), motions
+            yield self.costs(motions, ticks), motions
 
 
 class Drive(NamedTuple):
@@ -89,26 +109,16 @@ class Drive(NamedTuple):
 def driven(case: Case, motions: Sequence[Motion]) -> Drive:
     """Return a plan as it is driven, and half a second at its goal."""
     robot, (column, row, heading) = case.robot, case.start
-    lasts = {
-        "move": lambda _: robot.move,
-        "hold": lambda n: n,
-        "turn": lambda n: robot.half if n == 2 else robot.quarter,
-    }
     columns = []
     for kind, amount in [*motions, ("hold", round(0.4 / robot.tick))]:
-        share = np.arange(round(lasts[kind](amount) * robot.tick / DT)) * DT / (lasts[kind](amount) * robot.tick)
+        seconds = case.lasts(kind, amount) * robot.tick
+        share = np.arange(round(seconds / DT)) * DT / seconds
         dx, dy = ((1, 0), (0, 1), (-1, 0), (0, -1))[heading] if kind == "move" else (0, 0)
         turned = amount if kind == "turn" else 0
         yaw = (heading + turned * share) * math.pi / 2
         columns.append((robot.step * (column + dx * share), robot.step * (row + dy * share), yaw, [kind] * share.size))
         column, row, heading = column + dx, row + dy, (heading + turned) % 4
     return Drive(*(np.concatenate(parts) for parts in zip(*columns, strict=True)))
-
-
-def costs(case: Case, motions: Sequence[Motion], ticks: int) -> tuple[float, float, float]:
-    """Return duration, s, length, m, and turns of a plan."""
-    kinds = [kind for kind, _ in motions]
-    return ticks * case.robot.tick, case.robot.step * kinds.count("move"), float(kinds.count("turn"))
 
 
 def to_box(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -159,11 +169,11 @@ def is_safe(case: Case, drive: Drive, people: Sequence[Person]) -> bool:
         between = (person.speed + 1.0) * DT / 2
         least = np.full(times.size, np.inf)
         for off in (-SLACK, -SLACK / 2, 0.0, SLACK / 2, SLACK):
-            for stray in (-STRAY, 0.0, STRAY):
+            for stray in (-case.stray, 0.0, case.stray):
                 there = drive._replace(x=drive.x + stray * ahead[0], y=drive.y + stray * ahead[1])
                 found = gap(case, there, person, times + off, swept=True, more=PIECE)
                 found -= SIGMAS * deviation(person, times + off + PIECE)
-                least = np.minimum(least, found - STRAY * (drive.kind != "move"))
+                least = np.minimum(least, found - case.stray * (drive.kind != "move"))
         if math.isfinite(person.settled):  # near a prediction's end its path is replaced by a chord
             least -= 0.25 * PIECE * person.speed * (np.abs(times - person.settled) < PIECE + SLACK)
         least -= between
@@ -252,7 +262,7 @@ def stopped(case: Case, people: Sequence[Person], names: str) -> tuple[Person, .
         if repr(person.name) in names and not person.futures:
             times = np.arange(0.0, 5.0, 0.01)
             px, py = person.at(times)
-            need = reach + case.margin + STRAY + person.radius + 0.02 + 1.645 * person.deviation(times)
+            need = reach + case.margin + case.stray + person.radius + 0.02 + 1.645 * person.deviation(times)
             near = np.hypot(px - x, py - y) < need
             comes = int(np.argmax(near & np.append(np.diff(np.hypot(px - x, py - y)) < 0, False)))
             before = np.flatnonzero(~near[:comes])

@@ -324,7 +324,7 @@ class _Assembly:
             stays=_frozen(self.stays),
             standing={j: _frozen(table) for j, table in zip(self.timed, stood.tables, strict=True)},
             rate=np.where(worst, np.ceil(rate - WHOLE), np.rint(rate * RATE)).astype(np.int64),
-            cut=_frozen(self.safety.cut(states.x, states.y, self.horizon)),
+            cut=_frozen(self._cut(states)),
             hold=None if self.hold is None else max(1, self.clock.up_to(self.hold)),
             arrive_by=None if options.arrive_by is None else self.clock.within(options.arrive_by),
         )
@@ -351,6 +351,13 @@ class _Assembly:
             self.people_stop,
             dict(zip(rows[blocked_at_goals.rows].tolist(), range(made.rows.size, len(closed)), strict=True)),
         )
+
+    def _cut(self, states: States) -> BoolArray:
+        """Return at which ticks the robot must not stand at places: near people, and always where it drives."""
+        cut = self.safety.cut(states.x, states.y, self.horizon)
+        driving = ~self.space.at_rest(np.arange(self.space.size))
+        cut[self.place[: self.space.size][driving]] = True
+        return cut
 
     def _stand(self, costs: IntArray, rate: float, worst: bool) -> None:
         """Add the cost of standing before the first move to the costs (m,) of those arcs that include it.

@@ -106,10 +106,11 @@ class TimedArcs:
         tails, durations = np.empty(m, np.int64), np.empty(m)
         ticks, stays = np.empty(m, np.int64), np.zeros(m, dtype=bool)
         moves = np.zeros(m, dtype=bool)  # begins with a move
+        space_places = inner.places(np.arange(inner.size))
 
         inner_tails = np.repeat(np.arange(inner.arcs.start.size - 1), np.diff(inner.arcs.start))
 
-        def timed(part: slice) -> list[tuple[IntArray, IntArray, FloatArray, IntArray, bool]]:
+        def timed(part: slice) -> list[tuple[IntArray, IntArray, FloatArray, IntArray, BoolArray]]:
             columns = []
             for number, rows, motions in motions_of(inner, np.arange(part.start, part.stop)):
                 seconds = np.broadcast_to(motions.duration, rows.size)
@@ -117,14 +118,15 @@ class TimedArcs:
                 if number == MOVE:
                     count = clock.along(motions.start, motions.end, seconds)
                 else:
-                    count = clock.in_place(seconds, inner.places(inner_tails[rows]))
-                columns.append((at, rows, np.asarray(seconds), count, number != MOVE))
+                    count = clock.in_place(seconds, space_places[inner_tails[rows]])
+                here = space_places[inner_tails[rows]] == space_places[inner.arcs.heads[rows]]
+                columns.append((at, rows, np.asarray(seconds), count, here))
             return columns
 
         for batch in space.spending.each(timed, blocks(size), f"{space.words} was timed"):
             for at, rows, seconds, count, in_place in batch:
                 tails[at], durations[at], ticks[at], stays[at] = inner_tails[rows], seconds, count, in_place
-                moves[at] = not in_place
+                moves[at] = inner.arcs.kinds[rows] == MOVE
         if space.joins is not None:
             seconds = np.zeros(joins.size)
             for rows, motions in space.joins.motions():

@@ -1,0 +1,172 @@
+"""Graph for a robot with several speeds among people who move: each straight run has one speed, from rest to rest.
+
+A plan among people must be executed punctually. A run at speed v with acceleration a is planned to stand for v/2a, to
+drive its length L at v, and to stand for v/2a again. Its execution speeds up at once and needs L/v + v/a in all, which
+is equally long; a run shorter than v²/a needs less and begins later. So the robot is never more than v²/8a from its
+planned position, as with one speed (:mod:`hpop.models.execution`). A change between two speeds while driving has no
+such execution: it is planned for longer than it takes.
+
+State v of the inner graph is node v, at rest. For each of the model's k speeds there are two more layers of nodes: one
+in which a run begins, and one in which it goes on. So a run has at least one move, and the robot waits at rest only.
+From rest, a change of speed leads to the first of these layers, each move to the second, and a change from there to rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.options import LEAST
+from hpop.models.speeds import checked_speeds
+from hpop.motions import Model, Motions, States, laws_of
+from hpop.motions.laws import CHANGE, SPEED
+from hpop.planners.graphs.arcs import MOVE, MotionChains
+from hpop.planners.graphs.joined_ends import Ends
+from hpop.planners.graphs.speed_joins import at_speed
+from hpop.planners.graphs.state_graph import StateGraph
+from hpop.planners.graphs.trajectory_graph import Stretches
+
+
+def with_run_speeds(ends: Ends, model: Model) -> Ends:
+    """Return the graph in which each straight run has one of the speeds of the model, for plans among moving people.
+
+    The given graph is returned if the model has one speed.
+    """
+    space, alone = ends.space, ends.space.states_alone
+    if not model.speed_classes or alone is None:
+        return ends
+    speeds = checked_speeds(model.speed_classes, LEAST)
+    layered = space.over_states(lambda states: RunSpeedGraph(states.model, states.world, states, speeds))
+    shift = layered.size - space.size  # nodes that were added for ends come after those of all layers
+
+    def moved(node: int) -> int:
+        return node + shift if node >= alone.size else node
+
+    return Ends(layered, moved(ends.start), [moved(goal) for goal in ends.goals])
+
+
+@dataclass(frozen=True, eq=False)
+class RunSpeedGraph(StateGraph):
+    """States of an inner graph at rest, and in two layers for each speed; see the text of this module.
+
+    inner   graph of n states; node l n + v is state v in layer l: 0 at rest, then k in which runs begin, then k others
+    speeds  (k,)  m/s, rising
+    """
+
+    inner: StateGraph
+    speeds: tuple[float, ...]
+
+    @property
+    def size(self) -> int:
+        """Number of nodes."""
+        return self.inner.size * (1 + 2 * len(self.speeds))
+
+    @property
+    def words(self) -> str:
+        """Description of the inner graph and the speeds, for certificates."""
+        *some, last = (f"{speed:g}" for speed in self.speeds)
+        return f"{self.inner.words}, each straight run at {', '.join(some)} or {last} m/s"
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options that identify the inner graph, JSON-able."""
+        return self.inner.options
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Sizes of the inner graph, and the number of speeds."""
+        return {**self.inner.counts, "speeds": len(self.speeds)}
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of motions of the inner graph, then changes of speed."""
+        return (*self.inner.kinds, CHANGE)
+
+    def states(self, ids: IntArray) -> States:
+        """Return the states (N,) at some nodes, without speeds."""
+        return self.inner.states(ids % self.inner.size)
+
+    def _speed_of(self, ids: IntArray) -> FloatArray:
+        return np.array([0.0, *self.speeds, *self.speeds])[ids // self.inner.size]
+
+    def at_rest(self, ids: IntArray) -> BoolArray:
+        """Return which nodes (N,) are at rest."""
+        return np.asarray(ids < self.inner.size)
+
+    def places(self, ids: IntArray) -> IntArray:
+        """Return the number (N,) of the place of each node; a position has another one for driving than for rest."""
+        every = int(self.inner.places(np.arange(self.inner.size)).max(initial=-1)) + 1
+        return np.asarray(self.inner.places(ids % self.inner.size) + every * ~self.at_rest(ids))
+
+    def near(self, x: float, y: float, radius: float) -> IntArray:
+        """Return the nodes at rest within ``radius``, m, of the position (x, y), m."""
+        return self.inner.near(x, y, radius)
+
+    def edges(self, kind: str) -> tuple[IntArray, IntArray]:
+        """Return all collision-free motions of one kind: numbers of their first nodes, and of their last nodes."""
+        n, k = self.inner.size, len(self.speeds)
+        begins, goes_on = np.arange(1, 1 + k)[:, None] * n, np.arange(1 + k, 1 + 2 * k)[:, None] * n
+        if kind == CHANGE:
+            rest = np.tile(np.arange(n), k)
+            ends = (np.arange(n) + begins).ravel(), (np.arange(n) + goes_on).ravel()
+            return np.concatenate([rest, ends[1]]), np.concatenate([ends[0], rest])
+        number = self.inner.kinds.index(kind)
+        tails, heads = self.inner.arcs.of(number)
+        if number != MOVE:
+            return tails, heads
+        both = np.concatenate([tails + begins, tails + goes_on]).ravel()
+        return both, np.concatenate([heads + goes_on, heads + goes_on]).ravel()
+
+    def kinds_between(self, tails: IntArray, heads: IntArray) -> IntArray:
+        """Return the kind (N,) of the motion from each tail (N,) to its head (N,), as an index into `kinds`."""
+        n = self.inner.size
+        kinds = self.inner.kinds_between(tails % n, heads % n)
+        return np.where(self.at_rest(tails) == self.at_rest(heads), kinds, len(self.inner.kinds))
+
+    def motions(self, kind: str, tails: IntArray, heads: IntArray) -> Motions:
+        """Return the motions (M,) of one kind from nodes ``tails`` to ``heads``, angles in the shorter direction."""
+        n = self.inner.size
+        if kind == CHANGE:
+            states, law = self.states(tails), self.model.laws[CHANGE]
+            start, end = (at_speed(states, self._speed_of(ids)) for ids in (tails, heads))
+            return Motions(self.world, self.model, law, start, end)
+        motions = self.inner.motions(kind, tails % n, heads % n)
+        if SPEED not in laws_of(self.model)[kind].extra:
+            return motions
+        start, end = (at_speed(states, self._speed_of(tails)) for states in (motions.start, motions.end))
+        return replace(motions, start=start, end=end)
+
+    def driven(self, chains: MotionChains) -> MotionChains:
+        """Return chains with their moves at the fastest speed, each between two changes of speed."""
+        laws, rest = laws_of(self.model), np.zeros(chains.tails.size)
+        kinds, corners, present = list[str](), [at_speed(chains.corners[0], rest)], list[BoolArray]()
+        for kind, end, some in zip(chains.kinds, chains.corners[1:], chains.present, strict=True):
+            if SPEED in laws[kind].extra:
+                speed = np.where(some, self.speeds[-1], 0.0)
+                kinds += [CHANGE, kind, CHANGE]
+                corners += [at_speed(corners[-1], speed), at_speed(end, speed), at_speed(end, rest)]
+                present += [some, some, some]
+            else:
+                kinds.append(kind)
+                corners.append(at_speed(end, rest))
+                present.append(some)
+        return replace(chains, kinds=tuple(kinds), corners=tuple(corners), present=tuple(present))
+
+    def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
+        """Return the states, with speeds, and the motions of n trajectories, not yet checked for impossible motions.
+
+        ids    (N,)  nodes of all paths, one path after another
+        sizes  (n,)  number of nodes of each path
+        """
+        kinds = np.zeros(ids.size, np.int64)
+        kinds[1:] = self.kinds_between(ids[:-1], ids[1:])
+        laws: Sequence[Any] = [laws_of(self.model)[kind] for kind in self.kinds]
+        return Stretches.through(self.model.space, laws, at_speed(self.states(ids), self._speed_of(ids)), kinds, sizes)
+
+    def what_separates(self, start: int, goals: list[int]) -> str:
+        """Return the reason why no path leads from start to goals, as text: that of the inner graph."""
+        return self.inner.what_separates(start % self.inner.size, [goal % self.inner.size for goal in goals])

@@ -1,0 +1,155 @@
+"""Speeds among people: fronts are those of all plans in a small grid whose straight runs have one speed each.
+
+Plans, times, and distances in time are those of :mod:`.test_enumerated`, which shares no code with hpop.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+import shapely
+
+import hpop
+from hpop.errors import QueryError
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
+from hpop.world import Person
+from tests.planners.timed.rooms_with_people import GridRobot, Motion, State
+from tests.planners.timed.test_enumerated import Case, check, person
+
+SPEEDS, ACCELERATION = (0.5, 1.0), 1.25
+TURNS = {"turn_rate": math.pi / 0.8, "turn_acceleration": math.pi / 0.16}
+MODEL = hpop.DifferentialDrive(radius=0.1, speeds=SPEEDS, acceleration=ACCELERATION, **TURNS)
+ROBOT = GridRobot(MODEL, 0.4, 0.2, 2, 3, 5, 0)  # m, s, then ticks of a move at 1 m/s and of turns
+
+
+@dataclass(frozen=True)
+class SpeedCase(Case):
+    """A query of a robot with two speeds."""
+
+    robot: GridRobot = ROBOT
+
+    @property
+    def stray(self) -> float:
+        return SPEEDS[-1] ** 2 / (8 * ACCELERATION)
+
+    @property
+    def criteria(self) -> list[str]:
+        return ["duration", "felt_acceleration", "turns"]
+
+    def costs(self, motions: Sequence[Motion], ticks: int) -> tuple[float, float, float]:
+        """Return duration, s, felt acceleration, m/s, and turns; a run from rest to rest feels twice its speed."""
+        felt = sum(SPEEDS[ticks - 1] for kind, ticks in motions if kind == "change")
+        return ticks * self.robot.tick, felt, float([kind for kind, _ in motions].count("turn"))
+
+    def lasts(self, kind: str, amount: int) -> int:
+        """Return the ticks of a motion: 4 or 2 for a move at 0.5 or 1 m/s, 1 or 2 for a change from or to rest."""
+        return {1: 4, 2: 2}[amount] if kind == "move" else super().lasts(kind, amount)
+
+    def plans(self) -> Iterator[tuple[tuple[float, ...], list[Motion]]]:
+        hold = None if self.hold is None else round(self.hold / self.robot.tick)
+
+        def onward(state: State, tick: int, motions: list[Motion], *, held: bool) -> Iterator[tuple[list[Motion], int]]:
+            if state[:2] == self.goal:
+                yield motions, tick
+                return
+            column, row, heading = state
+            dx, dy = ((1, 0), (0, 1), (-1, 0), (0, -1))[heading]
+            for number in (1, 2):
+                for count in range(1, max(self.size)):
+                    after = tick + 2 * number + count * self.lasts("move", number)
+                    to = (column + count * dx, row + count * dy)
+                    if after <= self.ticks and 0 <= to[0] < self.size[0] and 0 <= to[1] < self.size[1]:
+                        run = [("change", number), *[("move", number)] * count, ("change", number)]
+                        yield from onward((*to, heading), after, [*motions, *run], held=False)
+            for quarters in (1, -1, 2):
+                lasts = self.lasts("turn", quarters)
+                if tick + lasts <= self.ticks:
+                    turned = (column, row, (heading + quarters) % 4)
+                    yield from onward(turned, tick + lasts, [*motions, ("turn", quarters)], held=False)
+            if hold is not None and not held:
+                for lasts in range(hold, self.ticks - tick):
+                    yield from onward(state, tick + lasts, [*motions, ("hold", lasts)], held=True)
+
+        for motions, ticks in onward(self.start, 0, [], held=False):
+            yield self.costs(motions, ticks), motions
+
+
+CASES = {
+    "crosses": SpeedCase((person(0.8, 0.65, 0.0, -0.4),), ticks=26),
+    "crosses, without holds": SpeedCase((person(0.8, 0.65, 0.0, -0.4),), hold=None),
+    "crosses with a margin": SpeedCase((person(0.8, 0.75, 0.0, -0.4),), margin=0.1, ticks=26),
+    "comes against the robot": SpeedCase((person(1.4, 0.0, -0.4),), goal=(3, 1), ticks=26),
+    "stands in the way for a while": SpeedCase((person(0.8, 0.0, until=3.0),), ticks=28),
+}
+
+
+@pytest.mark.cases("crosses, without holds", "stands in the way for a while")
+@pytest.mark.parametrize("name", list(CASES))
+def test_the_front_is_that_of_all_runs_at_all_speeds(name: str) -> None:
+    check(CASES[name])
+
+
+@pytest.mark.seeds(1, of=50)
+def test_random_walks(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    people = tuple(
+        person(*rng.uniform((0.3, 0.3), (1.3, 0.9)), *rng.uniform(-0.5, 0.5, 2), rng.uniform(1, 4), name=name)
+        for name in ("Ann", "Bob")[: 1 + seed % 2]
+    )
+    case = SpeedCase(people, hold=(None, 1.0)[seed % 3 > 0], goal=(int(rng.integers(2, 4)), int(rng.integers(2))))
+    check(replace(case, ticks=25 if case.hold else 27))
+
+
+def room(*people: Person) -> hpop.World:
+    walls = [shapely.box(2.0, 1.0, 2.4, 3.0)]
+    return hpop.World.from_polygons(walls, extent=shapely.box(-0.5, -0.5, 5, 3)).with_content(people=people)
+
+
+ANN = Person(2.2, 0.9, velocity=(0.0, -0.4), until=6.0, radius=0.2, name="Ann")
+ROOMY = hpop.DifferentialDrive(radius=0.2, speeds=(0.4, 0.8, 1.2))
+
+
+@pytest.mark.parametrize(
+    "planner", [{"lattice": {"step": 0.5}}, {"any-angle": {"step": 0.5}}, {"roadmap": {"samples": 60}}]
+)
+def test_executions_keep_the_times_of_plans_and_their_distance_from_people(planner: dict) -> None:
+    criteria = ["duration", "felt_acceleration", {"hall_zones": {}}]
+    problem = Problem(
+        room(ANN), ROOMY, (0, 0, 0), (4.2, 0.7, None), criteria, quanta={"hall_zones": 0.1, "duration": 0.1}
+    )
+    front = problem.solve(planner)
+    assert len(front) > 1
+    assert verify(problem, front) == []
+    assert "each straight run at 0.4, 0.8 or 1.2 m/s" in front.certificate
+    assert len({round(float(s), 6) for t in front.trajectories for s in t.states.speed} - {0.0}) > 1
+    for trajectory in front.trajectories:
+        run = trajectory.execution()
+        assert run.duration == pytest.approx(trajectory.duration, abs=1e-6)
+        times = np.arange(0.0, run.duration, 0.01)
+        planned, done = trajectory.at(times), run.at(times)
+        assert np.hypot(planned.x - done.x, planned.y - done.y).max() <= 1.2**2 / 8 + 1e-6
+        speed = np.hypot(np.diff(done.x), np.diff(done.y)) / 0.01
+        assert np.abs(np.diff(speed)).max() <= 0.01 * (1 + 1e-3)
+        gap = np.hypot(done.x - ANN.at(times)[0], done.y - ANN.at(times)[1]) - 0.4
+        assert gap[times < 6.0].min() >= -1e-3
+
+
+def test_several_speeds_are_at_least_as_good_as_each_that_is_the_fastest() -> None:
+    world, ends = room(ANN), ((0, 0, 0), (4.0, 0.0, None))
+    several = Problem(world, ROOMY, *ends, ["duration", "turns"]).solve("lattice", step=0.5)
+    alone = Problem(world, hpop.DifferentialDrive(radius=0.2, speed=1.2), *ends, ["duration", "turns"])
+    one = alone.solve("lattice", step=0.5)
+    for row in one.costs:  # one speed has no planned start and stop, which last v/a together
+        assert (several.costs <= row + np.array([1.2 + 0.5, 1e-6])).all(axis=1).any()
+
+
+def test_a_tour_of_a_robot_with_several_speeds_among_people_is_refused() -> None:
+    tour = {"stops": [{"at": [1, 2], "within": 0.5}]}
+    problem = Problem(room(ANN), ROOMY, (0, 0, 0), (4, 0, None), ["duration"], tour=tour)
+    with pytest.raises(QueryError, match="a tour of lattice among moving people drives at one speed"):
+        problem.solve("lattice", step=0.5)
