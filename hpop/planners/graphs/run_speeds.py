@@ -8,7 +8,7 @@ such execution: it is planned for longer than it takes.
 
 State v of the inner graph is node v, at rest. For each of the model's k speeds there are two more layers of nodes: one
 in which a run begins, and one in which it goes on. So a run has at least one move, and the robot waits at rest only.
-From rest, a change of speed leads to the first of these layers, each move to the second, and a change from there to rest.
+From rest, a change of speed leads to the first of these layers, each move to the second, and a change back to rest.
 """
 
 from __future__ import annotations
