@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import re
+import shlex
 from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
@@ -11,8 +12,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
+from click.testing import CliRunner
 
 import hpop
+from hpop.cli import main
+from hpop.motions import States
+from hpop.scenario import load_scenario
 from hpop.testing import check_model, check_planner
 from hpop.view import save_pictures
 from tests.own_criteria import LEARNT
@@ -45,7 +51,6 @@ def test_the_python_in_the_readme_writes_the_motion_of_a_camera(tmp_path, monkey
 
 
 def test_the_scenario_in_the_docs_is_the_one_of_the_demo():
-    import yaml
 
     shown = yaml.safe_load(blocks("docs/command_line.md", "yaml")[0])
     assert shown == yaml.safe_load((ROOT / "examples/museum.yaml").read_text())
@@ -74,9 +79,6 @@ def test_a_criterion_in_the_docs_passes_its_conformance_checks(page, name, tmp_p
 
 
 def test_the_quanta_in_the_docs_are_fine_enough_for_the_problem_of_the_readme():
-    import yaml
-
-    from hpop.scenario import load_scenario
 
     (shown,) = (block for block in blocks("docs/criteria_rules.md", "yaml") if "quanta:" in block)
     scenario = load_scenario(ROOT / "examples/museum.yaml")
@@ -88,8 +90,6 @@ def test_the_quanta_in_the_docs_are_fine_enough_for_the_problem_of_the_readme():
 
 def test_what_the_page_of_fronts_does_with_one_runs(tmp_path, monkeypatch):
     import json
-
-    from hpop.scenario import load_scenario
 
     monkeypatch.chdir(tmp_path)
     problem = load_scenario(ROOT / "examples/museum.yaml").problem
@@ -106,7 +106,6 @@ def test_what_the_page_of_fronts_does_with_one_runs(tmp_path, monkeypatch):
 
 
 def test_the_question_in_the_docs_is_answered():
-    from hpop.scenario import load_scenario
 
     problem = load_scenario(ROOT / "examples/museum.yaml").problem
     names: dict = {"problem": problem, "front": problem.solve("lattice", step=1.0)[:4]}
@@ -192,9 +191,6 @@ def test_a_planner_in_the_docs_is_one_of_those_that_there_are():
 
 
 def test_the_scenario_of_several_planners_is_the_one_in_the_docs():
-    import yaml
-
-    from hpop.scenario import load_scenario
 
     path = ROOT / "examples/museum_planners.yaml"
     (shown,) = (yaml.safe_load(block) for block in blocks("docs/planners.md", "yaml"))
@@ -235,13 +231,42 @@ def test_an_arm_is_planned_for_as_its_page_says(tmp_path, monkeypatch):
     assert verify(problem, front) == verify(problem, smooth) == []
 
 
+def test_the_five_minutes_from_moveit_run_as_they_are_printed(tmp_path, monkeypatch):
+    """Every command of the section; the joint trajectory is read back, and ends along the line that was asked for."""
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.chdir(tmp_path)
+    section = (ROOT / "docs/arm.md").read_text().partition("## From MoveIt")[2].partition("\n## ")[0]
+    (scenario,) = re.findall(r"```yaml\n(.*?)```", section, re.DOTALL)
+    Path("pick.yaml").write_text(scenario)
+    lines = re.findall(r"^    (hpop .*)$", section, re.MULTILINE)
+    assert [line.split()[1] for line in lines] == ["plan", "pick", "export"]
+    for line in lines:
+        done = CliRunner().invoke(main, shlex.split(line)[1:])
+        assert done.exit_code == 0, done.output
+    arm = load_scenario(Path("pick.yaml")).problem.model
+    (file,) = Path("out/pick/export").glob("*.joint_trajectory.yaml")
+    message = yaml.safe_load(file.read_text())
+    assert message["joint_names"] == list(arm.joints)
+    rows = np.array([point["positions"] for point in message["points"]])
+    times = [
+        point["time_from_start"]["sec"] + 1e-9 * point["time_from_start"]["nanosec"] for point in message["points"]
+    ]
+    assert (np.diff(times) > 0).all()
+    assert not np.any(message["points"][-1]["velocities"])
+    tool = arm.pose("tool", States(**dict(zip(arm.joints, rows.T, strict=True))))
+    begin = int(np.flatnonzero(tool.z >= tool.z[-1] + 0.0999)[-1])
+    assert np.hypot(tool.x - tool.x[-1], tool.y - tool.y[-1])[begin:].max() <= 0.002
+    assert np.hypot(tool.x - tool.x[-1], tool.y - tool.y[-1])[:begin].max() > 0.01
+    moveit = yaml.safe_load(next(Path("out/pick/export").glob("*.moveit.yaml")).read_text())
+    assert moveit["trajectory"]["joint_trajectory"]["points"] == message["points"]
+
+
 def test_the_page_of_arms_says_of_each_criterion_whether_it_is_for_them():
     """Rows: improved by splines; without symbols; with memory; refused."""
     from hpop.base.registry import criteria
     from hpop.criteria.base import make_criterion
     from hpop.errors import CriterionError
     from hpop.planners.programs.spline.knots import PieceCosts
-    from hpop.scenario import load_scenario
     from hpop.world.content.content import Landmark
 
     shelf = load_scenario(ROOT / "examples/arm_shelf.yaml").problem
