@@ -25,7 +25,7 @@ from hpop.errors import GraphError, HpopError
 from hpop.runtime.status import Budget
 from hpop.search import Graph, ParetoPaths, pareto_paths
 from hpop.search.graph import MAX_COSTS
-from hpop.search.graph_arrays import MAX_INDEX, MAX_SUM
+from hpop.search.networks import MAX_INDEX, MAX_SUM
 
 GRIDS = {2: 200, 3: 50, 4: 28, 5: 19, 6: 14}  # nodes a side of the random grid with so many costs
 PULIDO = Path(os.environ.get("HPOP_DATA", Path(__file__).resolve().parents[2] / "shared" / "data")) / "pulido_grids"

@@ -71,7 +71,7 @@ from hpop.errors import OptionError
 from hpop.base.registry import criteria, planners
 class Mine: ...
 print(planners["weighted-sum"].__name__, "hpop.planners.programs.smoothing.planner" in sys.modules)
-print(criteria["o_space"].__name__, "hpop.criteria.robot.smoothness" in sys.modules)
+print(criteria["o_space"].__name__, "hpop.criteria.performance.orientation" in sys.modules)
 try:
     planners.add("smoothing", Mine)
 except OptionError as error:

@@ -30,7 +30,7 @@ def score(folder: Path) -> None:
     Writes answers.csv, scores.csv, choices.csv and answers.sqlite; free text of participants goes to remarks.csv only.
     The exit code is 17 if the front has changed since the study began.
     """
-    from hpop.study.design_file import FILE
+    from hpop.study.conditions import FILE
     from hpop.study.documents import locked_for_changes
 
     design = hpop.study.Design.load(folder)

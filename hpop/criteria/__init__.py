@@ -35,11 +35,11 @@ if TYPE_CHECKING:
     from hpop.criteria.comfort.sickness import MSDV as MSDV
     from hpop.criteria.comfort.sickness import Sickness as Sickness
     from hpop.criteria.learnt import Learnt as Learnt
+    from hpop.criteria.others.encounters import ExpectedContacts as ExpectedContacts
     from hpop.criteria.others.encounters import SocialForce as SocialForce
     from hpop.criteria.others.encounters import TimeToCollision as TimeToCollision
     from hpop.criteria.others.encounters import VisibilityToPeople as VisibilityToPeople
-    from hpop.criteria.others.intrusion import ExpectedContacts as ExpectedContacts
-    from hpop.criteria.others.intrusion import WorstIntrusion as WorstIntrusion
+    from hpop.criteria.others.encounters import WorstIntrusion as WorstIntrusion
     from hpop.criteria.others.personal_space import CuttingBetween as CuttingBetween
     from hpop.criteria.others.personal_space import HallZones as HallZones
     from hpop.criteria.others.personal_space import OSpace as OSpace
@@ -63,15 +63,15 @@ if TYPE_CHECKING:
     from hpop.criteria.performance.targets import ViewDistance as ViewDistance
     from hpop.criteria.robot.clearance import Clearance as Clearance
     from hpop.criteria.robot.clearance import Proximity as Proximity
-    from hpop.criteria.robot.energy import Duration as Duration
-    from hpop.criteria.robot.energy import Energy as Energy
     from hpop.criteria.robot.joints import JointEnergy as JointEnergy
     from hpop.criteria.robot.joints import JointLength as JointLength
     from hpop.criteria.robot.joints import JointLimits as JointLimits
     from hpop.criteria.robot.joints import Singularity as Singularity
-    from hpop.criteria.robot.smoothness import BendingEnergy as BendingEnergy
-    from hpop.criteria.robot.smoothness import CurvatureSignChanges as CurvatureSignChanges
-    from hpop.criteria.robot.smoothness import Smoothness as Smoothness
+    from hpop.criteria.robot.motion import BendingEnergy as BendingEnergy
+    from hpop.criteria.robot.motion import CurvatureSignChanges as CurvatureSignChanges
+    from hpop.criteria.robot.motion import Duration as Duration
+    from hpop.criteria.robot.motion import Energy as Energy
+    from hpop.criteria.robot.motion import Smoothness as Smoothness
 
 _HOMES = homes_of(__name__)
 __all__ = [*_HOMES, "Criterion", "criterion", "make_criterion", "motion_costs", "trajectory_cost"]

@@ -19,7 +19,7 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
 from hpop.drive.closings import Closing, chains_closed, closed_arcs, no_way_out, states_by_place
-from hpop.drive.known_routes import KnownRoutes
+from hpop.drive.known_paths import KnownRoutes
 from hpop.drive.plan import speed_of
 from hpop.frontier import is_nondominated
 from hpop.motions import Motions, States

@@ -24,8 +24,7 @@ from hpop.drive.options import Commit, LeavePoints, Option, Options, PlanCompari
 from hpop.drive.plan import SAME, Plan, between, closed_trajectories, held, joined, part
 from hpop.drive.remaining_front import front_of_rest
 from hpop.drive.replanning import Replanner, ReplanResult
-from hpop.drive.stop_log import StopLog, refuse_among_people
-from hpop.drive.storage import Change, deadline_of, written
+from hpop.drive.storage import Change, StopLog, deadline_of, refuse_among_people, written
 from hpop.drive.surroundings import DriveSurroundings
 from hpop.drive.wishes import NOTICE, PATIENCE, Wish, adapted, wished
 from hpop.errors import DriveError

@@ -17,7 +17,7 @@ from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs, running_costs, trajectory_costs
 from hpop.drive.plan import SAME, Cut, Plan, between, cut_of, held, joined, motion_ends, until
 from hpop.drive.surroundings import DriveSurroundings
-from hpop.drive.tour_progress import TourProgress
+from hpop.drive.tour import TourProgress
 from hpop.motions import States
 from hpop.problems.named_rows import StopVisit
 from hpop.trajectories.history import sections

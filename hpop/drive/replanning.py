@@ -17,13 +17,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from hpop.base.arrays import IntArray
 from hpop.criteria.base import make_criterion
 from hpop.drive.drive_graph import DriveGraph
-from hpop.drive.known_routes import KnownRoutes
-from hpop.drive.known_trajectories import clear_trajectories, complete, of_remaining, rechecked, remaining_from
-from hpop.drive.latest_only import LatestOnlyWorker
+from hpop.drive.known_paths import KnownRoutes, clear_trajectories, complete, of_remaining, rechecked, remaining_from
 from hpop.drive.options import Commit
 from hpop.drive.surroundings import DriveSurroundings
-from hpop.drive.timed_drive_graph import ScheduledPath, TimedDriveGraph
-from hpop.drive.tour_graph import TourGraphs
+from hpop.drive.timed_drive_graph import LatestOnlyWorker, ScheduledPath, TimedDriveGraph
+from hpop.drive.tour import TourGraphs
 from hpop.errors import DriveError
 from hpop.planners.base import Candidates, Planner
 from hpop.planners.graphs.state_graph import StateGraph

@@ -18,8 +18,7 @@ from hpop.drive.closings import Closing
 from hpop.drive.execution import Execution
 from hpop.drive.options import Option, Options
 from hpop.drive.plan import until
-from hpop.drive.stop_log import NOTED
-from hpop.drive.storage import Change, read
+from hpop.drive.storage import NOTED, Change, read
 from hpop.drive.wishes import NOTICE, PATIENCE
 from hpop.errors import CoversRobot, DriveError, HpopError, OptionError, QueryError, did_you_mean
 from hpop.frontier.choices import Preferring

@@ -4,15 +4,19 @@ On a clock, time is discrete: it is counted in ticks. Most of the time of a quer
 and into bounds on the remaining cost. Neither depends on the position of the robot, and a later query begins at a later
 tick of the same clock. A query starts at a commit, the next place where the plan of the drive may change. When people
 change, only tables that depend on them are computed again. Times of the drive are on the clock of the caller, s.
+
+Graphs are built by a worker thread that keeps only its newest waiting task.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from threading import Lock, Thread
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -21,7 +25,7 @@ from hpop.drive.drive_graph import DriveGraph
 from hpop.drive.options import Commit
 from hpop.drive.plan import SAME
 from hpop.drive.surroundings import DriveSurroundings
-from hpop.drive.tour_graph import TourDriveGraph
+from hpop.drive.tour import TourDriveGraph
 from hpop.motions import States
 from hpop.planners.base import Candidates
 from hpop.planners.graphs.assemble import assemble, claim_with_known_paths, memory_limit_notes, search_stats
@@ -338,3 +342,44 @@ class TimedDriveGraph:
 def _start(state: States, time: float) -> Start:
     """Return a state (1,) as the start of plans at a time on the clock, s."""
     return Start(float(state.x[0]), float(state.y[0]), float(state.yaw[0]), time)
+
+
+T = TypeVar("T")
+
+
+class LatestOnlyWorker:
+    """A worker thread that keeps only the newest waiting task; an older waiting task is cancelled.
+
+    The thread ends after its last task, or when the process ends.
+    """
+
+    def __init__(self) -> None:
+        """Make a worker without tasks."""
+        self._lock, self._busy = Lock(), False
+        self._next: tuple[Future[Any], Callable[[], Any]] | None = None
+
+    def begin(self, task: Callable[[], T]) -> Future[T]:
+        """Submit a task, to be run when the present one is done."""
+        future: Future[T] = Future()
+        with self._lock:
+            if self._next is not None:
+                self._next[0].cancel()
+            self._next = future, task
+            if not self._busy:
+                self._busy = True
+                Thread(target=self._work, name="hpop drive", daemon=True).start()
+        return future
+
+    def _work(self) -> None:
+        while True:
+            with self._lock:
+                if self._next is None:
+                    self._busy = False
+                    return
+                future, task = self._next
+                self._next = None
+            if future.set_running_or_notify_cancel():
+                try:
+                    future.set_result(task())
+                except BaseException as error:  # raised again by future.result()
+                    future.set_exception(error)

@@ -18,11 +18,10 @@ from hpop.base.options import LEAST, MOST, Angle, one_of, real, set_reals
 from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.models.base import PlanarModel, model, plane_space
-from hpop.models.camera import FieldOfView, checked_field_of_view
 from hpop.models.collision.parts import Part, convex_parts
 from hpop.models.driven import Drive
 from hpop.models.laws import Move, Run, Spin, Turn
-from hpop.models.rigid import Mount
+from hpop.models.rigid import FieldOfView, Mount, checked_field_of_view
 from hpop.models.speeds import checked_speeds, doubtful_speeds, speed_faults, speed_laws
 from hpop.motions import Law, States, StateSpace, is_curve, laws_of
 from hpop.trajectories.trajectory import Trajectory

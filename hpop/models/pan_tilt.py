@@ -17,13 +17,12 @@ from hpop.base.registry import with_optional_members
 from hpop.base.text import shown
 from hpop.errors import ModelError, OptionError
 from hpop.models.base import PlanarModel, model
-from hpop.models.camera import FieldOfView, checked_field_of_view
 from hpop.models.collision.parts import Part
 from hpop.models.differential_drive import FIXED, SLOWEST, DifferentialDrive, OnBase
 from hpop.models.joints import Stations, grid_of_stations, legs_of_joints, stop_faults, stops_of
 from hpop.models.laws import JointMove, Turn, Unwind, cruise_speed
 from hpop.models.ramps import doubtful_ramps, ramp_faults, ramps_of
-from hpop.models.rigid import Mount, RigidPose, RigidTwist, RigidTwistRate
+from hpop.models.rigid import FieldOfView, Mount, RigidPose, RigidTwist, RigidTwistRate, checked_field_of_view
 from hpop.motions import (
     MODEL_DEFAULTS,
     Body,

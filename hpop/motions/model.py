@@ -160,7 +160,7 @@ class Model(Protocol):
 
     name           name in the registry; default: the name of the class
     field_of_view  (horizontal, vertical) angles of the camera, rad; default None, a view all round
-                   (:mod:`hpop.models.camera`)
+                   (:mod:`hpop.models.rigid`)
     bodies         method: takes states (N,), returns the bodies that can hide a target from the camera and are drawn,
                    as pairs of a shape of :mod:`hpop.world.geometry.solids` and its poses (N, 4, 4); default ()
     parts          collision geometry, in any form that the model chooses; default ()

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import IntArray, N, inserted_in_layers, tiled
 from hpop.search.graph import Graph
-from hpop.search.graph_arrays import AddedArcs
+from hpop.search.networks import AddedArcs
 
 
 class ExtendedGraph(Graph):

@@ -15,17 +15,19 @@ from hpop.base.arrays import BoolArray, IntArray
 from hpop.base.options import whole
 from hpop.base.text import shown
 from hpop.errors import GraphError
-from hpop.search.graph_arrays import (
+from hpop.search.networks import (
     MAX_INDEX,
     AddedArcs,
+    Edges,
     aggregates_of,
     check_range,
     check_sums,
     integers,
     make_read_only,
+    network_arrays,
     stable_order,
+    unknown_label,
 )
-from hpop.search.networks import Edges, network_arrays, unknown_label
 
 if TYPE_CHECKING:
     import networkx as nx

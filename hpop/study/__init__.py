@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from hpop.study.answers import Choice as Choice
     from hpop.study.conditions import Baseline as Baseline
     from hpop.study.conditions import Condition as Condition
+    from hpop.study.conditions import Protocol as Protocol
     from hpop.study.conditions import pick as pick
     from hpop.study.design import Design as Design
-    from hpop.study.design_file import Protocol as Protocol
     from hpop.study.documents import front_digest as front_digest
     from hpop.study.folder import Checked as Checked
     from hpop.study.folder import Withdrawal as Withdrawal

@@ -24,17 +24,22 @@ from hpop.frontier.strict_json import pieces
 from hpop.problems.front import Front
 from hpop.problems.named_rows import NamedRow
 from hpop.study import documents
-from hpop.study.conditions import KINDS, VIEW, Baseline, Condition, lettered_conditions, unlike
-from hpop.study.design_file import (
+from hpop.study.conditions import (
     FILE,
     FRONT,
+    KINDS,
     MOST_BYTES,
     PEOPLE,
     SCHEDULE,
+    VIEW,
+    Baseline,
+    Condition,
     DesignFile,
     Protocol,
     checked_text,
     departures,
+    lettered_conditions,
+    unlike,
 )
 from hpop.study.documents import front_digest
 from hpop.study.forms import Form

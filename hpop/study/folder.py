@@ -23,9 +23,8 @@ from hpop.problems.problem import Problem
 from hpop.runtime.status import ProgressCallback
 from hpop.study.analysis import analyse
 from hpop.study.answers import CSV, REMARKS, SQLITE, Answers, read_sessions
-from hpop.study.conditions import VIEW, Baseline
+from hpop.study.conditions import FILE, FRONT, PEOPLE, SCHEDULE, VIEW, Baseline
 from hpop.study.design import Design
-from hpop.study.design_file import FILE, FRONT, PEOPLE, SCHEDULE
 from hpop.study.documents import (
     ANSWERS,
     MOST_WORDS,

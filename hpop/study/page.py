@@ -33,7 +33,7 @@ from hpop.frontier.strict_json import parse
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.runtime.status import Progress, ProgressCallback, progress_callback
-from hpop.study.design_file import STOP_RULE
+from hpop.study.conditions import STOP_RULE
 from hpop.study.documents import Words, words
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.ride.page import licence, links_of, tilted_solids, track

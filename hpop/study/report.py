@@ -17,7 +17,7 @@ import hpop
 from hpop.base.table import table_html
 from hpop.base.text import printable
 from hpop.errors import StudyError
-from hpop.study import design_file
+from hpop.study import conditions
 from hpop.study.conditions import unlike
 from hpop.study.documents import (
     KEPT,
@@ -117,7 +117,7 @@ def _check_own(folder: Path) -> None:
     there = folder.resolve()
     for study in (there, *there.parents):
         inside = there.relative_to(study).parts[:1]
-        if (study / design_file.FILE).exists() and (not inside or inside[0] in KEPT):
+        if (study / conditions.FILE).exists() and (not inside or inside[0] in KEPT):
             raise StudyError(
                 f"{folder} is a study's folder, but a report needs a folder of its own, such as {study / REPORTS}"
             )

@@ -30,8 +30,8 @@ from hpop.errors import HpopError, OutputError, StudyError
 from hpop.frontier.strict_json import parse
 from hpop.runtime.page_server import LOCAL, PageServer, body, same
 from hpop.study.answers import Ledger
+from hpop.study.conditions import FILE, PEOPLE
 from hpop.study.design import Design
-from hpop.study.design_file import FILE, PEOPLE
 from hpop.study.documents import ANSWERS, locked_for_changes, read_bytes, release, serve_alone, write_bytes
 from hpop.study.page import MOST_BYTES, Rides, rides_of, session_page
 

@@ -13,8 +13,8 @@ from hpop.base.registry import criteria
 from hpop.base.text import shown
 from hpop.criteria.base import Aggregate, Criterion, Group, Role
 from hpop.errors import HpopError, ModelError
-from hpop.models.camera import checked_field_of_view
 from hpop.models.collision.parts import Part
+from hpop.models.rigid import checked_field_of_view
 from hpop.motions import Body, Model, Motions, Pose, States, collision_of
 from hpop.motions.states import Vector
 from hpop.trajectories.trajectory import Trajectory

@@ -21,7 +21,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.base.arrays import FloatArray
 from hpop.base.math import wrap
-from hpop.models.camera import field_of_view
+from hpop.models.rigid import field_of_view
 from hpop.motions import Model, Pose, States
 from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory

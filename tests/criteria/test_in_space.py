@@ -12,8 +12,8 @@ import shapely
 import hpop
 from hpop.criteria import make_criterion, trajectory_cost
 from hpop.errors import OptionError
-from hpop.models.camera import height_varies
 from hpop.models.laws import linear, rest_to_rest
+from hpop.models.rigid import height_varies
 from hpop.motions import StateSpace, integrated
 from hpop.motions.symbolic import SymbolicMotions
 from hpop.world.content.content import Landmark

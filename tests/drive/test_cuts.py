@@ -8,7 +8,7 @@ import shapely
 
 import hpop
 from hpop.drive.closings import Closing
-from hpop.drive.known_trajectories import clear_trajectories
+from hpop.drive.known_paths import clear_trajectories
 from hpop.drive.plan import Plan, between, cut_of, held, joined
 from hpop.trajectories.contacts import contact
 from hpop.trajectories.trajectory import Trajectory

@@ -8,7 +8,7 @@ import pytest
 from hpop import DifferentialDrive
 from hpop.base.registry import make_model, with_optional_members
 from hpop.errors import ModelError
-from hpop.models.camera import field_of_view
+from hpop.models.rigid import field_of_view
 from hpop.motions import MODEL_DEFAULTS
 
 

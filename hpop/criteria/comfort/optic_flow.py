@@ -13,7 +13,7 @@ from hpop.base.options import LEAST, MOST, set_reals, set_wholes
 from hpop.criteria.base import criterion
 from hpop.criteria.convex import ConvexCost, ConvexPath
 from hpop.errors import CriterionError
-from hpop.models.camera import FieldOfView, camera_height, field_of_view, height_varies
+from hpop.models.rigid import FieldOfView, camera_height, field_of_view, height_varies
 from hpop.motions import Instants, Motions, Rate
 from hpop.world.geometry.rays_in_space import Surfaces, over_sphere, rows, surfaces_of
 from hpop.world.sight.bearings import ALL_ROUND, MARGIN, REACH, ViewAngles, as_seen, bearings

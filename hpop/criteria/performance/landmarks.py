@@ -16,7 +16,7 @@ from hpop.criteria.base import criterion
 from hpop.criteria.visits import all_visits, landmark_seen
 from hpop.errors import CriterionError, did_you_mean
 from hpop.goals.tour import Tour
-from hpop.models.camera import checked_fov, field_of_view, height_varies
+from hpop.models.rigid import checked_fov, field_of_view, height_varies
 from hpop.motions import Motions
 from hpop.trajectories.history import History, SampledTrajectory
 from hpop.world.sight import sight_in_space

@@ -13,7 +13,7 @@ from hpop.base.arrays import Column
 from hpop.base.options import LEAST, set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.models.camera import height_varies
+from hpop.models.rigid import height_varies
 from hpop.motions import Motions, Rate
 from hpop.world.fields.obstruction import filled
 from hpop.world.geometry.rays_in_space import rows

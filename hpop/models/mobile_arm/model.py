@@ -15,7 +15,6 @@ from hpop.base.registry import with_optional_members
 from hpop.base.text import shown
 from hpop.errors import ModelError, QueryError
 from hpop.models.base import PlanarModel, model
-from hpop.models.camera import FieldOfView
 from hpop.models.collision.parts import Part as Prism
 from hpop.models.collision.planar import PlanarCollision
 from hpop.models.collision.solid import SolidCollision
@@ -38,6 +37,7 @@ from hpop.models.mobile_arm.collision import (
 )
 from hpop.models.ramps import doubtful_ramps, ramp_faults, ramps_of
 from hpop.models.rigid import (
+    FieldOfView,
     Mount,
     RigidPose,
     RigidTwist,
@@ -48,9 +48,8 @@ from hpop.models.rigid import (
     turned_body,
 )
 from hpop.models.serial_arm import SerialArm
-from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, frames, levers
+from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, frames, levers, pairs_apart
 from hpop.models.serial_arm.collision import SAMPLES
-from hpop.models.serial_arm.enlarged import pairs_apart
 from hpop.models.serial_arm.judge import LIBRARIES
 from hpop.models.serial_arm.kinematics import Kinematics
 from hpop.models.serial_arm.laws import ArmBody, Reach

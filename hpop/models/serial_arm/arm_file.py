@@ -13,14 +13,14 @@ import numpy as np
 from hpop.base.arrays import FloatArray
 from hpop.base.text import shown
 from hpop.errors import did_you_mean
-from hpop.models.serial_arm.arm_notes import (
+from hpop.models.serial_arm.attached import AttachedObject
+from hpop.models.serial_arm.chain import ArmPart, Chain, FrameMount, Pair, pair_of
+from hpop.models.serial_arm.checks import (
     invalid_limit_notes,
     missing_collision_notes,
     passive_joint_notes,
     unknown_name_notes,
 )
-from hpop.models.serial_arm.attached import AttachedObject
-from hpop.models.serial_arm.chain import ArmPart, Chain, FrameMount, Pair, pair_of
 from hpop.models.serial_arm.meshes import ReadMeshes, Way, read_meshes
 from hpop.models.serial_arm.urdf import MOVING, Robot, Semantics, UrdfJoint, UrdfMesh, read_srdf, read_urdf
 from hpop.world.files import sha256

@@ -17,8 +17,7 @@ from hpop import runtime
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, numbered
 from hpop.models import serial_arm
-from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, pair_of
-from hpop.models.serial_arm.enlarged import enlarged_parts
+from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, enlarged_parts, pair_of
 from hpop.models.serial_arm.scene import ArmScene, paired, scene_of, within_reach
 from hpop.motions import Law, Motions, Separations, States, is_coupled, slopes
 from hpop.world.geometry.solids import Solid
@@ -54,7 +53,7 @@ class ArmCollision:
     distance between 0.5 and 1 mm may be called free or blocked.
 
     Links that the arm or the scene pads or scales are tested with obstacles as enlarged links
-    (:mod:`hpop.models.serial_arm.enlarged`), and with each other as they are.
+    (:mod:`hpop.models.serial_arm.chain`), and with each other as they are.
 
     A curved motion, such as a spline, is cut into pieces. The chord of each piece is tested, and its largest distance
     from the piece is subtracted. This is exact if second derivatives change linearly, as those of cubic splines do.

@@ -18,8 +18,7 @@ from scipy.spatial.transform import Rotation
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.base.options import one_of
 from hpop.errors import ModelError
-from hpop.models.serial_arm.chain import ArmPart, Chain
-from hpop.models.serial_arm.enlarged import enlarged_parts
+from hpop.models.serial_arm.chain import ArmPart, Chain, enlarged_parts
 from hpop.motions import Motions, States
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere
 
@@ -60,7 +59,7 @@ class ArmJudge:
     A motion is sampled in steps in which no point of the arm moves more than 1 mm. A pair of bodies is not tested at
     every step. It is tested again once the movement since its last test adds up to nine tenths of the distance that the
     library returned there, because it cannot touch before. With solids of the world, padded or scaled links are tested
-    as enlarged links (:mod:`hpop.models.serial_arm.enlarged`).
+    as enlarged links (:mod:`hpop.models.serial_arm.chain`).
     """
 
     chain: Chain

@@ -17,11 +17,11 @@ from hpop.base.registry import check_parameters, models
 from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.models.base import model
-from hpop.models.camera import FieldOfView, checked_field_of_view
 from hpop.models.files import is_record, record, without_paths
+from hpop.models.rigid import FieldOfView, checked_field_of_view
 from hpop.models.serial_arm.arm_file import ArmFile, read_arm
 from hpop.models.serial_arm.attached import attached_objects
-from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, frames, levers
+from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, frames, levers, pairs_apart
 from hpop.models.serial_arm.checks import (
     SLOWEST,
     checked_mapping,
@@ -31,7 +31,6 @@ from hpop.models.serial_arm.checks import (
     pose_matrix,
 )
 from hpop.models.serial_arm.collision import SAMPLES, ArmCollision, always_touching
-from hpop.models.serial_arm.enlarged import pairs_apart
 from hpop.models.serial_arm.judge import ArmJudge
 from hpop.models.serial_arm.keep import KeepingCollision, KeepingJudge, KeptAxis
 from hpop.models.serial_arm.kinematics import Kinematics

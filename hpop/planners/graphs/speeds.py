@@ -30,9 +30,8 @@ from hpop.motions import Model, Motions, States, laws_of
 from hpop.motions.laws import CHANGE, SPEED
 from hpop.planners.graphs.arcs import blocks
 from hpop.planners.graphs.chain_speeds import ChainSpeedGraph
-from hpop.planners.graphs.direct_changes import needless_nodes
 from hpop.planners.graphs.joined_ends import Ends
-from hpop.planners.graphs.speed_joins import JoinCopies, at_speed
+from hpop.planners.graphs.speed_joins import JoinCopies, at_speed, needless_nodes
 from hpop.planners.graphs.state_graph import ARC, StateGraph
 from hpop.planners.graphs.trajectory_graph import N, Stretches, TrajectoryGraph, aggregates
 from hpop.planners.objectives import motion_quanta

@@ -24,8 +24,7 @@ from hpop.planners.graphs.query import built_query, tolerance_counts
 from hpop.planners.graphs.tour_stops import tour_graph
 from hpop.planners.needs import people_move
 from hpop.planners.objectives import Objectives
-from hpop.planners.searches.fixed_stops import FixedStops, Fronts, TourPaths
-from hpop.planners.searches.stop_states import chosen_states, stages_of
+from hpop.planners.searches.fixed_stops import FixedStops, Fronts, TourPaths, chosen_states, stages_of
 from hpop.planners.spending import Exhausted, Limits, Spending
 from hpop.runtime.status import Progress, Status
 from hpop.search import ParetoPaths, SearchStats

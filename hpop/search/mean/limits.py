@@ -23,8 +23,8 @@ from hpop.base.options import whole
 from hpop.base.text import shown
 from hpop.errors import GraphError, OptionError
 from hpop.search.graph import Graph
-from hpop.search.graph_arrays import MAX_SUM
 from hpop.search.machinery.approximation import ANYTHING
+from hpop.search.networks import MAX_SUM
 
 MOST_BOUND = 2**63 - 1
 MAX_PRODUCT = 2**62  # means are compared by products of an integral and a duration

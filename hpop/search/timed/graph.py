@@ -31,7 +31,7 @@ from hpop.base.text import shown
 from hpop.errors import GraphError
 from hpop.runtime.status import Status
 from hpop.search.graph import Graph
-from hpop.search.graph_arrays import MAX_SUM
+from hpop.search.networks import MAX_SUM
 from hpop.search.queries import SearchStats
 
 MAX_TICKS = 2**20  # longest arc, hold and horizon: fourteen hours with ticks of 1/20 s

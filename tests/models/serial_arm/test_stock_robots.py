@@ -10,7 +10,7 @@ import pytest
 
 import hpop
 from hpop.models import SerialArm
-from hpop.models.serial_arm.mesh_files import mesh_path
+from hpop.models.serial_arm.meshes import mesh_path
 from hpop.models.serial_arm.urdf import UrdfMesh, read_urdf
 from hpop.motions import States
 from hpop.problems.verify import verify

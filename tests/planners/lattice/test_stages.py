@@ -19,7 +19,7 @@ from hpop.frontier import is_nondominated
 from hpop.planners.base import Candidates, Planner, joined, make_planner
 from hpop.planners.graphs.lattice import family as lattice_planner
 from hpop.planners.graphs.lattice.graph import StateLattice
-from hpop.planners.graphs.lattice.nearby import DIAGONAL, STRAIGHT, cells_near_shortest_paths
+from hpop.planners.graphs.lattice.loops import DIAGONAL, STRAIGHT, cells_near_shortest_paths
 from hpop.planners.graphs.query import Query
 from hpop.planners.judgement import judge
 from hpop.planners.lattice import Lattice

@@ -11,7 +11,7 @@ from hpop.criteria import Exposure, Length, Turns
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.planners import Lattice
-from hpop.planners.programs.criteria import is_counted, minimised, smooth_indices
+from hpop.planners.programs.nlp import is_counted, minimised, smooth_indices
 from hpop.problems.problem import Problem
 from hpop.world import World
 

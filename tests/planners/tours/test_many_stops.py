@@ -23,9 +23,8 @@ from hpop.planners.base import Candidates, PlannerSpec
 from hpop.planners.graphs.tour import TourGraph
 from hpop.planners.lattice import Lattice
 from hpop.planners.searches import fixed_stops, many_stops
-from hpop.planners.searches.fixed_stops import FixedStops
+from hpop.planners.searches.fixed_stops import FixedStops, stages_of
 from hpop.planners.searches.many_stops import cover
-from hpop.planners.searches.stop_states import stages_of
 from hpop.planners.spending import Limits
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from hpop.errors import GraphError
-from hpop.search.graph_arrays import MAX_SUM
+from hpop.search.networks import MAX_SUM
 
 BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
 ARCS = """# tail head, then time, money and risk

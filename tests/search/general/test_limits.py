@@ -9,7 +9,7 @@ from hpop.errors import GraphError
 from hpop.runtime.status import Budget, Progress, Status
 from hpop.search import Graph, pareto_paths
 from hpop.search.general.search import General
-from hpop.search.graph_arrays import MAX_SUM
+from hpop.search.networks import MAX_SUM
 
 
 def grid(side: int, criteria: int) -> Graph:

@@ -9,9 +9,8 @@ import pytest
 
 from hpop.errors import MapError, ModelError
 from hpop.models import SerialArm
-from hpop.models.serial_arm.chain import ArmPart
+from hpop.models.serial_arm.chain import ArmPart, enlarged_parts
 from hpop.models.serial_arm.collision import KEPT
-from hpop.models.serial_arm.enlarged import enlarged_parts
 from hpop.world import Box, Cylinder, Hull, Solid, Sphere, World, pose_at
 from hpop.world.bodies import LinkRules
 from tests.models.serial_arm.arms import CRANE, crane

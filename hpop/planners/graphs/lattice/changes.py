@@ -129,7 +129,7 @@ def _arcs_after_change(
     lattice  whole lattice in the changed world
     near     (rows, columns)  mask of the positions near the change
     """
-    from hpop.planners.graphs.lattice.splicing import splice  # numba: on first use
+    from hpop.planners.graphs.lattice.loops import splice  # numba: on first use
 
     is_new, width = near[lattice.cells], lattice.width
     place = np.where(is_new, part.number[lattice.cells], before.number[lattice.cells])  # number in `part` or `before`

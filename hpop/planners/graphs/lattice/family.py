@@ -141,7 +141,7 @@ class LatticeGraph(GraphFamily):
         """
         if lattice.cells[0].size <= LARGE * most:
             return None
-        from hpop.planners.graphs.lattice.nearby import cells_near_shortest_paths  # numba: on first use
+        from hpop.planners.graphs.lattice.loops import cells_near_shortest_paths  # numba: on first use
 
         starts, goals = self.ends(lattice, problem).inside
         if not (starts and goals):

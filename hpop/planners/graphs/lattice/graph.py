@@ -22,8 +22,7 @@ from hpop.criteria.base import Criterion
 from hpop.errors import ModelError, OptionError
 from hpop.motions import States
 from hpop.planners.graphs.arcs import MOVE, Arcs, blocks
-from hpop.planners.graphs.lattice.anywhere import costs_anywhere
-from hpop.planners.graphs.lattice.arcs import in_place, lattice_arcs
+from hpop.planners.graphs.lattice.arcs import costs_anywhere, in_place, lattice_arcs
 from hpop.planners.graphs.lattice.grid import Headings, passed_cells, what_separates
 from hpop.planners.graphs.state_graph import StateGraph, identity
 from hpop.planners.needs import in_plane

@@ -24,7 +24,7 @@ from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.programs.corridor.corridor import Corridor, corridors
 from hpop.planners.programs.corridor.program import solvers_from
 from hpop.planners.programs.corridor.weights import SMALL, CorridorPoints, Shared, solve_corridor
-from hpop.planners.programs.criteria import is_counted
+from hpop.planners.programs.nlp import is_counted
 from hpop.planners.programs.outcome import Deadline
 from hpop.planners.programs.warm_starts import WarmStart, WarmStarts, check_warm_start, warm_starts
 from hpop.planners.weighted_sum import Weights, check_count, checked_weights

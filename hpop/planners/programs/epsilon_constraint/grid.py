@@ -23,7 +23,7 @@ from hpop.errors import OptionError, did_you_mean
 from hpop.planners.judgement import exceeds
 from hpop.planners.needs import one_goal, start_of
 from hpop.planners.objectives import integral_of
-from hpop.planners.programs.criteria import minimised, smooth_indices
+from hpop.planners.programs.nlp import minimised, smooth_indices
 from hpop.planners.programs.polyline import Polyline
 
 if TYPE_CHECKING:

@@ -19,8 +19,7 @@ from hpop.models.driven import Drive, gauss
 from hpop.motions import Motions, States
 from hpop.motions.symbolic import lift
 from hpop.planners.needs import on_wheels
-from hpop.planners.programs.criteria import on_symbols
-from hpop.planners.programs.nlp import Slacks, moments, slackened, vector
+from hpop.planners.programs.nlp import Slacks, moments, on_symbols, slackened, vector
 from hpop.world.fields.symbols import looking
 from hpop.world.ground import Heights
 

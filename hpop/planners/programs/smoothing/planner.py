@@ -14,8 +14,7 @@ from hpop.base.text import counted, set_python_values
 from hpop.planners.base import Candidates, planner
 from hpop.planners.judgement import trusted
 from hpop.planners.objectives import Objectives, edge_objectives
-from hpop.planners.programs.criteria import minimised, smooth_indices
-from hpop.planners.programs.nlp import require_ipopt
+from hpop.planners.programs.nlp import minimised, require_ipopt, smooth_indices
 from hpop.planners.programs.outcome import CUT_SHORT, Deadline, ImprovedTrajectory, Outcome, Tally
 from hpop.planners.programs.smoothing.job import LATE, SmoothingJob
 from hpop.planners.programs.smoothing.phases import FLAT

@@ -25,7 +25,7 @@ from hpop.criteria.base import Criterion
 from hpop.errors import UnsupportedCriterion
 from hpop.motions import Curve, Model, Motions, States, is_curve
 from hpop.motions.symbolic import lift
-from hpop.planners.programs.criteria import on_symbols
+from hpop.planners.programs.nlp import on_symbols
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 

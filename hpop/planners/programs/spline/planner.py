@@ -20,7 +20,7 @@ from hpop.motions import collision_of
 from hpop.planners.base import Candidates, planner
 from hpop.planners.judgement import trusted
 from hpop.planners.objectives import Objectives, edge_objectives
-from hpop.planners.programs.criteria import minimised
+from hpop.planners.programs.nlp import minimised
 from hpop.planners.programs.outcome import ONE_PROGRAM, Deadline, ImprovedTrajectory, Outcome, Tally
 from hpop.planners.programs.spline.job import CUT_SHORT, SplineJob
 from hpop.planners.programs.spline.knots import PieceCosts

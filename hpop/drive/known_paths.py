@@ -1,27 +1,79 @@
-"""Trajectories to the goal of a drive that earlier searches found, checked again among people who move."""
+"""Paths and trajectories to the goal of a drive that earlier searches found, the latter checked again among people."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hpop.base.arrays import BoolArray, IntArray
 from hpop.criteria.costs import trajectory_costs
 from hpop.criteria.visits import all_visits, missed_weights
 from hpop.drive.closings import Closing
 from hpop.drive.plan import SAME, closed_trajectories, joined, part
+from hpop.frontier import is_nondominated
 from hpop.motions import States
 from hpop.planners.base import Candidates
 from hpop.planners.objectives import Objectives
 from hpop.runtime.status import Status
+from hpop.search import Graph
 from hpop.trajectories.contacts import first_contact
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
+
+
+@dataclass(frozen=True, eq=False)
+class KnownRoutes:
+    """Paths to the goal that are known from earlier searches, with the remaining cost from each of their nodes.
+
+    The S arcs are listed path by path. If areas have only been closed since, open remaining parts of optimal paths are
+    still optimal, as there are fewer alternatives.
+
+    tails, arcs     (S,)    tail node and index of each arc
+    ends            (S,)    index in this list after the last arc of the same path
+    remaining_cost  (S, k)  in quanta (smallest cost steps), from the tail of each arc to the goal
+    closed          (S,)    whether this arc or a later one of the path is closed
+    """
+
+    tails: IntArray
+    arcs: IntArray
+    ends: IntArray
+    remaining_cost: IntArray
+    closed: BoolArray
+
+    @classmethod
+    def of(cls, paths: Sequence[IntArray], tails: IntArray, graph: Graph, closed: BoolArray) -> KnownRoutes:
+        """Build known paths from the indices of the arcs of each path.
+
+        tails, closed  (m,) tail of each arc of the graph, and whether the arc is closed
+        """
+        arcs = np.concatenate([np.zeros(0, np.int64), *paths])
+        sizes = [path.size for path in paths]
+        last = np.cumsum(np.array(sizes, np.int64))
+        remaining_cost = np.empty((arcs.size, graph.criteria), np.int64)
+        is_closed = np.empty(arcs.size, dtype=np.bool_)
+        worst = np.array(graph.aggregates) == "max"
+        for end, size in zip(last.tolist(), sizes, strict=True):
+            own = slice(end - size, end)
+            costs = graph.costs[arcs[own]][::-1]
+            remaining_cost[own] = np.where(worst, np.maximum.accumulate(costs), np.cumsum(costs, axis=0))[::-1]
+            is_closed[own] = np.logical_or.accumulate(closed[arcs[own]][::-1])[::-1]
+        return cls(tails[arcs], arcs, np.repeat(last, sizes), remaining_cost, is_closed)
+
+    def remaining(self, node: int) -> list[IntArray]:
+        """Return the arcs of each known path's part from a node to the goal, for parts that are open.
+
+        Parts that another of them dominates are left out.
+        """
+        steps = np.flatnonzero((self.tails == node) & ~self.closed)
+        steps = steps[is_nondominated(self.remaining_cost[steps])] if steps.size else steps
+        return [self.arcs[step : self.ends[step]] for step in steps.tolist()]
+
 
 CLAIM = (
     "incomplete: known paths, checked again with the present people and closed areas; points need not be optimal, "
