@@ -186,7 +186,7 @@ def test_a_command_in_a_document_has_the_arguments_that_there_are(line: str) -> 
 
 
 def test_targets_of_make_and_extras_in_the_documents_are_there() -> None:
-    targets = set(re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
+    targets = {*re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), re.MULTILINE), ".venv/.tools"}
     extras = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"])
     asked = [line.split()[1] for line in commands() if line.startswith("make ")]
     text = "".join((ROOT / file).read_text() for file in FILES)

@@ -118,6 +118,14 @@ def test_what_is_proved_stays_near_the_line_and_what_is_refused_does_not():
     assert 3 < sum(kept) < len(kept) - 3
 
 
+def test_reaches_at_other_speeds_approach_as_well():
+    arm = arm6(velocity_scaling=[0.3, 1.0])
+    problem = hpop.Problem(SHELF, arm, "home", ToolAt(ABOVE, approach=DOWN), ["duration", "felt_acceleration"])
+    front = problem.solve("roadmap", samples=20)
+    assert {"reach", "reach_0.3"} <= {kind for trajectory in front.trajectories for kind in trajectory.kinds}
+    assert verify(problem, front) == []
+
+
 @pytest.mark.proof
 def test_splines_leave_the_approach_as_it_is():
     problem = asked(ToolAt(ABOVE, approach=DOWN))
