@@ -160,6 +160,19 @@ def did_you_mean(name: object, known: Iterable[str]) -> str:
     return f" Did you mean {near[0]!r}?" if near else ""
 
 
+def meant_file(path: Path) -> str:
+    """Return a question, with a space in front, that suggests the entry of a folder with the most similar name.
+
+    path  of a file or folder that is not there; "" is returned if nothing beside it has a similar name
+    """
+    try:
+        names = [entry.name for entry in path.absolute().parent.iterdir()]
+    except OSError:
+        return ""
+    near = difflib.get_close_matches(path.name, names, n=1)
+    return f" Did you mean {str(path.with_name(near[0]))!r}?" if near and path.name else ""
+
+
 def own_location(error: BaseException) -> str:
     """Return file and line of an error, in the innermost frame of the user's code; "" if there is none."""
     if isinstance(error, SyntaxError) and error.filename and Path(error.filename).is_file():

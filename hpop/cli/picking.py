@@ -22,6 +22,7 @@ from hpop.frontier.choices import ColumnCondition
 from hpop.preference import Preference
 from hpop.preference.posterior import NEAR
 from hpop.problems.front import FOR_YOU, Front, Point
+from hpop.problems.named_rows import named_rows
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ def picked(
         raise OptionError(f"the front has no trajectories to pick from; its search ended with {front.status!r}")
     try:
         if row is not None:
-            return Picked(front[row], f"row {row}, as asked")
+            return Picked(named_rows(front, [row])[0].point, f"row {row}, as asked")
         asked = [ColumnCondition.of(name, f"<={bound!r}") for name, bound in at_most.items()]
         rows = np.flatnonzero(choices.met(front, asked))
         if not rows.size:

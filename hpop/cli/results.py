@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import hpop
 from hpop.base.text import argument
-from hpop.errors import OutputError, UnknownName
+from hpop.errors import OutputError, UnknownName, meant_file
 
 if TYPE_CHECKING:
     from hpop.preference import Preference
@@ -26,6 +26,7 @@ except ImportError:  # no such locks on this system
 
 SAVED = "front.json"
 LEAST_ROOM = 2**20  # bytes to test, since a full disk still takes empty files
+MOST_NAMED = 3  # folders in a message
 PAGE = "front.html"
 RIDE = "ride.html"
 PICTURES = ("map.png", "front.png", "trace.png", "where.png", "side.png", "states.png", "encounters.png", PAGE, RIDE)
@@ -176,7 +177,12 @@ def loaded(folder: Path) -> tuple[Path, Front]:
             f"expected a folder that `hpop plan` wrote, but {path} is a scenario; give its folder, such as "
             f"out/{path.stem}, or plan it first: hpop plan {argument(path)} --out {argument(Path('out', path.stem))}"
         )
-    with output_errors(f"cannot read {path}", "give the folder that `hpop plan` wrote"):
+    if os.path.isfile(path) and path.name != SAVED and (path.parent / SAVED).is_file() and path.suffix != ".json":
+        raise OutputError(f"expected a folder that `hpop plan` wrote, got a file in it, {path}; give {path.parent}")
+    hint = "" if os.path.exists(folder) else meant_file(folder)
+    if os.path.isdir(folder) and (inside := [str(one.parent) for one in sorted(folder.glob(f"*/{SAVED}"))]):
+        hint = f", such as {', '.join(inside[:MOST_NAMED])}"
+    with output_errors(f"cannot read {path}", f"give the folder that `hpop plan` wrote{hint}"):
         return path, hpop.Front.load(path)
 
 

@@ -52,6 +52,8 @@ def _numbers(context: click.Context, option: click.Parameter, given: Sequence[st
             value = float(number)
         except ValueError:
             raise click.BadParameter(f"expected {PAIR}, such as turns=5, got {text!r}", context, option) from None
+        if name.strip().endswith(("<", ">")):
+            raise click.BadParameter(f"expected {PAIR}, such as turns=5 without < or >, got {text!r}", context, option)
         if name.strip() in found:
             raise click.BadParameter(f"give each name once, got {name.strip()!r} twice", context, option)
         found[name.strip()] = value

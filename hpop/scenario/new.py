@@ -18,7 +18,7 @@ from hpop.base.files import read_regular
 from hpop.base.options import Degrees
 from hpop.base.registry import make_model, readers
 from hpop.base.text import argument, shown
-from hpop.errors import NOTE, MapError, OptionError, QueryError
+from hpop.errors import NOTE, MapError, OptionError, QueryError, meant_file
 from hpop.planners.needs import elsewhere
 from hpop.planners.programs.free_map import FreeMap
 from hpop.problems.problem import Problem
@@ -53,7 +53,7 @@ class GivenMap(NamedTuple):
         Raises MapError if the file is missing, OptionError if a resolution is needed or does not apply.
         """
         if not path.exists():
-            raise MapError(f"{path}: no such file; give the path of a map, or of a scenario (YAML)")
+            raise MapError(f"{path}: no such file; give the path of a map, or of a scenario (YAML).{meant_file(path)}")
         reader = reader or reader_of(path)
         key = RESOLUTION.get(reader)
         given = dict(options)

@@ -11,8 +11,8 @@ import yaml
 
 from hpop.base.arrays import copied
 from hpop.base.files import read_regular
-from hpop.base.text import printable, shown
-from hpop.errors import ScenarioError
+from hpop.base.text import argument, printable, shown
+from hpop.errors import ScenarioError, meant_file
 
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 20
@@ -47,8 +47,10 @@ class Document:
             self.values: Any = None if node is None else yaml.CSafeLoader("").construct_document(node)
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
-            tab = "; indent with spaces, not tabs" if "\t" in text else ""
-            self._refuse(mark.line + 1 if mark else None, f"not plain YAML: {error.problem}{tab}")
+            hint = "; indent with spaces, not tabs" if "\t" in text else ""
+            if not hint and ("expected" in str(error.problem) or "mapping values" in str(error.problem)):
+                hint = "; check that each key ends in a colon, and that keys of one list are indented alike"
+            self._refuse(mark.line + 1 if mark else None, f"not plain YAML: {error.problem}{hint}")
         except yaml.YAMLError as error:
             self._refuse(None, f"not plain YAML: {' '.join(str(error).split())}")
         if not isinstance(self.values, dict):
@@ -182,12 +184,13 @@ def _read(path: Path) -> str:
         return read_regular(path, MAX_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
         raise ScenarioError(
-            f"{path}: no such file; give the path of a YAML file: a scenario, a ROS map, or the events of a drive"
+            f"{path}: no such file; give the path of a YAML file: a scenario, a ROS map, or the events of a drive."
+            f"{meant_file(path)}"
         ) from None
     except UnicodeDecodeError as error:
         raise ScenarioError(
             f"{path}: not a text file in UTF-8 (byte {error.start}); save it as UTF-8. If it is a map, write a "
-            "scenario, a YAML file that names it"
+            f"scenario, a YAML file that names it: hpop new {argument(path)}"
         ) from None
     except OSError as error:
         reason = error.strerror or error

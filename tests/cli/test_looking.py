@@ -232,6 +232,9 @@ def test_what_lacks_or_is_strange_is_told(
     assert "bag" not in folder.stderr
     refused(run("look", tmp_path / "gone.yaml", *out), 4, "no such file")
     refused(run("look", tmp_path / "gone.png", *out), 3, "no such file")
+    refused(run("look", tmp_path / "plam.png", *out), 3, f"Did you mean '{tmp_path / 'plan.png'}'?")
+    (tmp_path / "hall_scenario.yaml").touch()
+    refused(run("plan", tmp_path / "hall_scenaro.yml"), 4, f"Did you mean '{tmp_path / 'hall_scenario.yaml'}'?")
     refused(
         run("new", image, "--resolution", "0.05", "--set", "threshold=x", *out),
         3,

@@ -107,7 +107,7 @@ def test_it_says_why_and_what_it_costs(run: Run, folder: Path, front: Front) -> 
         (["--least", "lenght"], 7, "Did you mean 'length'?"),
         (["--least", "obstruction"], 7, "on the command line --wish NAME=NUMBER finds the point nearest"),
         (["--least", "turns,turns"], 10, "distinct"),
-        (["--row", "9999"], 10, "points, got 9999"),
+        (["--row", "9999"], 10, "no row 9999: the front has rows 0 to "),
     ],
 )
 def test_what_cannot_be_picked_ends_in_one_message(
@@ -121,6 +121,7 @@ def test_what_cannot_be_picked_ends_in_one_message(
     [
         (["--at-most", "turns"], "expected NAME=NUMBER, such as turns=5, got 'turns'"),
         (["--at-most", "turns=few"], "expected NAME=NUMBER"),
+        (["--at-most", "turns<=5"], "expected NAME=NUMBER, such as turns=5 without < or >, got 'turns<=5'"),
         (
             ["--wish", "turns=1", "--knee"],
             "give one of --least, --wish, --row, --knee, --preference, got --wish and --knee",

@@ -131,6 +131,12 @@ def test_a_file_that_is_no_json_is_refused(
 def test_showing_what_is_not_there(run: Callable[..., Result], refused: Callable[..., None], tmp_path: Path) -> None:
     refused(run("show", tmp_path), 12, f"{tmp_path / 'front.json'}: No such file", "the folder that `hpop plan` wrote")
     refused(run("show", tmp_path / "gone"), 12, "No such file")
+    (tmp_path / "flat").mkdir()
+    (tmp_path / "flat" / "front.json").touch()
+    (tmp_path / "flat" / "front.html").touch()
+    refused(run("show", tmp_path / "flta"), 12, f"Did you mean '{tmp_path / 'flat'}'?")
+    refused(run("show", tmp_path), 12, f"the folder that `hpop plan` wrote, such as {tmp_path / 'flat'}")
+    refused(run("show", tmp_path / "flat" / "front.html"), 12, "got a file in it", f"give {tmp_path / 'flat'}")
 
 
 def test_showing_a_scenario_names_the_folder_of_its_front(

@@ -95,6 +95,9 @@ def test_what_is_not_plain_is_refused_with_file_and_line_once(tmp_path: Path, te
         ("a: 1\n".encode("utf-16"), "UTF-8"),
         (b"a: 1 # \x07\n", "control characters"),
         (b"\x00\x01", "not plain YAML"),
+        (b"world\n  image: {path: plan.png}\n", "check that each key ends in a colon"),
+        (b"model:\n    radius: 1\n  speed: 2\n", "check that each key ends in a colon"),
+        (b"\x89PNG\r\n", "hpop new "),
     ],
 )
 def test_what_is_no_scenario_at_all_is_refused(tmp_path: Path, content: bytes, said: str) -> None:
