@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
 from itertools import chain, cycle, islice
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar, cast, runtime_checkable
 
 import numpy as np
 
@@ -172,6 +172,35 @@ class GoalSet(GoalDefaults):
         """Return a single member as a list, several as a list of lists."""
         rows = [list(member) for member in self.members]
         return rows[0] if len(rows) == 1 else rows
+
+
+@goal("anywhere")
+@dataclass(frozen=True)
+class Anywhere(GoalDefaults):
+    """Goal of a robot whose states have a time: any state, at the end of the motion that it watches."""
+
+    name: ClassVar[str]
+    requires: ClassVar[frozenset[str]] = frozenset({"time"})
+
+    def __str__(self) -> str:
+        """Return the goal as short text for messages."""
+        return "anywhere"
+
+    def states(self, problem: Problem, rng: RNG, count: int) -> States:
+        """Return ``count`` random states (n,) at the last time."""
+        space = problem.model.space
+        drawn = space.sample(rng, checked_count(count))
+        last = np.full(drawn.size, space.high[-1])
+        return States(**{**{name: getattr(drawn, name) for name in space.names[:-1]}, space.names[-1]: last})
+
+    def reached(self, model: Model, states: States) -> BoolArray:
+        """Return which states (M,) are at the last time, within 1e-6 s."""
+        space = model.space
+        return np.asarray(getattr(states, space.names[-1]) >= space.high[-1] - REACHED)
+
+    def describe(self) -> dict[str, Any]:
+        """Return the name as JSON."""
+        return {self.name: {}}
 
 
 @checked_arguments

@@ -4,5 +4,6 @@ from hpop.models.differential_drive import DifferentialDrive
 from hpop.models.mobile_arm import MobileArm
 from hpop.models.pan_tilt import PanTilt
 from hpop.models.serial_arm import SerialArm
+from hpop.models.two_arms import TwoArms
 
-__all__ = ["DifferentialDrive", "MobileArm", "PanTilt", "SerialArm"]
+__all__ = ["DifferentialDrive", "MobileArm", "PanTilt", "SerialArm", "TwoArms"]

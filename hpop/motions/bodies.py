@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 JOINTS = "joints"  # capability; given as a body it stands for the values of the joints instead of poses
 NO_BODIES = frozenset(
-    {"heading", JOINTS, "plane", "rigid", "spline", "turn-move", "wheels"}
+    {"heading", JOINTS, "plane", "rigid", "spline", "time", "turn-move", "wheels"}
 )  # capabilities of models (`Model.provides`) that are not names of bodies
 POSE = {"x": "m", "y": "m", "z": "m", "yaw": "rad", "pitch": "rad", "roll": "rad"}
 VELOCITY = ("vx", "vy", "vz")
@@ -147,6 +147,10 @@ class Instants:
     def camera(self) -> Pose:
         """Pose of the camera."""
         return self._model.pose("camera", self.state)
+
+    def pose(self, body: str) -> Pose:
+        """Return the pose of a body of the model."""
+        return self._model.pose(body, self.state)
 
     def twist(self, body: str) -> Twist:
         """Return velocity, m/s, and rotation, rad/s, of a body: three columns each, world frame."""

@@ -193,6 +193,7 @@ class Model(Protocol):
                           collision test is a :class:`PlaneCollision`
         "turn-move"       the laws "turn" and "move" of :mod:`hpop.models.laws`
         "rigid"           the states are x, y and yaw only
+        "time"            one of the states is the time; the model follows :class:`ModelInTime`
         "spline"          the law "spline" (cubic curves between knots), and a :class:`JointCollision`
         """
 
@@ -335,6 +336,25 @@ class Wheeled(Model, Protocol):
     @property
     def turn_acceleration(self) -> float:
         """Largest angular acceleration of a rigid base, rad/s²."""
+
+
+class ModelInTime(Model, Protocol):
+    """Model that provides "time": its last state is the time, s, as something else moves that it cannot influence.
+
+    Every trajectory begins at time 0 and ends at the largest time of the space.
+    """
+
+    @property
+    def timeless(self) -> Model:
+        """Model of the robot alone, whose states are the others."""
+
+    @property
+    def step(self) -> float:
+        """Longest time step, s: motions begin and end at multiples of it."""
+
+    @property
+    def watched(self) -> str:
+        """Name of the body that the camera is there to watch."""
 
 
 class _Name:

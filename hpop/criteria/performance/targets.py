@@ -13,37 +13,49 @@ from hpop.base.options import FARTHEST, LEAST, MOST, real, set_reals, set_wholes
 from hpop.base.text import shown
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.motions import Instants, Model, Motions, Pose, Vector
+from hpop.motions import Instants, Model, Motions, Vector
 from hpop.world.geometry.rays_in_space import Surfaces, rows, surfaces_of, towards_ball
 from hpop.world.geometry.solids import Solid
 
 
 @dataclass(frozen=True)
 class Targeted:
-    """Base class for criteria on how the camera views a target, a position (x, y, z), m, in the world frame."""
+    """Base class for criteria on how the camera views a target: a position (x, y, z), m, or a body of the robot."""
 
-    target: tuple[float, float, float]
+    target: tuple[float, float, float] | str
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "target", checked_target(self.target))
+        if isinstance(self.target, str):
+            needs: Any = type(self)
+            object.__setattr__(self, "requires", (*needs.requires, self.target))
 
     @property
     def places(self) -> tuple[tuple[float, float, float], ...]:
-        """Positions that pictures mark: the target."""
-        return (self.target,)
+        """Positions that pictures mark: the target, unless it is a body, which moves."""
+        return () if isinstance(self.target, str) else (self.target,)
 
-    def offset(self, pose: Pose) -> Vector:
+    def position(self, s: Instants) -> Vector:
+        """Return the position (x, y, z) of the target, m, as three columns or numbers."""
+        if isinstance(self.target, str):
+            pose = s.pose(self.target)
+            return pose.x, pose.y, pose.z
+        return self.target
+
+    def offset(self, s: Instants) -> Vector:
         """Return the vector from the camera to the target, m, as three columns."""
-        x, y, z = self.target
-        return x - pose.x, y - pose.y, z - pose.z
+        x, y, z = self.position(s)
+        return x - s.camera.x, y - s.camera.y, z - s.camera.z
 
 
-def checked_target(target: Any) -> tuple[float, float, float]:
-    """Check a target and return it as three floats, m; CriterionError for anything but (x, y, z)."""
+def checked_target(target: Any) -> tuple[float, float, float] | str:
+    """Check a target and return it as three floats, m, or the name of a body; CriterionError for anything else."""
+    if isinstance(target, str) and target:
+        return target
     try:
         x, y, z = target
     except (TypeError, ValueError):
-        raise CriterionError(f"target must be a position (x, y, z) in m, got {shown(target)}") from None
+        raise CriterionError(f"target must be a position (x, y, z) in m, or the name of a body, got {shown(target)}") from None
     kind = "(x, y, z), each a coordinate in m,"
     x, y, z = (float(real("target", value, -FARTHEST, FARTHEST, kind, error=CriterionError)) for value in (x, y, z))
     return x, y, z
@@ -54,7 +66,7 @@ def checked_target(target: Any) -> tuple[float, float, float]:
 class LookAtCriterion(Targeted):
     """Angle between the middle of the view and the target, over time: ∫ γ dt.
 
-    target  (x, y, z)  m, world frame
+    target  (x, y, z)  m, world frame; or the name of a body of the robot, such as "work_tool" (two_arms)
 
     γ is the angle between the camera's axis ahead and the direction to the target, rad in [0, π]; 0 where the camera is
     at the target. Unit rad s; a sum over motions.
@@ -65,7 +77,7 @@ class LookAtCriterion(Targeted):
 
     def cost(self, m: Motions) -> Column:
         """Return the time integral of the angle (M,), rad s."""
-        return m.integrate(lambda s: angle_between(s.camera.ahead, self.offset(s.camera)))
+        return m.integrate(lambda s: angle_between(s.camera.ahead, self.offset(s)))
 
 
 @criterion("view_distance", group="P", unit="m s", aggregate="sum", requires=("camera",), world_frame=True)
@@ -73,7 +85,7 @@ class LookAtCriterion(Targeted):
 class ViewDistance(Targeted):
     """Distance by which the camera is too near to a target or too far away, over time: ∫ (near - d)₊ + (d - far)₊ dt.
 
-    target     (x, y, z)  m, world frame
+    target     (x, y, z)  m, world frame; or the name of a body of the robot, such as "work_tool" (two_arms)
     near, far  m          band of good distances
 
     d is the distance from the camera to the target. Unit m s; a sum over motions.
@@ -96,7 +108,7 @@ class ViewDistance(Targeted):
         """Return the time integral of the distance outside the band (M,), m s."""
 
         def outside(s: Instants) -> Column:
-            distance = norm(self.offset(s.camera))
+            distance = norm(self.offset(s))
             return np.maximum(np.maximum(self.near - distance, distance - self.far), 0.0)
 
         return m.integrate(outside)
@@ -110,7 +122,7 @@ BLOCK = 1 << 14  # rays in one call: they fit into the processor's cache
 class Occlusion(Targeted):
     """Time for which the target is hidden: ∫ (share of the rays from the camera to the target that are blocked) dt.
 
-    target  (x, y, z)  m, world frame
+    target  (x, y, z)  m, world frame; or the name of a body of the robot, such as "work_tool" (two_arms)
     radius  m          of a ball that contains the target
     rays               number of rays, spread evenly over the ball as the camera sees it
 
@@ -147,10 +159,13 @@ class Occlusion(Targeted):
         bodies = model.bodies(s.state)
         shapes = Surfaces.of([Solid(shape, np.eye(4)) for shape, _ in bodies])
         poses = np.stack([pose for _, pose in bodies]) if bodies else np.empty((0, size, 4, 4))
+        # Rays to a target that moves are those to the origin, with the camera at its position relative to the target.
+        target, seen_from = self.target, camera
+        if isinstance(target, str):
+            target, seen_from = (0.0, 0.0, 0.0), camera - rows(self.position(s), size)
         share, step = np.empty(size), max(1, BLOCK // self.rays)
         for begin in range(0, size, step):
             part = slice(begin, begin + step)
-            share[part] = surfaces.blocked(
-                shapes, poses[:, part], camera[part], *towards_ball(camera[part], self.target, self.radius, self.rays)
-            )
+            rays = towards_ball(seen_from[part], target, self.radius, self.rays)
+            share[part] = surfaces.blocked(shapes, poses[:, part], camera[part], *rays)
         return share

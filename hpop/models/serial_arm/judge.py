@@ -92,18 +92,14 @@ class ArmJudge:
         """Return the joint values (N, n) of states."""
         return np.stack([np.asarray(getattr(states, name), np.float64) for name in self.chain.names], axis=1)
 
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the states from which joint values are computed: the joints."""
+        return self.chain.names
+
     def _frames(self, rows: FloatArray) -> list[FloatArray]:
         """Return the poses in the world (S, 4, 4) of the frames 0 to n, at joint values (S, n)."""
-        frames = [np.broadcast_to(np.eye(4), (len(rows), 4, 4))]
-        for k, (origin, axis) in enumerate(zip(self.chain.origins, self.chain.axes, strict=True)):
-            moved = np.broadcast_to(np.eye(4), (len(rows), 4, 4)).copy()
-            along = rows[:, k, None] * axis
-            if self.chain.sliding[k]:
-                moved[:, :3, 3] = along
-            else:
-                moved[:, :3, :3] = Rotation.from_rotvec(along).as_matrix()
-            frames.append(frames[-1] @ origin @ moved)
-        return frames
+        return joint_frames(self.chain, rows)
 
     def _steps_at(self, rows: FloatArray) -> _Steps:
         """Return poses and movements of all parts at joint values (S, n)."""
@@ -120,7 +116,7 @@ class ArmJudge:
             share = np.linspace(0.0, 1.0, count + 1)
             columns = {
                 name: law.interpolate(name, start, end, share) if name in law.varies else getattr(start, name)
-                for name in self.chain.names
+                for name in self.columns
             }
             rows = self._rows(States(**{name: np.broadcast_to(c, share.shape) for name, c in columns.items()}))
             steps = self._steps_at(rows)
@@ -186,14 +182,18 @@ class ArmJudge:
 
     def _contact_reason(self, steps: _Steps) -> str:
         """Return a text: which joint is beyond its limits, or which bodies touch, at some step; "" if none."""
-        beyond = ~((steps.rows >= self.chain.low - LIMIT) & (steps.rows <= self.chain.high + LIMIT))
-        beyond &= ~(self.chain.turning & np.isfinite(steps.rows))
+        beyond = self._beyond_limits(steps.rows)
         if beyond.any():
             return f"joint {self.chain.names[int(np.argmax(beyond.any(axis=0)))]!r} is beyond its limits"
         come = np.zeros((len(self._objects), len(steps.rows)))  # distance covered by each object at each step
         come[: len(self.parts), 1:] = np.cumsum(steps.moved, axis=1)
         pair = next((pair for pair in self._pairs if self._in_contact(*pair, steps.poses, come)), None)
         return "" if pair is None else f"{self._body_name(pair[0])} touches {self._body_name(pair[1])}"
+
+    def _beyond_limits(self, rows: FloatArray) -> BoolArray:
+        """Return whether each joint is beyond its limits in each row of joint values (S, n)."""
+        within = (rows >= self.chain.low - LIMIT) & (rows <= self.chain.high + LIMIT)
+        return np.asarray(~(within | (self.chain.turning & np.isfinite(rows))))
 
     def _in_contact(self, a: int, b: int, poses: FloatArray, come: FloatArray) -> bool:
         """Return whether objects a and b touch at some step.
@@ -223,6 +223,20 @@ class ArmJudge:
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {len(self.chain.names)} joints>"
+
+
+def joint_frames(chain: Chain, rows: FloatArray) -> list[FloatArray]:
+    """Return the poses in the world (S, 4, 4) of the frames 0 to n of a chain, at joint values (S, n)."""
+    frames = [np.broadcast_to(np.eye(4), (len(rows), 4, 4))]
+    for k, (origin, axis) in enumerate(zip(chain.origins, chain.axes, strict=True)):
+        moved = np.broadcast_to(np.eye(4), (len(rows), 4, 4)).copy()
+        along = rows[:, k, None] * axis
+        if chain.sliding[k]:
+            moved[:, :3, 3] = along
+        else:
+            moved[:, :3, :3] = Rotation.from_rotvec(along).as_matrix()
+        frames.append(frames[-1] @ origin @ moved)
+    return frames
 
 
 def _half_sides(solid: Solid) -> FloatArray:

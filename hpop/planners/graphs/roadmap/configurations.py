@@ -245,7 +245,12 @@ class ConfigurationRoadmap(TrajectoryGraph):
 
 
 def configuration_roadmap(
-    ends_and_guides: Survey, samples: int, neighbours: int | None, far: int | None, spending: Spending
+    ends_and_guides: Survey,
+    samples: int,
+    neighbours: int | None,
+    far: int | None,
+    spending: Spending,
+    views: States | None = None,
 ) -> ConfigurationRoadmap:
     """Draw configurations, link them and return the roadmap between the start and goals of a survey.
 
@@ -258,6 +263,7 @@ def configuration_roadmap(
     neighbours : number of nearest nodes to which each node is linked; None: ceil(2e log n) for n nodes in the plane,
         else 8
     far : number of nodes farther away to which each node is linked; None: none in the plane, else 8
+    views : further nodes, free states in which the camera looks at something
     """
     problem, connections, seed = ends_and_guides.problem, ends_and_guides.connections, ends_and_guides.seed
     model, space, in_plane = problem.model, connections.space, "plane" in problem.model.provides
@@ -275,12 +281,15 @@ def configuration_roadmap(
     tour = problem.tour
     stops = [] if tour is None else [tour.stops[i] for i in tour.remaining]
     at_stops = [connections.rows(drawn_states(problem, stop)) for stop in stops]
-    free = connections.states(np.concatenate([ends_and_guides.inner, *at_stops, rows]))
+    seeing = [connections.rows(views)] if views is not None else []
+    free = connections.states(np.concatenate([ends_and_guides.inner, *at_stops, rows, *seeing]))
     nodes = concatenated_states(space, [start, free, goals, connections.states(ends_and_guides.following)])
     near = neighbours or (math.ceil(2 * math.e * math.log(nodes.size)) if in_plane else NEAREST)
     nearest_in_random_subsets = (0 if in_plane else FAR) if far is None else far
     name = f"the roadmap of {len(rows)} samples (seed {seed}) and {near} neighbours of each"
     chosen: dict[str, Any] = {"samples": len(rows), "neighbours": near, "seed": seed}
+    if views is not None:
+        name, chosen = f"{name}, {views.size} views", {**chosen, "samples": len(rows) + views.size, "views": views.size}
     if nearest_in_random_subsets:
         name += f" and {nearest_in_random_subsets} links of each to states farther away"
         chosen = {**chosen, "far": nearest_in_random_subsets}

@@ -17,6 +17,7 @@ from hpop.planners.graphs.family import BuiltGraph, GraphFamily, graph_family
 from hpop.planners.graphs.joined_ends import Ends
 from hpop.planners.graphs.roadmap.configurations import ConfigurationRoadmap, configuration_roadmap, guide_roadmap
 from hpop.planners.graphs.roadmap.headings import StateRoadmap, checked_ends, drawn_positions, nearest_links, pairs
+from hpop.planners.graphs.roadmap.in_time import drawn_views, is_free_ending, roadmap_in_time, timeless_problem
 from hpop.planners.graphs.roadmap.survey import Survey, survey
 from hpop.planners.needs import in_plane, start_of
 from hpop.planners.objectives import Objectives
@@ -99,6 +100,9 @@ class RoadmapGraph(GraphFamily):
         self, problem: Problem, objectives: Objectives, spending: Spending, *, in_stages: bool = False
     ) -> Iterator[BuiltGraph]:
         """Yield the whole roadmap; if ``in_stages``, before it a roadmap of the guides alone, or smaller roadmaps."""
+        if "time" in problem.model.provides:
+            yield self._with_few(_built_graph(self._in_time(problem, spending), problem))
+            return
         ends_and_guides = None if _has_positions(problem) else survey(problem, self.trees, self.seed, spending)
         if in_stages and ends_and_guides is not None and ends_and_guides.guides:
             yield replace(_built_graph(guide_roadmap(ends_and_guides, spending), problem), part="guides")
@@ -108,13 +112,25 @@ class RoadmapGraph(GraphFamily):
                 part = replace(self, samples=samples)._build_position_roadmap(problem, spending)
                 yield replace(_built_graph(part, problem), part=f"roadmap of {samples:,} samples")
                 spending.release(spending.memory - held)
-        roadmap = self._build_roadmap(problem, ends_and_guides, spending)
-        drawn = roadmap.options["samples"]
+        yield self._with_few(_built_graph(self._build_roadmap(problem, ends_and_guides, spending), problem))
+
+    def _with_few(self, built: BuiltGraph) -> BuiltGraph:
+        """Return a roadmap with a note if it has fewer samples than wanted."""
+        drawn = built.ends.space.options["samples"]
         few = (
             f"the roadmap has only {drawn} of {self.samples:,} samples: at nearly all random samples the robot collides"
         )
-        built = _built_graph(roadmap, problem)
-        yield replace(built, notes=(few, *built.notes)) if drawn < self.samples else built
+        return replace(built, notes=(few, *built.notes)) if drawn < self.samples else built
+
+    def _in_time(self, problem: Problem, spending: Spending) -> ConfigurationRoadmap:
+        """Build the roadmap of states in time, from a roadmap of the robot alone that has many views."""
+        alone = timeless_problem(problem)
+        found = survey(alone, 0 if is_free_ending(problem) else self.trees, self.seed, spending)
+        views = drawn_views(problem, alone, self.samples, self.seed)
+        random = max(1, self.samples - views.size)
+        return roadmap_in_time(
+            problem, configuration_roadmap(found, random, self.neighbours, self.far, spending, views), spending
+        )
 
     def has_clock(self, problem: Problem) -> bool:
         """Return whether the roadmap can be searched in time steps: yes if its samples are positions."""
@@ -123,6 +139,8 @@ class RoadmapGraph(GraphFamily):
     def roadmap(self, problem: Problem, spending: Spending | None = None) -> AnyRoadmap:
         """Return the roadmap for a problem; raise QueryError if the start or every goal is blocked."""
         spending = spending or Spending()
+        if "time" in problem.model.provides:
+            return self._in_time(problem, spending)
         ends_and_guides = None if _has_positions(problem) else survey(problem, self.trees, self.seed, spending)
         return self._build_roadmap(problem, ends_and_guides, spending)
 

@@ -1,0 +1,169 @@
+"""Given motion of an arm: joint values at times, straight in between, as a controller interpolates them."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hpop.base.arrays import Column, FloatArray, frozen
+from hpop.base.text import shown
+from hpop.errors import ModelError
+from hpop.models.serial_arm.chain import Chain
+from hpop.motions import States
+from hpop.trajectories.trajectory import Trajectory
+
+STEP = 0.01  # s between the rows to which a trajectory is sampled: arms of 6 rad/s² are then off by at most 1e-4 rad
+LONGEST = 3600.0  # s
+MOST_ROWS = 100_000
+MOST_BYTES = 50_000_000  # of a file
+BEYOND = 1e-6  # rad or m: tolerance of joint limits
+FORM = (
+    "motion must be a trajectory of the working arm, the path of a CSV file with the columns t and each joint, or "
+    '{"times": [...], "joints": {joint: [...]}}'
+)
+
+
+@dataclass(frozen=True, eq=False)
+class WorkMotion:
+    """Motion of an arm that is known in advance: rows of joint values at times.
+
+    names  names of the n joints
+    times  (N,)    s, rising from 0
+    rows   (N, n)  rad or m; between two rows each joint changes evenly with time
+    """
+
+    names: tuple[str, ...]
+    times: FloatArray
+    rows: FloatArray
+
+    @classmethod
+    def of(cls, given: Any, chain: Chain) -> WorkMotion:
+        """Return the motion that a user gives for an arm with these joints; raise ModelError for an invalid one."""
+        columns, names = _columns(given), chain.names
+        if sorted(columns) != sorted(("t", *names)):
+            raise ModelError(
+                f"the motion must give the time t and the joints of the working arm, {', '.join(names)}, got "
+                f"{', '.join(map(str, columns)) or 'no columns'}; take the arm that moved so, or rename the columns"
+            )
+        numbers = {name: _numbers(name, column) for name, column in columns.items()}
+        if len({column.size for column in numbers.values()}) > 1:
+            raise ModelError("all columns of the motion must have as many rows as the times; complete them")
+        times = numbers["t"] - numbers["t"][:1]
+        return cls(names, frozen(times), frozen(np.stack([numbers[name] for name in names], axis=1)))._checked(chain)
+
+    def _checked(self, chain: Chain) -> WorkMotion:
+        """Return this motion; raise ModelError for too few rows, times that do not rise, and joints beyond limits."""
+        if not 2 <= self.times.size <= MOST_ROWS or self.times[-1] > LONGEST:
+            raise ModelError(
+                f"the motion must have 2 to {MOST_ROWS:,} rows within {LONGEST:g} s, got {self.times.size:,}; give "
+                "times in s, and fewer rows"
+            )
+        if (steps := np.diff(self.times)).min() <= 0.0:
+            row = int(np.argmax(steps <= 0.0)) + 1
+            raise ModelError(
+                f"the times of the motion must rise, but that of row {row}, {self.times[row]:g} s, is not later than "
+                "the one before; sort the rows and leave repeated ones out"
+            )
+        beyond = ((self.rows < chain.low - BEYOND) | (self.rows > chain.high + BEYOND)) & ~chain.turning
+        if beyond.any():
+            row, k = (int(place) for place in np.argwhere(beyond)[0])
+            raise ModelError(
+                f"joint {self.names[k]!r} of the working arm is at {self.rows[row, k]:.4g} in row {row} of its motion, "
+                f"beyond its limits of {chain.low[k]:.4g} to {chain.high[k]:.4g}; give values in rad or m within these"
+            )
+        return self
+
+    @property
+    def duration(self) -> float:
+        """Duration of the motion, s."""
+        return float(self.times[-1])
+
+    def at(self, time: Column) -> FloatArray:
+        """Return the joint values (..., n) at times (...), s; before the first row and after the last, it stands."""
+        return np.stack([np.interp(time, self.times, column) for column in self.rows.T], axis=-1)
+
+    def states(self, time: Column) -> States:
+        """Return the states (M,) of the arm at times (M,), s."""
+        return States(**dict(zip(self.names, np.moveaxis(self.at(time), -1, 0), strict=True)))
+
+    def rates(self, time: Column) -> States:
+        """Return the joint speeds (M,) at times (M,), s; at the time of a row, those after it."""
+        after = np.clip(np.searchsorted(self.times, time, side="right"), 1, self.times.size - 1)
+        slopes = (np.diff(self.rows, axis=0) / np.diff(self.times)[:, None])[after - 1]
+        slopes = np.where(np.asarray((time < 0.0) | (time > self.duration))[..., None], 0.0, slopes)
+        return States(**dict(zip(self.names, np.moveaxis(slopes, -1, 0), strict=True)))
+
+    @cached_property
+    def _ways(self) -> FloatArray:
+        """How far (N, n) each joint has moved up to each row, back and forth, rad or m."""
+        return np.concatenate([np.zeros((1, len(self.names))), np.cumsum(np.abs(np.diff(self.rows, axis=0)), axis=0)])
+
+    def ways(self, begin: Column, end: Column) -> FloatArray:
+        """Return how far (M, n), rad or m, each joint moves, back and forth, between times (M,)."""
+        return np.stack(
+            [np.interp(end, self.times, way) - np.interp(begin, self.times, way) for way in self._ways.T], axis=-1
+        )
+
+    def bends(self, begin: FloatArray, end: FloatArray) -> FloatArray:
+        """Return the largest difference (M, n) of each joint from an even change between times (M,), rad or m."""
+        first, last = (np.searchsorted(self.times, time, side=side) for time, side in ((begin, "right"), (end, "left")))
+        counts = np.maximum(0, last - first)
+        owner = np.repeat(np.arange(begin.size), counts)
+        row = first[owner] + np.arange(owner.size) - np.repeat(np.cumsum(counts) - counts, counts)
+        low, high = self.at(begin), self.at(end)
+        share = ((self.times[row] - begin[owner]) / (end - begin)[owner])[:, None]
+        found = np.zeros(low.shape)
+        np.maximum.at(found, owner, np.abs(self.rows[row] - low[owner] - share * (high - low)[owner]))
+        return found
+
+    def describe(self) -> dict[str, Any]:
+        """Return times and joint values for JSON, from which an equal motion can be made."""
+        joints = {name: column.tolist() for name, column in zip(self.names, self.rows.T, strict=True)}
+        return {"times": self.times.tolist(), "joints": joints}
+
+
+def _columns(given: Any) -> dict[str, Any]:
+    """Return the columns of a motion by name, unchecked, the times as "t"."""
+    if isinstance(given, Trajectory):
+        table = given.table(STEP, body="joints")
+        return {name: table[name] for name in ("t", *given.model.joints)}
+    if isinstance(given, Mapping) and set(given) == {"times", "joints"} and isinstance(given["joints"], Mapping):
+        return {"t": given["times"], **given["joints"]}
+    if isinstance(given, str | os.PathLike):
+        return _read(Path(given))
+    raise ModelError(f"{FORM}, got {shown(given)}")
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Return the columns of a CSV file, without units in their names and without rates and accelerations of joints."""
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise ValueError(f"it is larger than {MOST_BYTES / 1e6:g} MB")
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            names, *rows = csv.reader(file)
+    except (OSError, ValueError, csv.Error) as error:
+        raise ModelError(f"cannot read the motion of the working arm from {shown(str(path))}: {error}") from None
+    names = [name.partition("(")[0].strip() for name in names]
+    rows = [row for row in rows if row]
+    if any(len(row) != len(names) for row in rows):
+        raise ModelError(f"each row of {shown(str(path))} must have {len(names)} numbers, as its first line has names")
+    derived = {f"{name}{end}" for name in names for end in ("_rate", "_acceleration")}
+    return {name: column for name, *column in zip(names, *rows, strict=True) if name not in derived}
+
+
+def _numbers(name: str, column: Any) -> FloatArray:
+    """Return a column as finite floats; raise ModelError for other values."""
+    try:
+        values = np.asarray(column, float)
+    except (TypeError, ValueError):
+        values = np.array([np.nan])
+    if values.ndim != 1 or not np.isfinite(values).all():
+        raise ModelError(f"column {name!r} of the motion must have one finite number for each row, got {shown(column)}")
+    return values
