@@ -180,7 +180,11 @@ class Anywhere(GoalDefaults):
     """Goal of a robot whose states have a time: any state, at the end of the motion that it watches."""
 
     name: ClassVar[str]
-    requires: ClassVar[frozenset[str]] = frozenset({"time"})
+
+    @property
+    def requires(self) -> frozenset[str]:
+        """Return the capability that a model must provide: states with a time."""
+        return frozenset({"time"})
 
     def __str__(self) -> str:
         """Return the goal as short text for messages."""

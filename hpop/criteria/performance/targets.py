@@ -55,7 +55,9 @@ def checked_target(target: Any) -> tuple[float, float, float] | str:
     try:
         x, y, z = target
     except (TypeError, ValueError):
-        raise CriterionError(f"target must be a position (x, y, z) in m, or the name of a body, got {shown(target)}") from None
+        raise CriterionError(
+            f"target must be a position (x, y, z) in m, or the name of a body, got {shown(target)}"
+        ) from None
     kind = "(x, y, z), each a coordinate in m,"
     x, y, z = (float(real("target", value, -FARTHEST, FARTHEST, kind, error=CriterionError)) for value in (x, y, z))
     return x, y, z

@@ -19,7 +19,7 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray, numbered
 from hpop.models import serial_arm
 from hpop.models.serial_arm.chain import ArmPart, Chain
 from hpop.models.serial_arm.collision import AT_ONCE, KEPT, NEAR, ROUNDING
-from hpop.models.serial_arm.judge import ArmJudge, joint_frames
+from hpop.models.serial_arm.judge import LIBRARIES, ArmJudge, joint_frames
 from hpop.models.serial_arm.scene import ArmScene, paired, scene_of
 from hpop.models.two_arms.law import TIME, ReachInTime
 from hpop.motions import Motions, States, collision_of
@@ -54,7 +54,7 @@ class BothArms(NamedTuple):
         first = np.concatenate([np.eye(4)[None], inverse[:0:-1]])  # the frame of each joint in the one before it
         origins = np.concatenate([first, view.origins])
         origins[count] = inverse[0] @ view.origins[0]
-        columns = {
+        columns: dict[str, Any] = {
             name: np.concatenate([getattr(work, name)[back], getattr(view, name)])
             for name in ("sliding", "turning", "low", "high", "speed", "acceleration")
         }
@@ -135,7 +135,7 @@ class TwoArmsCollision:
         """Return whether the viewing arm is free all along each motion (M,), ends included."""
         free: BoolArray = self._alone.motions_free(self.arms.motions_alone(motions))
         some = np.flatnonzero(free)
-        pieces = self._pieces(motions.law, motions.start.take(some), motions.end.take(some))
+        pieces = self._pieces(self.arms.law, motions.start.take(some), motions.end.take(some))
         blocked = self._contacts(*pieces[1:], NEAR, KEPT + ROUNDING) >= 0
         free[some] = np.bincount(pieces[0], blocked, minlength=some.size) == 0
         return free
@@ -144,7 +144,7 @@ class TwoArmsCollision:
         """Return the distance (N,), m, from the viewing arm to the nearest obstacle or part of the working arm."""
         rows, least = self._rows(states), np.empty(states.size)
         serial_arm.certificate.nearest(self._scene, rows, np.inf, 1e-6, least)
-        return np.minimum(self._alone.clearance(self.arms.alone(states)), np.maximum(0.0, least - ROUNDING))
+        return np.asarray(np.minimum(self._alone.clearance(self.arms.alone(states)), np.maximum(0.0, least - ROUNDING)))
 
     @checked_arguments
     def why_blocked(self, state: States) -> str:
@@ -203,24 +203,26 @@ class TwoArmsCollision:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class TwoArmsJudge:
-    """Collision test for verification, by python-fcl: of the viewing arm alone, and of both arms in small steps.
+    """Collision test for verification: of the viewing arm alone, and of both arms in small steps.
 
-    arms   both arms
-    world  obstacles
+    arms     both arms
+    world    obstacles
+    library  that computes distances: "fcl" or "coal"
     """
 
     arms: TwoArms
     world: World
+    library: str = LIBRARIES[0]
 
     @cached_property
     def _alone(self) -> Any:
-        return self.arms.view.judge(self.world)
+        return self.arms.view.judge_by(self.library, self.world)
 
     @cached_property
     def _between(self) -> _BetweenArms:
         work, view = self.arms.work, self.arms.view
         moved = [replace(p, link=f"{WORK}{p.link}", frame=p.frame and len(view.chain) + p.frame) for p in work.parts]
-        return _BetweenArms(view.chain, (*view.parts, *moved), frozenset(), self.world, self.arms)
+        return _BetweenArms(view.chain, (*view.parts, *moved), frozenset(), self.world, self.arms, library=self.library)
 
     def states_free(self, states: States) -> BoolArray:
         """Return whether the viewing arm is free in each state (N,)."""
@@ -239,7 +241,7 @@ class TwoArmsJudge:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _BetweenArms(ArmJudge):
-    """Collision test of a viewing arm with a working arm, by python-fcl, at states in which both move.
+    """Collision test of a viewing arm with a working arm for verification, at states in which both move.
 
     arms  both arms; ``chain`` and the first of ``parts`` are those of the viewing arm
     """

@@ -141,14 +141,15 @@ class TwoArms(Model):
         )
 
     @cached_property
-    def _law(self) -> ReachInTime:
+    def law(self) -> ReachInTime:
+        """Motion law of the viewing arm: a reach with a beginning and an end in time."""
         chain = self.view.chain
         return ReachInTime(Reach(chain.names, tuple(chain.speed.tolist()), tuple(chain.acceleration.tolist())))
 
     @property
     def laws(self) -> Mapping[str, Law]:
         """Motion laws: only "reach", with a beginning and an end in time; without a change of joints it is a wait."""
-        return {self._law.kind: self._law}
+        return {self.law.kind: self.law}
 
     @cached_property
     def both(self) -> BothArms:
@@ -208,10 +209,10 @@ class TwoArms(Model):
         If b is too early, the motion ends later, after the least time that the joints need.
         """
         (leg,) = self.view.connect(self.alone(a), self.alone(b))
-        soonest = a.time + self._law.least(a, leg.end)
+        soonest = a.time + self.law.least(a, leg.end)
         time = np.where(b.time >= soonest - SAME * self.step, b.time, soonest)
         end = States(**{**leg.end.__dict__, TIME: time})
-        return [Leg(self._law.kind, end, leg.present | (time > a.time))]
+        return [Leg(self.law.kind, end, leg.present | (time > a.time))]
 
     def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
         """Return the plan itself, because the arm executes its motions as planned."""
@@ -221,13 +222,13 @@ class TwoArms(Model):
         """Yield a text for each joint limit that is exceeded, and if the plan ends before or after the work."""
         states, count = trajectory.states, max(1, len(trajectory))
         start, end = states.take(slice(0, count)), states.take(slice(-count, None))
-        yield from faults(self.view.chain, self._law, start, end, np.arange(count))
+        yield from faults(self.view.chain, self.law, start, end, np.arange(count))
         if abs(float(states.time[-1]) - self.motion.duration) > SAME:
             yield f"ends at {states.time[-1]:.6g} s, but the working arm moves for {self.motion.duration:.6g} s"
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
         """Return a mask (M,) of motions in which a joint exceeds its limits, and of all that come first in a plan."""
-        return doubtful(self.view.chain, self._law, start, end) | (start.time < SAME)
+        return np.asarray(doubtful(self.view.chain, self.law, start, end) | (start.time < SAME))
 
     # Collision tests
 
@@ -238,6 +239,10 @@ class TwoArms(Model):
     def judge(self, world: World) -> TwoArmsJudge:
         """Return the collision test for verification: python-fcl at states between which no part moves over 1 mm."""
         return TwoArmsJudge(self, world)
+
+    def judge_by(self, library: str, world: World) -> TwoArmsJudge:
+        """Return :meth:`judge` with distances by a library: "fcl" or "coal"; ModelError if it is not installed."""
+        return TwoArmsJudge(self, world, library)
 
     def describe(self) -> dict[str, Any]:
         """Return name and parameters for JSON, enough to build an equal model; the motion is given in full."""

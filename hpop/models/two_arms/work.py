@@ -113,7 +113,8 @@ class WorkMotion:
 
     def bends(self, begin: FloatArray, end: FloatArray) -> FloatArray:
         """Return the largest difference (M, n) of each joint from an even change between times (M,), rad or m."""
-        first, last = (np.searchsorted(self.times, time, side=side) for time, side in ((begin, "right"), (end, "left")))
+        first = np.searchsorted(self.times, begin, side="right")
+        last = np.searchsorted(self.times, end, side="left")
         counts = np.maximum(0, last - first)
         owner = np.repeat(np.arange(begin.size), counts)
         row = first[owner] + np.arange(owner.size) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray, numbered
+from hpop.criteria.base import make_criterion
 from hpop.errors import QueryError
 from hpop.goals import Anywhere, LookAt
 from hpop.goals.region import InverseKinematics
@@ -49,14 +50,9 @@ def timeless_problem(problem: Problem) -> Problem:
     if early := [values for values in problem.target.listed if values[-1] != end]:
         raise QueryError(f"the time of a goal must be {end:g} s, the end of the other motion, got {early[0][-1]:g} s")
     listed = [values[:-1] for values in problem.target.listed]
-    return replace(
-        problem,
-        model=model.timeless,
-        start=start,
-        goal=[start] if is_free_ending(problem) else listed or goal,
-        criteria=("duration",),
-        quanta={},
-    )
+    ends: Any = start if is_free_ending(problem) else listed or goal
+    duration = make_criterion("duration")
+    return replace(problem, model=model.timeless, start=start, goal=ends, criteria=(duration,), quanta={})
 
 
 def is_free_ending(problem: Problem) -> bool:
