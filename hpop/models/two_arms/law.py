@@ -60,7 +60,7 @@ class ReachInTime(LawDefaults):
         if name == TIME:
             return begin + span * share
         time, way = self._ramp(start, end)
-        middle = way + (1.0 - 2.0 * way) * (share - time) / np.where(time < 0.5, 1.0 - 2.0 * time, 1.0)
+        middle = way + 2.0 * way / time * (share - time)
         first, last = way * (share / time) ** 2, 1.0 - way * ((1.0 - share) / time) ** 2
         done = np.where(share < time, first, np.where(share > 1.0 - time, last, middle))
         return np.where(share >= 1.0, getattr(end, name), begin + span * done)
@@ -71,7 +71,7 @@ class ReachInTime(LawDefaults):
         if name == TIME:
             return span + 0.0 * share, 0.0 * (span + share)
         time, way = self._ramp(start, end)
-        bend, cruise = 2.0 * way / time**2, (1.0 - 2.0 * way) / np.where(time < 0.5, 1.0 - 2.0 * time, 1.0)
+        bend, cruise = 2.0 * way / time**2, 2.0 * way / time
         early, late = share < time, share > 1.0 - time
         first = np.where(early, bend * share, np.where(late, bend * (1.0 - share), cruise))
         return span * first, span * np.where(early, bend, np.where(late, -bend, 0.0))

@@ -128,6 +128,10 @@ def roadmap_in_time(problem: Problem, still: ConfigurationRoadmap, spending: Spe
         raise QueryError(
             f"no goal is usable at {end:g} s: in all of {ends.size} states the robot touches what moves; move the goal"
         )
+    blind = (
+        f"in no state that was found does the camera look at the {model.watched} from {BAND[0]:g} to {BAND[1]:g} m, "
+        "upright, at any of the times tried; move the robot nearer, or turn its camera"
+    )
     name = f"{still.name}, at {count + 1} times {end / count:.4g} s apart, with waits"
     return replace(
         still,
@@ -138,6 +142,7 @@ def roadmap_in_time(problem: Problem, still: ConfigurationRoadmap, spending: Spe
         name=name,
         chosen={**still.chosen, "step": end / count},
         lazy=True,
+        notes=still.notes if still.chosen["views"] else (*still.notes, blind),
         spending=spending,
     )
 
