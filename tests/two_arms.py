@@ -73,12 +73,5 @@ def shapes_at(joints: Any, base: Any = (0.0,) * 6) -> list[tuple[Any, Any]]:
 
 def share_done(way: np.ndarray, speed: np.ndarray, acceleration: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, float]:
     """Return the share of a motion from rest to rest at shares u of its time, and the least time of its joints."""
-    fastest, slowest = np.max(np.abs(way) / speed), np.max(np.abs(way) / acceleration)
-    if fastest == 0.0:
-        return 0.0 * u, 0.0
-    v, a = 1.0 / fastest, 1.0 / slowest  # of the share
-    peak = min(v, np.sqrt(a))
-    ramp, lasts = peak / a, 1.0 / peak + peak / a
-    t = np.minimum(u, 1.0 - u) * lasts
-    early = np.where(t < ramp, 0.5 * a * t * t, 0.5 * peak * ramp + peak * (t - ramp))
-    return np.where(u <= 0.5, early, 1.0 - early), lasts
+    least = max(1.5 * np.max(np.abs(way) / speed), np.sqrt(6.0 * np.max(np.abs(way) / acceleration)))
+    return u * u * (3.0 - 2.0 * u), float(least)

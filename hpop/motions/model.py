@@ -341,7 +341,8 @@ class Wheeled(Model, Protocol):
 class ModelInTime(Model, Protocol):
     """Model that provides "time": its last state is the time, s, as something else moves that it cannot influence.
 
-    Every trajectory begins at time 0 and ends at the largest time of the space.
+    Every trajectory begins at time 0 and ends at the largest time of the space. Its first states are those of the
+    timeless model; others are 0 where the robot rests. ``connect`` ends a motion later than wanted if that is too soon.
     """
 
     @property

@@ -29,7 +29,7 @@ def motions_of(arms, count, seed, reach=1.0):
         for name, *bounds in zip(*(getattr(arms.view.space, part) for part in ("names", "low", "high")), strict=True)
     }
     start = States(**{**start.__dict__, "time": begin})
-    end = States(**columns, time=begin)
+    end = States(**columns, pace=0.0 * begin, time=begin)
     (leg,) = arms.connect(start, end)
     later = States(**{**leg.end.__dict__, "time": leg.end.time + rng.uniform(0, 0.4, count)})
     return Motions(TABLE, arms, arms.law, start, later)
@@ -87,15 +87,38 @@ def test_a_motion_begins_and_ends_in_time_and_keeps_its_limits():
                     slope, _ = law.slopes(name, one.start, one.end, share)
                     assert slope[0] == pytest.approx((ahead - back)[0] / 2e-5, abs=1e-4)
     early = States(**{**end.__dict__, "time": start.time + 0.9 * least})
-    assert (law.strays(start, early) > 0).all()
+    assert arms.doubtful(law, start, early).all()
     assert np.allclose(arms.connect(start, early)[0].end.time, start.time + least)
+
+
+def test_a_part_of_a_motion_is_a_motion():
+    """Cut at random times, a trajectory passes the states that it passed before, and costs what it cost."""
+    arms = two_arms()
+    motions = motions_of(arms, 12, 6)
+    criteria = [make_criterion(c) for c in ("rotation", {"look_at": {"target": "work_tool"}}, "joint_energy")]
+    rng = np.random.default_rng(7)
+    for i in range(12):
+        ends = [{n: getattr(s, n)[[i]] for n in arms.space.names} for s in (motions.start, motions.end)]
+        whole = Trajectory(
+            arms, States(**{n: np.concatenate([e[n] for e in ends]) for n in arms.space.names}), ("reach",)
+        )
+        times = np.sort(np.append(rng.uniform(0, whole.duration, 4), (0.0, whole.duration)))
+        parts = Trajectory(arms, whole.at(times), ("reach",) * 5)
+        every = np.linspace(0, whole.duration, 50)
+        for name in arms.joints:
+            assert np.allclose(getattr(parts.at(every), name), getattr(whole.at(every), name), atol=1e-7)
+        for criterion in criteria:
+            one, five = (sum(criterion.cost(m).sum() for _, m in way.batches(TABLE)) for way in (whole, parts))
+            assert five == pytest.approx(one, rel=2e-3, abs=1e-6)
 
 
 def test_a_wait_is_a_motion_that_only_takes_time():
     arms = two_arms()
     values = arms.space.values(arms.space.state("home", what="start"))
     states = States(
-        **{name: np.full(2, v) for name, v in zip(arms.joints, values, strict=False)}, time=np.array([0, 0.5])
+        **{name: np.full(2, v) for name, v in zip(arms.joints, values, strict=False)},
+        pace=np.zeros(2),
+        time=np.array([0, 0.5]),
     )
     way = Trajectory.through(arms, states)
     assert way.kinds == ("reach",)

@@ -172,7 +172,8 @@ class TwoArmsCollision:
     ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
         """Cut motions (M,) into pieces; return the motion of each piece (P,), its two ends and its bend (P, n)."""
         lasts, joints = end.time - start.time, self.arms.view.joints
-        bends = np.stack([law.most_bend(name, start, end) for name in joints], axis=1)
+        ends = [[law.slopes(name, start, end, np.full(lasts.size, u))[1] for name in joints] for u in (0.0, 1.0)]
+        bends = np.abs(ends).max(axis=0).T  # second derivatives are largest at the ends
         levers = self._scene.levers.max(axis=0)[-len(joints) :]
         farthest = np.where(self.arms.view.chain.sliding, 1.0, levers)
         counts = np.maximum(np.sqrt(bends @ farthest / (8.0 * BEND)), lasts / PIECE)

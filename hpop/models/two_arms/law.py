@@ -3,78 +3,71 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
 from hpop.base.arrays import Column
-from hpop.models.serial_arm.laws import Extremes, Reach
+from hpop.models.serial_arm.laws import CLOCK, Extremes, JointSpline, rate_of
 from hpop.motions import LawDefaults, Phase, States
 
 TIME = "time"  # s from the start of the working arm: the state that says when the arm is where
-SOON = 1e-9  # relative: by how much a motion may be quicker than its joints allow, for rounding errors
+PACE = "pace"  # largest share of its top speed at which any joint moves: the state that says how fast the arm is
+PEAK = 1.5, 6.0  # largest speed and acceleration of a motion from rest to rest that takes 1 s, as shares of its way
 
 
 @dataclass(frozen=True)
 class ReachInTime(LawDefaults):
-    """Law "reach" of an arm whose states have a time: from rest to rest along a straight line in joint space.
+    """Law "reach" of an arm whose states have a time: along a straight line in joint space, from rest to rest.
 
-    reach  the same motion in the least time that the joints allow
+    spline  law of the joints: cubic polynomials of time
 
-    The states say when the motion begins and ends. If that is longer than the least time, the motion has all its speeds
-    lower by one factor. Without a change of the joints it is a wait.
+    The states say when the motion begins and ends. At each moment all joints have done an equal share of their changes,
+    which is a cubic polynomial of time. Without a change of the joints it is a wait. A part of a motion is a motion,
+    whose ends have a pace: it need not begin and end at rest.
     """
 
-    reach: Reach
+    spline: JointSpline
     kind: str = "reach"
 
     quadrature: ClassVar[str] = "adaptive"
     even: ClassVar[frozenset[str]] = frozenset({TIME})  # states with a constant second time derivative
 
-    @cached_property
+    @property
     def varies(self) -> frozenset[str]:
-        """Names of the states that change: all joints and the time."""
-        return frozenset((*self.reach.names, TIME))
+        """Names of the states that change: all joints, the pace and the time."""
+        return frozenset((*self.spline.names, PACE, TIME))
 
     def least(self, start: States, end: States) -> Column:
-        """Return the least time (M,), s, that the joints need."""
-        return sum(phase.duration for phase in self.reach.phases(start, end))
+        """Return the least time (M,), s, from rest to rest."""
+        spline, (speed, acceleration) = self.spline, PEAK
+        ways = [self.ways(name, start, end) for name in spline.names]
+        by_speed = (speed * way / limit for way, limit in zip(ways, spline.speeds, strict=True))
+        by_change = (np.sqrt(acceleration * way / a) for way, a in zip(ways, spline.accelerations, strict=True))
+        return np.maximum.reduce([*by_speed, *by_change])
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
         """Return one phase, in which the share of the motion done is the share of its time."""
         duration = end.time - start.time
         return (Phase(duration, 0.0 * duration, 1.0 + 0.0 * duration, "drive"),)
 
-    def _ramp(self, start: States, end: States) -> tuple[Column, Column]:
-        """Return the share of the time, up to a half, and the share of the way that the speed-up takes; both (M,)."""
-        speed_up, cruise, _ = self.reach.phases(start, end)
-        lasts = 2.0 * speed_up.duration + cruise.duration
-        moves = lasts > 0.0
-        time = np.where(moves, speed_up.duration / np.where(moves, lasts, 1.0), 0.5)
-        return time, np.where(moves, speed_up.end, 0.5)
-
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
-        """Return the time, or the value of a joint, when ``share`` (0 to 1) of the time is over."""
-        begin, span = getattr(start, name), getattr(end, name) - getattr(start, name)
+        """Return the time, the pace, or the value of a joint, when ``share`` (0 to 1) of the time is over."""
         if name == TIME:
-            return begin + span * share
-        time, way = self._ramp(start, end)
-        middle = way + 2.0 * way / time * (share - time)
-        first, last = way * (share / time) ** 2, 1.0 - way * ((1.0 - share) / time) ** 2
-        done = np.where(share < time, first, np.where(share > 1.0 - time, last, middle))
-        return np.where(share >= 1.0, getattr(end, name), begin + span * done)
+            return start.time + (end.time - start.time) * share
+        ends = self._knots(start, end)
+        if name != PACE:
+            return self.spline.interpolate(name, *ends, share)
+        rates = (np.abs(self.spline.interpolate(rate_of(joint), *ends, share)) for joint in self.spline.names)
+        return np.maximum.reduce([rate / speed for rate, speed in zip(rates, self.spline.speeds, strict=True)])
 
     def slopes(self, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
-        """Return the first and second derivatives of a state with respect to the share of the time."""
-        span = getattr(end, name) - getattr(start, name)
+        """Return the first and second derivatives of a state with respect to the share of the time; 0 for the pace."""
         if name == TIME:
-            return span + 0.0 * share, 0.0 * (span + share)
-        time, way = self._ramp(start, end)
-        bend, cruise = 2.0 * way / time**2, 2.0 * way / time
-        early, late = share < time, share > 1.0 - time
-        first = np.where(early, bend * share, np.where(late, bend * (1.0 - share), cruise))
-        return span * first, span * np.where(early, bend, np.where(late, -bend, 0.0))
+            return end.time - start.time + 0.0 * share, 0.0 * (end.time + share)
+        if name == PACE:
+            return 0.0 * (end.time + share), 0.0 * (end.time + share)
+        return self.spline.slopes(name, *self._knots(start, end), share)
 
     def bends(self, start: States, end: States) -> tuple[Column, Column]:
         """Return zeros (M,), because an arm has no heading and so makes no turns."""
@@ -82,23 +75,26 @@ class ReachInTime(LawDefaults):
         return none, none
 
     def strays(self, start: States, end: States) -> Column:
-        """Return the error (M,) of the given end states: 0, or inf if they leave less than the least time."""
-        return np.where(end.time - start.time >= (1.0 - SOON) * self.least(start, end), 0.0, np.inf)
+        """Return the error (M,) of the given end states: 0 if the time advances, inf if it runs backwards."""
+        return self.spline.strays(*self._knots(start, end))
 
     def ways(self, name: str, start: States, end: States) -> Column:
         """Return how far (M,), rad or m, a joint travels."""
-        return self.reach.ways(name, start, end)
-
-    def most_bend(self, name: str, start: States, end: States) -> Column:
-        """Return the largest second derivative (M,) of a joint with respect to the share of the time, absolute."""
-        time, way = self._ramp(start, end)
-        return 2.0 * way / time**2 * np.abs(getattr(end, name) - getattr(start, name))
+        return np.abs(getattr(end, name) - getattr(start, name))
 
     def extremes(self, name: str, start: States, end: States) -> Extremes:
-        """Return the extremes of a joint along each motion (M,); it is fastest at the end of the speed-up."""
-        begin, stop, lasts = getattr(start, name), getattr(end, name), end.time - start.time
-        time, way = self._ramp(start, end)
-        inverse = np.divide(1.0, lasts, out=np.zeros(lasts.shape), where=lasts > 0.0)
-        fastest = 2.0 * way / time * np.abs(stop - begin) * inverse
-        change = self.most_bend(name, start, end) * inverse**2
-        return Extremes(np.minimum(begin, stop), np.maximum(begin, stop), fastest, change)
+        """Return the exact extremes of a joint along each motion (M,)."""
+        return self.spline.extremes(name, *self._knots(start, end))
+
+    def _knots(self, start: States, end: States) -> tuple[States, States]:
+        """Return both ends as states of the spline, with the joint speeds that their paces mean."""
+        names, speeds = self.spline.names, self.spline.speeds
+        ways = [getattr(end, name) - getattr(start, name) for name in names]
+        longest = np.maximum.reduce([np.abs(way) / speed for way, speed in zip(ways, speeds, strict=True)])
+        scale = np.where(longest > 0.0, 1.0 / np.where(longest > 0.0, longest, 1.0), 0.0)
+        return self._knot(start, ways, scale), self._knot(end, ways, scale)
+
+    def _knot(self, state: States, ways: list[Column], scale: Column) -> States:
+        names = self.spline.names
+        rates = {rate_of(name): state.pace * scale * way for name, way in zip(names, ways, strict=True)}
+        return States(**{name: getattr(state, name) for name in names}, **rates, **{CLOCK: state.time})

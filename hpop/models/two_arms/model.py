@@ -19,9 +19,9 @@ from hpop.models.camera import FieldOfView
 from hpop.models.files import without_paths
 from hpop.models.serial_arm import SerialArm
 from hpop.models.serial_arm.chain import levers
-from hpop.models.serial_arm.laws import Reach, doubtful, faults
+from hpop.models.serial_arm.laws import JointSpline, doubtful, faults
 from hpop.models.two_arms.collision import BothArms, TwoArmsCollision, TwoArmsJudge
-from hpop.models.two_arms.law import TIME, ReachInTime
+from hpop.models.two_arms.law import PACE, TIME, ReachInTime
 from hpop.models.two_arms.work import STEP, WorkMotion
 from hpop.motions import Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
 from hpop.motions.states import StateSpec
@@ -38,7 +38,7 @@ SHORTEST, LONGEST = 0.01, 10.0  # s, bounds of a time step
 @model("two_arms")
 @dataclass(frozen=True, eq=False)
 class TwoArms(Model):
-    """Arm with a camera that watches another arm at its work; states are the viewing arm's joints and the time.
+    """Arm with a camera that watches another arm at its work; states are the viewing arm's joints, pace and time.
 
     work    working arm; or a trajectory of it, which is then its motion
     view    viewing arm, which carries the camera and is planned for; its ``base`` is its place in the world
@@ -74,8 +74,8 @@ class TwoArms(Model):
             raise ModelError(
                 "motion is a trajectory of another arm; give the arm that moved so as work, or leave it out"
             )
-        if TIME in self.view.joints:
-            raise ModelError(f"no joint of the viewing arm may be called {TIME!r}; rename it in the URDF")
+        if taken := {PACE, TIME} & set(self.view.joints):
+            raise ModelError(f"no joint of the viewing arm may be called {min(taken)!r}; rename it in the URDF")
         step = real("step", self.step, SHORTEST, LONGEST, "a time in s", error=ModelError)
         object.__setattr__(self, "step", float(step))
         object.__setattr__(self, "motion", WorkMotion.of(self.motion, self.work.chain))
@@ -127,14 +127,14 @@ class TwoArms(Model):
 
     @cached_property
     def space(self) -> StateSpace:
-        """States: the viewing arm's joints and the time; the time does not count in distances."""
+        """States: the viewing arm's joints, its pace and the time; only joints count in distances."""
         arm = self.view.space
         return SpaceInTime(
-            (*arm.names, TIME),
-            (*arm.units, "s"),
-            (*arm.low, 0.0),
-            (*arm.high, self.motion.duration),
-            (*arm.weights, 0.0),
+            (*arm.names, PACE, TIME),
+            (*arm.units, "1", "s"),
+            (*arm.low, 0.0, 0.0),
+            (*arm.high, 0.0, self.motion.duration),
+            (*arm.weights, 0.0, 0.0),
             arm.turning,
             named=arm.named,
             unnamed=arm.unnamed,
@@ -144,11 +144,11 @@ class TwoArms(Model):
     def law(self) -> ReachInTime:
         """Motion law of the viewing arm: a reach with a beginning and an end in time."""
         chain = self.view.chain
-        return ReachInTime(Reach(chain.names, tuple(chain.speed.tolist()), tuple(chain.acceleration.tolist())))
+        return ReachInTime(JointSpline(chain.names, tuple(chain.speed.tolist()), tuple(chain.acceleration.tolist())))
 
     @property
     def laws(self) -> Mapping[str, Law]:
-        """Motion laws: only "reach", with a beginning and an end in time; without a change of joints it is a wait."""
+        """Motion laws: only "reach", which takes a given time; without a change of the joints it is a wait."""
         return {self.law.kind: self.law}
 
     @cached_property
@@ -159,7 +159,7 @@ class TwoArms(Model):
     # Motion
 
     def alone(self, states: States) -> States:
-        """Return the states (N,) of the viewing arm, without the time."""
+        """Return the states (N,) of the viewing arm, without pace and time."""
         return States(**{name: getattr(states, name) for name in self.view.joints})
 
     def motions_alone(self, motions: Motions, rows: IntArray | None = None) -> Motions:
@@ -211,7 +211,7 @@ class TwoArms(Model):
         (leg,) = self.view.connect(self.alone(a), self.alone(b))
         soonest = a.time + self.law.least(a, leg.end)
         time = np.where(b.time >= soonest - SAME * self.step, b.time, soonest)
-        end = States(**{**leg.end.__dict__, TIME: time})
+        end = States(**{**leg.end.__dict__, PACE: 0.0 * time, TIME: time})
         return [Leg(self.law.kind, end, leg.present | (time > a.time))]
 
     def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
@@ -251,17 +251,20 @@ class TwoArms(Model):
 
 
 class SpaceInTime(StateSpace):
-    """State space with a time that users may leave out: it is then 0 in a start, and the end of the work elsewhere."""
+    """State space with a time that users may leave out: it is then 0 in a start, and the end of the work elsewhere.
+
+    The pace is 0, and may be left out as well.
+    """
 
     def by_name(self, values: StateSpec, what: str) -> dict[str, Any]:
-        """Return a user's values as a dict by column, in order, with the time added if it is missing."""
+        """Return a user's values as a dict by column, in order, with pace and time added if they are missing."""
         time = 0.0 if what == START else self.high[-1]
         if isinstance(values, str):
             values = self.called(values, what)
         if isinstance(values, Mapping):
-            values = {TIME: time, **values}
-        elif isinstance(values, list | tuple | np.ndarray) and len(values) == len(self.names) - 1:
-            values = (*values, time)
+            values = {PACE: 0.0, TIME: time, **values}
+        elif isinstance(values, list | tuple | np.ndarray) and len(values) == len(self.names) - 2:
+            values = (*values, 0.0, time)
         return super().by_name(values, what)
 
 

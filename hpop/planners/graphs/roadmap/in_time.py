@@ -39,7 +39,8 @@ VIEWS = 0.5  # share of the samples that are such views, at most
 def timeless_problem(problem: Problem) -> Problem:
     """Return the problem of the robot alone, without time; from anywhere to anywhere, it leads from start to start."""
     model = cast(ModelInTime, problem.model)
-    start, time = problem.start[:-1], problem.start[-1]
+    size, time = len(model.timeless.space.names), problem.start[-1]
+    start = problem.start[:size]
     if time != 0.0:
         raise QueryError(
             f"the time of the start must be 0 s, when the other motion begins, got {time:g} s; leave it out"
@@ -49,7 +50,7 @@ def timeless_problem(problem: Problem) -> Problem:
     end, goal = problem.model.space.high[-1], problem.goal
     if early := [values for values in problem.target.listed if values[-1] != end]:
         raise QueryError(f"the time of a goal must be {end:g} s, the end of the other motion, got {early[0][-1]:g} s")
-    listed = [values[:-1] for values in problem.target.listed]
+    listed = [values[:size] for values in problem.target.listed]
     ends: Any = start if is_free_ending(problem) else listed or goal
     duration = make_criterion("duration")
     return replace(problem, model=model.timeless, start=start, goal=ends, criteria=(duration,), quanta={})
@@ -101,7 +102,7 @@ def roadmap_in_time(problem: Problem, still: ConfigurationRoadmap, spending: Spe
     count = max(1, math.ceil(end / model.step - ROUNDING))
     still = still.with_checked_arcs()
     tails, heads = still.arcs.ends(slice(0, still.arcs.heads.size))
-    lasts = np.maximum(1, np.ceil(_durations(still, tails, heads) / (end / count) - ROUNDING)).astype(np.int64)
+    lasts = np.maximum(1, np.ceil(_durations(model, still, tails, heads) * count / end - ROUNDING)).astype(np.int64)
     ends = np.arange(still.size) if is_free_ending(problem) else np.array(still.goals)
     earliest = _steps(still.size, tails, heads, lasts, [still.start])
     latest = count - _steps(still.size, heads, tails, lasts, ends.tolist())
@@ -115,9 +116,9 @@ def roadmap_in_time(problem: Problem, still: ConfigurationRoadmap, spending: Spe
     owner, number = numbered(copies)
     step = earliest[owner] + number
     columns = {name: np.nan_to_num(getattr(still.nodes, name)) for name in still.nodes.names}
-    nodes = States(
-        **{name: column[owner] for name, column in columns.items()}, time=np.linspace(0.0, end, count + 1)[step]
-    )
+    rest = {name: np.zeros(owner.size) for name in model.space.names if name not in columns}
+    rest[model.space.names[-1]] = np.linspace(0.0, end, count + 1)[step]
+    nodes = States(**{name: column[owner] for name, column in columns.items()}, **rest)
     links = np.concatenate([_links(tails, heads, lasts, earliest, latest, first), _waits(owner)])
     spending.check("the roadmap was copied for each step of time", len(links) * (ARC + ORDERED))
     free = collision.states_free(nodes)
@@ -147,11 +148,12 @@ def roadmap_in_time(problem: Problem, still: ConfigurationRoadmap, spending: Spe
     )
 
 
-def _durations(graph: ConfigurationRoadmap, tails: IntArray, heads: IntArray) -> FloatArray:
-    """Return the duration (N,), s, of the chain of motions between each pair of nodes."""
-    lasts = np.zeros(tails.size)
-    for rows, motions in graph.chains(tails, heads).motions():
-        lasts[rows] += motions.duration
+def _durations(model: ModelInTime, still: ConfigurationRoadmap, tails: IntArray, heads: IntArray) -> FloatArray:
+    """Return the least duration (N,), s, of the motion between each pair of nodes."""
+    pairs = still.states(tails), still.states(heads)
+    others = {name: np.zeros(tails.size) for name in model.space.names if name not in still.nodes.names}
+    start, end = (States(**{**states.__dict__, **others}) for states in pairs)
+    lasts: FloatArray = model.connect(start, end)[-1].end.__dict__[model.space.names[-1]]
     return lasts
 
 
