@@ -107,6 +107,7 @@ RECIPES = [
         "tutorials/06_arm",
         {"out/06_arm/side.png": "An arm with the camera in its hand visits three cans on a shelf, in any order"},
     ),
+    example("06_two_arms", {"side": "An arm watches another arm at its work", "states": "Its joints over time"}),
     example("07_mobile_arm", {"map": "A base drives an arm to a shelf", "side": "The way of the camera in its hand"}),
     example(
         "07_drive",

@@ -103,7 +103,7 @@ def options_reference() -> str:
             form = next((one for one in forms[name].get("anyOf", [forms[name]]) if "properties" in one), {})
             said = described.get(name) or form.get("description") or json_schema.summary({**models, **goals}[name])
             parts.append(f"### `{name}`\n\n{text(said)}\n")
-            if form:
+            if form.get("properties"):
                 parts.append(f"{options(form, 'option')}\n")
     for title, key in ENTRIES.items():
         parts.append(f"## {title}\n")

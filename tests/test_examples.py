@@ -317,6 +317,24 @@ def test_an_arm_looks_at_each_can_for_two_seconds_in_several_orders(tmp_path, mo
         assert_cans_seen(arms.CANS, trajectory, origin["visits"])
 
 
+def test_two_arms_plan_a_view_of_the_work(tmp_path, monkeypatch):
+    """The pictures take as long as all the planning, so only the side view is drawn."""
+    drawn = []
+
+    def save_side(problem, front, folder):
+        draw_side(problem, front)
+        assert verify(problem, front) == []
+        drawn.append(front)
+
+    monkeypatch.setattr("hpop.view.save_pictures", save_side)
+    front = example("06_two_arms.py").main(tmp_path, samples=40)
+    assert drawn == [front]
+    assert len(front) > 3
+    assert len({trajectory.duration for trajectory in front.trajectories}) == 1
+    looks = front.costs[:, front.names.index("look_at")]
+    assert looks.min() < 0.5 * looks.max()
+
+
 def assert_cans_seen(cans, trajectory, visits):
     """Check, by the camera's pose alone, that it stands for two seconds and looks at each can upright from near."""
     assert sorted(visit["stop"] for visit in visits) == sorted(f"can {name}" for name in cans)

@@ -76,6 +76,11 @@ class TwoArms(Model):
             )
         if taken := {PACE, TIME} & set(self.view.joints):
             raise ModelError(f"no joint of the viewing arm may be called {min(taken)!r}; rename it in the URDF")
+        if self.view.paces:
+            raise ModelError(
+                f"the viewing arm must have one velocity_scaling, got {shown(self.view.velocity_scaling)}; its plans "
+                "choose when to move, and how long to wait"
+            )
         step = real("step", self.step, SHORTEST, LONGEST, "a time in s", error=ModelError)
         object.__setattr__(self, "step", float(step))
         object.__setattr__(self, "motion", WorkMotion.of(self.motion, self.work.chain))

@@ -7,8 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import yaml
+from click.testing import CliRunner
 
 import hpop
+from hpop.cli import main
 from hpop.errors import OptionError, QueryError, UnsupportedModel
 from hpop.goals import Anywhere
 from hpop.motions import Motions, States
@@ -17,8 +20,9 @@ from hpop.planners.graphs.roadmap.in_time import drawn_views, is_free_ending, ti
 from hpop.planners.graphs.roadmap.survey import survey
 from hpop.planners.spending import Spending
 from hpop.problems.verify import verify
+from tests.models.serial_arm.arms import HERE as ARM
 from tests.models.serial_arm.arms import arm6
-from tests.two_arms import TABLE, camera_at, share_done, sweep, tool_at, two_arms
+from tests.two_arms import BESIDE, TABLE, camera_at, share_done, sweep, tool_at, two_arms
 
 LOOK, ROTATE, FAR = {"look_at": {"target": "work_tool"}}, "rotation", {"view_distance": {"target": "work_tool"}}
 HOME = arm6().space.named["home"]
@@ -159,6 +163,38 @@ def test_a_saved_front_is_read_and_verified_again(tmp_path):
 
 AT = dict(zip(arm6().joints, HOME, strict=True))
 FACING = {"motion": sweep([[0, 0.6, 1.2]] * 2, (0, 1)), "view": arm6(base=(0.5, 0, 0, 0, 0, np.pi))}
+
+
+def test_a_scenario_is_planned_and_shown_from_the_command_line(tmp_path):
+    arm = {"urdf": str(ARM / "arm6.urdf"), "srdf": str(ARM / "arm6.srdf"), "tip": "tool", "acceleration": 6}
+    arms, motion = {"work": {"serial_arm": arm}, "view": {"serial_arm": arm | {"base": list(BESIDE)}}}, sweep()
+    columns = {"t": motion["times"], **motion["joints"]}
+    lines = [[f"{name} (rad)" if name != "t" else "t (s)" for name in columns], *zip(*columns.values(), strict=True)]
+    (tmp_path / "work.csv").write_text("\n".join(",".join(map(str, line)) for line in lines))
+    scenario = {
+        "world": {"solids": {"obstacles": [{"name": "table", "box": [1.0, 2.4, 0.04], "position": [0.2, 0.5, -0.03]}]}},
+        "model": {"two_arms": arms | {"motion": "work.csv"}},
+        "start": list(HOME),
+        "goal": {"anywhere": {}},
+        "criteria": [ROTATE, LOOK],
+        "planner": {"roadmap": {"samples": 20}},
+    }
+    (tmp_path / "two.yaml").write_text(yaml.safe_dump(scenario))
+    planned = CliRunner().invoke(main, ["plan", str(tmp_path / "two.yaml"), "--out", str(tmp_path / "out")])
+    assert planned.exit_code == 0, planned.output
+    shown = CliRunner().invoke(main, ["show", str(tmp_path / "out")])
+    assert shown.exit_code == 0, shown.output
+    assert "verified" in shown.output
+
+
+@pytest.mark.parametrize("planner", ["weighted-sum", "exact"])
+def test_other_searches_find_points_of_the_front(planner):
+    problem = hpop.Problem(TABLE, two_arms(), "home", Anywhere(), [LOOK, ROTATE])
+    front = problem.solve("roadmap", samples=20)
+    others = problem.solve({planner: {"on": {"roadmap": {"samples": 20}}}})
+    assert 1 < len(others) <= len(front)
+    for costs in others.costs:
+        assert np.abs(front.costs - costs).max(axis=1).min() < 1e-6
 
 
 @pytest.mark.parametrize(
